@@ -100,6 +100,56 @@ def test_a_summed_chatter_is_the_one_that_is_followed(
     assert abs(len(summed.contacts) - len(followed.contacts)) <= 2
 
 
+def test_a_chatter_too_long_for_its_nodes_is_given_up_soon() -> None:
+    """A pull that swings 30 times faster than the chatter lasts is no polynomial of the nodes."""
+    asked = list[int]()
+
+    def turning(theta, q, v):
+        asked.append(1)
+        return 3.0 + np.cos(30.0 * theta)[..., None] + 0.0 * q
+
+    stop = Stop(np.ones(1), np.ones(1), 1, 0.9, lambda theta: (0.0, 0.0), turning, 1.0)
+    assert sum_chatter(stop, np.array(2.0), np.ones(1), np.array([-0.05])) is None
+    assert len(asked) <= 6  # without a look at the nodes all 30 repetitions, or the 20 in which it settles
+
+
+def teeth(amplitude: float) -> gw.System:
+    """Rigid teeth that a mean load presses together, and a harmonic load lifts off."""
+    stop = gw.rigid_stop("teeth", {"x": 1.0}, 0.5, 0.9)
+    return gw.System(["x"], [[0.0]], [[0.6]], contacts=[stop], mean={"x": 0.4},
+                     harmonics=[gw.Harmonic(amplitude, {"x": 1.0}, name="load")], frequency=1.0)  # fmt: skip
+
+
+def test_the_work_at_an_impact_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = teeth(0.5)
+    flow, asked, resets = flow_of(system, "load.amplitude", transition=True), list[int](), list[int]()
+    coefficients, direction = Shooting().pose(system, "load.amplitude").coefficients(0.5)
+    integrator = flow._take()
+    dry, read, reset = integrator._switchboard.dry, integrator._switchboard.dry._read, Impacts._reset
+    monkeypatch.setattr(dry, "_read", lambda given: (asked.append(1), read(given))[1])
+    monkeypatch.setattr(Impacts, "_reset", lambda self, *given: (resets.append(1), reset(self, *given))[1])
+    arc = integrator.integrate(coefficients, np.array([0.0, 0.0]), 0.0, 4.0 * PERIOD, direction)
+    assert len(arc.impacts) > 20
+    assert len(asked) <= 2.2 * len(arc.impacts) + 10  # before and after each of them; 6 before values were kept
+    assert len(resets) <= 2.2 * len(arc.impacts)  # itself, and all its derivatives at once; 4 before
+
+
+def test_motions_without_rigid_stops_begin_no_sums(monkeypatch: pytest.MonkeyPatch) -> None:
+    soft = gw.Contact("soft", {"x": 1.0}, [gw.Stage(0.2, 2.0)])
+    system = gw.System(
+        ["x"], [[1.0]], [[0.1]], contacts=[soft], harmonics=[gw.Harmonic(0.5, {"x": 1.0})], frequency=1.0
+    )
+    flow, surveyor = flow_of(system), flow_of(system, survey=True)
+    for each in (flow, surveyor):
+        each._lend(lambda integrator: None)
+    begun = list[int]()
+    monkeypatch.setattr(Impacts, "begin", lambda *given: begun.append(1))
+    state, coefficients = np.array([0.1, 0.0]), coefficients_of(system)
+    assert flow.integrate(coefficients, state).contacts
+    surveyor.survey(coefficients, state, PERIOD * np.arange(2.0))
+    assert not begun
+
+
 def test_a_sampled_motion_has_all_impacts_after_a_walk_has_summed_them() -> None:
     system, state = pressed(0.9, 1, 1.0), np.array([0.1, 0.0, 0.2, 0.1])
     coefficients = coefficients_of(system)

@@ -27,7 +27,7 @@ from gapwalk.bifurcation.onset_of_slip import come_to_rest, directions_left, nev
 from gapwalk.bifurcation.sliding_corner import pass_corner
 from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.bifurcation.start_of_period import AT_START, pass_start
+from gapwalk.bifurcation.start_of_period import AT_START, pass_start, starts_among_impacts
 from gapwalk.bifurcation.stiff_graze import pass_graze
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
@@ -171,8 +171,18 @@ class BranchTracer(Iterator[Step]):
         self.walk.end = end
 
     def __next__(self) -> Step:
-        state = self.state
         self.beginning.corrector.forget()
+        return self._pass_impacts() or self._step()
+
+    def _pass_impacts(self) -> Step | None:
+        """Return a step over many impacts at the start of the period; None if it does not lie among them."""
+        walk = self.walk
+        goes_on = walk.end is None and walk.count < walk.options.max_points
+        among = goes_on and starts_among_impacts(walk.point.orbit)
+        return self._pass_start(walk.state) if among else None
+
+    def _step(self) -> Step:
+        state = self.state
         before, first = self.walk.previous, self.walk.point
         while True:
             try:
@@ -374,10 +384,14 @@ class BranchTracer(Iterator[Step]):
         first, corrector = state.point, self.beginning.corrector
         if first is self.first and self.beginning.singular:
             return None
-        passage = pass_start(corrector, first, self.beginning.within, self.walk.options, self._kinds, _change)
+        passage = pass_start(corrector, self.walk, state, self._kinds)
         if passage is None or self._is_astray(first, passage.point) or has_merged(passage.point):
             return None
+        if floats(passage.point.orbit, self._ways):
+            return None
         self.walk.go_on(state, passage.point, passage.step)
+        if starts_among_impacts(passage.point.orbit):
+            self.walk.step = passage.step  # of another section again: the state at the start turns much faster
         self.walk.previous = None  # a cubic from there would pass over the jump of the state
         self.detector = Detector(corrector, self._kinds)
         if passage.end is not None:

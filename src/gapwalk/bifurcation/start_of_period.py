@@ -10,7 +10,7 @@ the last of them become points of the branch with their states at theta = 0, whi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -23,9 +23,7 @@ from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.continuation.step_size import WalkOptions
-from gapwalk.continuation.walk import End, EndReason, Walk
-from gapwalk.continuation.walk_scales import Range
+from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.orbit.orbit import Orbit
@@ -35,10 +33,10 @@ AT_START = 1e-4  # radians from the start of the period within which an event co
 _CLEAR = 1e-3  # radians from the start at which the last event that passed it leaves the state there free
 _FIRST, _LARGEST, _SHORTEST = 1e-4, 2e-3, 1e-11  # first, largest and smallest step of the walk with another section
 _STEPS = 60  # largest number of its steps
+_AMONG = 0.5  # radians between two impacts on one stop that are so close that further ones will pass too
 _SAME = 1e-7  # distance, in scaled variables, within which a point found at theta = 0 is that of the other section
 
 Vector = NDArray[np.float64]
-Change = Callable[[BranchPoint, BranchPoint], float]
 
 
 class Passage(NamedTuple):
@@ -67,24 +65,28 @@ def starts_at_event(orbit: Orbit) -> bool:
     return _clearance(orbit) < AT_START
 
 
-def pass_start(
-    corrector: Corrector,
-    point: BranchPoint,
-    within: Range,
-    options: WalkOptions,
-    kinds: Sequence[Kind],
-    change: Change,
-) -> Passage | None:
+def starts_among_impacts(orbit: Orbit) -> bool:
+    """Return True if the start of the period lies between two impacts of a chatter: along a branch, many will pass."""
+    rigid = {switch for _, switch in orbit.system.structure.reactions if switch >= 0}
+    if not rigid:
+        return False
+    own = [event for event in orbit.events if event.switch in rigid and event.enters]
+    if len(own) < 2 or own[0].switch != own[-1].switch:
+        return False
+    return own[0].theta - own[-1].theta + PERIOD * orbit.period < _AMONG
+
+
+def pass_start(corrector: Corrector, walk: Walk, state: WalkState, kinds: Sequence[Kind]) -> Passage | None:
     """Return steps from a point of a walk until the event at the start of the period has passed it.
+
+    If the start lies among the impacts of a chatter, a step of the walk's own length is taken, which many may pass.
 
     Parameters
     ----------
     corrector
         Corrector for the branch.
-    point
-        Point of the walk, with an event at the start of its period.
-    within, options, change
-        As of the walk.
+    walk, state
+        The walk, and its state at a point with an event at the start of its period.
     kinds
         Kinds of special points to detect.
 
@@ -93,11 +95,11 @@ def pass_start(
     Passage or None
         None if no event is at the start, or if no orbit is found beyond.
     """
-    equation = corrector.equation
-    if not isinstance(equation, ShootingEquation) or not _may_pass(equation, point.orbit):
+    equation, first = corrector.equation, state.point
+    if not isinstance(equation, ShootingEquation) or not _may_pass(equation, first.orbit):
         return None
     try:
-        return _Section(corrector, equation, point).passage(point, within, options, kinds, change)
+        return _Section(corrector, equation, first).passage(walk, state, kinds)
     except NumericalError:
         return None
 
@@ -133,7 +135,8 @@ def smooth_between(
 
 def _may_pass(equation: ShootingEquation, *orbits: Orbit) -> bool:
     """Return True if an event may pass the start of the period at some orbits, and another section is possible."""
-    return equation.options.segments == 1 and not equation.begin and any(map(starts_at_event, orbits))
+    passes = any(starts_at_event(orbit) or starts_among_impacts(orbit) for orbit in orbits)
+    return passes and equation.options.segments == 1 and not equation.begin
 
 
 class _Section:
@@ -144,19 +147,21 @@ class _Section:
         self._posed = replace(equation, begin=_free_angle(point.orbit))
         self.corrector = Corrector(self._posed, corrector.scales)
 
-    def passage(
-        self, first: BranchPoint, within: Range, options: WalkOptions, kinds: Sequence[Kind], change: Change
-    ) -> Passage:
+    def passage(self, outer: Walk, state: WalkState, kinds: Sequence[Kind]) -> Passage:
         """Walk from a point until the state at theta = 0 is free; see `pass_start`."""
+        first, options, among = state.point, outer.options, starts_among_impacts(state.point.orbit)
         options = replace(
             options,
             initial_step=_FIRST,
             smallest_step=min(options.smallest_step, _SHORTEST),
-            largest_step=min(_LARGEST, options.largest_step),
+            largest_step=options.largest_step if among else min(_LARGEST, options.largest_step),
             max_points=_STEPS,
         )
         begin = self.entered(first)
-        walk, special = Walk(begin, within, self.corrector, options, change=change), list[SpecialPoint]()
+        walk, special = Walk(begin, outer.within, self.corrector, options, change=outer.change), list[SpecialPoint]()
+        walk.step = max(walk.step, state.step) if among else walk.step
+        if first is not outer.origin and abs(first.x[-1] - outer.origin.x[-1]) < 2.0 * walk.step:
+            walk.origin = self.entered(outer.origin)  # where a closed branch ends
         walk.persist()  # in a narrow range the first step may be below that at which a walk asks for another way
         detector, before, last = Detector(self.corrector, kinds), None, begin
         for ahead in walk:
@@ -165,11 +170,13 @@ class _Section:
                 raise NumericalError(text)
             special += found
             before, last = last, ahead
-            if _clearance(last.orbit) > _CLEAR:
+            if _clearance(last.orbit) > (AT_START if among else _CLEAR):
                 break
         end = None if walk.end is None or walk.end.reason is EndReason.POINTS else walk.end
         if last is begin or (end is not None and end.reason.is_failure):
             raise ConvergenceError("no orbit is found beyond the event at the start of the period")
+        if end is not None and end.reason is not EndReason.CLOSED:
+            end = outer.end_at(end.value)
         found = [replace(each, point=self._at_zero(each.point)) for each in special]
         return Passage(self._left(last), found, walk.step, end)
 

@@ -189,6 +189,13 @@ class Walk(Iterator[BranchPoint]):
         self.count += 1
         return point
 
+    def end_at(self, bound: float) -> End:
+        """Return the end of the walk at a bound of its range."""
+        ahead = (bound - self.origin.value) * self.origin.tangent[-1] > 0
+        reason = EndReason.RANGE if ahead or self.branched else EndReason.TURNED_BACK
+        table = self.within.table_at(bound)
+        return End(EndReason.TABLE if table else reason, bound, table)
+
     def finish(self, last: BranchPoint, end: End) -> None:
         """End the walk at a point before the one that was yielded last."""
         self.point, self.end = last, end
@@ -351,15 +358,12 @@ class Walk(Iterator[BranchPoint]):
     def _last_point(self, beyond: BranchPoint) -> BranchPoint | None:
         """Return the point of the branch at the limit that the step to `beyond` has passed."""
         bound = self.within.bound(beyond.value)
-        ahead = (bound - self.origin.value) * self.origin.tangent[-1] > 0
-        reason = EndReason.RANGE if ahead or self.branched else EndReason.TURNED_BACK
         share = (bound - self.point.value) / (beyond.value - self.point.value)
         correction = self.corrector.at_value(self.point.x + share * (beyond.x - self.point.x), bound)
         if correction is None:  # there is a fold in between: approach the limit in a shorter step
             self.step = shorter_step(self.step)
             return self._advance()
-        table = self.within.table_at(bound)
-        self.end = End(EndReason.TABLE if table else reason, bound, table)
+        self.end = self.end_at(bound)
         length = length_of(correction.x - self.point.x)
         if length == 0.0:
             return None

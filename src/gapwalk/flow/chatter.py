@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 _ALONG, _WITHIN = 12, 10  # nodes along the curve, and within a flight
 _FEWEST, _SWEEPS = 6, 30  # least and most repetitions; each adds more digits, the shorter the chatter is
+_LOOK, _FAR = 4, 2.0  # repetition after which a chatter that is too long shows it, and by how much
 _SETTLED = 1e-13  # change in a repetition, as a share of the motion, after which one more makes the rest rounding
 _RESOLVED = 1e-12  # share of the last coefficients of accelerations; their errors enter times the length of the chatter
 
@@ -135,19 +136,24 @@ def sum_chatter(stop: Stop, theta: Array, q: Array, v: Array) -> Chatter | None:
         before, curve = curve, start + sums @ np.concatenate(changes, axis=-1)
         angles = curve[..., :1] + turn * _WITHIN_NODES
         turning = stop.turning(angles, positions, velocities)
+        if number == _LOOK and not _is_resolved(turning, _FAR):
+            return None
         if last <= _SETTLED:
             break
         if number >= _FEWEST:
             last = _change(curve - before, curve, n)
-    if not last <= _SETTLED:
+    if not last <= _SETTLED or not _is_resolved(turning):
         return None
-    by_node = np.real(turning)
-    for spectrum in (_SPECTRUM_WITHIN @ by_node, _SPECTRUM_ALONG @ np.swapaxes(by_node, -3, -2)):
-        if np.abs(spectrum[..., -2:, :]).max() > _RESOLVED * np.abs(spectrum).max():
-            return None
     end = curve[..., -1, :]
     found = np.concatenate((curve[..., :1], curve[..., own]), axis=-1)
     return Chatter(end[..., 0], end[..., 1 : 2 * n + 1], end[..., 2 * n + 2 :], angles, positions, velocities, found)
+
+
+def _is_resolved(turning: Array, times: float = 1.0) -> bool:
+    """Return True if the last coefficients of accelerations at the nodes of all flights are as small as needed."""
+    by_node = np.real(turning)
+    spectra = _SPECTRUM_WITHIN @ by_node, _SPECTRUM_ALONG @ np.swapaxes(by_node, -3, -2)
+    return all(np.abs(each[..., -2:, :]).max() <= times * _RESOLVED * np.abs(each).max() for each in spectra)
 
 
 def _change(change: Array, curve: Array, n: int) -> float:

@@ -133,7 +133,7 @@ class Switchboard(BreakpointGeometry):
         ends = [0, *accumulate(len(contact.stages) for contact in layout.contacts)]
         self._own_switches = [slice(*each) for each in pairwise(ends)]  # of each contact
         self.modes, self.dry = ModeSwitches(equations), DrySwitches(equations)
-        self._impacts = Impacts(self.dry, self.modes)
+        self._impacts, self.chatters = Impacts(self.dry, self.modes), bool(self.dry.stop_reaction)
         self._first = equations.first_switch
         self._jumps = [jump_of(layout, *switch) for switch in equations.switches]
         self._rebounds = [
@@ -190,7 +190,8 @@ class Switchboard(BreakpointGeometry):
         `directions` are those of the coefficients along which there are sensitivities, shape (directions, number).
         """
         self.log, self.missed, self.event_limit, self._unit = [], 0, event_limit, unit
-        self.sums(_NOWHERE)
+        if self.chatters:
+            self.sums(_NOWHERE)
         # deceleration by a unit of the force, jump over rate, derivatives of deflection vector and of breakpoint
         self._of_motion: dict[int, tuple[NDArray, Quotient, NDArray, NDArray]] = {}
         self._coefficients = self._system = coefficients

@@ -294,6 +294,7 @@ class DryState:
         if compiled is not None:
             self._compiled, self._read, self._follows = compiled, compiled.readings, compiled.follows
             self._numbers_used = self._parameters[compiled.used]
+            self._last_of: tuple[_Held | None, bytes] = None, b""
             self._given = np.empty(self.size + 1 + len(self._numbers_used))
             self._deciding: tuple[Any, Array, Array, Array, Array] | None = None
 
@@ -386,17 +387,17 @@ class DryState:
         if known is not None and not self._follows:
             return self._changed_modes(known)
         self.apply()
-        n, columns, last, found = self.n, self._columns_end, self._friction_end, self._values(theta)
-        values, friction = self.entry.table.dot(found[:columns]), found[columns:last].reshape(-1, 3).tolist()
-        return Readings(found[n : 2 * n], values[:n], found[last:], values[n:], friction, found[:columns])
-
-    def _values(self, theta: float) -> Array:
-        """Return the compiled values at the present state under the modes that the integrator has."""
         size, given = self.size, self._given
         given[:size] = self._own
         given[size] = theta
         given[size + 1 :] = self._numbers_used
-        return self._read(given)
+        entry, asked = self._last_of
+        if entry is not self.entry or asked != given.tobytes():  # at an impact the same is read several times
+            n, columns, last, found = self.n, self._columns_end, self._friction_end, self._read(given)
+            values, friction = self.entry.table.dot(found[:columns]), found[columns:last].reshape(-1, 3).tolist()
+            self._last = Readings(found[n : 2 * n], values[:n], found[last:], values[n:], friction, found[:columns])
+            self._last_of = self.entry, given.tobytes()
+        return self._last
 
     def decide(self, theta: float) -> list[float]:
         """Return the values of `Equations.decisions` at the present state under the modes that the integrator has."""

@@ -443,7 +443,8 @@ class DrySwitches(LoneFriction):
     def after_impact(self, theta: float, stops: Sequence[int] = ()) -> None:
         """Decide all modes again after an impact, which moves what was stuck; `stops` are held if they are pushed."""
         still, modes = STILL * self.speed(), self.slips.copy()
-        candidates = [number for number in self._touching(theta, still) if number in {*self.held, *stops}]
+        able = {*self.held, *stops}
+        candidates = [number for number in self._touching(theta, still) if number in able] if able else []
         now = self.read(theta)
         for place, number in enumerate(self.reaction_of):
             rate = now.friction[place][0]

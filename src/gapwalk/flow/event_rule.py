@@ -47,7 +47,7 @@ def pass_event(
     theta: float,
     guard: Formula,
     reset: Formula,
-    flow: Callable[[NDArray[np.float64], bool], NDArray[np.float64]],
+    flows: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.float64]:
     """Return the changes of the state after an event by the general rule, shape (columns, 2n).
 
@@ -61,22 +61,16 @@ def pass_event(
         State and coefficients at the event, before the reset, and its angle.
     guard, reset
         The functions g and R.
-    flow
-        The right-hand sides F at a state, before (False) and after (True) the event.
+    flows
+        The right-hand sides F before and after the event.
     """
-
-    def along(formula: Formula, change: NDArray, direction: NDArray | float, angle: float = 0.0) -> NDArray[np.float64]:
-        step = 1j * _STEP
-        found: NDArray[np.complex128] = formula(
-            state + step * change, coefficients + step * direction, theta + step * angle
-        )
-        return found.imag / _STEP
-
-    before, after = flow(state, False), flow(reset(state, coefficients, theta), True)
-    still = np.zeros_like(coefficients)
-    slip = after - along(reset, before, still, 1.0)
-    late = along(guard, changes, directions) / along(guard, before, still, 1.0)
-    return along(reset, changes, directions) + np.outer(late, slip)
+    before, after = flows
+    rows, step = len(changes), 1j * _STEP  # the last row below is the motion itself
+    states = state + step * np.vstack((changes, before))
+    numbers, thetas = np.empty((rows + 1, len(coefficients)), dtype=complex), np.full(rows + 1, theta, dtype=complex)
+    numbers[:rows], numbers[rows], thetas[rows] = coefficients + step * directions, coefficients, theta + step
+    resets, guards = (np.imag(formula(states, numbers, thetas)) / _STEP for formula in (reset, guard))
+    return resets[:rows] + np.outer(guards[:rows] / guards[rows], after - resets[rows])
 
 
 def jump_of(layout: CoefficientLayout, contact: int, stage: int) -> Callable[[NDArray[np.float64]], Quotient] | None:

@@ -329,7 +329,7 @@ class _Integrator:
         for longest_step, unseen in _TRIES:
             self._prepare(coefficients, state, start, stop, direction)
             self._switchboard.dry.keeps, self._switchboard.dry.unseen = keeps, unseen
-            if keeps is None and sums:
+            if self._switchboard.chatters and keeps is None and sums:
                 self._switchboard.sums(np.array([stop]))
             steps = self._run(start, stop, longest_step)
             if keeps is not None or self._switchboard.is_right():
@@ -406,7 +406,8 @@ class _Integrator:
         for longest_step, unseen in _TRIES:
             self._prepare(coefficients, state, start, stop, None)
             self._switchboard.dry.unseen = unseen
-            self._switchboard.sums(np.asarray(thetas, dtype=float), self._turns.vectors)
+            if self._switchboard.chatters:
+                self._switchboard.sums(np.asarray(thetas, dtype=float), self._turns.vectors)
             rows = self._sampled(np.asarray(thetas, dtype=float), restarts, longest_step)
             if self._switchboard.is_right():
                 states, units = rows[:, : self.size] * self._unit, np.array([[self._unit], [self._unit**2]])

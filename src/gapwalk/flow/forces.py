@@ -7,6 +7,7 @@ breakpoint a deflection lies.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,11 +46,17 @@ class Angles:
     ) -> None:
         self.unit = unit
         self.layout, self.coefficients, self.theta = layout, coefficients, np.asarray(theta)
-        self._orders = np.array(layout.orders, dtype=float)
-        angles = np.multiply.outer(self.theta, self._orders)
-        self.waves = np.concatenate((np.cos(angles), np.sin(angles)), axis=-1)
-        """Cosines, then sines, of all orders, shape (..., 2 orders)."""
         self._levels = levels
+
+    @cached_property
+    def _orders(self) -> NDArray[np.float64]:
+        return np.array(self.layout.orders, dtype=float)
+
+    @cached_property
+    def waves(self) -> NDArray:
+        """Cosines, then sines, of all orders, shape (..., 2 orders)."""
+        angles = np.multiply.outer(self.theta, self._orders)
+        return np.concatenate((np.cos(angles), np.sin(angles)), axis=-1)
 
     def wave(self, wave: Wave, derivative: int = 0) -> NDArray:
         """Return the variation of a number, or a derivative of it by theta, shape (...)."""
@@ -187,6 +194,8 @@ def contact_force(
         For each stage on each side whether it acts; by default the deflection decides.
     """
     law, unit = slots.form.law, angles.unit
+    if law.rebounds:
+        return 0.0 * moves[0][1]
     if law.is_formula and unit != 1.0:  # the law may be any formula of lengths
         moves = [(x * unit, rate * unit) for x, rate in moves]
     stages = stages_of(slots, angles, moves, closed)

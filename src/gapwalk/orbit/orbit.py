@@ -42,6 +42,7 @@ SAME = 1e-6
 
 
 _NO_STATES = np.zeros((0, 0))
+_ALIKE = 0.8  # least ratio of the lengths of a flight at two neighbouring points of a branch
 _SETTLES = (1e-5, 1e-2)  # angles between which the impacts of a chatter are distinguished from its end
 
 
@@ -215,15 +216,16 @@ class Orbit(Shown):
     def chatters(self) -> dict[int, list[float]]:
         """Angles from each impact on a rigid stop to the one from which the stop is held, by switches that are held.
 
-        There are infinitely many impacts before a stop is held, and the log has those that are not too close to that.
+        Those from where the stop lets go, before the first of these impacts, are among them. There are infinitely many
+        impacts before a stop is held, and the log has those that are not too close to that.
         """
         found, full = {}, PERIOD * self.period
         for switch in {switch for _, switch in self.system.structure.reactions if switch >= 0}:
             own = [event for event in self.events if event.switch == switch]
             begins = [own[place - 1].theta for place, event in enumerate(own) if not event.enters]
             if begins:
-                impacts = [event.theta for event in own if event.enters]
-                found[switch] = sorted(min((begin - theta) % full for begin in begins) for theta in impacts)
+                lasts = (min((begin - event.theta) % full for begin in begins) for event in own)
+                found[switch] = sorted(lasts)
         return found
 
     @cached_property
@@ -261,9 +263,10 @@ class Orbit(Shown):
     def closing_changes(self, other: Orbit) -> tuple[int, ...]:
         """Count how much more often each switch closes in another orbit, which is near this one.
 
-        A stop that is held has infinitely many impacts before. Of these, those are counted that precede a gap between
-        two of them: how many more the log has says nothing. If it is held in one of both motions only, nothing is
-        counted: between the two, infinitely many impacts graze.
+        A stop that is held has infinitely many impacts before, and how many more the log has says nothing. A graze
+        splits a flight between two of them in two. Where flights cannot be compared one by one, as where a stop is held
+        several times, those impacts are counted that precede a gap between two. If it is held in one of both motions
+        only, nothing is counted: between the two, infinitely many impacts graze.
 
         Parameters
         ----------
@@ -281,8 +284,10 @@ class Orbit(Shown):
                 changes[switch] = 0
             elif changes[switch] and switch in self.chatters:
                 ours, theirs = self.chatters[switch], other.chatters[switch]
+                split = _more_flights(ours[::-1], theirs[::-1]) if phases[0] == 1 else None
                 within = _widest_gap(ours)
-                changes[switch] = sum(angle > within for angle in theirs) - sum(angle > within for angle in ours)
+                more = sum(angle > within for angle in theirs) - sum(angle > within for angle in ours)
+                changes[switch] = more if split is None else split
         return tuple(changes)
 
     @cached_property
@@ -541,6 +546,33 @@ def phases(orbit: Orbit) -> NDArray[np.float64]:
 def repeats(system: System) -> int:
     """Return how often the excitation repeats within a forcing period: three times for the orders 3 and 6."""
     return math.gcd(*(order for load in system.structure.harmonics for order in load.multiples)) or 1
+
+
+def _more_flights(ours: list[float], theirs: list[float]) -> int | None:
+    """Return in how many more flights a second chatter is divided, by its falling angles to its end; None if unclear.
+
+    The first flight begins where the stop lets go. Two flights that correspond are nearly as long as each other; their
+    place near the end may differ by far more.
+    """
+    mine, more, low = 0, 0, _SETTLES[0]
+    while True:
+        own, other = ours[mine : mine + 3], theirs[mine + more : mine + more + 3]
+        if len(own) < 3 or len(other) < 3 or own[2] < low or other[2] < low:
+            return more
+        (a, both_a), (b, both_b) = ((each[0] - each[1], each[0] - each[2]) for each in (own, other))
+        if not _alike(a, b):
+            if _alike(a, both_b):
+                more += 1
+            elif _alike(both_a, b):
+                more, mine = more - 1, mine + 1
+            else:
+                return None
+        mine += 1
+
+
+def _alike(a: float, b: float) -> bool:
+    """Return True if two flights are about as long as each other."""
+    return _ALIKE * a < b < a / _ALIKE
 
 
 def _widest_gap(angles: list[float]) -> float:
