@@ -85,4 +85,4 @@ def springs() -> gw.System:
 def test_random_systems_with_two_equal_parts_have_that_symmetry():
     rng = np.random.default_rng(0)
     for _ in range(5):
-        assert Symmetry((1, 0), (1, 1), 0.0) in symmetries_of(equal_parts(rng))
+        assert Symmetry((1, 0), (1, 1), 0.0) in symmetries_of(equal_parts(rng).system)
