@@ -4,9 +4,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gapwalk as gw
+from tests.bifurcation.alike.machine import Machine
 
 
 def gyroscopic_system(rng: np.random.Generator) -> gw.System:
+    """Draw a rotor; see `gyroscopic_machine`."""
+    return gyroscopic_machine(rng).system
+
+
+def gyroscopic_machine(rng: np.random.Generator) -> Machine:
     """Draw a rotor with two to four coordinates, light damping and one or two gaps."""
     n = int(rng.integers(2, 5))
     names = [f"x{place}" for place in range(n)]
@@ -18,9 +24,7 @@ def gyroscopic_system(rng: np.random.Generator) -> gw.System:
         for place in range(int(rng.integers(1, 3)))
     ]
     load = gw.Harmonic(float(rng.uniform(0.05, 0.3)), {str(rng.choice(names)): 1.0})
-    return gw.System(
-        names, stiffness, 0.05 * losses + turning, mass, contacts=contacts, harmonics=[load], frequency=0.5
-    )
+    return Machine(tuple(names), stiffness, 0.05 * losses + turning, mass, tuple(contacts), (load,), 0.5, 2.5)
 
 
 def eigenvalues(system: gw.System, *, closed: float = 0.0) -> NDArray[np.float64]:

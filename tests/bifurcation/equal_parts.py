@@ -3,6 +3,7 @@
 import numpy as np
 
 import gapwalk as gw
+from tests.bifurcation.alike.machine import Machine
 
 
 def ring(count: int = 3, coupling: float = 0.2, damping: float = 0.02, depth: float = 0.3) -> gw.System:
@@ -23,21 +24,20 @@ def ring(count: int = 3, coupling: float = 0.2, damping: float = 0.02, depth: fl
     )
 
 
-def equal_parts(rng: np.random.Generator) -> gw.System:
-    """Return a random system with two equal parts that carry gaps, under equal loads, coupled to each other."""
+def equal_parts(rng: np.random.Generator) -> Machine:
+    """Return a random machine with two equal parts that carry gaps, under equal loads, coupled to each other."""
     own, coupling = rng.uniform(0.6, 1.4), rng.uniform(0.05, 0.5)
     damping, clearance = rng.uniform(0.02, 0.12), rng.uniform(0.6, 1.2)
     stiffness, impact_damping = rng.uniform(2.0, 15.0), rng.uniform(0.0, 0.2)
     load, mean = rng.uniform(0.2, 0.6), rng.choice([0.0, rng.uniform(0.05, 0.3)])
-    return gw.System(
-        ["a", "b"],
-        mass=[1.0, 1.0],
-        damping=[damping, damping],
-        stiffness=[[own + coupling, -coupling], [-coupling, own + coupling]],
-        contacts=[
-            gw.backlash(f"gap{q}", {q: 1.0}, clearance, stiffness, impact_damping=impact_damping) for q in ("a", "b")
-        ],
-        harmonics=[gw.Harmonic(load, {"a": 1.0, "b": 1.0})],
-        mean={"a": mean, "b": mean},
-        frequency=rng.uniform(0.4, 0.7),
+    return Machine(
+        ("a", "b"),
+        np.array([[own + coupling, -coupling], [-coupling, own + coupling]]),
+        damping * np.eye(2),
+        np.eye(2),
+        tuple(gw.backlash(f"gap{q}", {q: 1.0}, clearance, stiffness, impact_damping=impact_damping) for q in "ab"),
+        (gw.Harmonic(load, {"a": 1.0, "b": 1.0}),),
+        rng.uniform(0.4, 0.7),
+        2.2,
+        {"a": mean, "b": mean},
     )

@@ -29,7 +29,8 @@ def test_a_flip_of_equal_modes_is_found_located_and_named(count, words):
     square = 1.0 + 0.2 * count
     edges = [edge(square, low, high) for low, high in ((2.0 * square**0.5, 3.2), (2.0, 2.0 * square**0.5))]
     first = 1.03 * max(edges)
-    branch = gw.follow(gw.find_orbit(system, frequency=first), "frequency", 0.98 * min(edges))
+    walk = gw.WalkOptions(initial_step=0.02, largest_step=0.2)
+    branch = gw.follow(gw.find_orbit(system, frequency=first), "frequency", 0.98 * min(edges), walk=walk)
     assert [each.words["kind"] for each in branch.special_points] == [words, words]
     assert [each.value for each in branch.special_points] == pytest.approx(edges, abs=1e-11)
     assert max(each.uncertainty for each in branch.special_points) < 1e-10
@@ -68,6 +69,19 @@ def test_a_double_branch_point_is_where_the_linear_equation_of_the_difference_ha
         gw.follow(found[0], "frequency", (1.3, 1.8))
 
 
+def test_a_diagram_keeps_the_rest_beside_a_double_branch_point():
+    found = gw.diagram(springs(), "frequency", (1.3, 1.65))
+    (branch,) = found.branches
+    assert [each.words["kind"] for each in branch.special_points] == [
+        "double branch-point",
+        "fold",
+        "double branch-point",
+    ]
+    assert len(found.failures) == 2  # one sentence for each of the points
+    for sentence, value in zip(found.failures, (1.448759755, 1.593137407), strict=True):
+        assert f"leaves {value} could not be walked: 2 multipliers become critical at once" in sentence
+
+
 def springs() -> gw.System:
     """Return three equal Duffing oscillators under equal loads, each coupled to both others."""
     names = ["a", "b", "c"]
@@ -85,4 +99,4 @@ def springs() -> gw.System:
 def test_random_systems_with_two_equal_parts_have_that_symmetry():
     rng = np.random.default_rng(0)
     for _ in range(5):
-        assert Symmetry((1, 0), (1, 1), 0.0) in symmetries_of(equal_parts(rng))
+        assert Symmetry((1, 0), (1, 1), 0.0) in symmetries_of(equal_parts(rng).system)

@@ -359,7 +359,8 @@ class DiagramWork(Work):
     def _accepted(self, branch: Branch | str, origin: Origin | None) -> Iterator[DiagramBranch]:
         """Add a branch and yield it; if there is none, note the reason."""
         if isinstance(branch, str):
-            self.diagram = replace(self.diagram, failures=(*self.diagram.failures, branch))
+            # both directions of a branch fail for one reason
+            self.diagram = replace(self.diagram, failures=tuple(dict.fromkeys((*self.diagram.failures, branch))))
             return
         self.diagram = self.diagram.with_branch(branch, origin, self.method)
         yield self.diagram.members[-1]

@@ -17,20 +17,27 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gapwalk.attractors.lyapunov import birkhoff_weights
+from gapwalk.attractors.section import Strobe
 from gapwalk.attractors.settle import SettleOptions, settle
-from gapwalk.errors import ModelError
+from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.length_unit import natural_length
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.contact import force
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
+from gapwalk.tori.closed_curve import TURN, in_steps, odd, of_quasi_periodic
 from gapwalk.tori.tone_clock import CLOCK
-from gapwalk.tori.torus import Torus
-from gapwalk.tori.torus_solution import TorusOptions, find_torus
+from gapwalk.tori.torus import Torus, error_of
+from gapwalk.tori.torus_solution import STROBES, TorusOptions, resolved_torus
 
 _MOST = 64  # the largest denominator of a ratio of frequencies that counts as a fraction
 _EQUAL = 1e-9  # distance within which a ratio is that fraction
+_LEAST = 256  # the fewest strobes on each curve
+_AGREES = 10.0  # errors of a torus within which a shorter return to the same curve is one
+_ALIKE = 2.0  # distance of strobes from their curves, over the least for any number of curves, that is as good
 
 
 @dataclass(frozen=True)
@@ -140,8 +147,9 @@ def two_tones(
 ) -> Torus:
     """Find the motion under two excitations whose frequencies have no common multiple.
 
-    The motion from rest is followed until it has settled, and its torus is found by Newton's method. `follow_tori`
-    follows it along any parameter of the system, also those of the tone.
+    The motion from rest is followed until it has settled, and its torus is found by Newton's method, from averages of
+    the motion at the known rotation number. `follow_tori` follows it along any parameter of the system, also those of
+    the tone.
 
     Parameters
     ----------
@@ -157,8 +165,9 @@ def two_tones(
     Returns
     -------
     Torus
-        Of the system with the tone (`Tone.onto`). Its rotation number is ``tone.frequency / frequency``, less the whole
-        turns, or 1 less that. One of its exponents belongs to the tone itself.
+        Of the system with the tone (`Tone.onto`): one curve with the rotation number ``tone.frequency / frequency``,
+        less the whole turns. Where the motion has doubled its period, or has another multiple m of it, there are m
+        curves, and the rotation number is m times that. One of its exponents belongs to the tone itself.
 
     Raises
     ------
@@ -172,8 +181,8 @@ def two_tones(
     >>> import gapwalk as gw
     >>> mass = gw.System(["x"], [[1.0]], [[0.1]], harmonics=[gw.Harmonic(0.5, {"x": 1.0})], frequency=2.0)
     >>> torus = gw.tori.two_tones(mass, gw.tori.Tone(0.2, {"x": 1.0}, frequency=2.0 * 5.0**0.5))
-    >>> torus.system.coordinates, round(5.0**0.5 - 2.0, 9) in (round(torus.rotation, 9), round(1.0 - torus.rotation, 9))
-    (('x', 'tone'), True)
+    >>> torus.system.coordinates, torus.curves, round(torus.rotation, 9)
+    (('x', 'tone'), 1, 0.236067977)
     """
     both = tone.onto(system)
     ratio = tone.frequency / system.frequency
@@ -186,4 +195,48 @@ def two_tones(
         )
     start = np.zeros(both.state_size)
     start[system.size] = tone._size(system)
-    return find_torus(settle(both, start, settling), options)
+    strobe, options = Strobe(both), options or TorusOptions()
+    state = settle(both, start, settling).strobes[-1]
+    problem = ""
+    for count in STROBES:
+        strobes = strobe.run(state, count)
+        state = strobes[-1]
+        curves, curve = _curve(strobes, ratio, odd(options.samples - 1))
+        try:
+            torus = _fewest(resolved_torus(both, curve, curves * ratio, curves, options), ratio, options)
+        except NumericalError as error:
+            problem = str(error)
+            continue
+        if torus.stable:
+            return torus
+        problem = f"the torus of {curves} curves next to it is unstable"
+    raise ConvergenceError(
+        f"the motion under both excitations settles on no torus of up to {STROBES[-1] // _LEAST} curves: {problem}. "
+        "gw.classify(tone.onto(system)) tells what kind of motion it is"
+    )
+
+
+def _fewest(torus: Torus, ratio: float, options: TorusOptions) -> Torus:
+    """Return a torus with the fewest curves: what repeats after m periods may repeat after a divisor of m too."""
+    near = _AGREES * max(torus.error, options.accuracy)
+    for curves in range(1, torus.curves):
+        if torus.curves % curves == 0 and error_of(torus.system, curves, curves * ratio, torus.states) <= near:
+            return resolved_torus(torus.system, torus.states, curves * ratio, curves, options)
+    return torus
+
+
+def _curve(strobes: NDArray[np.float64], ratio: float, count: int) -> tuple[int, NDArray[np.float64]]:
+    """Return the fewest curves on which strobes lie as well as on any more of them, and the first curve.
+
+    What has not yet decayed is off all of them alike, and nearly vanishes in the averages.
+    """
+    spread = np.maximum(strobes.std(axis=0), np.finfo(float).tiny)
+    found: list[tuple[float, NDArray[np.float64]]] = []
+    for curves in range(1, len(strobes) // _LEAST + 1):
+        on_one, turns = strobes[::curves], curves * ratio
+        weights = birkhoff_weights(len(on_one))
+        curve = of_quasi_periodic(on_one, turns, count, weights)
+        away = (on_one - in_steps(curve, TURN * turns, 0, len(on_one))) / spread
+        found.append((float(np.sqrt(weights @ (away**2).sum(axis=1))), curve))
+    near = _ALIKE * min(away for away, _ in found)
+    return next((place, curve) for place, (away, curve) in enumerate(found, 1) if away <= near)

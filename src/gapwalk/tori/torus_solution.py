@@ -24,7 +24,9 @@ from gapwalk.tori.normal_stability import normal_exponents
 from gapwalk.tori.torus import Torus, error_of
 from gapwalk.tori.torus_equation import TorusEquation, refuse_without_tori
 
-_STROBES = (1024, 4096)  # strobes on each curve from which the rotation number is computed
+STROBES = (1024, 4096)
+"""Strobes on each curve from which a torus is sought, fewer first: they take longer than the torus itself."""
+
 _ITERATIONS = 12  # Newton steps
 _CONTRACTION = 0.5  # ratio of successive residuals above which a small one is only rounding
 _LOST = 100.0  # growth of the residual at which Newton's method gives up
@@ -137,23 +139,31 @@ def find_torus(motion: Settled | Attractor | Torus, options: TorusOptions | None
     options = options or TorusOptions()
     refuse_without_tori(motion.system)
     if isinstance(motion, Torus):
-        return _resolved(motion.system, motion.states, motion.rotation, motion.curves, options)
+        return resolved_torus(motion.system, motion.states, motion.rotation, motion.curves, options)
     if motion.orbit is not None:
         raise ConvergenceError(
             f"the motion is periodic (period {motion.orbit.period}); a torus needs a quasi-periodic one. Tori begin at "
             "Neimark-Sacker points: gw.tori.follow_tori(special_point, ...)"
         )
-    for strobes in _STROBES:  # few are enough in most cases, and they take longer than the torus itself
+    for strobes in STROBES:
         try:
-            return _resolved(motion.system, *_start(motion, strobes, options), options)
+            return resolved_torus(motion.system, *_start(motion, strobes, options), options)
         except NumericalError:
-            if strobes == _STROBES[-1]:
+            if strobes == STROBES[-1]:
                 raise
     raise AssertionError("there is a last number of strobes")
 
 
-def _resolved(system: System, curve: NDArray[np.float64], turns: float, curves: int, options: TorusOptions) -> Torus:
-    """Return the torus next to a curve, with as many samples as its accuracy needs; errors as `find_torus`."""
+def resolved_torus(
+    system: System, curve: NDArray[np.float64], turns: float, curves: int, options: TorusOptions
+) -> Torus:
+    """Return the torus next to a curve, with as many samples as its accuracy needs.
+
+    Raises
+    ------
+    ConvergenceError
+        If there is none to that accuracy.
+    """
     count = odd(options.samples - 1) if len(curve) < options.samples else len(curve)
     while True:
         curve = resampled(curve, count)

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 import gapwalk as gw
 from tests.bifurcation.alike.machine import Machine
+from tests.bifurcation.equal_parts import equal_parts
+from tests.gyroscopic import gyroscopic_machine
 
 Draw = Callable[[int], Machine]
 KINDS: dict[str, Draw] = {}
@@ -71,3 +73,15 @@ def preloaded(seed: int) -> Machine:
         2.2,
         {names[0]: 0.3 * numbers.normal() * float(shape.random() < 0.5)},
     )
+
+
+@kind("equal")
+def two_equal_parts(seed: int) -> Machine:
+    """Two equal parts with gaps, in which two multipliers become critical at once."""
+    return equal_parts(np.random.default_rng([seed, 410]))
+
+
+@kind("rotor")
+def rotor(seed: int) -> Machine:
+    """A rotor with gyroscopic terms and gaps."""
+    return gyroscopic_machine(np.random.default_rng([seed, 420]))
