@@ -71,3 +71,32 @@ def preloaded(seed: int) -> Machine:
         2.2,
         {names[0]: 0.3 * numbers.normal() * float(shape.random() < 0.5)},
     )
+
+
+@kind("friction")
+def friction(seed: int) -> Machine:
+    """A mass that two or three friction elements hold, at most one of them rigid, with or without a spring and a stop."""
+    shape, numbers = generators(seed, 41)
+    count, rigid = int(shape.integers(2, 4)), int(shape.integers(6))
+    contacts = [
+        gw.friction(name, {"x": 1.0}, numbers.uniform(0.1, 0.4), stiffness=None if place == rigid else stiffness)
+        for place, (name, stiffness) in enumerate(zip("abc", numbers.uniform(1.0, 5.0, count), strict=False))
+    ]
+    spring, slow, has_gap = numbers.uniform(0.2, 1.0), numbers.uniform(0.6, 1.4), shape.random() < 0.5
+    if has_gap:  # without it and without a spring the mean load drags the mass away for ever
+        contacts.append(gw.backlash("gap", {"x": 1.0}, numbers.uniform(2.0, 10.0), 0.4))
+        spring *= float(shape.random() < 0.5)
+    return Machine(
+        ("x",),
+        np.array([[spring]]),
+        np.array([[numbers.uniform(0.03, 0.1)]]),
+        np.array([[numbers.uniform(0.5, 1.5)]]),
+        tuple(contacts),
+        (
+            gw.Harmonic(numbers.uniform(0.15, 0.7), {"x": 1.0}),
+            gw.Harmonic(numbers.uniform(0.0, 0.3), {"x": 1.0}, 2, numbers.uniform(0.0, 6.28)),
+        ),
+        slow,
+        1.3 * slow,
+        {"x": numbers.uniform(-0.08, 0.08)},
+    )
