@@ -231,11 +231,7 @@ class BranchTracer(Iterator[Step]):
                 self.detector.restore(state.detector)
                 self.walk.go_back(state.walk, point)
                 continue
-            if step[0] is point and change is not None:
-                return self._changed(first, change, step[1])
-            step = self._until_parent(first, step)
-            self._hold(step[0])
-            return (self.walk.point, step[1]) if self.walk.end is None else step
+            return self._held_on(first, step, change)
 
     def _at_rest(self, first: BranchPoint, point: BranchPoint) -> BranchPoint:
         """Return a point with its friction at the position at which its slip ended, if it did in the step to it."""
@@ -460,6 +456,14 @@ class BranchTracer(Iterator[Step]):
             held = {each: reached[0] for each, reached in sides.items() if len(reached) == 1}
             if new:
                 self._go_on_from(point, {**self._held, **dict.fromkeys(new, 0), **held})
+
+    def _held_on(self, first: BranchPoint, step: Step, change: HeldChange | None) -> Step:
+        """Return a step with the springs held that never slip from its end on; go on behind a change of those."""
+        if change is not None and step[0] is change.point:
+            return self._changed(first, change, step[1])
+        step = self._until_parent(first, step)
+        self._hold(step[0])
+        return (self.walk.point, step[1]) if self.walk.end is None else step
 
     def _go_on_from(self, point: BranchPoint, held: dict[int, int], lead: int | None = None) -> bool:
         """Go on from a point with other springs held; return whether there are such motions."""

@@ -31,6 +31,7 @@ from gapwalk.orbit.sticking import kept_row
 _AT_BOUND = 1e-7  # share of the limit within which a force is at its bound
 _PUSHED, _AT_REST = 2e-10, 2e-9  # doubt about a position, in lengths: where it was pushed to, where slip has ended
 _MOMENT = 1e-3  # radians of slip in a period that errors of a state at a bound make
+_AT_ONCE = 1e-9  # arclength beyond a point at which a spring is at its bound already
 _BEYOND = (1e-6, 1e-5, 1e-4, 1e-7, 1e-3)  # arclengths beyond which friction is seen to slip both ways
 
 Held = Mapping[int, int]
@@ -44,14 +45,14 @@ def held_in(corrector: Corrector) -> dict[int, int]:
 
 
 def never_slipping_springs(orbit: Orbit) -> list[int]:
-    """Return the springs in series whose limit depends on nothing, and which never slip but for a moment."""
-    layout = layout_of(orbit.system.structure)
-    return [
-        contact
-        for contact, phases in (orbit.friction.items() if orbit.is_exact else ())
-        if FrictionGauge(layout, contact).has_constant_limit
-        and sum(phase.length for phase in phases if phase.mode) < _MOMENT
-    ]
+    """Return the springs of constant limit that never slip, but for a moment to one side."""
+    layout, found = layout_of(orbit.system.structure), list[int]()
+    for contact, phases in orbit.friction.items() if orbit.is_exact else ():
+        slips = [phase for phase in phases if phase.mode]
+        brief = len({phase.mode for phase in slips}) < 2 and sum(phase.length for phase in slips) < _MOMENT
+        if brief and FrictionGauge(layout, contact).has_constant_limit:
+            found.append(contact)
+    return found
 
 
 def bounds_reached(orbit: Orbit, contact: int) -> list[int]:
@@ -102,6 +103,12 @@ def _position(corrector: Corrector, point: BranchPoint, contact: int) -> float:
     return float(row @ (point.x * corrector.scales)[: len(row)])
 
 
+def _spare(point: BranchPoint, contact: int) -> dict[int, float]:
+    if (spare_of, contact) not in point.memo:
+        point.memo[spare_of, contact] = spare_of(point.orbit, contact)
+    return point.memo[spare_of, contact]
+
+
 def _row(orbit: Orbit, contact: int) -> NDArray[np.float64]:
     return kept_row(layout_of(orbit.system.structure), coefficients_of(orbit.system), contact)
 
@@ -132,11 +139,14 @@ def first_change(corrector: Corrector, first: BranchPoint, last: BranchPoint) ->
         for towards in {0, 1, -1} - {side}:
 
             def function(point: BranchPoint, contact: int = contact, side: int = side, towards: int = towards) -> float:
-                return spare_of(point.orbit, contact)[towards] if towards else _rate(corrector, point, contact, side)
+                return _spare(point, contact)[towards] if towards else _rate(corrector, point, contact, side)
 
-            if function(last) < 0.0 < function(first):
-                ends = first.arclength, last.arclength
-                place, converged = zero_between(lambda at, own=function: own(interval.at(at)), *ends)
+            at_first, at_last = function(first), function(last)
+            if at_last < 0.0 and at_last < at_first:
+                place, converged = first.arclength + min(_AT_ONCE, 0.5 * (last.arclength - first.arclength)), True
+                if at_first > 0.0:
+                    ends = first.arclength, last.arclength
+                    place, converged = zero_between(lambda at, own=function: own(interval.at(at)), *ends)
                 if not converged:
                     raise NumericalError("the position of friction that never slips jumps")
                 found.append(HeldChange(corrector, interval.at(place), contact, towards, function))

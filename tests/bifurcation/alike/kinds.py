@@ -75,7 +75,7 @@ def preloaded(seed: int) -> Machine:
 
 @kind("friction")
 def friction(seed: int) -> Machine:
-    """A mass that two or three friction elements hold, at most one of them rigid, with or without a spring and a stop."""
+    """A mass that two or three friction elements hold, at most one of them rigid, with a spring, a stop, or both."""
     shape, numbers = generators(seed, 41)
     count, rigid = int(shape.integers(2, 4)), int(shape.integers(6))
     contacts = [
