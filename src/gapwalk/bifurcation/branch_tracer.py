@@ -514,7 +514,7 @@ class BranchTracer(Iterator[Step]):
         error = location_error(Zero(kind, point, EXACT, change.function, name), ErrorEstimator(corrector), [first])
         sides = point.orbit.instability, last.orbit.instability
         parameter = self.beginning.equation.parameter or ""
-        return SpecialPoint(kind, point, *sides, error, name, kind.nature(point, last), parameter=parameter)
+        return SpecialPoint(kind, point, *sides, error, name, kind.nature(point, last) or "", parameter=parameter)
 
     def _has_parent(self, vertex: BranchPoint) -> bool:
         """Return True if the orbit at a vertex has what those of the branch lack: half their period, or a symmetry.

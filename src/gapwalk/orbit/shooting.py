@@ -245,6 +245,7 @@ class ShootingEquation(OrbitEquation):
                 continue
             slots, own = layout.contacts[contact], 2 * n + memories.index(contact)
             vector, row = coefficients[slots.deflection], (len(arcs) - 1) * size + own
+            assert found.by_parameter is not None
             if spring and not is_centred and not side:
                 found.residual[row] = vector @ states[0, :n] - states[0, own] - spring.position
                 found.by_unknowns[row] = 0.0
@@ -257,7 +258,6 @@ class ShootingEquation(OrbitEquation):
             found.by_unknowns[row] = -centre.by_unknowns
             found.by_unknowns[row, :n] += vector
             found.by_unknowns[row, own] -= 1.0
-            assert found.by_parameter is not None
             found.by_parameter[row] = float(direction[slots.deflection] @ states[0, :n]) - centre.by_parameter
             if side:
                 limit, stiffness = (slots.numbers[name] for name in ("limit", "stiffness"))

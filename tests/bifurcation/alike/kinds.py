@@ -93,10 +93,10 @@ def friction(seed: int) -> Machine:
         np.array([[numbers.uniform(0.5, 1.5)]]),
         tuple(contacts),
         (
-            gw.Harmonic(numbers.uniform(0.15, 0.7), {"x": 1.0}),
-            gw.Harmonic(numbers.uniform(0.0, 0.3), {"x": 1.0}, 2, numbers.uniform(0.0, 6.28)),
+            gw.Harmonic(numbers.uniform(0.15, 0.5), {"x": 1.0}),
+            gw.Harmonic(numbers.uniform(0.0, 0.2), {"x": 1.0}, 2, numbers.uniform(0.0, 6.28)),
         ),
         slow,
-        1.3 * slow,
+        1.6 * slow,
         {"x": numbers.uniform(-0.08, 0.08)},
     )
