@@ -29,7 +29,7 @@ from gapwalk.orbit.shooting import HeldSpring, ShootingEquation
 from gapwalk.orbit.sticking import kept_row
 
 _AT_BOUND = 1e-7  # share of the limit within which a force is at its bound
-_PUSHED, _AT_REST = 2e-10, 2e-9  # doubt about a position, in lengths: where it was pushed to, where slip has ended
+_PUSHED, _ON_GRID = 2e-10, 2e-9  # doubt about a position, in lengths: to which it was pushed, and of other orbits
 _MOMENT = 1e-3  # radians of slip in a period that errors of a state at a bound make
 _AT_ONCE = 1e-9  # arclength beyond a point at which a spring is at its bound already
 _BEYOND = (1e-6, 1e-5, 1e-4, 1e-7, 1e-3)  # arclengths beyond which friction is seen to slip both ways
@@ -77,7 +77,7 @@ def go_on_with(
             old = known.get(contact)
             if old is None or old.side != side:
                 place, is_pulled = _position(corrector, point, contact), old is not None and old.side
-                doubt = (_PUSHED if is_pulled else _AT_REST if point.arclength else 0.0) * equation.length
+                doubt = (_PUSHED if is_pulled else _ON_GRID) * equation.length
                 known[contact] = HeldSpring(contact, side, *(() if side else (place, doubt)))
         moving = Corrector(replace(equation, held=tuple(known[each] for each in held)), corrector.scales)
         correction = moving.at_value(point.x, point.value)
