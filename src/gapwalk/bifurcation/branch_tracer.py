@@ -465,9 +465,11 @@ class BranchTracer(Iterator[Step]):
         self._hold(step[0])
         return (self.walk.point, step[1]) if self.walk.end is None else step
 
-    def _go_on_from(self, point: BranchPoint, held: dict[int, int], lead: int | None = None) -> bool:
+    def _go_on_from(
+        self, point: BranchPoint, held: dict[int, int], lead: int | None = None, origin: BranchPoint | None = None
+    ) -> bool:
         """Go on from a point with other springs held; return whether there are such motions."""
-        moved = go_on_with(self.beginning.corrector, point, held, lead)
+        moved = go_on_with(self.beginning.corrector, point, held, lead, origin)
         if moved is None:
             return False
         corrector, last = moved
@@ -492,7 +494,9 @@ class BranchTracer(Iterator[Step]):
         if slipping:
             free = Corrector(replace(self.beginning.equation, held=()), corrector.scales)
             last = slipping_beyond(free, point, slipping)
-        goes_on = last is not None and self._go_on_from(last, left, change.contact if not slipping else None)
+        goes_on = last is not None and self._go_on_from(
+            last, left, change.contact if not slipping else None, point if slipping else None
+        )
         if not goes_on:
             detail = "no motion is found beyond the onset of slip"
             self.walk.finish(point, End(EndReason.STEP, point.value, detail))

@@ -63,12 +63,13 @@ def bounds_reached(orbit: Orbit, contact: int) -> list[int]:
 
 
 def go_on_with(
-    corrector: Corrector, point: BranchPoint, held: Held, lead: int | None = None
+    corrector: Corrector, point: BranchPoint, held: Held, lead: int | None = None, origin: BranchPoint | None = None
 ) -> tuple[Corrector, BranchPoint] | None:
     """Return the corrector and the point of the motions that go on from a point with some springs held.
 
     A spring that would be pulled back from its bound is kept where it is. The direction is that in which `lead`, which
-    has just reached its bound, is pushed; without one it is that of the point. None if there are no such motions.
+    has just reached its bound, is pushed; without one it is that of the point. Positions that are kept are those of
+    the origin, by default the point. None if there are no such motions.
     """
     equation = cast("ShootingEquation", corrector.equation)
     known = {each.contact: each for each in equation.held}
@@ -76,7 +77,7 @@ def go_on_with(
         for contact, side in held.items():
             old = known.get(contact)
             if old is None or old.side != side:
-                place, is_pulled = _position(corrector, point, contact), old is not None and old.side
+                place, is_pulled = _position(corrector, origin or point, contact), old is not None and old.side
                 doubt = (_PUSHED if is_pulled else _ON_GRID) * equation.length
                 known[contact] = HeldSpring(contact, side, *(() if side else (place, doubt)))
         moving = Corrector(replace(equation, held=tuple(known[each] for each in held)), corrector.scales)
