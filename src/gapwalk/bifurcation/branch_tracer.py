@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.bracketed_zero import EXACT
 from gapwalk.bifurcation.branch_start import (
     BranchStart,
     has_merged,
@@ -21,14 +22,26 @@ from gapwalk.bifurcation.branch_start import (
 )
 from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
 from gapwalk.bifurcation.discontinuity import coincidence, discontinuity_ahead
+from gapwalk.bifurcation.error_estimate import ErrorEstimator, location_error
 from gapwalk.bifurcation.friction_changes import changes_between
+from gapwalk.bifurcation.held_friction import (
+    HeldChange,
+    bounds_reached,
+    first_change,
+    go_on_with,
+    held_in,
+    never_slipping_springs,
+    slipping_beyond,
+)
 from gapwalk.bifurcation.kinds.user_event import Event
 from gapwalk.bifurcation.onset_of_slip import come_to_rest, directions_left, never_slips
 from gapwalk.bifurcation.sliding_corner import pass_corner
 from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.start_of_period import AT_START, pass_start, starts_among_impacts
+from gapwalk.bifurcation.step_interval import Zero
 from gapwalk.bifurcation.stiff_graze import pass_graze
+from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
@@ -39,6 +52,7 @@ from gapwalk.flow.symmetry import Symmetry, finds_all, symmetries_of
 from gapwalk.model.system import System
 from gapwalk.orbit.floating import floats, unheld
 from gapwalk.orbit.floquet import largest_move
+from gapwalk.orbit.shooting import ShootingEquation
 
 _GRAZES = 1e-5  # distance from a breakpoint, relative to the motion, within which a deflection counts as grazing
 _AHEAD = 1e-4  # arclength beyond the beginning of a branch from which special points are detected
@@ -140,6 +154,7 @@ class BranchTracer(Iterator[Step]):
         self._ways = unheld(self.first.orbit.system)
         if resume is not None:
             self.detector.restore(resume.detector)
+        self._hold(self.walk.point)
         if why := floats(self.walk.point.orbit, self._ways):
             self.walk.finish(self.walk.point, End(EndReason.FLOATING, self.walk.point.value, why))
 
@@ -221,6 +236,8 @@ class BranchTracer(Iterator[Step]):
                     raise NumericalError("the step went onto a branch of motions of a shorter period")
                 if self._is_astray(first, point):
                     raise NumericalError("the step went onto a branch of motions that lack a symmetry of this one")
+                change = first_change(self.beginning.corrector, first, point) if self._held else None
+                point = point if change is None else change.point
                 step = self._until_vertex(point, self._explained(first, point, before))
                 step = self._until_slip(first, step)
             except NumericalError:
@@ -230,7 +247,7 @@ class BranchTracer(Iterator[Step]):
                 self.detector.restore(state.detector)
                 self.walk.go_back(state.walk, point)
                 continue
-            return self._until_parent(first, step)
+            return self._held_on(first, step, change)
 
     def _at_rest(self, first: BranchPoint, point: BranchPoint) -> BranchPoint:
         """Return a point with its friction at the position at which its slip ended, if it did in the step to it."""
@@ -445,6 +462,83 @@ class BranchTracer(Iterator[Step]):
         last = first if number is None else special[number].point
         self.walk.finish(last, End(EndReason.GIVES_WAY, last.value, words))
         return last, special[: 0 if number is None else number + 1]
+
+    @property
+    def _held(self) -> dict[int, int]:
+        """The springs that never slip, and the bounds to which they are pushed."""
+        return held_in(self.beginning.corrector)
+
+    def _hold(self, point: BranchPoint) -> None:
+        """Hold those springs that never slip from a point on."""
+        if point.orbit.slips and self.walk.end is None and isinstance(self.beginning.equation, ShootingEquation):
+            new = [each for each in never_slipping_springs(point.orbit) if each not in self._held]
+            sides = {each: bounds_reached(point.orbit, each) for each in new}
+            held = {each: reached[0] for each, reached in sides.items() if len(reached) == 1}
+            if new:
+                self._go_on_from(point, {**self._held, **dict.fromkeys(new, 0), **held})
+
+    def _held_on(self, first: BranchPoint, step: Step, change: HeldChange | None) -> Step:
+        """Return a step with the springs held that never slip from its end on; go on behind a change of those."""
+        if change is not None and step[0] is change.point:
+            return self._changed(first, change, step[1])
+        step = self._until_parent(first, step)
+        self._hold(step[0])
+        return (self.walk.point, step[1]) if self.walk.end is None else step
+
+    def _go_on_from(
+        self, point: BranchPoint, held: dict[int, int], lead: int | None = None, origin: BranchPoint | None = None
+    ) -> bool:
+        """Go on from a point with other springs held; return whether there are such motions."""
+        moved = go_on_with(self.beginning.corrector, point, held, lead, origin)
+        if moved is None:
+            return False
+        corrector, last = moved
+        self.first, walk = (last if point is self.first else self.first), self.walk
+        self.beginning = replace(self.beginning, corrector=corrector, first=self.first)
+        self.walk = self._walk_from(walk.options, WalkState(None, last, walk.step, walk.count))
+        self.walk.rejected = walk.rejected
+        self.detector = Detector(corrector, self._kinds)
+        return True
+
+    def _changed(self, first: BranchPoint, change: HeldChange, special: list[SpecialPoint]) -> Step:
+        """Return the step to a change of springs that are held, and go on: they are kept, pushed, or slip both ways."""
+        point, corrector, held = change.point, self.beginning.corrector, self._held
+        if not change.side:
+            self._go_on_from(point, {**held, change.contact: 0})
+            return self.walk.point, special
+        reached = {each: {*bounds_reached(point.orbit, each), side} - {0} for each, side in held.items()}
+        reached[change.contact] |= {change.side}
+        slipping = [each for each, sides in reached.items() if len(sides) == 2]
+        left = {each: next(iter(sides), 0) for each, sides in reached.items() if each not in slipping}
+        last: BranchPoint | None = point
+        if slipping:
+            free = Corrector(replace(self.beginning.equation, held=()), corrector.scales)
+            last = slipping_beyond(free, point, slipping)
+        goes_on = last is not None and self._go_on_from(
+            last, left, change.contact if not slipping else None, point if slipping else None
+        )
+        if not goes_on:
+            detail = "no motion is found beyond the onset of slip"
+            self.walk.finish(point, End(EndReason.STEP, point.value, detail))
+        last, now = self.walk.point, self._held
+        onsets = [
+            self._onset(first, change, last, each, side)
+            for each in reached
+            for side in sorted(reached[each] - {held[each]}, reverse=True)
+            if each in slipping or now.get(each) == side
+        ]
+        return last, [*special, *onsets]
+
+    def _onset(
+        self, first: BranchPoint, change: HeldChange, last: BranchPoint, contact: int, side: int
+    ) -> SpecialPoint:
+        """Return the onset of slip of a spring to one side at a change."""
+        kind, point, corrector = Kind.SLIP_ONSET, change.point, change.corrector
+        name = f"{point.orbit.system.structure.contacts[contact].name} {'+' if side > 0 else '-'}"
+        error = location_error(Zero(kind, point, EXACT, change.function, name), ErrorEstimator(corrector), [first])
+        sides = point.orbit.instability, last.orbit.instability
+        parameter = self.beginning.equation.parameter or ""
+        return SpecialPoint(kind, point, *sides, error, name, kind.nature(point, last) or "", parameter=parameter)
 
     def _has_parent(self, vertex: BranchPoint) -> bool:
         """Return True if the orbit at a vertex has what those of the branch lack: half their period, or a symmetry.

@@ -22,6 +22,7 @@ from contextlib import suppress
 
 from gapwalk.bifurcation.bracketed_zero import zero_between
 from gapwalk.bifurcation.friction_margins import Change, instant_of, margin, modes_around, own_phase
+from gapwalk.bifurcation.held_friction import Held, held_in
 from gapwalk.bifurcation.onset_of_slip import Located, locate_onsets, never_slips
 from gapwalk.bifurcation.step_interval import StepInterval
 from gapwalk.continuation.point_on_branch import BranchPoint
@@ -122,7 +123,9 @@ def find_changes(
         If an orbit between the two points cannot be found.
     """
     changes, length = changes_between(first.orbit, last.orbit), last.arclength - first.arclength
-    if changes == [] and not (length > interval.finest and _may_change(before, first, last)):
+    if changes == [] and not (
+        length > interval.finest and _may_change(before, first, last, held_in(interval.corrector))
+    ):
         return []
     if changes:
         onsets = [change for change in changes if change.alone]
@@ -137,12 +140,15 @@ def find_changes(
     return find_changes(interval, before, first, middle) + find_changes(interval, first, middle, last)
 
 
-def _may_change(before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> bool:
-    """Return True if changes that cancel each other may hide between two points of a walk with the same sequence."""
+def _may_change(before: BranchPoint | None, first: BranchPoint, last: BranchPoint, held: Held) -> bool:
+    """Return True if changes that cancel each other may hide between two points of a walk with the same sequence.
+
+    Springs that are held do not slip.
+    """
     if not any(any(phase.mode for phase in phases) for phases in first.orbit.friction.values()):
         return False
     full, length = PERIOD * first.orbit.period, last.arclength - first.arclength
-    now, then = first.orbit.margins, last.orbit.margins
+    now, then = ([each for each in point.orbit.margins if each.contact not in held] for point in (first, last))
     past = None if before is None or first.arclength <= before.arclength else before.orbit.margins
     ratio = math.nan if past is None or before is None else length / (first.arclength - before.arclength)
     for own in now:

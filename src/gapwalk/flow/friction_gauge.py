@@ -102,7 +102,7 @@ class FrictionGauge:
             columns, table = read
             force = columns[..., : table.shape[1]] @ table[self.n + self.reaction]
             return columns[..., table.shape[1] + 3 * self.place + 2], force
-        if self.memory is not None and self._has_constant_limit:  # nothing but the spring
+        if self.memory is not None and self.has_constant_limit:  # nothing but the spring
             own = {name: coefficients[slot] for name, slot in self._slots.numbers.items()}
             return self._law.breakaway([], own), own["stiffness"] * y[..., 2 * self.n + self.memory]
         angles, n = Angles(self.layout, coefficients, theta), self.n
@@ -122,7 +122,7 @@ class FrictionGauge:
         return self._law.breakaway(stages, numbers), force
 
     @property
-    def _has_constant_limit(self) -> bool:
+    def has_constant_limit(self) -> bool:
         """True for a spring whose limit depends on no contact and does not vary."""
         return self.memory is not None and self._law.by == "limit" and not self._slots.varies
 
@@ -181,7 +181,7 @@ class FrictionGauge:
         In stick it is the slip rate, in slip that of the limit. A spring without a limit, whose host is open, has let
         go: it does not extend.
         """
-        if self._has_constant_limit:
+        if self.has_constant_limit:
             return 0.0 if modes.slips[self.place] else self.rate(coefficients, theta, y, modes, 1)
         angle = theta + 1j * _STEP / float(coefficients[0])
         limit, _ = self.bound_and_force(coefficients.astype(complex), angle, y + 1j * _STEP * motion, modes)

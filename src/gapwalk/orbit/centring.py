@@ -16,9 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.flow import PERIOD, Flow
+from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.flow.forces import Angles
-from gapwalk.model.coefficients import ContactSlots
+from gapwalk.model.coefficients import ContactSlots, coefficients_of, layout_of
+from gapwalk.orbit.orbit import Orbit
 
 _SAMPLES = 32  # per forcing period, between which the deflection turns at most once
 _SECANTS = 6  # steps of the secant method, before an interval is halved
@@ -53,8 +54,9 @@ def centre_of(
     direction: NDArray[np.float64],
     knots: Sequence[float],
     states: NDArray[np.float64],
+    picks: Sequence[Any] = (max, min),
 ) -> Centre:
-    """Compute the centre of the deflection of a contact over one period.
+    """Compute the centre of the deflection of a contact over one period, or one of its extremes.
 
     Parameters
     ----------
@@ -70,12 +72,14 @@ def centre_of(
         Angles at which the segments begin, and the end.
     states : shape (segments, state_size)
         The states at the start of each segment.
+    picks
+        The extremes whose mean is the centre.
     """
     deflection = _Deflection(light, slots, coefficients)
     turns = [turn for number, pair in enumerate(pairwise(knots)) for turn in deflection.turns(number, *pair, states)]
     n, size = flow.equations.layout.structure.size, states.shape[1]
     value, by_unknowns, by_parameter = 0.0, np.zeros(states.size), 0.0
-    for pick in (max, min):
+    for pick in picks:
         _, segment, theta = pick(turns)
         state, transition, along = states[segment], np.eye(size), np.zeros(size)
         if theta > knots[segment]:
@@ -84,12 +88,26 @@ def centre_of(
             assert arc.sensitivity is not None
             state, transition, along = arc.state, arc.transition, arc.sensitivity
         vector = coefficients[slots.deflection]
-        value += 0.5 * deflection.at(theta, state)
-        by_unknowns[segment * size : (segment + 1) * size] += 0.5 * vector @ transition[:n]
-        by_parameter += 0.5 * float(vector @ along[:n] + direction[slots.deflection] @ state[:n])
-        by_parameter += 0.5 * deflection.sway_changes(direction, theta)
+        value += deflection.at(theta, state)
+        by_unknowns[segment * size : (segment + 1) * size] += vector @ transition[:n]
+        by_parameter += float(vector @ along[:n] + direction[slots.deflection] @ state[:n])
+        by_parameter += deflection.sway_changes(direction, theta)
     sway = deflection.at(knots[0], np.zeros(size))
-    return Centre(value - sway, by_unknowns, by_parameter - deflection.sway_changes(direction, knots[0]))
+    share = 1.0 / len(picks)
+    by_parameter = share * by_parameter - deflection.sway_changes(direction, knots[0])
+    return Centre(share * value - sway, share * by_unknowns, by_parameter)
+
+
+def spare_of(orbit: Orbit, contact: int) -> dict[int, float]:
+    """Return what the extension of a spring that never slips lacks to its limit on each side."""
+    structure, coefficients = orbit.system.structure, coefficients_of(orbit.system)
+    slots = layout_of(structure).contacts[contact]
+    limit, stiffness = (float(coefficients[slots.numbers[name]]) for name in ("limit", "stiffness"))
+    deflection, states = _Deflection(flow_of(orbit.system), slots, coefficients), orbit.state[None]
+    places = [place for place, _, _ in deflection.turns(0, 0.0, PERIOD * orbit.period, states)]
+    extension = float(orbit.state[2 * structure.size + structure.memories.index(contact)])
+    slider = deflection.at(0.0, orbit.state) - extension
+    return {side: limit / stiffness - max(side * (place - slider) for place in places) for side in (1, -1)}
 
 
 class _Deflection:

@@ -167,7 +167,7 @@ def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
     for words, state in other_starts(system, period, settled, settled_at):
         try:
             return _solved(equation, equation.start(state()), newton)
-        except NumericalError:
+        except (NumericalError, ModelError):  # harmonic balance does not know all forces
             if words not in tried:
                 tried.append(words)
     name = system.structure.names[0]

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 
 _SEGMENTS = 1000  # largest number of segments
+_NEAR = 1e-10  # lengths of the system by which a spring that is pushed along lacks its limit
+_NEVER = 1e3  # factor on the limit of friction that does not slip
 _GROWTH = 1e5  # of a small change of the state in a segment: beyond, residuals of 1e-10 are hardly reached
 
 
@@ -80,6 +82,25 @@ class Shooting(Method):
         return replace(self, segments=1)
 
 
+class HeldSpring(NamedTuple):
+    """A spring in series whose friction never slips: its contact, and where it is.
+
+    Attributes
+    ----------
+    contact
+        Number of the contact.
+    side
+        Side of the bound that its force just reaches, to which it is pushed along; 0 if it keeps its position.
+    position, doubt
+        The position that it keeps, and how well it is known.
+    """
+
+    contact: int
+    side: int
+    position: float = 0.0
+    doubt: float = 0.0
+
+
 @dataclass(frozen=True)
 class ShootingEquation(OrbitEquation):
     """Equations ``Phi_j(x_j; a) - x_(j+1) = 0`` for the S segments of an orbit of m forcing periods (paper, section 3).
@@ -97,11 +118,14 @@ class ShootingEquation(OrbitEquation):
         Angle at which the first segment begins, in radians. An impact at theta = 0 makes the state there jump from one
         orbit of a branch to the next; where the motion is free, the state is smooth. An `Orbit` has its state at theta
         = 0 in any case, so only the unknowns depend on this angle.
+    held
+        Springs in series whose friction never slips, not even beyond its limit.
     """
 
     options: Shooting = Shooting()
     marks: tuple[float, ...] = ()
     begin: float = 0.0
+    held: tuple[HeldSpring, ...] = ()
 
     @property
     def by_touches(self) -> Callable[..., TouchEquation] | None:
@@ -119,7 +143,10 @@ class ShootingEquation(OrbitEquation):
             If the motion diverges or chatters without end.
         """
         coefficients, direction = self.coefficients(value)
-        knots, flow = self.knots, self._flow
+        bounded, knots, flow = coefficients, self.knots, self._flow
+        for spring in self.held:
+            coefficients = coefficients.copy() if coefficients is bounded else coefficients
+            coefficients[layout_of(self.system.structure).contacts[spring.contact].numbers["limit"]] *= _NEVER
         states = unknowns.reshape(len(knots) - 1, -1)
         arcs = [
             flow.integrate(coefficients, state, start, stop, direction)
@@ -129,7 +156,7 @@ class ShootingEquation(OrbitEquation):
         free = released(layout_of(self.system.structure), coefficients, arcs, states[0], self.length) if kept else arcs
         found = assembled(free, states)
         if kept and direction is not None:
-            self._centre(found, coefficients, direction, arcs, states)
+            self._place(found, bounded, coefficients, direction, arcs, states)
         reach = _shallowest(arcs) * float(coefficients[0]) if _modes_go_on(arcs) else 0.0
         return Evaluation(found.residual, found.by_unknowns, found.by_parameter, arcs, reach)
 
@@ -192,33 +219,52 @@ class ShootingEquation(OrbitEquation):
                 after.append(self._flow.integrate(coefficients, before[-1].state, 0.0, stop - full))
         return [*after, *before]
 
-    def _centre(
+    def _place(
         self,
         found: Evaluation,
         coefficients: NDArray[np.float64],
+        unbounded: NDArray[np.float64],
         direction: NDArray[np.float64],
         arcs: list[Arc],
         states: NDArray[np.float64],
     ) -> None:
-        """Replace the rows of extensions that friction keeps by the equation that they are centred.
+        """Replace the rows of extensions that friction keeps by the equation that they are centred, or at their limit.
 
-        This is done if the system is symmetric: the slider then stays in the middle. Otherwise the middle moves along
-        the branch, which would turn where no multiplier is 1.
+        They are centred if the system is symmetric: the slider then stays in the middle. Otherwise the middle moves
+        along the branch, which would turn where no multiplier is 1. Springs that are held keep their positions,
+        or are at their limit but for so little that other integrators do not let them slip. A second computation
+        comes another time as near, so that stated errors include it.
         """
         layout, n, size = layout_of(self.system.structure), self.system.size, states.shape[1]
-        memories = layout.structure.memories
+        memories, held = layout.structure.memories, {each.contact: each for each in self.held}
         for contact in stuck_in(layout, coefficients, arcs):
-            if contact not in memories or not self._is_mirrored(contact):
+            spring = held.get(contact)
+            side = spring.side if spring else 0
+            is_centred = contact in memories and not side and self._is_mirrored(contact)
+            if not is_centred and not spring:
                 continue
             slots, own = layout.contacts[contact], 2 * n + memories.index(contact)
             vector, row = coefficients[slots.deflection], (len(arcs) - 1) * size + own
-            centre = centre_of(self._flow, self._light, slots, coefficients, direction, self.knots, states)
+            assert found.by_parameter is not None
+            if spring and not is_centred and not side:
+                found.residual[row] = vector @ states[0, :n] - states[0, own] - spring.position
+                found.by_unknowns[row] = 0.0
+                found.by_unknowns[row, :n], found.by_unknowns[row, own] = vector, -1.0
+                found.by_parameter[row] = direction[slots.deflection] @ states[0, :n]
+                continue
+            picks = {1: (max,), -1: (min,), 0: (max, min)}[side]
+            centre = centre_of(self._flow, self._light, slots, unbounded, direction, self.knots, states, picks)
             found.residual[row] = vector @ states[0, :n] - states[0, own] - centre.value
             found.by_unknowns[row] = -centre.by_unknowns
             found.by_unknowns[row, :n] += vector
             found.by_unknowns[row, own] -= 1.0
-            assert found.by_parameter is not None
             found.by_parameter[row] = float(direction[slots.deflection] @ states[0, :n]) - centre.by_parameter
+            if side:
+                limit, stiffness = (slots.numbers[name] for name in ("limit", "stiffness"))
+                reach = float(coefficients[limit] / coefficients[stiffness])
+                found.residual[row] += side * (reach - _NEAR * self.options.segments * self.length)
+                moved = float(direction[limit] - reach * direction[stiffness])
+                found.by_parameter[row] += side * moved / float(coefficients[stiffness])
 
     def _is_mirrored(self, contact: int) -> bool:
         """Return True if the motions of the system are those of opposite deflection, half a forcing period later."""
@@ -252,7 +298,8 @@ class ShootingEquation(OrbitEquation):
 
     def otherwise(self) -> ShootingEquation:
         """Return the equation with one segment more: its steps and its rounding differ."""
-        return replace(self, options=replace(self.options, segments=self.options.segments + 1))
+        held = tuple(each._replace(position=each.position + each.doubt) for each in self.held)
+        return replace(self, options=replace(self.options, segments=self.options.segments + 1), held=held)
 
     def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
         """Return the change of the state at theta = 0, with zeros for the other states, which it determines."""

@@ -85,3 +85,32 @@ def two_equal_parts(seed: int) -> Machine:
 def rotor(seed: int) -> Machine:
     """A rotor with gyroscopic terms and gaps."""
     return gyroscopic_machine(np.random.default_rng([seed, 420]))
+
+
+@kind("friction")
+def friction(seed: int) -> Machine:
+    """A mass that two or three friction elements hold, at most one of them rigid, with or without a stop."""
+    shape, numbers = generators(seed, 41)
+    count, rigid = int(shape.integers(2, 4)), int(shape.integers(6))
+    contacts = [
+        gw.friction(name, {"x": 1.0}, numbers.uniform(0.1, 0.4), stiffness=None if place == rigid else stiffness)
+        for place, (name, stiffness) in enumerate(zip("abc", numbers.uniform(1.0, 5.0, count), strict=False))
+    ]
+    if shape.random() < 0.5:
+        contacts.append(gw.backlash("gap", {"x": 1.0}, numbers.uniform(2.0, 10.0), 0.4))
+    # without a spring the mean load may drag the mass away for ever
+    spring, slow = numbers.uniform(0.2, 1.0), numbers.uniform(0.6, 1.4)
+    return Machine(
+        ("x",),
+        np.array([[spring]]),
+        np.array([[numbers.uniform(0.03, 0.1)]]),
+        np.array([[numbers.uniform(0.5, 1.5)]]),
+        tuple(contacts),
+        (
+            gw.Harmonic(numbers.uniform(0.15, 0.5), {"x": 1.0}),
+            gw.Harmonic(numbers.uniform(0.0, 0.2), {"x": 1.0}, 2, numbers.uniform(0.0, 6.28)),
+        ),
+        slow,
+        1.6 * slow,
+        {"x": numbers.uniform(-0.08, 0.08)},
+    )

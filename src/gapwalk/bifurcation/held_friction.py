@@ -1,0 +1,165 @@
+"""Friction that never slips, along a walk: springs in series that keep their positions, or are pushed along.
+
+Such friction keeps its position until its force reaches a bound. If the motion then grows on that side, the position
+moves with it, so that the force just reaches the bound, in all such elements at once. This is the limit of a parameter
+that changes ever more slowly, and does not depend on the steps of a walk: the equation of the motions holds each spring
+where it is, or at its bound. Where a position would turn back, it is kept from there on. Where the force reaches both
+bounds, friction slips in both directions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.bracketed_zero import zero_between
+from gapwalk.bifurcation.step_interval import StepInterval
+from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.errors import NumericalError
+from gapwalk.flow.friction_gauge import FrictionGauge
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.orbit.centring import spare_of
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import HeldSpring, ShootingEquation
+from gapwalk.orbit.sticking import kept_row
+
+_AT_BOUND = 1e-7  # share of the limit within which a force is at its bound
+_PUSHED, _ON_GRID = 2e-10, 2e-9  # doubt about a position, in lengths: to which it was pushed, and of other orbits
+_MOMENT = 1e-3  # radians of slip in a period that errors of a state at a bound make
+_AT_ONCE = 1e-9  # arclength beyond a point at which a spring is at its bound already
+_BEYOND = (1e-6, 1e-5, 1e-4, 1e-7, 1e-3)  # arclengths beyond which friction is seen to slip both ways
+
+Held = Mapping[int, int]
+"""Contacts by number: 0 if the position is kept, 1 or -1 for the side of the bound that the force just reaches."""
+
+
+def held_in(corrector: Corrector) -> dict[int, int]:
+    """Return the springs that the equation of a branch holds."""
+    equation = corrector.equation
+    return {each.contact: each.side for each in equation.held} if isinstance(equation, ShootingEquation) else {}
+
+
+def never_slipping_springs(orbit: Orbit) -> list[int]:
+    """Return the springs of constant limit that never slip, but for a moment to one side."""
+    layout, found = layout_of(orbit.system.structure), list[int]()
+    for contact, phases in orbit.friction.items() if orbit.is_exact else ():
+        slips = [phase for phase in phases if phase.mode]
+        brief = len({phase.mode for phase in slips}) < 2 and sum(phase.length for phase in slips) < _MOMENT
+        if brief and FrictionGauge(layout, contact).has_constant_limit:
+            found.append(contact)
+    return found
+
+
+def bounds_reached(orbit: Orbit, contact: int) -> list[int]:
+    """Return the sides of the bounds that the force of a spring that never slips reaches in a motion."""
+    numbers = layout_of(orbit.system.structure).contacts[contact].numbers
+    limit, stiffness = (float(coefficients_of(orbit.system)[numbers[name]]) for name in ("limit", "stiffness"))
+    return [side for side, spare in spare_of(orbit, contact).items() if spare < _AT_BOUND * limit / stiffness]
+
+
+def go_on_with(
+    corrector: Corrector, point: BranchPoint, held: Held, lead: int | None = None, origin: BranchPoint | None = None
+) -> tuple[Corrector, BranchPoint] | None:
+    """Return the corrector and the point of the motions that go on from a point with some springs held.
+
+    A spring that would be pulled back from its bound is kept where it is. The direction is that in which `lead`, which
+    has just reached its bound, is pushed; without one it is that of the point. Positions that are kept are those of
+    the origin, by default the point. None if there are no such motions.
+    """
+    equation = cast("ShootingEquation", corrector.equation)
+    known = {each.contact: each for each in equation.held}
+    while True:
+        for contact, side in held.items():
+            old = known.get(contact)
+            if old is None or old.side != side:
+                place, is_pulled = _position(corrector, origin or point, contact), old is not None and old.side
+                doubt = (_PUSHED if is_pulled else _ON_GRID) * equation.length
+                known[contact] = HeldSpring(contact, side, *(() if side else (place, doubt)))
+        moving = Corrector(replace(equation, held=tuple(known[each] for each in held)), corrector.scales)
+        correction = moving.at_value(point.x, point.value)
+        if correction is None:
+            return None
+        point = moving.point(correction, point.tangent, point.arclength)
+        if lead is not None and _rate(moving, point, lead, held[lead]) < 0.0:
+            point = replace(point, tangent=-point.tangent, determinant=-point.determinant)
+        back = [each for each, side in held.items() if side and each != lead and _rate(moving, point, each, side) <= 0]
+        if not back:
+            return moving, point
+        held = {each: 0 if each in back else side for each, side in held.items()}
+
+
+def _rate(corrector: Corrector, point: BranchPoint, contact: int, side: int) -> float:
+    """Return how fast the position of friction moves to a side along the branch."""
+    row = _row(point.orbit, contact)
+    return side * float(row @ (point.tangent * corrector.scales)[: len(row)])
+
+
+def _position(corrector: Corrector, point: BranchPoint, contact: int) -> float:
+    row = _row(point.orbit, contact)
+    return float(row @ (point.x * corrector.scales)[: len(row)])
+
+
+def _spare(point: BranchPoint, contact: int) -> dict[int, float]:
+    if (spare_of, contact) not in point.memo:
+        point.memo[spare_of, contact] = spare_of(point.orbit, contact)
+    return point.memo[spare_of, contact]
+
+
+def _row(orbit: Orbit, contact: int) -> NDArray[np.float64]:
+    return kept_row(layout_of(orbit.system.structure), coefficients_of(orbit.system), contact)
+
+
+class HeldChange(NamedTuple):
+    """Place at which a spring turns back from its bound, or reaches another one: side 0, or that of the bound.
+
+    The function of a point of the branch of the corrector is zero there.
+    """
+
+    corrector: Corrector
+    point: BranchPoint
+    contact: int
+    side: int
+    function: Callable[[BranchPoint], float]
+
+
+def first_change(corrector: Corrector, first: BranchPoint, last: BranchPoint) -> HeldChange | None:
+    """Return the first change of a spring that is held between two points of a walk.
+
+    Raises
+    ------
+    NumericalError
+        If an orbit between the two cannot be found.
+    """
+    found, interval = list[HeldChange](), StepInterval(corrector, first, last)
+    for contact, side in held_in(corrector).items():
+        for towards in {0, 1, -1} - {side}:
+
+            def function(point: BranchPoint, contact: int = contact, side: int = side, towards: int = towards) -> float:
+                return _spare(point, contact)[towards] if towards else _rate(corrector, point, contact, side)
+
+            at_first, at_last = function(first), function(last)
+            if at_last < 0.0 and at_last < at_first:
+                place, converged = first.arclength + min(_AT_ONCE, 0.5 * (last.arclength - first.arclength)), True
+                if at_first > 0.0:
+                    ends = first.arclength, last.arclength
+                    place, converged = zero_between(lambda at, own=function: own(interval.at(at)), *ends)
+                if not converged:
+                    raise NumericalError("the position of friction that never slips jumps")
+                found.append(HeldChange(corrector, interval.at(place), contact, towards, function))
+    return min(found, key=lambda each: each.point.arclength, default=None)
+
+
+def slipping_beyond(corrector: Corrector, point: BranchPoint, contacts: list[int]) -> BranchPoint | None:
+    """Return a point just beyond another one at which friction slips in both directions; None if there is none."""
+    for length in _BEYOND:
+        correction = corrector.correct(point.x + length * point.tangent, point.tangent)
+        if correction is not None:
+            beyond = corrector.point(correction, point.tangent, point.arclength + length)
+            if all({1, -1} <= {phase.mode for phase in beyond.orbit.friction[contact]} for contact in contacts):
+                return beyond
+    return None
