@@ -233,7 +233,8 @@ def test_a_worker_that_was_replaced_at_its_address_refuses_and_the_piece_is_done
 @pytest.mark.parametrize("comes_back", [True, False])
 def test_if_all_workers_go_it_is_told_and_others_are_waited_for(comes_back, monkeypatch) -> None:
     monkeypatch.setattr(module, "_LOOK", 0.1)
-    monkeypatch.setattr(module, "_PATIENCE", PATIENCE if comes_back else 0.5)
+    monkeypatch.setattr(module, "_TELL", 0.3)
+    monkeypatch.setattr(module, "_PATIENCE", PATIENCE if comes_back else 1.0)
     monkeypatch.setattr(Cluster, "patience", 0.1)
     accepted = []
     with distributed.LocalCluster(

@@ -18,6 +18,7 @@ from gapwalk.results.versions import sources, versions
 
 _CONNECT = 10.0  # seconds
 _LOOK = 2.0  # seconds from one look at the cluster to the next
+_TELL = 10.0  # seconds after which it is told that all workers have gone; one that died is back sooner
 _PATIENCE = 120.0  # seconds after which the work ends if all workers have gone
 _AHEAD = 2  # pieces under way for each worker: the next one waits there while the last one's result travels
 _EXAMPLE = "such as tcp://node7:8786"
@@ -63,6 +64,7 @@ class Cluster:
         self._good: frozenset[str] = frozenset()  # the workers that may do the work
         self._sent: WeakKeyDictionary[Future[Any], frozenset[str]] = WeakKeyDictionary()  # which of them may do each
         self._seen = self._last_good = 0.0  # times; the latter is 0 until there is a worker
+        self._is_told = False
         try:
             self._meet()
         except BaseException:
@@ -98,18 +100,18 @@ class Cluster:
             raise WorkError(
                 f"the Dask scheduler at {self.address} has stopped; finished work is kept. Start it again and resume"
             )
-        had_workers, now = bool(self._good), time.monotonic()
         self._look()
-        self._seen = now
-        if self._good:
-            self._last_good = now
-        elif had_workers:
+        self._seen = now = time.monotonic()
+        if self._good or not self._last_good:
+            self._last_good, self._is_told = now if self._good else 0.0, False
+        elif not self._is_told and now - self._last_good > _TELL:
+            self._is_told = True
             warnings.warn(
                 f"no worker of the cluster at {self.address} is left. The work goes on when others come; if none comes "
-                f"within {_PATIENCE:g} s, it ends, and what is finished is kept",
+                f"within {_PATIENCE - _TELL:g} s, it ends, and what is finished is kept",
                 stacklevel=4,
             )
-        elif self._last_good and now - self._last_good > _PATIENCE:
+        elif now - self._last_good > _PATIENCE:
             raise WorkError(
                 f"no worker of the cluster at {self.address} has been there for {_PATIENCE:g} s; finished work is "
                 "kept. Start workers and resume"
