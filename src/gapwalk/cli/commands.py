@@ -395,8 +395,8 @@ def explore(
     port
         The port of the server; 0 for any free port.
     host
-        The address of the server. For other addresses than this machine's, the page requires a token, which is part of
-        the printed address.
+        The address of the server; 0.0.0.0 for all of this machine's. The page requires a token, which is part of the
+        printed address.
     browser
         Open the page in the browser.
     """
