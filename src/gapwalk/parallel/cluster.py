@@ -18,7 +18,7 @@ from gapwalk.results.versions import sources, versions
 
 _CONNECT = 10.0  # seconds
 _LOOK = 2.0  # seconds from one look at the cluster to the next
-_TELL = 10.0  # seconds after which it is told that all workers have gone; one that died is back sooner
+_TELL = 10.0  # seconds after which it is reported that all workers have gone; one that died is back sooner
 _PATIENCE = 120.0  # seconds after which the work ends if all workers have gone
 _AHEAD = 2  # pieces under way for each worker: the next one waits there while the last one's result travels
 _EXAMPLE = "such as tcp://node7:8786"
