@@ -111,7 +111,13 @@ class CellComparison(Shown):
         return not any(self.only) and max(self.counts.values(), default=0) <= share * self.cells
 
     def lines(self) -> SummaryParts:
-        """Return the differences in words: counts, changes of labels, and the first cells."""
+        """Return the differences in words: counts, changes of labels, and the first cells.
+
+        Returns
+        -------
+        iterator
+            Lines and tables.
+        """
         yield from remarks(self.notes, ())
         axes = (f"{name} from {a:.6g} to {b:.6g}" for name, (a, b) in zip(self.names, self.within, strict=True))
         yield f"compared: {' x '.join(map(str, self.resolution))} cells, {', '.join(axes)}"
