@@ -11,7 +11,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import ModelError
-from gapwalk.studies.compare import compare_results
+from gapwalk.studies.compare_cells import compare_cells
 from gapwalk.studies.export import save_tables
 from tests import models
 
@@ -110,8 +110,8 @@ def test_a_map_whose_axes_are_reversed_or_exchanged_has_the_same_cells(maps) -> 
         **{name: np.swapaxes(getattr(marked, name), 0, 1) for name in parts},
     )
     for other in (turned, exchanged):
-        assert not compare_results(first, replace(result, finding=replace(result.finding, map=other))).differences
-    (found,) = compare_results(result, first).differences
+        assert not compare_cells(first, replace(result, finding=replace(result.finding, map=other))).differences
+    (found,) = compare_cells(result, first).differences
     assert found.labels == ("period 1", "chaotic")
     assert found.place == pytest.approx((1.3, 0.05 + 0.35 / 6))
 
@@ -127,10 +127,10 @@ def test_basins_of_one_motion_are_the_same_whatever_their_letters(maps) -> None:
     b = replace(basins, attractors=(other, one), labels=1 - checkered)
     both = [replace(result, finding=replace(result.finding, map=each)) for each in (a, b)]
     assert a.names == ("period 1a", "period 1b")
-    assert compare_results(*both).within_share(0.0)
+    assert compare_cells(*both).within_share(0.0)
     less = replace(basins, attractors=(one,), labels=np.zeros_like(checkered))
-    found = compare_results(both[0], replace(result, finding=replace(result.finding, map=less)))
+    found = compare_cells(both[0], replace(result, finding=replace(result.finding, map=less)))
     assert found.counts == {"leads to": 6}
     assert {each.labels for each in found.differences} == {("period 1b", "period 1a")}
     with pytest.raises(ModelError, match="compare two maps of one kind"):
-        compare_results(both[0], gw.load(maps / "regimes-a.gapwalk"))
+        compare_cells(both[0], gw.load(maps / "regimes-a.gapwalk"))

@@ -204,7 +204,9 @@ def test_a_worker_with_other_code_is_named_and_left_out(cluster, tmp_path, is_la
         other = other or come()
         pids = set()
         workers.run(slow_pid, range(20), lambda index, pid: pids.add(pid))
-        until(lambda: workers.executor.check() or workers.executor._faults.get(other), "it has answered")
+        executor = workers.executor
+        assert isinstance(executor, Cluster)
+        until(lambda: executor.check() or executor._faults.get(other), "it has answered")
         workers.run(slow_pid, range(20), lambda index, pid: pids.add(pid))
     assert f"the worker {other} has" in str(told[0].message)
     assert pids <= set(own.values())
