@@ -26,7 +26,7 @@ from gapwalk.bifurcation.loci import Codim2Point, Locus
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
 from gapwalk.notebook import Shown
-from gapwalk.studies.compare_cells import CellComparison, compare_cells, map_of
+from gapwalk.studies.compare_cells import compare_cells, map_of
 from gapwalk.studies.map import Map
 from gapwalk.studies.result import Result
 
@@ -242,9 +242,7 @@ _ALIKE = 0.05  # half the points of two branches that are the same one are no fa
 _FAR = 1e3
 
 
-def compare_results(
-    first: Result, second: Result, measures: str | Sequence[str] | None = None
-) -> ResultComparison | CellComparison:
+def compare_results(first: Result, second: Result, measures: str | Sequence[str] | None = None) -> Any:
     """Compare two results of studies of one system over the same parameters, e.g. by two methods: branches, or cells.
 
     Each branch of one is compared with the one of equal period in the other that is nearest to it. The branches of the
