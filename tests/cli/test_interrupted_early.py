@@ -1,10 +1,12 @@
 """A run that Ctrl-C ends before its first part is complete says that nothing is stored."""
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
 from gapwalk.cli import main, run_command
+from gapwalk.errors import WorkError
 from tests import models
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "idle.toml"
@@ -56,3 +58,22 @@ def test_what_is_stored_is_to_be_resumed(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(run_command, "_run_study", interrupted)
     assert main(["run", str(model), "--force"]) == 130
     assert f"--output {file} --resume" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt(), 130), (WorkError("all workers have gone"), 3)])
+def test_the_command_to_resume_names_the_scheduler(error, code, tmp_path, monkeypatch, capsys):
+    """Without it, the rest of the work would be done on this machine."""
+    model = tmp_path / "stop.toml"
+    model.write_text(models.STOP + models.response(0.9))
+    whole = run_command._run_study
+
+    def interrupted(*given: object, **how: object) -> None:
+        whole(*given, **how)
+        raise error
+
+    monkeypatch.setattr(run_command, "_run_study", interrupted)
+    monkeypatch.setattr(run_command, "on_cluster", nullcontext)
+    assert main(["run", str(model), "--scheduler", "tcp://node7:8786"]) == code
+    (line,) = [each for each in capsys.readouterr().err.splitlines() if "--resume" in each]
+    assert line.split()[:2] == ["gapwalk", "run"]
+    assert "--resume --scheduler tcp://node7:8786" in line

@@ -6,6 +6,7 @@ import os
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -14,6 +15,7 @@ from gapwalk.attractors.attractor import AttractorKind
 from gapwalk.attractors.classify import identify
 from gapwalk.cli import main
 from gapwalk.cli.progress import ProgressLine, progress_of
+from gapwalk.parallel.pace import Pace
 from tests.studies.jobs import MODELS
 
 ENDINGS = {
@@ -159,7 +161,21 @@ def test_progress_tells_how_much_is_done(tmp_path, monkeypatch) -> None:
     gw.run(study, report=progress)
     assert [words[2:] for words in shown] == [(done, 6) for done in range(1, 7)]
     assert shown[-1][0] == "mine"
-    assert shown[-1][1].startswith("6 of 6")
+    assert str(shown[-1][1]) == "6 of 6"
+
+
+def test_a_time_left_that_has_passed_is_not_told_any_more(monkeypatch) -> None:
+    """If all workers have gone, "about 2 s left" would stand there for ever."""
+    from gapwalk.cli import progress as module
+
+    now = [100.0]
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    reached = module._Reached(Pace(done=3, total=9, seconds=1.0))
+    assert str(reached) == "3 of 9  about 2 s left"
+    now[0] += 1.0
+    assert str(reached) == "3 of 9  about 1 s left"
+    now[0] += 1.5
+    assert str(reached) == "3 of 9"
 
 
 @pytest.mark.slow

@@ -123,7 +123,7 @@ def until(page: Page, condition: str) -> None:
 def watched(address: str, *, height: int = 720, ready: str = READY) -> Iterator[Page]:
     """The page at an address, with an ear for errors, and for requests to anyone else: there are none."""
     wrong: list[str] = []
-    own = (address, "blob:", "data:")
+    own = (address.partition("?")[0], "blob:", "data:")
     with browser() as chrome:
         page = new_page(chrome, viewport={"width": 1280, "height": height}, accept_downloads=True)
         page.on("pageerror", lambda error: wrong.append(str(error)))

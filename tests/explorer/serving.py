@@ -18,6 +18,8 @@ from gapwalk.explorer.session import Session
 from gapwalk.explorer.web_app import application
 from tests.waiting import PATIENCE
 
+_TOKEN = "that-of-the-tests"
+
 
 class _KeptEngine(Engine):
     """A process that computes, and stays when the session that uses it is closed."""
@@ -55,13 +57,13 @@ def serving(file: Path) -> Iterator[str]:
     session = Session(*_workspace(file), _engine())
     listening = threading.Event()
     with _listen("127.0.0.1", 0) as listener:
-        config = uvicorn.Config(application(session), log_level="warning", timeout_graceful_shutdown=1)
+        config = uvicorn.Config(application(session, _TOKEN), log_level="warning", timeout_graceful_shutdown=1)
         server = _Server(config, listening.set, session.events.close)
         thread = threading.Thread(target=lambda: asyncio.run(server.serve(sockets=[listener])), name="explorer")
         thread.start()
         try:
             assert listening.wait(PATIENCE)
-            yield f"http://127.0.0.1:{listener.getsockname()[1]}/"
+            yield f"http://127.0.0.1:{listener.getsockname()[1]}/?token={_TOKEN}"
         finally:
             server.should_exit = True
             thread.join()

@@ -40,7 +40,7 @@ def address(workspace) -> Iterator[str]:
 def page(address) -> Iterator[Page]:
     """The page of the server, with an ear for errors and for requests to anyone else: there are none."""
     wrong: list[str] = []
-    own = (address, "blob:", "data:")
+    own = (address.partition("?")[0], "blob:", "data:")
     with browser() as chrome:
         page = new_page(chrome, viewport={"width": 1280, "height": 720}, accept_downloads=True)
         page.on("pageerror", lambda error: wrong.append(str(error)))

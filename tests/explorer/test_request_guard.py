@@ -1,20 +1,49 @@
 import pytest
 from starlette.testclient import TestClient
 
-from gapwalk.explorer.request_guard import MAX_BODY, is_loopback
+from gapwalk.explorer.request_guard import MAX_BODY, is_loopback, kept_token
 from gapwalk.explorer.web_app import application
 from tests.explorer.conftest import ORIGIN
 
 JSON = {"content-type": "application/json"}
 
 
-@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.1:8000", "localhost:1", "[::1]:80"])
+@pytest.mark.parametrize(
+    "host",
+    [
+        "127.0.0.1",
+        "127.0.0.1:8000",
+        "127.8.9.10:1",
+        "localhost:1",
+        "LocalHost",
+        "localhost.:80",
+        "127.0.0.1.:80",
+        "[::1]:80",
+        "[::1]",
+        "[0:0:0:0:0:0:0:1]:8000",
+        "localhost:",
+    ],
+)
 def test_this_machine_is_answered(client, host) -> None:
     assert client.get("/api/files", headers={"host": host}).status_code == 200
 
 
 @pytest.mark.parametrize(
-    "host", ["evil.example", "evil.example:8000", "127.0.0.1.evil.example", "", "10.0.0.1", "0.0.0.0"]
+    "host",
+    [
+        *("evil.example", "evil.example:8000", "127.0.0.1.evil.example", "", "10.0.0.1", "0.0.0.0"),
+        *("localhost.evil.example", "evil-localhost", "evil.example#localhost", "evil.example:80@localhost"),
+        *("[::1]evil.example", "[::1].evil.example:80", "[::1", "::1", "[127.0.0.1]", "[::]", "[::2]:80", "[evil]"),
+        *(
+            "localhost:80:80",
+            "localhost:x",
+            "localhost..",
+            "localhost:100000000",
+            "127.0.0.1:80/evil",
+            ".localhost",
+            ".",
+        ),
+    ],
 )
 def test_a_foreign_name_that_points_here_is_not_answered(client, host) -> None:
     answer = client.get("/api/files", headers={"host": host})
@@ -51,7 +80,7 @@ def test_large_requests_are_refused(client, model) -> None:
 
 
 def test_beyond_this_machine_a_token_is_needed(session) -> None:
-    client = TestClient(application(session, token="secret"), base_url="http://box.example")
+    client = TestClient(application(session, token="secret", is_local=False), base_url="http://box.example")
     assert client.get("/api/files").status_code == 403
     assert client.get("/?token=wrong").status_code == 403
     page = client.get("/?token=secret")
@@ -60,6 +89,51 @@ def test_beyond_this_machine_a_token_is_needed(session) -> None:
     assert "SameSite=Strict" in page.headers["set-cookie"]
     assert client.get("/api/files").status_code == 200  # by the cookie
     assert client.get("/api/files", headers={"origin": "http://evil.example"}).status_code == 403
+
+
+def test_on_this_machine_too_a_token_is_needed(session) -> None:
+    """Other users of a machine reach its loopback address."""
+    client = TestClient(application(session, token="secret"), base_url=ORIGIN)
+    for path in ("/", "/api/files", "/api/about?file=stop.toml", "/static/main.js", "/api/events"):
+        assert client.get(path).status_code == 403, path
+    assert client.post("/api/act", json={"file": "stop.toml", "do": "compute"}).status_code == 403
+    assert (
+        client.get("/api/files", headers={"host": "evil.example", "cookie": "gapwalk-token=secret"}).status_code == 421
+    )
+    assert client.get("/?token=secret").status_code == 200
+    assert client.get("/api/files").status_code == 200
+
+
+def test_two_explorers_of_one_machine_keep_their_cookies(session) -> None:
+    """Browsers send the cookies of an address to all of its ports."""
+    both = [TestClient(application(session, token=each), base_url=ORIGIN) for each in ("one", "other")]
+    for client, token in zip(both, ("one", "other"), strict=True):
+        client.cookies = both[0].cookies
+        assert client.get(f"/?token={token}").status_code == 200
+    assert [client.get("/api/files").status_code for client in both] == [200, 200]
+
+
+def test_the_token_of_the_command_line_of_the_browser_works_once(session) -> None:
+    guarded = application(session, token="secret", once="opened")
+    first, other = (TestClient(guarded, base_url=ORIGIN) for _ in range(2))
+    assert first.get("/?token=opened").status_code == 200
+    assert first.get("/?token=opened").status_code == 200  # the page is reloaded: its cookie counts
+    assert other.get("/?token=opened").status_code == 403
+    assert other.get("/?token=").status_code == 403
+
+
+def test_a_token_is_kept_for_a_restart_where_only_this_user_reads_it(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    token = kept_token(tmp_path, 8000)
+    assert kept_token(tmp_path, 8000) == token
+    assert len({token, kept_token(tmp_path, 8001), kept_token(tmp_path / "other", 8000)}) == 3
+    (secret,) = (tmp_path / "gapwalk" / "explorer").iterdir()
+    assert secret.stat().st_mode & 0o777 == 0o600
+    secret.chmod(0o644)  # somebody may have read it
+    assert kept_token(tmp_path, 8000) != token
+    assert secret.stat().st_mode & 0o777 == 0o600
+    secret.parent.chmod(0o777)
+    assert kept_token(tmp_path, 8000) != kept_token(tmp_path, 8000)
 
 
 @pytest.mark.parametrize(

@@ -125,7 +125,10 @@ def gap_state(motion: Orbit | Motion, gap: str) -> GapState:
     <GapState.CLOSED: 'closed'>
     """
     inner = innermost(motion.system, gap)
-    sides = {inner[event.switch] for event in motion.events if event.switch in inner}
+    begin = 0.0 if isinstance(motion, Orbit) else float(motion.theta[0])
+    # a stop that is let go of at once touches without a force; if the part leaves it, it comes back later
+    told = (event.switch for event in motion.events if event.enters or event.theta > begin)
+    sides = {inner[switch] for switch in told if switch in inner}
     if sides:
         return GapState.ONE_SIDE if len(sides) == 1 else GapState.BOTH_SIDES
     system, breakpoints = motion.system, motion.system.breakpoints

@@ -295,9 +295,10 @@ def compare(
         Result files, or model files whose study is then run (select one of several as in model.toml:light).
     tolerance
         The largest distance, shift of a special point, or missing part of a range that counts as agreement: a fraction
-        of the range of the parameter and of the motions' measures.
+        of the range of the parameter and of the motions' measures. Of maps of regimes, basins or rattle: the share of
+        cells that may have another label.
     output
-        A picture to write, PNG or SVG, with both results overlaid and their distance.
+        A picture to write, PNG or SVG, with both results overlaid and their distance; not of maps of cells.
     measure
         The quantity on the vertical axis of the picture, as in max.q1; by default that of the first study.
     changes
@@ -395,8 +396,8 @@ def explore(
     port
         The port of the server; 0 for any free port.
     host
-        The address of the server. For other addresses than this machine's, the page requires a token, which is part of
-        the printed address.
+        The address of the server; 0.0.0.0 for all of this machine's. The page requires a token, which is part of the
+        printed address.
     browser
         Open the page in the browser.
     """

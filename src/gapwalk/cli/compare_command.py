@@ -10,6 +10,7 @@ from gapwalk.cli.progress import progress_of
 from gapwalk.errors import ModelError
 from gapwalk.model.words import parameter_symbol
 from gapwalk.studies.compare import Pair, ResultComparison, compare_results, comparison_document, place_words
+from gapwalk.studies.compare_cells import CellComparison
 from gapwalk.studies.read_result import load_result
 from gapwalk.studies.result import Result
 from gapwalk.studies.runner import run
@@ -38,6 +39,8 @@ def compare_files(
     if output is not None and output.suffix not in _PICTURES:
         raise ModelError(f"{output} is not a name for a picture; give it the ending .png or .svg")
     found = compare_results(_result_of(first, changes), _result_of(second, changes))
+    if isinstance(found, CellComparison):
+        return _show_cells(found, (first, second), tolerance, output, json=json)
     agree = found.within(tolerance)
     if output is not None:
         from gapwalk.plot import save  # imported late: only pictures need matplotlib
@@ -55,6 +58,26 @@ def compare_files(
             show([f"points may be too far apart to decide; {advice}"])
         if output is not None:
             show_files([output])
+    return DONE if agree else DIFFERENT
+
+
+def _show_cells(
+    found: CellComparison, files: tuple[str, str], tolerance: float, output: Path | None, *, json: bool
+) -> int:
+    """Print which cells differ; return the exit code."""
+    if output is not None:
+        raise ModelError("the differences of cells are not drawn; leave --output out, --json lists all of them")
+    agree = found.within_share(tolerance)
+    if json:
+        print_json(found.document(tolerance) | {"files": list(files)})
+        return DONE if agree else DIFFERENT
+    for which, file, result in zip(_WORDS, files, found.results, strict=True):
+        show([f"{which}: {file}{f', {result.title}' if result.title else ''}"])
+    show(found.lines())
+    worst = max(found.counts.values(), default=0)
+    verdict = "they agree within" if agree else "they differ by more than"
+    share = f"{worst} of {found.cells} cells differ: {verdict} a share of {tolerance:g}"
+    show_title(share if not any(found.only) else f"{share}; other gaps", console())
     return DONE if agree else DIFFERENT
 
 

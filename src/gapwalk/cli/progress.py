@@ -53,7 +53,7 @@ class ProgressLine:
         self, first: str, words: Words, *, bar: bool = True, total: float | None = None, show: bool = True
     ) -> None:
         screen = console(stderr=True)
-        self._words, self._text = words, first
+        self._words, self._text = words, (first, "")
         self._is_logged = show and not screen.is_terminal
         self._progress = Progress(
             SpinnerColumn(),
@@ -74,10 +74,10 @@ class ProgressLine:
         self.update(*self._words(*news))
 
     def update(
-        self, description: str, reached: str, completed: float | None = None, total: float | None = None
+        self, description: str, reached: object, completed: float | None = None, total: float | None = None
     ) -> None:
         """Show a description, and the progress in words and as a number out of a total."""
-        self._text = f"{description}  {reached}"
+        self._text = description, reached
         self._progress.update(self._task, description=description, completed=completed, total=total, reached=reached)
 
     def __enter__(self) -> Self:
@@ -97,7 +97,8 @@ class ProgressLine:
         while not self._done.wait(pause):
             pause = _AGAIN
             with suppress(OSError, ValueError):  # nobody reads it
-                print(f"{self._text.strip()}  {time.monotonic() - begun:.0f} s", file=sys.stderr, flush=True)
+                text = "  ".join(map(str, self._text)).strip()
+                print(f"{text}  {time.monotonic() - begun:.0f} s", file=sys.stderr, flush=True)
 
 
 def progress_of(options: Any, title: str = "", *, show: bool = True) -> ProgressLine:
@@ -143,10 +144,20 @@ def _map_line(options: Any, title: str, show: bool) -> ProgressLine:
     return ProgressLine(f"{title} first section".strip(), words, bar=False, show=show)
 
 
+class _Reached:
+    """The parts of a job that are done, and the time left; not once this has passed, as when all workers have gone."""
+
+    def __init__(self, pace: Pace) -> None:
+        self._pace, self._since = pace, time.monotonic()
+
+    def __str__(self) -> str:
+        left = 0.0 if self._pace.left is None else self._pace.left - (time.monotonic() - self._since)
+        return f"{self._pace.done} of {self._pace.total}" + f"  about {left:.0f} s left" * (left > 0.0)
+
+
 def _job_line(options: StudyKind, title: str, show: bool) -> ProgressLine:
-    def words(part: object, pace: Pace) -> tuple[str, str, int, int]:
-        left = "" if pace.left is None else f"  about {pace.left:.0f} s left"
-        return title or options.kind, f"{pace.done} of {pace.total}{left}", pace.done, pace.total
+    def words(part: object, pace: Pace) -> tuple[str, _Reached, int, int]:
+        return title or options.kind, _Reached(pace), pace.done, pace.total
 
     return ProgressLine(title or options.kind, words, show=show)
 

@@ -26,7 +26,7 @@ from gapwalk.cli.output import (
 )
 from gapwalk.cli.progress import progress_of
 from gapwalk.continuation.walk import EndReason
-from gapwalk.errors import GapwalkError, ModelError
+from gapwalk.errors import GapwalkError, ModelError, WorkError
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.workers import on_cluster
 from gapwalk.studies.export import save_tables
@@ -66,6 +66,7 @@ def run_file(
     for study, path in zip(studies, outputs, strict=True):
         check_claim(path, study, resume=how["resume"], force=how["force"])  # before anything is computed
     resume_words = ["gapwalk", "run", str(file), *(["--units", "none"] if plain else []), "--resume"]
+    resume_words += [] if scheduler is None else ["--scheduler", scheduler]
     resume_words += [each for name in names for each in ("--study", name)]
     resume_words += [each for change in changes for each in ("--set", change)]
     codes: list[int] = []
@@ -80,13 +81,16 @@ def run_file(
                 if isinstance(error, KeyboardInterrupt) and not error.args and not is_stored:
                     kept = f"; {path} is what it was" * path.exists()
                     error.args = (f"no part was complete, so nothing is stored{kept}",)
+                can_resume = isinstance(error, (KeyboardInterrupt, WorkError)) and is_stored
                 if alone:
-                    if isinstance(error, KeyboardInterrupt) and is_stored:
+                    if can_resume:
                         _say_how_to_resume(resume_words, path)
                     raise
                 code, text = failure_code(error), failure_text(error)
                 document = {"name": study.name, "error": {"type": type(error).__name__, "message": text}}
                 print(f"gapwalk: {study.name}: {printable(text)}", file=sys.stderr)
+                if can_resume and code != INTERRUPTED:
+                    _say_how_to_resume(resume_words, output)
             codes.append(code)
             documents.append(document)
             if code == INTERRUPTED:

@@ -242,8 +242,8 @@ class Exploration:
     """
 
     def __init__(self, workspace: Workspace, name: str) -> None:
-        self.workspace, self.name = workspace, name
-        self.file = workspace.path(name)
+        self.workspace, self.file = workspace, workspace.path(name)
+        self.name = workspace.name(self.file)
         self.guard = threading.RLock()
         self.entries: dict[str, Entry] = {}
         self.studies: tuple[Study, ...] = ()
@@ -405,7 +405,7 @@ class Exploration:
 
     def _read_exploration(self) -> None:
         folder = self.workspace.exploration(self.file)
-        for path, record in read_records(folder).items():
+        for path, record in read_records(folder, self.workspace).items():
             try:
                 action = read_action(record.get("action"))
             except ModelError:

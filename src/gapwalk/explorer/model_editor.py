@@ -279,7 +279,7 @@ def save_text(workspace: Workspace, name: str, text: str, stamp: str) -> dict[st
 
 def _model_path(workspace: Workspace, name: str) -> Path:
     path = workspace.path(name)
-    if path.suffix != MODEL or Path(name).name != name:
+    if path.suffix != MODEL or workspace.name(path) != name or not (path.parent == workspace.root or path.exists()):
         raise ModelError(f"{name[:100]!r} is not the name of a model file; write one such as clutch{MODEL}")
     return path
 

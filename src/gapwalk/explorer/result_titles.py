@@ -11,7 +11,7 @@ from gapwalk.model.system import System
 from gapwalk.model.words import pace_words, parameter_symbol, value_words
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.studies.options import RangeStudy
-from gapwalk.studies.settle_study import SettleFinding, SettleStudyOptions
+from gapwalk.studies.settle_study import SettleFinding, SettleStudyOptions, rest_words
 from gapwalk.studies.study_file import Study
 
 _MOST = 3  # changed values that a title names
@@ -86,7 +86,7 @@ def verdict(motion: Orbit | Settled, finding: SettleFinding | None = None) -> st
     attractor = None if finding is None else finding.attractor
     orbit = motion if isinstance(motion, Orbit) else motion.orbit
     if orbit is not None:
-        return f"period {orbit.period}, {orbit.instability.words}"
+        return ", ".join([f"period {orbit.period}, {orbit.instability.words}", *rest_words(orbit)])
     if attractor is None:
         return "not periodic" if not isinstance(motion, Settled) or motion.converged else "not settled"
     words = "kind not known" if attractor.kind is AttractorKind.UNDECIDED else attractor.label

@@ -1,4 +1,4 @@
-"""Server of the explorer: on the loopback address, or on another one with a token.
+"""Server of the explorer: on the loopback address, or on another one; each request needs the token that is printed.
 
 Method: docs/numerics/explorer.md
 """
@@ -9,6 +9,8 @@ import asyncio
 import socket
 import webbrowser
 from collections.abc import Callable
+from contextlib import suppress
+from ipaddress import ip_address
 from pathlib import Path
 
 import uvicorn
@@ -16,7 +18,7 @@ import uvicorn
 from gapwalk.errors import ModelError
 from gapwalk.explorer.engine import Engine
 from gapwalk.explorer.exploration import Exploration
-from gapwalk.explorer.request_guard import is_loopback, new_token
+from gapwalk.explorer.request_guard import is_loopback, kept_token, new_token
 from gapwalk.explorer.session import Session
 from gapwalk.explorer.web_app import application
 from gapwalk.explorer.workspace import Workspace
@@ -39,7 +41,7 @@ def serve(
     file
         The model or result to show first, or a folder; its folder is the workspace. None: the current folder.
     host
-        Address to listen on. If it is not loopback, every request needs a token, which the printed address contains.
+        Address to listen on. Every request needs a token, which the printed address contains.
     port
         The port; 0 for a free one.
     browser
@@ -56,18 +58,25 @@ def serve(
     if name:
         Exploration(Workspace(root), name)  # errors of the file are reported here, not on a page
     with _listen(host, port) as listener:
-        token = "" if is_loopback(host) else new_token()
-        session = Session(root, name, engine)
-        address = f"http://{_shown(host)}:{listener.getsockname()[1]}/{f'?token={token}' if token else ''}"
+        bound, port = listener.getsockname()[:2]
+        session, is_local = Session(root, name, engine), is_loopback(bound)
+        once = new_token() if browser else ""
+        token = kept_token(session.workspace.root, port) if is_local else new_token()
+        places = [f"http://{_shown(each)}:{port}/?token=" for each in _reachable(host, bound)]
         config = uvicorn.Config(
-            application(session, token), log_level="warning", timeout_graceful_shutdown=_GRACE, server_header=False
+            application(session, token, once=once, is_local=is_local),
+            log_level="warning",
+            timeout_graceful_shutdown=_GRACE,
+            server_header=False,
         )
 
         def tell() -> None:
-            print(f"the explorer of {session.workspace.root} is at\n    {address}", flush=True)
+            print(f"the explorer of {session.workspace.root} is at", flush=True)
+            for place in places:
+                print(f"    {place}{token}", flush=True)
             print("Ctrl-C ends it; results are stored", flush=True)
             if browser:
-                webbrowser.open(address)
+                webbrowser.open(places[-1] + once)
 
         asyncio.run(_Server(config, tell, session.events.close).serve(sockets=[listener]))
 
@@ -126,6 +135,19 @@ def _listen(host: str, port: int) -> socket.socket:
         listener.close()
         raise ModelError(f"cannot listen on {host}, port {port}: {error.strerror}; try --port 0") from None
     return listener
+
+
+def _reachable(host: str, bound: str) -> list[str]:
+    """Return the addresses at which a server answers; one that listens everywhere in the network and here."""
+    if not ip_address(bound).is_unspecified:
+        return [host]
+    family, far, near = (
+        (socket.AF_INET6, "2001:db8::1", "::1") if ":" in bound else (socket.AF_INET, "192.0.2.1", "127.0.0.1")
+    )
+    with suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as probe:
+        probe.connect((far, 9))  # nothing is sent: the system only chooses the address from which it would be
+        return list(dict.fromkeys((probe.getsockname()[0], near)))
+    return [near]
 
 
 def _shown(host: str) -> str:

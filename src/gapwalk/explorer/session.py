@@ -44,7 +44,8 @@ class Session:
     """
 
     def __init__(self, root: Path, name: str = "", engine: Engine | None = None) -> None:
-        self.workspace, self.first = Workspace(root), name
+        self.workspace = Workspace(root)
+        self.first = self.workspace.name(self.workspace.path(name)) if name else ""
         self.mark = secrets.token_hex(4)  # by which pages notice that the server was restarted
         self._guard, self._opening = threading.Lock(), threading.Lock()
         self._explorations: dict[str, Exploration] = {}
@@ -61,6 +62,7 @@ class Session:
         ModelError
             If it cannot be opened.
         """
+        name = self.workspace.name(self.workspace.path(name))  # one file has one exploration, however it is spelt
         found = self._explorations.get(name)
         if found is not None:
             return found
@@ -146,7 +148,7 @@ class Session:
             measures.insert(0, shown)
 
         return {
-            "file": name,
+            "file": exploration.name,
             "server": self.mark,
             "stamp": stamp,
             "model": exploration.model,

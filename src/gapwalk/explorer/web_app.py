@@ -41,8 +41,10 @@ _PAGE = files("gapwalk.explorer") / "page"
 _NAME = 200  # longest name of a quantity in a request
 
 
-def application(session: Session, token: str = "") -> Callable[..., Awaitable[None]]:
-    """Return the guarded application of a session; if there is a token, each request must carry it."""
+def application(
+    session: Session, token: str = "", *, once: str = "", is_local: bool = True
+) -> Callable[..., Awaitable[None]]:
+    """Return the guarded application of a session; `token`, `once` and `is_local` are those of `Guard`."""
     api = _Api(session)
 
     @asynccontextmanager
@@ -73,7 +75,8 @@ def application(session: Session, token: str = "") -> Callable[..., Awaitable[No
     ]
     errors = {TooLargeError: 413, SupersededError: 409, GapwalkError: 400}
     handlers = {kind: partial(_sentence, status=status) for kind, status in errors.items()}
-    return Guard(Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers), token)
+    app = Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers)
+    return Guard(app, token, once=once, is_local=is_local)
 
 
 async def _sentence(_: Request, error: Exception, *, status: int) -> Response:

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,10 @@ class Workspace:
         self.root = root.resolve()
 
     def files(self) -> list[str]:
-        """Return the sorted names of the model files and results in the folder."""
+        """Return the sorted names of the model files and results in the folder, and of those to which links in it lead.
+
+        Links that lead out of the folder are left out.
+        """
         return self._named(MODEL, RESULT)
 
     def records(self) -> list[str]:
@@ -45,12 +49,23 @@ class Workspace:
         return self._named(RECORD)
 
     def _named(self, *endings: str) -> list[str]:
-        found = [
-            path.name
-            for path in self.root.iterdir()
-            if path.suffix in endings and path.is_file() and not path.name.startswith(".") and _can_be_asked(path.name)
-        ]
+        found = set[str]()
+        for each in self.root.iterdir():
+            if each.suffix in endings and each.is_file():
+                with suppress(ModelError):
+                    found.add(self.name(self.path(each.name, endings)))
         return sorted(found)[:_MOST]
+
+    def name(self, path: Path) -> str:
+        """Return the one name of a file that `path` has returned, whichever was asked for."""
+        return path.relative_to(self.root).as_posix()
+
+    def holds(self, path: Path) -> bool:
+        """Return True if a file or folder lies in the workspace, and links on the way to it do not lead out of it."""
+        try:
+            return path.resolve().is_relative_to(self.root)
+        except (OSError, RuntimeError):  # links in a circle
+            return False
 
     def path(self, name: str, endings: tuple[str, ...] = (MODEL, RESULT)) -> Path:
         """Return the file of a name in a request.
@@ -63,13 +78,16 @@ class Workspace:
         given = f"{name[:100]!r}"
         if not name or "\0" in name or len(name) > 300 or not _can_be_asked(name):
             raise ModelError(f"{given} is not the name of a file; write that of a file in {self.root.name}")
-        path = (self.root / name).resolve()
+        path = self.root / name
+        path = path.resolve() if self.holds(path) else Path("/")
         inside = path.is_relative_to(self.root)
         if not inside or any(part.startswith(".") for part in path.relative_to(self.root).parts):
             raise ModelError(f"{given} lies outside of the workspace; only files in {self.root.name} can be opened")
         if path.suffix not in endings:
             wanted = f"a CSV file ({RECORD})" if endings == (RECORD,) else f"a model ({MODEL}) or a result ({RESULT})"
             raise ModelError(f"{given} is not {wanted}")
+        if path.exists() and not _is_spelt(path):
+            raise ModelError(f"{given} is spelt in another way in {self.root.name}; write it as it is there")
         return path
 
     def exploration(self, file: Path) -> Path:
@@ -87,7 +105,7 @@ class Workspace:
         folder = self.exploration(file)
         try:
             folder.mkdir(exist_ok=True)
-            if not folder.resolve().is_relative_to(self.root):
+            if not self.holds(folder):
                 raise StoreError(f"{folder.name} leads out of the workspace; remove the link")
             taken = [int(head) for each in folder.iterdir() if (head := each.name.partition("-")[0]).isdigit()]
             for number in range(max(taken, default=0) + 1, _MOST + 1):
@@ -100,6 +118,14 @@ class Workspace:
         except OSError as error:
             raise StoreError(f"nothing can be written into {folder}: {error.strerror}") from None
         raise StoreError(f"{folder.name} holds {_MOST} results; move some of them elsewhere")
+
+
+def _is_spelt(path: Path) -> bool:
+    """Return True if a file is listed under its name: some file systems find it by others too, as in capitals."""
+    try:
+        return path.name in os.listdir(path.parent)
+    except OSError:  # a folder that cannot be listed
+        return True
 
 
 def _can_be_asked(name: str) -> bool:
@@ -123,11 +149,13 @@ def write_record(output: Path, record: dict[str, Any]) -> None:
         raise StoreError(f"{output.with_suffix('.json')} cannot be written: {error.strerror}") from None
 
 
-def read_records(folder: Path) -> dict[Path, dict[str, Any]]:
-    """Return the records of an exploration by result file, in order; unreadable ones are left out."""
+def read_records(folder: Path, workspace: Workspace) -> dict[Path, dict[str, Any]]:
+    """Return the records of an exploration by result file, in order; unreadable ones, and links out, are left out."""
     records = {}
     for path in sorted(folder.glob("*.json")) if folder.is_dir() else []:
         try:
+            if not workspace.holds(path) or not workspace.holds(path.with_suffix(RESULT)):
+                continue
             if not path.is_file() or path.stat().st_size > _RECORD_BYTES:
                 continue
             record = json.loads(path.read_text(encoding="utf-8"))

@@ -51,7 +51,7 @@ def kept(equations: str, *, folder: Path | None = None) -> Iterator[None]:
     state = hy.llvm_state
     with _one_at_a_time:
         before = state.get_diskcache_path(), state.get_diskcache_enabled()
-        folder = _trusted(folder)
+        folder = trusted(folder)
         work = _working_folder() if folder else None
         try:
             if folder is None or work is None:
@@ -74,10 +74,10 @@ def kept(equations: str, *, folder: Path | None = None) -> Iterator[None]:
                 shutil.rmtree(work, ignore_errors=True)
 
 
-def _trusted(folder: Path | None) -> Path | None:
-    """Return the folder, created if necessary; None if it is not the user's own."""
+def trusted(folder: Path | None, name: str = "flows") -> Path | None:
+    """Return a folder, by default one in the cache, created if necessary; None if it is not the user's own."""
     try:
-        folder = cache_folder("flows") if folder is None else folder
+        folder = cache_folder(name) if folder is None else folder
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         return folder if is_private(folder) else None
     except (OSError, RuntimeError):  # RuntimeError: there is no home

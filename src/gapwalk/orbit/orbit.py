@@ -230,12 +230,16 @@ class Orbit(Shown):
 
     @cached_property
     def held(self) -> dict[int, tuple[int, int]]:
-        """Number of phases of a period in which each rigid stop is held, and in which it is not, by switches."""
+        """Number of phases of a period in which each rigid stop is held, and in which it is not, by switches.
+
+        A part that touches its stop all the time without a force is let go of, but does not leave it.
+        """
         found: dict[int, tuple[int, int]] = {}
         for switch in {switch for _, switch in self.system.structure.reactions if switch >= 0}:
             own = [event for event in self.events if event.switch == switch]
             lets_go = sum(not event.enters for event in own)
-            found[switch] = (lets_go, max(1, lets_go)) if own or not self._rests_on(switch) else (1, 0)
+            leaves = any(event.enters for event in own) or not self._rests_on(switch)
+            found[switch] = (lets_go, max(1, lets_go)) if leaves else (1, 0)
         return found
 
     def rests(self, switch: int) -> bool:

@@ -7,23 +7,29 @@ import re
 import time
 import warnings
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
+from textwrap import shorten
 from typing import Any
+from weakref import WeakKeyDictionary
 
-from gapwalk.errors import ModelError, WorkError
-from gapwalk.results.versions import versions
+from gapwalk.errors import GapwalkError, ModelError, WorkError
+from gapwalk.model.registry import extensions
+from gapwalk.results.versions import sources, versions
 
 _CONNECT = 10.0  # seconds
 _LOOK = 2.0  # seconds from one look at the cluster to the next
+_TELL = 10.0  # seconds after which it is reported that all workers have gone; one that died is back sooner
+_PATIENCE = 120.0  # seconds after which the work ends if all workers have gone
 _AHEAD = 2  # pieces under way for each worker: the next one waits there while the last one's result travels
 _EXAMPLE = "such as tcp://node7:8786"
-_DECISIVE = ("gapwalk", "heyoka")  # another version may give another result
+_DECISIVE = ("gapwalk", "sources", "heyoka")  # if they differ, results may differ by more than rounding
 
 
 class Cluster:
     """The workers of a Dask cluster; a `Executor`.
 
-    Workers may come and go while it is used. Dask itself does a piece of work again whose worker has died.
+    Workers may come and go while it is used. Each is asked for its software before it gets any work: one whose results
+    may differ is named and left out. Dask itself does a piece of work again whose worker has died.
 
     Parameters
     ----------
@@ -34,11 +40,12 @@ class Cluster:
     Raises
     ------
     ModelError
-        If Dask is not installed, no scheduler answers, or its workers cannot do the work of this version.
+        If Dask is not installed, no scheduler answers, or it has workers but none that can do the work of this version.
     """
 
-    tries = 2
-    """Each counts for several deaths, Dask's ``allowed-failures`` and one, but perhaps of another piece's making."""
+    tries = 3
+    """Each counts for several deaths, Dask's ``allowed-failures`` and one, but perhaps of another piece's making; or
+    for the death of all workers that might do the piece."""
 
     patience = _LOOK
 
@@ -48,12 +55,18 @@ class Cluster:
         except ModuleNotFoundError:
             raise ModelError("work on a cluster needs Dask; install it: pip install 'gapwalk[cluster]'") from None
         self.address, self._killed = address, KilledWorker
+        self._modules = tuple(name for name in extensions() if name != "__main__")
+        self._ours = software(self._modules)
         self._client = _connect(Client, address)
+        self._executor = self._client.get_executor(pure=False)
+        self._asked: dict[str, Future[dict[str, str]]] = {}  # the coming answers of new workers
+        self._faults: dict[str, str] = {}  # of the workers that have answered; "" for none
+        self._good: frozenset[str] = frozenset()  # the workers that may do the work
+        self._sent: WeakKeyDictionary[Future[Any], frozenset[str]] = WeakKeyDictionary()  # which of them may do each
+        self._seen = self._last_good = 0.0  # times; the latter is 0 until there is a worker
+        self._is_told = False
         try:
-            self._versions = versions()
-            self._check_workers()
-            self._executor = self._client.get_executor(pure=False)
-            self._size, self._seen = self._count(), time.monotonic()
+            self._meet()
         except BaseException:
             self._client.close()
             raise
@@ -62,25 +75,46 @@ class Cluster:
     def size(self) -> int:
         """Number of pieces that should be in progress, for the present size of the cluster."""
         if time.monotonic() - self._seen > _LOOK:
-            self._size, self._seen = self._count(), time.monotonic()
-        return self._size
+            self.check()
+        return _AHEAD * len(self._good)
 
     def prepare(self) -> None:
         """Do nothing, because the workers run already."""
 
     def begin(self, function: Callable[[Any], Any], piece: Any) -> Future[Any]:
         """Have a worker do a piece."""
-        return self._executor.submit(do_piece, function, piece, self._versions)
+        future = self._executor.submit(do_piece, function, piece, self._modules, self._ours, workers=sorted(self._good))
+        self._sent[future] = self._good
+        return future
 
     def is_loss(self, error: BaseException) -> bool:
-        """Return True if workers died over a piece."""
-        return isinstance(error, self._killed)
+        """Return True if workers died over a piece, or one with other software came to the address of a worker."""
+        if isinstance(error, ReplacedError):
+            self._faults.clear()  # all of them are asked again
+            self.check()
+        return isinstance(error, (self._killed, ReplacedError))
 
     def check(self) -> None:
-        """Raise a WorkError if the connection to the scheduler is lost."""
+        """See who is there; raise a WorkError if the scheduler is lost, or all workers have been away for long."""
         if self._client.status != "running":
             raise WorkError(
                 f"the Dask scheduler at {self.address} has stopped; finished work is kept. Start it again and resume"
+            )
+        self._look()
+        self._seen = now = time.monotonic()
+        if self._good or not self._last_good:
+            self._last_good, self._is_told = now if self._good else 0.0, False
+        elif not self._is_told and now - self._last_good > _TELL:
+            self._is_told = True
+            warnings.warn(
+                f"no worker of the cluster at {self.address} is left. The work goes on when others come; if none comes "
+                f"within {_PATIENCE - _TELL:g} s, it ends, and what is finished is kept",
+                stacklevel=4,
+            )
+        elif now - self._last_good > _PATIENCE:
+            raise WorkError(
+                f"no worker of the cluster at {self.address} has been there for {_PATIENCE:g} s; finished work is "
+                "kept. Start workers and resume"
             )
 
     def close(self, *, at_once: bool) -> None:
@@ -88,23 +122,45 @@ class Cluster:
         self._executor.shutdown(wait=not at_once)
         self._client.close()
 
-    def _count(self) -> int:
-        self.check()
-        return _AHEAD * max(1, len(self._client.nthreads()))
+    def _look(self) -> None:
+        """Find out who may do the work, and take back what nobody is left to do."""
+        living = set(self._client.nthreads())
+        for known in (self._faults, self._asked):
+            for gone in known.keys() - living:
+                del known[gone]
+        for new in living - self._faults.keys() - self._asked.keys():
+            self._asked[new] = self._executor.submit(software, self._modules, workers=[new], priority=1)
+        for worker in [each for each, answer in self._asked.items() if answer.done()]:
+            self._faults[worker] = self._fault(worker, self._asked.pop(worker))
+        self._good = frozenset(worker for worker, fault in self._faults.items() if not fault)
+        for future, able in list(self._sent.items()):
+            if not able & living:
+                future.cancel()
 
-    def _check_workers(self) -> None:
-        """Check that there are workers, with this version of gapwalk and one thread each."""
-        try:
-            found = self._client.run(versions)
-        except Exception as error:  # what goes wrong there comes in many types
-            raise ModelError(
-                f"the workers of the cluster at {self.address} cannot do the work ({error}); install gapwalk "
-                f"{self._versions['gapwalk']} with its extra [cluster] there too"
-            ) from None
-        # one worker of each kind is enough to tell
-        for worker, theirs in {tuple(theirs.items()): (worker, theirs) for worker, theirs in found.items()}.values():
-            check_versions(self._versions, theirs, worker)
+    def _fault(self, worker: str, answer: Future[dict[str, str]]) -> str:
+        """Return why a worker is left out, and say so; empty if it may do the work."""
+        if error := answer.exception():  # what goes wrong there comes in many types
+            fault = f"the worker {worker} cannot do the work ({shorten(str(error), 140)})"
+        else:
+            fault = difference(self._ours, answer.result(), f"the worker {worker}")
+        if fault:
+            warnings.warn(f"{fault}; it is left out. {self._advice}", stacklevel=5)
+        return fault
+
+    @property
+    def _advice(self) -> str:
+        here = f"gapwalk {self._ours['gapwalk']}, with its extra [cluster]"
+        return f"Install there, and where the scheduler runs, what is installed here ({here})"
+
+    def _meet(self) -> None:
+        """Wait until the workers that are there have answered; raise a ModelError if none of them may do the work."""
+        self.check()
+        wait(self._asked.values(), timeout=_CONNECT)
+        self.check()
         threads = self._client.nthreads()
+        if self._faults and not self._good and not self._asked:
+            fault = next(iter(self._faults.values()))
+            raise ModelError(f"none of {len(self._faults)} workers may do the work: {fault}. {self._advice}")
         if not threads:
             warnings.warn(
                 f"the cluster at {self.address} has no workers yet; the work begins when they come", stacklevel=4
@@ -118,26 +174,33 @@ class Cluster:
             )
 
 
-def do_piece(function: Callable[[Any], Any], piece: Any, expected: dict[str, str]) -> Any:
-    """Do a piece on a worker after a check of its versions, because it may be new; errors as the function."""
-    check_versions(expected, versions(), "one of them")
+class ReplacedError(GapwalkError):
+    """A worker was replaced at its address by one with other software."""
+
+
+def software(modules: tuple[str, ...]) -> dict[str, str]:
+    """Return the versions of the software of this process, and the hash of gapwalk's sources and of modules."""
+    return {**versions(), "sources": sources(modules)}
+
+
+def do_piece(function: Callable[[Any], Any], piece: Any, modules: tuple[str, ...], expected: dict[str, str]) -> Any:
+    """Do a piece on a worker, unless its software is not that of the worker which was asked."""
+    if fault := difference(expected, software(modules), "the worker"):
+        raise ReplacedError(fault)
     return function(piece)
 
 
-def check_versions(ours: dict[str, str], theirs: dict[str, str], worker: str) -> None:
-    """Compare the versions of the software here and on a worker.
-
-    Raises
-    ------
-    ModelError
-        If the difference may change the result.
-    """
+def difference(ours: dict[str, str], theirs: dict[str, str], worker: str) -> str:
+    """Say which difference of a worker's software may change the result; warn if only the last digits may differ."""
     for name, version in ours.items():
         if theirs.get(name) != version:
-            text = f"the workers of the cluster have {name} {theirs.get(name)} ({worker}), and here it is {version}"
+            text = f"{worker} has {name} {theirs.get(name)}, and here it is {version}"
+            if name == "sources":
+                text = f"{worker} has other code of this version of gapwalk (hash {theirs.get(name)}, here {version})"
             if name in _DECISIVE:
-                raise ModelError(f"{text}; results may differ, so install the same version on both")
+                return f"{text}, so its results may differ"
             warnings.warn(f"{text}; results may differ in the last digits", stacklevel=2)
+    return ""
 
 
 def _connect(client: Callable[..., Any], address: str) -> Any:

@@ -5,6 +5,7 @@ Method: docs/numerics/results.md
 
 from __future__ import annotations
 
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -38,7 +39,7 @@ class Executor(Protocol):
 
     @property
     def size(self) -> int:
-        """Number of pieces that should be in progress at the same time."""
+        """Number of pieces that should be in progress at the same time; 0 while there is nobody to do them."""
         ...
 
     def prepare(self) -> None:
@@ -82,7 +83,7 @@ class Workers:
     @property
     def count(self) -> int:
         """Number of pieces that are worked on at the same time."""
-        return 1 if self.executor is None else self.executor.size
+        return 1 if self.executor is None else max(1, self.executor.size)
 
     def prepare(self) -> None:
         """Begin to start other processes while this one prepares the pieces; `each` does so too, but later."""
@@ -195,9 +196,11 @@ class _Run:
         try:
             while True:
                 yield from self._begin()
-                if not self._running:
+                if not self._running and not self._alone and not self._is_left():
                     break
                 done = wait(self._running, timeout=self._executor.patience, return_when=FIRST_COMPLETED).done
+                if not self._running:  # nobody is there to do what is left
+                    time.sleep(self._executor.patience or 0.0)
                 if not done:
                     self._executor.check()
                 for future in sorted(done, key=self._running.__getitem__):
@@ -216,7 +219,7 @@ class _Run:
             else:
                 self._begun += 1
                 yield from self._begin_one(self._begun - 1)
-        while self._alone and not self._running:
+        while self._alone and not self._running and self._executor.size:
             yield from self._begin_one(self._alone.popleft())
 
     def _begin_one(self, index: int) -> Iterator[tuple[int, Any]]:
@@ -239,9 +242,8 @@ class _Run:
     def _end(self, index: int, future: Future[Any]) -> Iterator[tuple[int, Any]]:
         if future.cancelled():
             self._executor.check()
-            future = _failed(WorkError("a piece of work was cancelled by somebody else"))
-        error = future.exception()
-        if error is not None and self._executor.is_loss(error):
+        error = None if future.cancelled() else future.exception()
+        if future.cancelled() or (error is not None and self._executor.is_loss(error)):
             self._losses[index] += 1
             if self._losses[index] < self._executor.tries:
                 last = self._losses[index] == self._executor.tries - 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sqlite3
 from collections.abc import Iterator
@@ -10,6 +11,8 @@ from contextlib import contextmanager
 from gapwalk.errors import StoreError
 from gapwalk.model.registry import UnknownNameError
 
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Errors of a disk that is full, or of a limit that is reached."""
 _LOCKED = ("SQLITE_BUSY", "SQLITE_LOCKED")
 
 
@@ -59,9 +62,9 @@ def _explain(name: str, error: Exception) -> str:
         if not os.access(folder, os.W_OK):
             return f"{name} cannot be opened: its folder cannot be written; choose another place for the result"
         return f"{name} cannot be opened; look at its permissions ({error})"
-    if code == "SQLITE_FULL":
+    if code == "SQLITE_FULL" or getattr(error, "errno", None) in FULL[:2]:
         return f"{name} cannot be written: the disk is full; all that was reported is in the file"
-    if code.startswith("SQLITE_IOERR"):
+    if code.startswith("SQLITE_IOERR") or getattr(error, "errno", None) in FULL:
         return (
             f"{name} cannot be read or written ({error}): the disk may be full, a limit reached, or the disk gone; all "
             "that was reported is in the file"

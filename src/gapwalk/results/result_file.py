@@ -1,8 +1,8 @@
 """The one file format of gapwalk: named parts in a SQLite database, each with a checksum, and one of all of them.
 
-While a job writes its file, SQLite's log is next to it (``-wal``, ``-shm``); a job that ends, even by Ctrl-C, leaves
-one file. If the process is killed at any time, the file contains all parts up to some moment: reported parts are never
-lost.
+While a job writes its file, SQLite's log is next to it (``-wal``, ``-shm``); a job that ends, even by Ctrl-C or because
+the disk is full, leaves one file. If the process is killed at any time, the file contains all parts up to some moment:
+reported parts are never lost.
 
 The seal is the sum of the checksums of all parts: it is kept up to date by each transaction, however long the file is.
 Nothing in it is secret: it detects changes by other programs, but not a change with a new seal.
@@ -28,7 +28,7 @@ from gapwalk import __version__
 from gapwalk.errors import StoreError
 from gapwalk.files import uninterrupted, why_no_file
 from gapwalk.results.codec import Packed, decode, encode
-from gapwalk.results.faults import explained, undamaged
+from gapwalk.results.faults import FULL, explained, undamaged
 
 APPLICATION = 0x67617077
 """Mark of a SQLite file that is a result of gapwalk: the letters gapw."""
@@ -226,7 +226,7 @@ class ResultFile:
         self.path, self._head = path, head
         self._base = head[0].value.system
         self._exists = exists
-        self._connection: sqlite3.Connection | None = None
+        self._connection: _Writer | None = None
         if exists:
             self.write(*head[1:])
 
@@ -282,7 +282,7 @@ class ResultFile:
     ) -> None:
         self.close()
 
-    def _opened(self) -> sqlite3.Connection:
+    def _opened(self) -> _Writer:
         if self._connection is None:
             self._connection = _open_to_write(self.path)
         return self._connection
@@ -339,7 +339,7 @@ def write_more(path: str | os.PathLike[str], system: Any, *entries: Entry) -> No
 
 def tidy(path: str | os.PathLike[str]) -> None:
     """Make one file of a result whose writer was killed just before it would have done so."""
-    if any(os.path.exists(f"{os.fspath(path)}{suffix}") for suffix in _SIDE_FILES):
+    if any(os.path.exists(f"{os.path.realpath(path)}{suffix}") for suffix in _SIDE_FILES):
         _close_whole(path, _open_to_write(path))
 
 
@@ -350,7 +350,7 @@ def lock(path: str | os.PathLike[str]) -> Iterator[None]:
     It is an empty database next to the file: SQLite's own locks work on every system.
     """
     check_place(path)
-    name = f"{os.fspath(path)}-lock"
+    name = f"{os.path.realpath(path)}-lock"  # one file has one lock, also by way of a link
     with explained(path):
         holder = sqlite3.connect(name, isolation_level=None, timeout=0)
     try:
@@ -384,7 +384,8 @@ def _begin(path: str | os.PathLike[str], head: tuple[Entry, ...], entries: tuple
 
     A file of that name is at any moment either whole or not there.
     """
-    new = f"{os.fspath(path)}-new"
+    path = os.path.realpath(path)  # a link stays one
+    new = f"{path}-new"
     base = head[0].value.system
     with explained(path):
         _remove(new)
@@ -398,8 +399,11 @@ def _begin(path: str | os.PathLike[str], head: tuple[Entry, ...], entries: tuple
             _insert(connection, head[:1], None)  # the request has its system in full
             _insert(connection, (*head[1:], *entries), base)
             connection.execute("COMMIT")
-        finally:
+        except BaseException:
             connection.close()
+            _remove(new)
+            raise
+        connection.close()
         _remove(path)  # its log too, which must not be taken for that of the new file
         os.replace(new, path)
 
@@ -493,10 +497,35 @@ def _seal_fault(connection: sqlite3.Connection) -> str:
     return ""
 
 
-def _open_to_write(path: str | os.PathLike[str]) -> sqlite3.Connection:
+class _Writer(sqlite3.Connection):
+    """A connection that keeps space in the file for all parts in its log: on a full disk they could not move there."""
+
+    _space = -1  # opened before this connection ends, and closed after: closing it gives up all locks of this process
+
+    def reserve(self, path: str | os.PathLike[str]) -> None:
+        """Have the system set aside what the file needs with the parts of this transaction."""
+        if not hasattr(os, "posix_fallocate"):
+            return
+        (pages,), (size,) = (self.execute(f"PRAGMA page_{what}").fetchone() for what in ("count", "size"))
+        self._space = os.open(path, os.O_RDWR) if self._space < 0 else self._space
+        try:
+            os.posix_fallocate(self._space, 0, pages * size)
+        except OSError as error:
+            if error.errno in FULL:
+                raise
+
+    def close(self) -> None:
+        """Close the file."""
+        super().close()
+        if self._space >= 0:
+            os.close(self._space)
+            self._space = -1
+
+
+def _open_to_write(path: str | os.PathLike[str]) -> _Writer:
     """Open an existing file so that committed parts survive the death of this process at any time."""
     with explained(path), ExitStack() as on_error:
-        connection = on_error.enter_context(closing(sqlite3.connect(path, isolation_level=None)))
+        connection = on_error.enter_context(closing(sqlite3.connect(path, isolation_level=None, factory=_Writer)))
         _check_format(path, connection)
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = NORMAL")
@@ -525,12 +554,13 @@ def _remove(path: str | os.PathLike[str]) -> None:
 
 
 @contextmanager
-def _transaction(path: str | os.PathLike[str], connection: sqlite3.Connection) -> Iterator[None]:
+def _transaction(path: str | os.PathLike[str], connection: _Writer) -> Iterator[None]:
     """Write everything inside the block, or nothing."""
     with explained(path):
         connection.execute("BEGIN IMMEDIATE")
         try:
             yield
+            connection.reserve(path)
             connection.execute("COMMIT")
         except BaseException:
             if connection.in_transaction:
@@ -546,7 +576,7 @@ def _open_to_read(path: str | os.PathLike[str]) -> sqlite3.Connection:
         connection.execute("PRAGMA user_version").fetchone()
     except sqlite3.Error as error:
         connection.close()
-        if not isinstance(error, sqlite3.OperationalError) or os.path.exists(f"{os.fspath(path)}-wal"):
+        if not isinstance(error, sqlite3.OperationalError) or os.path.exists(f"{os.path.realpath(path)}-wal"):
             raise
         # A file of a killed run in a folder that cannot be written: nobody can be writing it.
         connection = sqlite3.connect(f"{address}?mode=ro&immutable=1", uri=True, isolation_level=None)

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import os
 import platform
+from functools import cache
+from hashlib import blake2b
+from importlib import import_module
+from pathlib import Path
 
 import heyoka
 import numpy as np
@@ -36,6 +40,19 @@ def versions(before: dict[str, str] | None = None) -> dict[str, str]:
         else:
             now[name] = version
     return now
+
+
+@cache
+def sources(modules: tuple[str, ...] = ()) -> str:
+    """Return a hash of the code of gapwalk and of some modules; read once, as a process goes on with what it loaded."""
+    root = Path(__file__).parents[1]
+    named = [(path.relative_to(root).as_posix(), path) for path in sorted(root.rglob("*.py"))]
+    named += [(name, Path(file)) for name in modules if (file := import_module(name).__file__)]
+    hashed = blake2b(digest_size=6)
+    for name, path in named:
+        content = path.read_bytes()
+        hashed.update(f"{name} {len(content)} ".encode() + content)
+    return hashed.hexdigest()
 
 
 def _numbers(version: str) -> tuple[int, ...]:

@@ -2,11 +2,11 @@
 
 Functions: `add_kind`, `check_signal`, `check_study`, `compare_results`, `read_studies`.
 
-Classes: `BasinStudy`, `BranchOptions`, `Carry`, `Counted`, `DiagramStudyOptions`, `Entry`, `FamilyStudy`, `Finding`,
-`Found`, `FullCheck`, `LocusStudyOptions`, `Lone`, `MapStudyOptions`, `MemberParameter`, `Pair`, `ParameterRange`,
-`Part`, `Parts`, `Patience`, `RangeStudy`, `ReducedFrom`, `RegimeStudy`, `ResponseOptions`, `ResultComparison`, `Rows`,
-`SettleFinding`, `SettleStudyOptions`, `Shift`, `Start`, `StudyKind`, `Surroundings`, `SweepStudy`, `ToleranceStudy`,
-`Way`, `Which`, `Work`.
+Classes: `BasinStudy`, `BranchOptions`, `Carry`, `CellComparison`, `CellDifference`, `Counted`, `DiagramStudyOptions`,
+`Entry`, `FamilyStudy`, `Finding`, `Found`, `FullCheck`, `LocusStudyOptions`, `Lone`, `MapStudyOptions`,
+`MemberParameter`, `Pair`, `ParameterRange`, `Part`, `Parts`, `Patience`, `RangeStudy`, `ReducedFrom`, `RegimeStudy`,
+`ResponseOptions`, `ResultComparison`, `Rows`, `SettleFinding`, `SettleStudyOptions`, `Shift`, `Start`, `StudyKind`,
+`Surroundings`, `SweepStudy`, `ToleranceStudy`, `Way`, `Which`, `Work`.
 
 Values: `OPEN`.
 """

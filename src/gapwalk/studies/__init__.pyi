@@ -9,6 +9,8 @@ from .compare import Pair as Pair
 from .compare import ResultComparison as ResultComparison
 from .compare import Shift as Shift
 from .compare import compare_results as compare_results
+from .compare_cells import CellComparison as CellComparison
+from .compare_cells import CellDifference as CellDifference
 from .diagram_study import DiagramStudyOptions as DiagramStudyOptions
 from .family import MemberParameter as MemberParameter
 from .family_study import FamilyStudy as FamilyStudy

@@ -6,7 +6,7 @@ Method: docs/numerics/results.md
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +26,7 @@ from gapwalk.bifurcation.loci import Codim2Point, Locus
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
 from gapwalk.notebook import Shown
+from gapwalk.studies.compare_cells import compare_cells, map_of
 from gapwalk.studies.map import Map
 from gapwalk.studies.result import Result
 
@@ -241,11 +242,12 @@ _ALIKE = 0.05  # half the points of two branches that are the same one are no fa
 _FAR = 1e3
 
 
-def compare_results(first: Result, second: Result, measures: str | Sequence[str] | None = None) -> ResultComparison:
-    """Compare two results of studies of branches of one system over the same parameters, e.g. by two methods.
+def compare_results(first: Result, second: Result, measures: str | Sequence[str] | None = None) -> Any:
+    """Compare two results of studies of one system over the same parameters, e.g. by two methods: branches, or cells.
 
     Each branch of one is compared with the one of equal period in the other that is nearest to it. The branches of the
-    sections of maps, and their loci, are compared in the same way.
+    sections of maps, and their loci, are compared in the same way. Maps of regimes, basins and rattle are compared cell
+    by cell.
 
     Parameters
     ----------
@@ -257,13 +259,14 @@ def compare_results(first: Result, second: Result, measures: str | Sequence[str]
 
     Returns
     -------
-    ResultComparison
+    ResultComparison or CellComparison
         What both have, and what differs.
 
     Raises
     ------
     ModelError
-        If a result has no branches, or they are over different parameters or of different coordinates.
+        If a result has neither branches nor a map of cells, or they are over different parameters or cells, or of
+        different coordinates.
 
     Notes
     -----
@@ -276,6 +279,10 @@ def compare_results(first: Result, second: Result, measures: str | Sequence[str]
     >>> gw.studies.compare_results(result, gw.run(study)).within(1e-5)
     True
     """
+    if map_of(first) is not None or map_of(second) is not None:
+        _check_coordinates(first, second)
+        cells = compare_cells(first, second)
+        return replace(cells, notes=_notes(first, second, {*cells.names}))
     _check_comparable(first, second)
     names = measures_of(first.branches[0], measures)
     everything = [*first.branches, *second.branches]
@@ -289,7 +296,9 @@ def compare_results(first: Result, second: Result, measures: str | Sequence[str]
         loci, alone = _paired(_loci(first.map), _loci(second.map), lambda a, b: _compare_loci(a, b, plane))
         pairs, only = (*loci, *pairs), ((*alone[0], *only[0]), (*alone[1], *only[1]))
         parameters, widths = (first.map.first, first.map.second), tuple(plane.tolist())
-    return ResultComparison((first, second), parameters, widths, names, pairs, only, _notes(first, second))
+    return ResultComparison(
+        (first, second), parameters, widths, names, pairs, only, _notes(first, second, {*parameters})
+    )
 
 
 class _Named(NamedTuple):
@@ -430,8 +439,8 @@ def _check_comparable(first: Result, second: Result) -> None:
     for which, result in (("first", first), ("second", second)):
         if not result.branches:
             raise ModelError(
-                f"the {which} result is of the kind {result.options.kind} and has no branches; compare results of the "
-                "kinds response, diagram and map"
+                f"the {which} result is of the kind {result.options.kind} and has neither branches nor a map of cells; "
+                "compare results of the kinds response, diagram, map, regimes, basins and rattle (over two parameters)"
             )
     planes = [
         (result.walked.parameter, *([] if result.map is None else [result.map.second])) for result in (first, second)
@@ -439,6 +448,10 @@ def _check_comparable(first: Result, second: Result) -> None:
     if planes[0] != planes[1]:
         words = [" and ".join(names) for names in planes]
         raise ModelError(f"one result is over {words[0]}, the other over {words[1]}; compare results over the same")
+    _check_coordinates(first, second)
+
+
+def _check_coordinates(first: Result, second: Result) -> None:
     coordinates = [", ".join(result.system.coordinates) for result in (first, second)]
     if coordinates[0] != coordinates[1]:
         raise ModelError(
@@ -447,10 +460,9 @@ def _check_comparable(first: Result, second: Result) -> None:
         )
 
 
-def _notes(first: Result, second: Result) -> tuple[str, ...]:
+def _notes(first: Result, second: Result, walked: set[str]) -> tuple[str, ...]:
     """Return the differences of two studies other than their methods: values of parameters, completeness."""
     notes = []
-    walked = {first.walked.parameter, *([] if first.map is None else [first.map.second])}
     then, now = first.system.parameters, second.system.parameters
     notes += [f"{name} is in the first only" for name in then if name not in now]
     notes += [f"{name} is in the second only" for name in now if name not in then]

@@ -19,6 +19,7 @@ from gapwalk.attractors.rattle import ContactLoad, Impulsiveness, Rattle, SideRa
 from gapwalk.attractors.section import strobe
 from gapwalk.attractors.settle import SettleOptions, settle
 from gapwalk.attractors.spectrum import Peak, spectrum
+from gapwalk.bifurcation.special_point import describe_switch
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import signal_place
 from gapwalk.model.problems import given
@@ -26,6 +27,7 @@ from gapwalk.model.schema import Angle
 from gapwalk.model.system import System
 from gapwalk.model.words import line_words, pace_words, signal_words
 from gapwalk.orbit.energy import Energy, EnergyItem, energy
+from gapwalk.orbit.orbit import Orbit
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.plain import plain
 from gapwalk.results.result_file import Part, Parts
@@ -109,6 +111,13 @@ class SettleStudyOptions(SettleOptions, StudyKind):
         return SettleWork(system, self)
 
 
+def rest_words(orbit: Orbit | None) -> list[str]:
+    """Say on which rigid stops a motion rests all the time: ``rests on teeth + all the time``."""
+    if orbit is None:
+        return []
+    return [f"rests on {describe_switch(orbit, each)} all the time" for each in orbit.held if orbit.rests(each)]
+
+
 @dataclass(frozen=True, eq=False)
 class SettleFinding(Finding):
     r"""Finding of a settled motion.
@@ -179,6 +188,7 @@ class SettleFinding(Finding):
         yield f"{attractor.label}: {attractor.kind.value} motion at {pace_words(system)}"
         yield f"  followed for {self.settled.periods} forcing periods"
         yield from (f"  {sentence}" for sentence in attractor.evidence)
+        yield from (f"  {sentence}" for sentence in rest_words(self.settled.orbit))
         yield f"\nlines of {signal_words(self.options.signal, system.units)}"
         order = "multiple of Ω" if system.turns is None else "order"
         lines = [(line_words(each.name), f"{each.order:.6g}", f"{each.amplitude:.6g}") for each in self.lines]
@@ -198,6 +208,7 @@ class SettleFinding(Finding):
             "attractor": {"label": self.attractor.label, **attractor, "state": self.attractor.state.tolist()},
             "transient": self.settled.periods,
             "converged": self.settled.converged,
+            "rests": rest_words(self.settled.orbit),
             "spectrum": {"signal": self.options.signal, "lines": [line._asdict() for line in self.lines]},
             "rattle": {
                 "periods": rattle.periods,

@@ -1,0 +1,136 @@
+"""``gapwalk compare`` of maps: which cells have other labels, how many of how many, and the exit code."""
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gapwalk as gw
+from gapwalk.cli import main
+from gapwalk.errors import ModelError
+from gapwalk.studies.compare_cells import compare_cells
+from gapwalk.studies.export import save_tables
+from tests import models
+
+PLANE = 'second = { parameter = "harmonic1.amplitude", from = 0.05, to = 0.4 }\nresolution = [4, 3]\n'
+ALONG = 'parameter = "frequency"\nfrom = 0.6\nto = 1.4\n'
+STUDIES = {
+    "regimes": f'kind = "regimes"\n{ALONG}{PLANE}check = 0\nworkers = 1\n',
+    "rattle": f'kind = "rattle"\n{ALONG}{PLANE}workers = 1\n',
+    "basins": 'kind = "basins"\nplane = { x = [-2.0, 0.9], "x\'" = [-1.0, 1.0] }\nresolution = [4, 3]\n'
+    "exact_borders = false\ncheck = 0\nworkers = 1\n",
+}
+COLUMN = {"regimes": "regime", "rattle": "state.stop", "basins": "leads.to"}
+
+
+@pytest.fixture(scope="module")
+def maps(tmp_path_factory) -> Path:
+    """The folder of a small map of each kind, over clearances of 1 and of 0.3."""
+    folder = tmp_path_factory.mktemp("maps")
+    for kind, study in STUDIES.items():
+        for name, clearance in (("a", "1.0"), ("b", "0.3")):
+            text = models.STOP.replace("clearance = 1.0", f"clearance = {clearance}").replace("x = [-2.0, 0.9]", "")
+            study = study.replace("0.9]", "0.25]")  # within the stop in both
+            (folder / f"{kind}-{name}.toml").write_text(f"{text}\n[study]\n{study}")
+            save_tables(
+                gw.run(gw.read_study(folder / f"{kind}-{name}.toml"), file := folder / f"{kind}-{name}.gapwalk"),
+                file.with_suffix(""),
+            )
+    return folder
+
+
+def labels(path: Path, column: str) -> dict[tuple[str, str], str]:
+    """The labels of the cells by their places, from the table of a run."""
+    (table,) = path.parent.glob(f"{path.stem}-cells.csv")
+    rows = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
+    return {tuple(list(row.values())[:2]): row[column] for row in rows}
+
+
+@pytest.mark.parametrize("kind", STUDIES)
+def test_cells_that_differ_are_counted_and_named(kind, maps, capsys) -> None:
+    a, b = (maps / f"{kind}-{name}.gapwalk" for name in "ab")
+    capsys.readouterr()
+    assert main(["compare", str(a), str(a)]) == 0
+    assert "0 of 12 cells differ: they agree within a share of 0.001" in capsys.readouterr().out
+    before, after = labels(a, COLUMN[kind]), labels(b, COLUMN[kind])
+    expected = {place for place in before if before[place] != after[place]}
+    if kind == "rattle":
+        assert expected
+    assert main(["compare", str(a), str(b), "--json"]) == (4 if expected else 0)
+    document = json.loads(capsys.readouterr().out)
+    assert (document["agree"], document["cells"]) == (not expected, 12)
+    found = {tuple(each["at"]): (each["first"], each["second"]) for each in document["cell_differences"]}
+    assert {tuple(map(float, place)) for place in expected} == set(found)
+    assert {(before[place], after[place]) for place in expected} <= set(found.values())
+    (count,) = document["different"].values()
+    assert count == len(expected)
+    assert main(["compare", str(a), str(b), "--tolerance", "1.0"]) == 0
+    out = capsys.readouterr().out
+    assert f"{count} of 12 cells differ" in out
+    assert "stop.clearance is 1 in the first and 0.3 in the second" in out
+
+
+def test_maps_that_cannot_be_compared_are_refused_in_a_sentence(maps, capsys) -> None:
+    regimes, rattle = (str(maps / f"{kind}-a.gapwalk") for kind in ("regimes", "rattle"))
+    assert main(["compare", regimes, rattle]) == 2
+    assert (
+        "the first result is of the kind regimes, the second result is of the kind rattle;" in capsys.readouterr().err
+    )
+    text = (maps / "regimes-a.toml").read_text().replace("[4, 3]", "[4, 4]")
+    (maps / "fine.toml").write_text(text)
+    gw.run(gw.read_study(maps / "fine.toml"), maps / "fine.gapwalk")
+    assert main(["compare", regimes, str(maps / "fine.gapwalk")]) == 2
+    error = capsys.readouterr().err
+    assert "(3), the second" in error
+    assert "compare maps over the same cells" in error
+    assert main(["compare", regimes, regimes, "--output", "x.png"]) == 2
+    assert "leave --output out" in capsys.readouterr().err
+
+
+def test_a_map_whose_axes_are_reversed_or_exchanged_has_the_same_cells(maps) -> None:
+    result = gw.load(maps / "regimes-a.gapwalk")
+    chart = result.finding.map
+    marked = replace(chart, regimes=chart.regimes.copy())
+    marked.regimes[0, 3] = 2  # one chaotic cell, in a corner
+    first = replace(result, finding=replace(result.finding, map=marked))
+    parts = ("regimes", "periods", "exponents", "peak_force", "impacts", "states")
+    turned = replace(
+        marked,
+        within=(marked.within[0][::-1], marked.within[1]),
+        **{name: getattr(marked, name)[:, ::-1] for name in parts},
+    )
+    exchanged = replace(
+        marked,
+        first=marked.second,
+        second=marked.first,
+        within=marked.within[::-1],
+        **{name: np.swapaxes(getattr(marked, name), 0, 1) for name in parts},
+    )
+    for other in (turned, exchanged):
+        assert not compare_cells(first, replace(result, finding=replace(result.finding, map=other))).differences
+    (found,) = compare_cells(result, first).differences
+    assert found.labels == ("period 1", "chaotic")
+    assert found.place == pytest.approx((1.3, 0.05 + 0.35 / 6))
+
+
+def test_basins_of_one_motion_are_the_same_whatever_their_letters(maps) -> None:
+    """Letters follow the sizes of basins: those of two mirrored motions may be exchanged."""
+    result = gw.load(maps / "basins-a.gapwalk")
+    basins = result.finding.map
+    one = basins.attractors[0]
+    other = replace(one, strobes=-one.strobes)
+    checkered = np.indices(basins.labels.shape).sum(axis=0) % 2
+    a = replace(basins, attractors=(one, other), labels=checkered)
+    b = replace(basins, attractors=(other, one), labels=1 - checkered)
+    both = [replace(result, finding=replace(result.finding, map=each)) for each in (a, b)]
+    assert a.names == ("period 1a", "period 1b")
+    assert compare_cells(*both).within_share(0.0)
+    less = replace(basins, attractors=(one,), labels=np.zeros_like(checkered))
+    found = compare_cells(both[0], replace(result, finding=replace(result.finding, map=less)))
+    assert found.counts == {"leads to": 6}
+    assert {each.labels for each in found.differences} == {("period 1b", "period 1a")}
+    with pytest.raises(ModelError, match="compare two maps of one kind"):
+        compare_cells(both[0], gw.load(maps / "regimes-a.gapwalk"))
