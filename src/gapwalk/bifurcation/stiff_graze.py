@@ -187,7 +187,8 @@ class _Corner:
         The softest impact on a rigid stop may be far enough away. But a symmetric motion with several of them at once
         is still more sensitive than such steps can follow.
         """
-        point, deepest = self._at(label), self._posed.deepest
+        misses = label * self._way * self._posed.free > 0.0
+        point, deepest = self._at(label), self._posed.turns if misses else self._posed.deepest
         is_wild = self._is_several and float(np.abs(point.orbit.multipliers).max()) > _WILD
         if is_wild:
             try:
