@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.ensemble.start import state_at_rest
-from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError
+from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError, UnfitError
+from gapwalk.flow.contact_events import RestOnJumpError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.flow.motion import check_state
@@ -156,8 +156,8 @@ def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
         settled = settle(system, state_at_rest(system), period)
         return _solved(equation, equation.start(settled), newton)
     except NumericalError as error:
-        if settled is None and not doubts:  # if the transient diverges, other starts do not help
-            raise
+        if isinstance(error, RestOnJumpError) or (settled is None and not doubts):
+            raise  # if the transient diverges, other starts do not help
         first = error
 
     def settled_at(other: System) -> Orbit:
@@ -167,7 +167,7 @@ def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
     for words, state in other_starts(system, period, settled, settled_at):
         try:
             return _solved(equation, equation.start(state()), newton)
-        except NumericalError:
+        except (NumericalError, UnfitError):  # harmonic balance does not include all forces
             if words not in tried:
                 tried.append(words)
     name = system.structure.names[0]
@@ -204,9 +204,13 @@ def other_starts(
     """
     if settled is not None:
         flow, coefficients, motion = flow_of(system), coefficients_of(system), [settled]
-        with suppress(NumericalError):  # the motion may diverge
+        try:
             for _ in range(_STROBES - 1):
                 motion.append(flow.integrate(coefficients, motion[-1], 0.0, PERIOD * period).state)
+        except RestOnJumpError:
+            raise
+        except NumericalError:  # the motion may diverge
+            pass
         if len(motion) == _STROBES:
             states = np.array(motion)
             nearest = np.argsort(np.linalg.norm(np.diff(states, axis=0), axis=1))[:_NEAREST]
