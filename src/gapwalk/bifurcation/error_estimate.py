@@ -112,7 +112,7 @@ class ErrorEstimator:
         assert evaluation.by_parameter is not None
         if rounding is None:
             x = point.x * self._known
-            rounding = roundings(self._equation, x[:-1], float(x[-1]), evaluation)
+            rounding = roundings(self._equation, x[:-1], float(x[-1]), evaluation, self._known)
         jacobian = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * self._known
         right = np.column_stack((rounding, np.zeros(len(rounding)))).T
         try:

@@ -152,6 +152,7 @@ class _Corner:
             raise ConvergenceError("no graze lies near")
         self._posed.calibrate(start, _ASIDE * self._unit)
         start = self._posed.at(point.orbit)
+        self._deepest = max(self._posed.deepest, -start.depth * self._posed.free)
         self._held = {self._label(start.depth): start}
         self._points = {self._label(start.depth): point}
 
@@ -261,13 +262,15 @@ class _Corner:
 
     def _posed_at(self, label: float) -> TouchEquation:
         """Return the equation whose segments begin early enough before the touches at a label."""
-        is_deep = self._is_several and self._depth(label) * self._posed.free < -self._posed.deepest
-        return self._further if is_deep else self._posed
+        return self._further if self._is_deep(label) else self._posed
+
+    def _is_deep(self, label: float) -> bool:
+        return self._is_several and self._depth(label) * self._posed.free < -self._deepest
 
     @property
     def _outermost(self) -> float:
         """Label of the deepest touch that the first equation has."""
-        own = [known for known in self._points if self._posed_at(known) is self._posed]
+        own = [known for known in self._points if not self._is_deep(known)]
         return max(own, key=lambda known: -self._depth(known) * self._posed.free)
 
     @cached_property

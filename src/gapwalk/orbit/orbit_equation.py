@@ -422,7 +422,11 @@ def solve(
 
 
 def roundings(
-    equation: Equation, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation
+    equation: Equation,
+    unknowns: NDArray[np.float64],
+    value: float,
+    evaluation: Evaluation,
+    scales: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Return samples of the rounding errors of a residual, shape (samples, N).
 
@@ -438,10 +442,12 @@ def roundings(
         Unknowns and parameter, near a solution.
     evaluation
         The equation evaluated there, with its derivatives.
+    scales : shape (N + 1,)
+        Scales of the unknowns, relative to which 1e-14 is meant, and of the parameter.
     """
     assert evaluation.by_parameter is not None
     x = np.append(unknowns, value)
-    sizes = np.append(np.full(len(unknowns), float(np.abs(unknowns).max())), abs(value))
+    sizes = np.append(scales[:-1] * float(np.abs(unknowns / scales[:-1]).max()), abs(value))
     samples = []
     for way in _ways(len(x)):
         beside = x + _BESIDE * sizes * way
