@@ -32,6 +32,7 @@ from gapwalk.orbit.orbit_equation import OrbitEquation
 from gapwalk.orbit.touch_equation import LEAD, Held, TouchEquation, touches
 
 _REACH = 1e-5  # arclength within which the graze must lie ahead
+_RIGID_REACH = 1e-4  # the same at a rigid stop: where two of them are struck at once, a walk gets stuck further away
 _MISSING = (-1e-6, 1e-6, -1e-7, 1e-7, -1e-8, 1e-8)  # arclengths at which orbits are sought that miss a rigid stop
 _BEHIND = (1e-7, 1e-6)  # arclengths behind a point at which orbits are sought whose impact has a depth
 _BEYOND = 5e-7  # arclength beyond the graze at which the walk continues
@@ -148,7 +149,7 @@ class _Corner:
         start = self._posed.at(point.orbit)
         ahead = self._posed.slope(start)
         self._way = math.copysign(1.0, float(ahead @ point.tangent))
-        if abs(first.depth) * length_of(ahead) > _REACH:
+        if abs(first.depth) * length_of(ahead) > (_RIGID_REACH if rigid else _REACH):
             raise ConvergenceError("no graze lies near")
         self._posed.calibrate(start, _ASIDE * self._unit)
         start = self._posed.at(point.orbit)
