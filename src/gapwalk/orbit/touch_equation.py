@@ -437,17 +437,19 @@ def _impulse(
 ) -> NDArray[np.float64]:
     """Return the change of the velocities by a touch of a depth: by a rebound, or by a force that begins with a jump.
 
-    The force lasts until the deflection, with what is left of its acceleration, has its speed the other way.
+    The force lasts until the deflection, with what is left of its acceleration, has its speed the other way. Where the
+    deflection comes from inside, it is missing for so long.
     """
     contact, side, _ = layout.structure.breakpoints[switch]
     slots, push = layout.contacts[contact], coefficients[layout.contacts[contact].force]
-    before, along = side * np.sqrt(-2.0 * depth * acceleration), float(coefficients[slots.deflection] @ push)
+    way = -1.0 if acceleration > 0.0 else 1.0
+    before, along = way * side * np.sqrt(-2.0 * depth * acceleration), float(coefficients[slots.deflection] @ push)
     if slots.form.law.rebounds:
         numbers = Angles(layout, coefficients, theta).named(slots.numbers, slots.waves)
         return (slots.form.law.rebound(before, numbers) - before) / along * push
     first = next(place for place, each in enumerate(layout.structure.breakpoints) if each.contact == contact)
     quotient = jump_of(layout, contact, switch - first)
-    force = 0.0 if quotient is None else quotient(coefficients)(before, theta) * before
+    force = 0.0 if quotient is None else way * quotient(coefficients)(before, theta) * before
     slowed = side * acceleration - along * force
     if slowed * before >= 0.0:
         raise ConvergenceError("the force beyond the breakpoint draws the deflection in")
