@@ -143,6 +143,11 @@ class _Corner:
             if abs(touch.depth - first.depth) < slack and touch.acceleration * first.acceleration > 0.0
         ]
         self._touches = [first, *self._simultaneous] if at_once else [first]
+        self._other_sides = [  # of a gap of no width, which one side leaves as the other enters
+            touch
+            for touch in found[1:]
+            if any(touch.theta == each.theta and touch.depth == -each.depth for each in (first, *self._simultaneous))
+        ]
         self._is_several = rigid and len(self._touches) > 1
         # the effect of an impact on a rigid stop is that of the root of its depth, which must be the more exact
         self._posed = by_touches(point.orbit, self._touches, corrector.scales, _RIGID_LEAD if rigid else LEAD)
@@ -334,7 +339,7 @@ class _Corner:
     def _grazing(self, end: float) -> list[int]:
         """Return the switches that graze: the first, and those that pass their breakpoints simultaneously with it."""
         before, after = self._first.orbit.closings, self._at(end).orbit.closings
-        others = (touch.switch for touch in self._simultaneous)
+        others = (touch.switch for touch in (*self._simultaneous, *self._other_sides))
         return [self._touches[0].switch, *(switch for switch in others if before[switch] != after[switch])]
 
     def _beside(self, label: float) -> BranchPoint:

@@ -16,9 +16,9 @@ from gapwalk.ensemble.start import state_at_rest
 from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError, UnfitError
 from gapwalk.flow.contact_events import RestOnJumpError
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.flow.length_unit import magnitude
+from gapwalk.flow.length_unit import magnitude, natural_length
 from gapwalk.flow.motion import check_state
-from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.modes import dissipation_doubts
 from gapwalk.model.system import System, check_system
 from gapwalk.orbit.method import Method, chosen
@@ -132,12 +132,21 @@ def initial_state(system: System, start: str | Sequence[float] | NDArray[np.floa
 def settle(system: System, state: NDArray[np.float64], period: int = 1) -> NDArray[np.float64]:
     """Integrate the transient from a state until it nearly repeats after `period` forcing periods.
 
-    A motion that grows without a bound, as in an unstable linear system, is no start: the first state is returned.
+    A motion that grows without a bound, as in an unstable linear system, is no start: the first state is returned. One
+    that a jump of a force holds at rest from the start begins in motion instead, as the loads might not set it free.
     """
     flow, coefficients, first = flow_of(system), coefficients_of(system), state
     largest = math.inf
     for _ in range(max(1, _TRANSIENT // period)):
-        following = flow.integrate(coefficients, state, 0.0, PERIOD * period).state
+        try:
+            following = flow.integrate(coefficients, state, 0.0, PERIOD * period).state
+        except RestOnJumpError:
+            if state is not first or np.any(first[system.size : 2 * system.size]):
+                raise
+            state = first = first.copy()
+            speed = natural_length(layout_of(system.structure), coefficients) * system.frequency
+            state[system.size : 2 * system.size] = speed
+            continue
         size = magnitude(following, system)
         largest = min(largest, _GROWS * size)
         if size > largest:

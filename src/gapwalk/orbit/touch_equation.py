@@ -441,15 +441,21 @@ def _impulse(
     deflection comes from inside, it is missing for so long.
     """
     contact, side, _ = layout.structure.breakpoints[switch]
+    first = next(place for place, each in enumerate(layout.structure.breakpoints) if each.contact == contact)
     slots, push = layout.contacts[contact], coefficients[layout.contacts[contact].force]
     way = -1.0 if acceleration > 0.0 else 1.0
     before, along = way * side * np.sqrt(-2.0 * depth * acceleration), float(coefficients[slots.deflection] @ push)
     if slots.form.law.rebounds:
         numbers = Angles(layout, coefficients, theta).named(slots.numbers, slots.waves)
         return (slots.form.law.rebound(before, numbers) - before) / along * push
-    first = next(place for place, each in enumerate(layout.structure.breakpoints) if each.contact == contact)
-    quotient = jump_of(layout, contact, switch - first)
-    force = 0.0 if quotient is None else way * quotient(coefficients)(before, theta) * before
+    force = 0.0
+    for stage, each in enumerate(slots.stages):
+        if (
+            each.sign * coefficients[each.clearance] == side * coefficients[slots.stages[switch - first].clearance]
+        ):  # also of a gap of no width
+            quotient = jump_of(layout, contact, stage)
+            jump = 0.0 if quotient is None else quotient(coefficients)(before, theta) * before
+            force += way * each.sign * side * jump
     slowed = side * acceleration - along * force
     if slowed * before >= 0.0:
         raise ConvergenceError("the force beyond the breakpoint draws the deflection in")
