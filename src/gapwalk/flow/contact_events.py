@@ -540,7 +540,7 @@ class Switchboard(BreakpointGeometry):
             return
         contact, stage = self.equations.switches[switch]
         form = self.equations.layout.structure.contacts[contact]
-        name = f"{form.name}{form.stages[stage].name and '.'}{form.stages[stage].name}"
+        name = form.stage_prefix(form.sides[stage][0])
         place = self._offsets[switch] * self._unit
         raise RestOnJumpError(
             f"at theta = {theta:.6g} the motion comes to rest on the breakpoint {place:.6g} of {name}, where "
