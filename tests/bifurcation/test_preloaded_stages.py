@@ -147,6 +147,16 @@ def test_a_preload_without_a_gap_is_touched_where_the_motion_reaches_zero():
     # until then it swings about the rest of both springs, as if they went on beyond zero
     value = softened((mean - preload) / (1.0 + k), k, 0.8)
     assert [graze.value for graze in grazes[:2]] == pytest.approx([value, value], abs=1e-10)
+
+
+@pytest.mark.slow
+def test_a_gap_of_no_width_that_is_touched_from_both_sides_at_once_is_verified():
+    contact = gw.Contact("p", {"x": 1.0}, [gw.Stage(0.0, 0.5, numbers={"preload": 0.3})], law="piecewise")
+    loads = [gw.Harmonic(1.0, {"x": 1.0}), gw.Harmonic(0.9, {"x": 1.0}, order=3, phase=0.4)]
+    system = gw.System(["x"], [[1.0]], [[0.2]], contacts=[contact], harmonics=loads, frequency=0.5)
+    branch = gw.follow(gw.find_orbit(system), "frequency", 2.0)
+    assert branch.ends[-1].reason.name == "RANGE"
+    assert [graze.contact for graze in branch.special("grazing")] == ["p +", "p -", "p -", "p +"]
     assert gw.verify(branch).ok
 
 
