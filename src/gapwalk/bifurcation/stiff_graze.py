@@ -158,7 +158,9 @@ class _Corner:
             raise ConvergenceError("no graze lies near")
         self._posed.calibrate(start, _ASIDE * self._unit)
         start = self._posed.at(point.orbit)
-        self._deepest = max(self._posed.deepest, -start.depth * self._posed.free)
+        self._deepest = max(
+            self._posed.deepest, -1.001 * start.depth * self._posed.free
+        )  # that of the first is not deep
         self._held = {self._label(start.depth): start}
         self._points = {self._label(start.depth): point}
 
