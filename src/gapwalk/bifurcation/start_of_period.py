@@ -1,10 +1,11 @@
-"""Step over the orbits of a branch at which an event passes the start of the period.
+"""Step over the orbits of a branch at which an event passes the start of the period, or of another segment.
 
 The unknowns of shooting are the state at theta = 0. Where an impact passes theta = 0 along a branch, this state jumps,
-from the one before the impact to the one after it; where a viscous force sets in there, its path along the branch has a
-corner. The motion itself, and what it does, are as smooth as elsewhere. Therefore a few steps are taken with another
-section: the state at an angle at which the motion is free, in the middle between two events. Their special points and
-the last of them become points of the branch with their states at theta = 0, which are a part of the same motions.
+from the one before the impact to the one after it; where a force that jumps sets in there, its path along the branch
+has a corner. The motion itself, and what it does, are as smooth as elsewhere. Therefore a few steps are taken with
+another section: the state at an angle at which the motion is free, in the middle between two events. Their special
+points and the last of them become points of the branch with their states at theta = 0, which are a part of the same
+motions. The states at the starts of several segments are moved by one angle.
 """
 
 from __future__ import annotations
@@ -60,9 +61,9 @@ class Passage(NamedTuple):
     end: End | None
 
 
-def starts_at_event(orbit: Orbit) -> bool:
-    """Return True if an event of an orbit coincides with the start of its period."""
-    return _clearance(orbit) < AT_START
+def starts_at_event(orbit: Orbit, segments: int = 1) -> bool:
+    """Return True if an event of an orbit coincides with the start of one of the segments of its period."""
+    return _clearance(orbit, segments) < AT_START
 
 
 def starts_among_impacts(orbit: Orbit) -> bool:
@@ -134,9 +135,10 @@ def smooth_between(
 
 
 def _may_pass(equation: ShootingEquation, *orbits: Orbit) -> bool:
-    """Return True if an event may pass the start of the period at some orbits, and another section is possible."""
-    passes = any(starts_at_event(orbit) or starts_among_impacts(orbit) for orbit in orbits)
-    return passes and equation.options.segments == 1 and not equation.begin
+    """Return True if an event may pass the start of a segment at some orbits, and another section is possible."""
+    count = equation.options.segments
+    among = count == 1 and any(map(starts_among_impacts, orbits))
+    return not equation.begin and (among or any(starts_at_event(orbit, count) for orbit in orbits))
 
 
 class _Section:
@@ -144,7 +146,7 @@ class _Section:
 
     def __init__(self, corrector: Corrector, equation: ShootingEquation, point: BranchPoint) -> None:
         self._own, self._equation = corrector, equation
-        self._posed = replace(equation, begin=_free_angle(point.orbit))
+        self._posed = replace(equation, begin=_free_angle(point.orbit, equation.options.segments))
         self.corrector = Corrector(self._posed, corrector.scales)
 
     def passage(self, outer: Walk, state: WalkState, kinds: Sequence[Kind]) -> Passage:
@@ -170,7 +172,7 @@ class _Section:
                 raise NumericalError(text)
             special += found
             before, last = last, ahead
-            if _clearance(last.orbit) > (AT_START if among else _CLEAR):
+            if _clearance(last.orbit, self._equation.options.segments) > (AT_START if among else _CLEAR):
                 break
         end = None if walk.end is None or walk.end.reason is EndReason.POINTS else walk.end
         if last is begin or (end is not None and end.reason.is_failure):
@@ -183,7 +185,7 @@ class _Section:
     def entered(self, point: BranchPoint) -> BranchPoint:
         """Return a point with this section."""
         x = np.append(self._posed.unknowns(point.orbit), point.value) / self._own.scales
-        along = self._carried(point.tangent, point.orbit.state, point.value, 0.0, self._posed.begin)
+        along = self._carried(point, self._equation.knots[:-1], self._posed.knots[:-1])
         correction = self.corrector.correct(x, along)
         if correction is None or length_of(correction.x - x) > _SAME * max(1.0, length_of(x)):
             raise ConvergenceError("the orbit is not found with the other section")
@@ -199,16 +201,21 @@ class _Section:
 
     def _at_zero(self, point: BranchPoint) -> BranchPoint:
         """Return a point of this section with its state at theta = 0."""
-        full, scales = PERIOD * self._equation.period, self._own.scales
-        along = self._carried(point.tangent, point.x[:-1] * scales[:-1], point.value, self._posed.begin, full)
-        x = np.append(self._equation.unknowns(point.orbit), point.value) / scales
+        along = self._carried(point, self._posed.knots[:-1], self._equation.knots[1:])
+        along[:-1] = np.roll(along[:-1], self._equation.system.state_size)  # that at the end is that at the start
+        x = np.append(self._equation.unknowns(point.orbit), point.value) / self._own.scales
         return replace(point, x=x, tangent=along, memo={})
 
-    def _carried(self, tangent: Vector, state: Vector, value: float, start: float, stop: float) -> Vector:
-        """Return a scaled tangent at one angle as a unit tangent at a later one."""
-        scales = self._own.scales
-        moved = self._equation.carried(state, tangent * scales, value, start, stop) / scales
-        return moved / length_of(moved)
+    def _carried(self, point: BranchPoint, starts: list[float], stops: list[float]) -> Vector:
+        """Return the scaled tangent of a point at some angles as a unit tangent at a later one for each."""
+        scales, along = self._own.scales, point.tangent[-1] * self._own.scales[-1]
+        states, changes = ((x[:-1] * scales[:-1]).reshape(len(starts), -1) for x in (point.x, point.tangent))
+        moved = [
+            self._equation.carried(state, np.append(change, along), point.value, start, stop)[:-1]
+            for state, change, start, stop in zip(states, changes, starts, stops, strict=True)
+        ]
+        tangent = np.append(np.concatenate(moved), along) / scales
+        return tangent / length_of(tangent)
 
 
 def _angles(orbit: Orbit) -> list[float]:
@@ -220,14 +227,15 @@ def _angles(orbit: Orbit) -> list[float]:
     return found
 
 
-def _clearance(orbit: Orbit) -> float:
-    """Return the angle between the start of the period and the nearest event."""
-    full = PERIOD * orbit.period
-    return min((min(theta, full - theta) for theta in _angles(orbit)), default=math.inf)
+def _clearance(orbit: Orbit, segments: int) -> float:
+    """Return the angle between the start of a segment and the nearest event."""
+    span = PERIOD * orbit.period / segments
+    return min((min(theta % span, span - theta % span) for theta in _angles(orbit)), default=math.inf)
 
 
-def _free_angle(orbit: Orbit) -> float:
-    """Return the angle in the middle of the longest part of the period without events that does not hold its start."""
-    angles = sorted([0.0, *_angles(orbit), PERIOD * orbit.period])
+def _free_angle(orbit: Orbit, segments: int) -> float:
+    """Return the angle, after the start of each segment, in the middle of the longest part without events there."""
+    span = PERIOD * orbit.period / segments
+    angles = sorted([0.0, *(theta % span for theta in _angles(orbit)), span])
     start, stop = max(pairwise(angles), key=lambda pair: pair[1] - pair[0])
     return 0.5 * (start + stop)

@@ -32,6 +32,7 @@ from gapwalk.orbit.orbit_equation import OrbitEquation
 from gapwalk.orbit.touch_equation import LEAD, Held, TouchEquation, touches
 
 _REACH = 1e-5  # arclength within which the graze must lie ahead
+_RIGID_REACH = 1e-4  # the same at a rigid stop: where two of them are struck at once, a walk gets stuck further away
 _MISSING = (-1e-6, 1e-6, -1e-7, 1e-7, -1e-8, 1e-8)  # arclengths at which orbits are sought that miss a rigid stop
 _BEHIND = (1e-7, 1e-6)  # arclengths behind a point at which orbits are sought whose impact has a depth
 _BEYOND = 5e-7  # arclength beyond the graze at which the walk continues
@@ -142,16 +143,24 @@ class _Corner:
             if abs(touch.depth - first.depth) < slack and touch.acceleration * first.acceleration > 0.0
         ]
         self._touches = [first, *self._simultaneous] if at_once else [first]
+        self._other_sides = [  # of a gap of no width, which one side leaves as the other enters
+            touch
+            for touch in found[1:]
+            if any(touch.theta == each.theta and touch.depth == -each.depth for each in (first, *self._simultaneous))
+        ]
         self._is_several = rigid and len(self._touches) > 1
         # the effect of an impact on a rigid stop is that of the root of its depth, which must be the more exact
         self._posed = by_touches(point.orbit, self._touches, corrector.scales, _RIGID_LEAD if rigid else LEAD)
         start = self._posed.at(point.orbit)
         ahead = self._posed.slope(start)
         self._way = math.copysign(1.0, float(ahead @ point.tangent))
-        if abs(first.depth) * length_of(ahead) > _REACH:
+        if abs(first.depth) * length_of(ahead) > (_RIGID_REACH if rigid else _REACH):
             raise ConvergenceError("no graze lies near")
         self._posed.calibrate(start, _ASIDE * self._unit)
         start = self._posed.at(point.orbit)
+        self._deepest = max(
+            self._posed.deepest, -1.001 * start.depth * self._posed.free
+        )  # that of the first is not deep
         self._held = {self._label(start.depth): start}
         self._points = {self._label(start.depth): point}
 
@@ -187,7 +196,8 @@ class _Corner:
         The softest impact on a rigid stop may be far enough away. But a symmetric motion with several of them at once
         is still more sensitive than such steps can follow.
         """
-        point, deepest = self._at(label), self._posed.deepest
+        misses = label * self._way * self._posed.free > 0.0
+        point, deepest = self._at(label), self._posed.turns if misses else self._posed.deepest
         is_wild = self._is_several and float(np.abs(point.orbit.multipliers).max()) > _WILD
         if is_wild:
             try:
@@ -260,13 +270,15 @@ class _Corner:
 
     def _posed_at(self, label: float) -> TouchEquation:
         """Return the equation whose segments begin early enough before the touches at a label."""
-        is_deep = self._is_several and self._depth(label) * self._posed.free < -self._posed.deepest
-        return self._further if is_deep else self._posed
+        return self._further if self._is_deep(label) else self._posed
+
+    def _is_deep(self, label: float) -> bool:
+        return self._is_several and self._depth(label) * self._posed.free < -self._deepest
 
     @property
     def _outermost(self) -> float:
         """Label of the deepest touch that the first equation has."""
-        own = [known for known in self._points if self._posed_at(known) is self._posed]
+        own = [known for known in self._points if not self._is_deep(known)]
         return max(own, key=lambda known: -self._depth(known) * self._posed.free)
 
     @cached_property
@@ -329,7 +341,7 @@ class _Corner:
     def _grazing(self, end: float) -> list[int]:
         """Return the switches that graze: the first, and those that pass their breakpoints simultaneously with it."""
         before, after = self._first.orbit.closings, self._at(end).orbit.closings
-        others = (touch.switch for touch in self._simultaneous)
+        others = (touch.switch for touch in (*self._simultaneous, *self._other_sides))
         return [self._touches[0].switch, *(switch for switch in others if before[switch] != after[switch])]
 
     def _beside(self, label: float) -> BranchPoint:

@@ -20,6 +20,7 @@ from weakref import ref
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.errors import FlowError
 from gapwalk.flow.breakpoint_geometry import BreakpointGeometry
 from gapwalk.flow.dry_switches import DrySwitches
 from gapwalk.flow.equations import Equations
@@ -39,6 +40,12 @@ _LEAVING = (
     1e-5  # radians within which a stop that lets go is not struck again: its deflection leaves in the third order
 )
 _NOWHERE = np.zeros(0)  # no angles: then no impacts are summed
+_OFTEN = 2000  # events, within a forcing period, after which it is asked whether the motion rests on a force that jumps
+_BRIEF = 2.0 * math.pi / _OFTEN  # radians of an excursion from a breakpoint on which a motion comes to rest
+
+
+class RestOnJumpError(FlowError):
+    """A motion comes to rest on a breakpoint at which a force jumps, towards which both sides push."""
 
 
 class ContactEvent(NamedTuple):
@@ -189,7 +196,7 @@ class Switchboard(BreakpointGeometry):
 
         `directions` are those of the coefficients along which there are sensitivities, shape (directions, number).
         """
-        self.log, self.missed, self.event_limit, self._unit = [], 0, event_limit, unit
+        self.log, self.missed, self.event_limit, self._unit, self._counted = [], 0, event_limit, unit, theta
         if self.chatters:
             self.sums(_NOWHERE)
         # deceleration by a unit of the force, jump over rate, derivatives of deflection vector and of breakpoint
@@ -397,19 +404,25 @@ class Switchboard(BreakpointGeometry):
             if self._parameters[self._first : self._first + self.count].tolist() == self._inside:
                 return
             self._parameters[self._first : self._first + self.count] = self._inside
+        self.refuse_rest(theta)
 
     def _after_touch(self, switch: int, velocity: float, theta: float) -> bool:
         """Decide a slow crossing: the velocity decides, unless the motion turns back within the cooldown."""
-        q, v = self._state[: self.n], self._state[self.n : 2 * self.n]
-        layout, dry = self.equations.layout, self.dry.present
-        acceleration = accelerations(layout, self._coefficients, theta, q, v, unit=self._unit, dry=dry)
-        turning = float(self._vectors[switch] @ acceleration)
-        if self._lines[switch] is not None:
-            turning += self._sway(switch, theta, 2) / float(self._coefficients[0]) ** 2
+        turning = self._turning(switch, theta)
         span = 4.0 * COOLDOWN * self._coefficients[0]
         turns_back = velocity * turning < 0 and 2.0 * abs(velocity) <= span * abs(turning)
         leading = turning if turns_back or velocity == 0.0 else velocity
         return bool(self.signs[switch] * leading > 0)
+
+    def _turning(self, switch: int, theta: float, closed: list[list[bool]] | None = None) -> float:
+        """Return the second derivative of a deflection over time; `closed` as in `accelerations`."""
+        q, v = self._state[: self.n], self._state[self.n : 2 * self.n]
+        layout, dry = self.equations.layout, self.dry.present
+        acceleration = accelerations(layout, self._coefficients, theta, q, v, closed, unit=self._unit, dry=dry)
+        turning = float(self._vectors[switch] @ acceleration)
+        if self._lines[switch] is not None:
+            turning += self._sway(switch, theta, 2) / float(self._coefficients[0]) ** 2
+        return turning
 
     def _jump(self, switch: int, rate: float, inside: bool, theta: float) -> None:
         """Transform the sensitivities at a jump of the force, without a reset of the state.
@@ -515,7 +528,57 @@ class Switchboard(BreakpointGeometry):
         if self.listener is not None and (listener := self.listener()) is not None:
             listener(theta)
         self.event_limit -= 1
+        if self.event_limit % _OFTEN == 0:
+            if theta - self._counted < 2.0 * math.pi and self._rests_on(theta) is not None:
+                self.event_limit = 0
+            self._counted = theta
         return self.event_limit > 0 and self._impacts.rest is None
+
+    def refuse_rest(self, theta: float) -> None:
+        """Raise an error if the motion comes to rest on a force that jumps: it has no derivatives there."""
+        switch = self._rests_on(theta)
+        if switch is None:
+            return
+        contact, stage = self.equations.switches[switch]
+        form = self.equations.layout.structure.contacts[contact]
+        name = form.stage_prefix(form.sides[stage][0])
+        place = self._offsets[switch] * self._unit
+        raise RestOnJumpError(
+            f"at theta = {theta:.6g} the motion comes to rest on the breakpoint {place:.6g} of {name}, where "
+            "the force jumps and both sides push towards it: such a motion has no multipliers and is not followed. "
+            "Give the jump a width: a stage of stiffness jump/width in place of the preload, and one of stiffness "
+            "-jump/width at the clearance plus the width"
+        )
+
+    def _rests_on(self, theta: float) -> int | None:
+        """Return a switch whose breakpoint the motion hardly leaves, as the forces on both sides push towards it."""
+        state, closed = self._moving.tolist(), self._closed()
+        for switch, depth in enumerate(self._depths(state, theta)):
+            if self._jumps[switch] is None or self._rebounds[switch]:
+                continue
+            contact, stage = self.equations.switches[switch]
+            inside, before = [list(each) for each in closed], [list(each) for each in closed]
+            for own, place, now in [(contact, stage, True), *self._other_sides(switch)]:
+                inside[own][place], before[own][place] = now, not now
+            out, back = (self._signs[switch] * self._turning(switch, theta, each) for each in (before, inside))
+            if not out > 0.0 > back:
+                continue
+            least, rate = min(out, -back), abs(self._rate(switch, theta))
+            small = 4.0 * _ON * (self._scales[switch] + self._size(state))
+            # 2 rate / least is the time of an excursion
+            if 2.0 * rate <= _BRIEF * float(self._coefficients[0]) * least and abs(depth) <= rate**2 / least + small:
+                return switch
+        return None
+
+    def _other_sides(self, switch: int) -> list[tuple[int, int, bool]]:
+        """Return contact, stage and False for the other side of a gap of no width, which opens as the switch closes."""
+        return [
+            (*self.equations.switches[other], False)
+            for other in self._simultaneous[switch]
+            if self._offsets[other] == self._offsets[switch]
+            and self._signs[other] != self._signs[switch]
+            and self.equations.switches[other][0] == self.equations.switches[switch][0]
+        ]
 
     def change_level(self, theta: float, number: int, rises: bool) -> None:
         """Change the level of a cycle at its angle."""

@@ -491,6 +491,7 @@ class _Integrator:
 
     def _refuse(self, outcome, start: float) -> NoReturn:
         theta, state = self._taylor.time, self._state[: self.size] * self._unit
+        self._switchboard.refuse_rest(theta)
         where = f"at theta = {theta:.6g} (begun at {start:.6g}), in the state {_short(state)}"
         if self._switchboard.event_limit <= 0:
             raise FlowError(

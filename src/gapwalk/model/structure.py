@@ -228,6 +228,13 @@ class ContactForm:
         return f"{self.name}.{stage.name}" if stage.name else self.name
 
 
+class JumpTerm(NamedTuple):
+    """A product of a number and of parameters, given by their places."""
+
+    factor: float
+    places: tuple[int, ...]
+
+
 class PaceLimits(NamedTuple):
     """The range of the first parameter, frequency or speed, in which all loads are known, and the tables that end."""
 
@@ -381,10 +388,33 @@ class Structure:
         )
 
     @cached_property
-    def two_sided(self) -> tuple[tuple[int, bool], ...]:
-        """For each switch of the flow the place of its clearance, and True if another switch has the same one."""
-        places = [place for _, _, place in self.breakpoints]
-        return tuple((place, places.count(place) == 2) for place in places)
+    def two_sided(self) -> tuple[tuple[int, bool, tuple[JumpTerm, ...]], ...]:
+        """For each switch of the flow the place of its clearance, and True if another switch has the same one.
+
+        Then the terms by whose sum the force of that stage jumps from one side to the other if it has no gap.
+        """
+        places, first, found = [place for _, _, place in self.breakpoints], 0, []
+        for contact in self.contacts:
+            own = places[first : first + len(contact.sides)]
+            terms = (closed_form_of(contact.law, contact.shapes) if contact.has_closed_form else None) or ()
+            for place in own:
+                jump = [
+                    JumpTerm(contact.sides[term.stage][1] * term.factor, self._numbers_of(contact, term))
+                    for term in terms
+                    if own[term.stage] == place and term.power == term.rate == 0
+                ]
+                found.append((place, own.count(place) == 2, tuple(jump)))
+            first += len(own)
+        return tuple(found)
+
+    def _numbers_of(self, contact: ContactForm, term: Term) -> tuple[int, ...]:
+        """Return the places of the parameters by which a term of a contact's force is multiplied."""
+        prefix = contact.stage_prefix(contact.sides[term.stage][0])
+        names = [
+            *(f"{contact.name}.{each}" for each in term.numbers),
+            *(f"{prefix}.{each}" for each in term.stage_numbers),
+        ]
+        return tuple(map(self.place, names))
 
     @cached_property
     def driving(self) -> tuple[LoadForm, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import reprlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,7 +15,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact
 from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
 from gapwalk.model.loads import Load, LoadForm
-from gapwalk.model.structure import ContactForm, Structure
+from gapwalk.model.structure import ContactForm, JumpTerm, Structure
 from gapwalk.model.units import Units
 from gapwalk.model.value_checks import checked
 from gapwalk.notebook import Shown
@@ -330,8 +331,19 @@ class System(Shown):
 
     @property
     def gapless(self) -> tuple[bool, ...]:
-        """True for each switch of the flow whose stage acts on both sides without a gap: such a stage never opens."""
-        return tuple([paired and self._at(place) == 0.0 for place, paired in self.structure.two_sided])
+        """True for each switch of the flow whose stage acts on both sides without a gap: such a stage never opens.
+
+        Where its force jumps from one side to the other, as with a preload, it does.
+        """
+        return tuple(
+            [
+                paired and self._at(place) == 0.0 and not (jump and self._jump(jump))
+                for place, paired, jump in self.structure.two_sided
+            ]
+        )
+
+    def _jump(self, terms: tuple[JumpTerm, ...]) -> float:
+        return sum(term.factor * math.prod(map(self._at, term.places)) for term in terms)
 
     def matrix(self, which: str) -> NDArray[np.float64]:
         """Return the ``"mass"``, ``"damping"`` or ``"stiffness"`` matrix, shape (n, n).

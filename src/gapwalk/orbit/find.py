@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.ensemble.start import state_at_rest
-from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError
+from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError, UnfitError
+from gapwalk.flow.contact_events import RestOnJumpError
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.flow.length_unit import magnitude
+from gapwalk.flow.length_unit import magnitude, natural_length
 from gapwalk.flow.motion import check_state
-from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.modes import dissipation_doubts
 from gapwalk.model.system import System, check_system
 from gapwalk.orbit.method import Method, chosen
@@ -132,12 +132,21 @@ def initial_state(system: System, start: str | Sequence[float] | NDArray[np.floa
 def settle(system: System, state: NDArray[np.float64], period: int = 1) -> NDArray[np.float64]:
     """Integrate the transient from a state until it nearly repeats after `period` forcing periods.
 
-    A motion that grows without a bound, as in an unstable linear system, is no start: the first state is returned.
+    A motion that grows without a bound, as in an unstable linear system, is no start: the first state is returned. One
+    that a jump of a force holds at rest from the start begins in motion instead, as the loads might not set it free.
     """
     flow, coefficients, first = flow_of(system), coefficients_of(system), state
     largest = math.inf
     for _ in range(max(1, _TRANSIENT // period)):
-        following = flow.integrate(coefficients, state, 0.0, PERIOD * period).state
+        try:
+            following = flow.integrate(coefficients, state, 0.0, PERIOD * period).state
+        except RestOnJumpError:
+            if state is not first or np.any(first[system.size : 2 * system.size]):
+                raise
+            state = first = first.copy()
+            speed = natural_length(layout_of(system.structure), coefficients) * system.frequency
+            state[system.size : 2 * system.size] = speed
+            continue
         size = magnitude(following, system)
         largest = min(largest, _GROWS * size)
         if size > largest:
@@ -156,8 +165,8 @@ def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
         settled = settle(system, state_at_rest(system), period)
         return _solved(equation, equation.start(settled), newton)
     except NumericalError as error:
-        if settled is None and not doubts:  # if the transient diverges, other starts do not help
-            raise
+        if isinstance(error, RestOnJumpError) or (settled is None and not doubts):
+            raise  # if the transient diverges, other starts do not help
         first = error
 
     def settled_at(other: System) -> Orbit:
@@ -167,7 +176,7 @@ def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
     for words, state in other_starts(system, period, settled, settled_at):
         try:
             return _solved(equation, equation.start(state()), newton)
-        except (NumericalError, ModelError):  # harmonic balance does not know all forces
+        except (NumericalError, UnfitError):  # harmonic balance does not include all forces
             if words not in tried:
                 tried.append(words)
     name = system.structure.names[0]
@@ -204,9 +213,13 @@ def other_starts(
     """
     if settled is not None:
         flow, coefficients, motion = flow_of(system), coefficients_of(system), [settled]
-        with suppress(NumericalError):  # the motion may diverge
+        try:
             for _ in range(_STROBES - 1):
                 motion.append(flow.integrate(coefficients, motion[-1], 0.0, PERIOD * period).state)
+        except RestOnJumpError:
+            raise
+        except NumericalError:  # the motion may diverge
+            pass
         if len(motion) == _STROBES:
             states = np.array(motion)
             nearest = np.argsort(np.linalg.norm(np.diff(states, axis=0), axis=1))[:_NEAREST]

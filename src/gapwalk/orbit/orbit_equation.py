@@ -443,11 +443,11 @@ def roundings(
     evaluation
         The equation evaluated there, with its derivatives.
     scales : shape (N + 1,)
-        Scales of the unknowns, and of the parameter.
+        Scales of the unknowns, relative to which 1e-14 is meant, and of the parameter.
     """
     assert evaluation.by_parameter is not None
-    x, unit = np.append(unknowns, value), scales[:-1]
-    sizes = np.append(unit * float(np.abs(unknowns / unit).max()), abs(value))
+    x = np.append(unknowns, value)
+    sizes = np.append(scales[:-1] * float(np.abs(unknowns / scales[:-1]).max()), abs(value))
     samples = []
     for way in _ways(len(x)):
         beside = x + _BESIDE * sizes * way

@@ -184,6 +184,7 @@ class TouchEquation:
         """Sign of the depths at which the breakpoint is not passed."""
         self._size = equation.system.state_size
         self._scales = np.append(np.tile(scales[: self._size], len(self._posed.knots) - 1), scales[-1])
+        self._weights = 1.0 / np.append(self._scales[:-1], np.full(len(touches), scales[0]))
 
     def at(self, orbit: Orbit) -> Held:
         """Return an orbit of the shooting equation as one of this equation."""
@@ -233,8 +234,8 @@ class TouchEquation:
             depths, rows = self._depths(unknowns)
             integrated = self._posed.evaluate(unknowns[:-1], float(unknowns[-1])).residual if number else None
             residual = self._impulses(start, depth) if integrated is None else integrated
-            matrix = _bordered(start.evaluation, rows) * self._scales
-            right = -np.append(residual, depths - depth)
+            matrix = self._bordered(start.evaluation, rows)
+            right = -np.append(residual, depths - depth) * self._weights
             unknowns = unknowns + np.linalg.lstsq(matrix, right, rcond=None)[0] * self._scales
             unknowns = self._at_depth(unknowns, depth)
         return unknowns
@@ -308,10 +309,10 @@ class TouchEquation:
     def rounding(self, held: Held) -> float:
         """Return the largest change of the value of an orbit by rounding of the residual; see `roundings`."""
         unknowns = held.states.ravel()
-        matrix = _bordered(held.evaluation, self._depths(np.append(unknowns, held.value))[1]) * self._scales
+        matrix = self._bordered(held.evaluation, self._depths(np.append(unknowns, held.value))[1])
         samples = roundings(self._posed, unknowns, held.value, held.evaluation, self._scales)
         right = np.zeros((len(matrix), len(samples)))
-        right[: len(unknowns)] = samples.T
+        right[: len(unknowns)] = (samples * self._weights[: len(unknowns)]).T
         return float(np.abs(np.linalg.lstsq(matrix, right, rcond=None)[0][-1]).max() * self._scales[-1])
 
     def _lead(self, touch: Touch, lead: float) -> float:
@@ -358,25 +359,23 @@ class TouchEquation:
         for _ in range(_ITERATIONS):
             value = float(unknowns[-1])
             evaluation = self._posed.evaluate(unknowns[:-1], value)
-            depths, slopes = self._depths(unknowns)
-            matrix = _bordered(evaluation, slopes)
+            depths, rows = self._depths(unknowns)
+            matrix, states = self._bordered(evaluation, rows), unknowns[:-1] / self._scales[:-1]
             right = np.zeros((len(matrix), 2))
-            right[:, 0] = np.append(-evaluation.residual, depth - depths)
-            right[len(unknowns) - 1 :, 1] = 1.0
-            rows = np.append(self._scales[:-1], np.full(len(depths), self._scales[0]))[:, np.newaxis]
-            solution, _, _, singular = np.linalg.lstsq(matrix * self._scales / rows, right / rows, rcond=None)
+            right[:, 0] = np.append(-evaluation.residual, depth - depths) * self._weights
+            right[len(states) :, 1] = self._weights[len(states) :]
+            solution, _, _, singular = np.linalg.lstsq(matrix, right, rcond=None)
             steps = np.asarray(solution, dtype=np.float64)
             length = float(np.linalg.norm(steps[:, 0]))
             if not length < 1.0:
                 break
             # a residual of rounding causes steps of this length: they are long if a coordinate is hardly restrained
-            size = float(np.abs(unknowns[:-1] / self._scales[:-1]).max())
-            rounding = max(_ROUNDING, _EXACT * size / float(singular[-1]))
+            rounding = max(_ROUNDING, _EXACT * float(np.abs(states).max()) / float(singular[-1]))
             if length < _SETTLED or (length < rounding and length > 0.5 * before):
                 # all equations must be satisfied: there may be more of them than unknowns
-                slack = self._own.tolerance * size
-                uneven = np.abs(depth - depths).max() > _UNEVEN * abs(depth) + slack * 1e-3 * self._scales[0]
-                if not uneven and np.abs(evaluation.residual / self._scales[:-1]).max() <= slack:
+                slack, missed = self._own.tolerance * float(np.abs(states).max()), np.abs(right[:, 0])
+                uneven = missed[len(states) :].max() > _UNEVEN * abs(depth) * self._weights[-1] + slack * 1e-3
+                if not uneven and missed[: len(states)].max() <= slack:
                     error = abs(float(steps[-1, 0]) * self._scales[-1])
                     return Held(unknowns[:-1].reshape(-1, self._size), value, depth, evaluation, steps[:, 1], error)
                 if length < _SETTLED:
@@ -385,6 +384,12 @@ class TouchEquation:
             if strikes:
                 unknowns = self._at_depth(unknowns, depth)
         raise ConvergenceError(f"no orbit is found that passes a breakpoint by {depth:.3g}, near {unknowns[-1]:.12g}")
+
+    def _bordered(self, evaluation: Evaluation, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the scaled derivatives of a residual by the unknowns and the parameter, with further rows below."""
+        assert evaluation.by_parameter is not None
+        matrix = np.vstack((np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)), rows))
+        return self._weights[:, None] * matrix * self._scales
 
     def _depths(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the depth of each touch, and its derivatives with respect to all unknowns and the parameter."""
@@ -397,12 +402,6 @@ class TouchEquation:
             )
             depths[number] += depth
         return depths, rows
-
-
-def _bordered(evaluation: Evaluation, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the derivatives of a residual with respect to the unknowns and the parameter, with further rows below."""
-    assert evaluation.by_parameter is not None
-    return np.vstack((np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)), rows))
 
 
 def _reach(
@@ -438,17 +437,25 @@ def _impulse(
 ) -> NDArray[np.float64]:
     """Return the change of the velocities by a touch of a depth: by a rebound, or by a force that begins with a jump.
 
-    The force lasts until the deflection, with what is left of its acceleration, has its speed the other way.
+    The force lasts until the deflection, with what is left of its acceleration, has its speed the other way. Where the
+    deflection comes from inside, it is missing for so long.
     """
     contact, side, _ = layout.structure.breakpoints[switch]
+    first = next(place for place, each in enumerate(layout.structure.breakpoints) if each.contact == contact)
     slots, push = layout.contacts[contact], coefficients[layout.contacts[contact].force]
-    before, along = side * np.sqrt(-2.0 * depth * acceleration), float(coefficients[slots.deflection] @ push)
+    way = -1.0 if acceleration > 0.0 else 1.0
+    before, along = way * side * np.sqrt(-2.0 * depth * acceleration), float(coefficients[slots.deflection] @ push)
     if slots.form.law.rebounds:
         numbers = Angles(layout, coefficients, theta).named(slots.numbers, slots.waves)
         return (slots.form.law.rebound(before, numbers) - before) / along * push
-    first = next(place for place, each in enumerate(layout.structure.breakpoints) if each.contact == contact)
-    quotient = jump_of(layout, contact, switch - first)
-    force = 0.0 if quotient is None else quotient(coefficients)(before, theta) * before
+    force = 0.0
+    for stage, each in enumerate(slots.stages):
+        if (
+            each.sign * coefficients[each.clearance] == side * coefficients[slots.stages[switch - first].clearance]
+        ):  # also of a gap of no width
+            quotient = jump_of(layout, contact, stage)
+            jump = 0.0 if quotient is None else quotient(coefficients)(before, theta) * before
+            force += way * each.sign * side * jump
     slowed = side * acceleration - along * force
     if slowed * before >= 0.0:
         raise ConvergenceError("the force beyond the breakpoint draws the deflection in")
