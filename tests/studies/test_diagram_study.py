@@ -161,7 +161,7 @@ def test_a_disk_that_is_full_loses_nothing_that_was_reported(path, monkeypatch, 
 
     with monkeypatch.context() as patch:
         patch.setattr(file, "_insert", insert_some)
-        with pytest.raises(StoreError, match="No space left"):
+        with pytest.raises(StoreError, match="the disk is full"):
             gw.run(clutch_diagram(), path)
     assert gw.load(path).names == ("P1-1", "P2-1")
     assert_same_result(gw.run(clutch_diagram(), path, resume=True), undisturbed)

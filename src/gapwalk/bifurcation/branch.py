@@ -130,8 +130,13 @@ class Branch(Shown):
 
     @cached_property
     def instabilities(self) -> tuple[Instability, ...]:
-        """Unstable multipliers at each point."""
-        return tuple(point.instability for point in self.points)
+        """Unstable multipliers at each point; one neutral point among others, at which the branch ends, is as they are."""
+        found = [point.instability for point in self.points]
+        for number, each in enumerate(found):
+            beside = [*found[max(number - 1, 0) : number], *found[number + 1 : number + 2]]
+            if each.label == "neutral" and beside and all(other.label != "neutral" for other in beside):
+                found[number] = beside[0]
+        return tuple(found)
 
     def special(self, kind: Kind | str) -> tuple[SpecialPoint, ...]:
         """Return the special points of one kind.
@@ -174,9 +179,9 @@ class Branch(Shown):
     @property
     def counts(self) -> str:
         """Numbers of points and special points in words."""
-        stable = sum(point.stable for point in self.points)
+        stable = sum(each.label == "stable" for each in self.instabilities)
         kinds = ", ".join(f"{len(self.special(kind))} {kind.value}" for kind in Kind.known() if self.special(kind))
-        neutral = sum(point.instability.label == "neutral" for point in self.points)
+        neutral = sum(each.label == "neutral" for each in self.instabilities)
         states = f"{stable} of them stable{f', {neutral} neutral' if neutral else ''}"
         return f"{len(self.points)} points, {states}; {kinds or 'no special points'}"
 

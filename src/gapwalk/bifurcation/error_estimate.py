@@ -129,10 +129,9 @@ class ErrorEstimator:
             if min(float(np.abs(each.residual - evaluation.residual).max()) for each in ahead) > most:
                 break
             times *= _FURTHER
-        asides = [
-            self._own.exact_point(point.x + way * farthest, point.tangent, point.arclength) for way in (times, -times)
-        ]
-        return _Blur(times * float(np.abs(moved[:, -1]).max()), asides[: 1 if times == 1.0 else 2], rounding)
+        ways = (times,) if times == 1.0 else (times, -times)
+        asides = [self._own.exact_point(point.x + way * farthest, point.tangent, point.arclength) for way in ways]
+        return _Blur(times * float(np.abs(moved[:, -1]).max()), asides, rounding)
 
     def crossing(self, point: BranchPoint, reach: float, function: Callable[[BranchPoint], float]) -> float:
         """Return the parameter at which the second computation has a crossing, near a branch point.

@@ -552,6 +552,8 @@ class Switchboard(BreakpointGeometry):
 
     def _rests_on(self, theta: float) -> int | None:
         """Return a switch whose breakpoint the motion hardly leaves, as the forces on both sides push towards it."""
+        if not self.count:
+            return None
         state, closed = self._moving.tolist(), self._closed()
         for switch, depth in enumerate(self._depths(state, theta)):
             if self._jumps[switch] is None or self._rebounds[switch]:

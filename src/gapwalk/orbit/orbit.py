@@ -34,7 +34,8 @@ from gapwalk.orbit.sticking import kept_words, without_kept
 _AT_STOP = 1e-9  # share of a clearance by which a motion that rests on it may differ from it
 _AT_IMPACT = 1e-4  # radians within which a turning point is that at an impact; logs are those of the last step but one
 _SIGNS = {1: "+", -1: "-"}
-_EXACTLY, _NEARLY = 1e-12, 1e-3  # distances of a multiplier from 1 between which rounding of the state may move it far
+_EXACTLY, _NEARLY = 1e-12, 1e-5  # distances of a multiplier from 1 between which rounding of the state may move it far
+_KEPT = 1e-4  # the larger of them where friction slips, which may keep nearly any position
 _ROUNDINGS = 1e-15  # rounding of a state over one period, as a share of it
 _SAFETY = 4.0  # factor on the motion of a multiplier by rounding
 SAME = 1e-6
@@ -156,7 +157,8 @@ class Orbit(Shown):
         Where the motions are nearly a continuum, rounding moves the state far along it, and the multiplier with it.
         """
         near = min([abs(each - 1.0) for each in self.free_multipliers.tolist()], default=1.0)
-        if not _EXACTLY < near < _NEARLY or self.stuck or len(self.restarts) or self.own_method is not None:
+        is_near = _EXACTLY < near < (_KEPT if self.slips else _NEARLY)
+        if not is_near or self.stuck or len(self.restarts) or self.own_method is not None:
             return 0.0
         flow, coefficients = flow_of(self.system, transition=True), coefficients_of(self.system)
 

@@ -76,7 +76,8 @@ def pieces_of(branch: Branch, measure: str) -> list[Piece]:
 
 def cut(branch: Branch, curves: Curves) -> list[Piece]:
     """Cut a branch into pieces, with curves whose heights a function of the points returns."""
-    nodes = [(point.arclength, point, point.instability.label, False) for point in branch.points]
+    states = zip(branch.points, branch.instabilities, strict=True)
+    nodes = [(point.arclength, point, state.label, False) for point, state in states]
     nodes += [(each.point.arclength, each.point, each.after.label, True) for each in branch.special_points]
     nodes.sort(key=lambda node: node[0])
     s = np.array([arclength for arclength, *_ in nodes])

@@ -37,7 +37,8 @@ from gapwalk.verification.verify_special_points import verify_special_points
 _OFF = 0.1  # largest distance of the orbit between from the cubic through both points, in distances of the points
 _TURN = 0.6  # largest angle between a tangent and the chord, in radians
 _DEEPEST = 7  # largest number of successive halvings of a gap
-_LONGER = 0.3  # largest relative difference between the distance of two points and the arclength between them
+_SHARPEST = 14  # the same where a contact grazes at a force that jumps: the branch turns within 1e-6 beside it
+_LONGER = 0.3  # largest difference between the distance of two points and the arclength between them, in steps
 _TOGETHER = 1e-6  # distance below which two points are one
 _ON_SIDE = 1e-3  # share of a gap at which the tangent on one side of a corner is taken
 _SHARES = (0.5, 0.4, 0.62)  # places at which an orbit is sought: close to a crossing of branches correction fails
@@ -229,11 +230,11 @@ def _verify_gaps(ledger: Ledger, track: Track) -> None:
         knots = [a, *(each.point for each in special), b]
         corners = [each.point for each in special if not each.kind.by_multipliers]
         grazes = [each.point for each in special if each.kind is Kind.GRAZING and each.is_corner]
-        figures = []
+        figures, step = [], b.arclength - a.arclength  # arclengths in a step are measured along it, not around a turn
         for pair in pairwise(knots):
-            figure = _gap(track, *_one_sided(track, pair, corners))
+            figure = _gap(track, *_one_sided(track, pair, corners), step, _SHARPEST if grazes else _DEEPEST)
             if figure == math.inf or (figure > 1.0 and any(knot is graze for knot in pair for graze in grazes)):
-                figure = _shot_finer(track, *pair, grazes)
+                figure = _shot_finer(track, *pair, step, grazes)
             figures.append(figure)
         ledger.enter(Check.GAPS, spot, max(figures))
         ledger.judge(Check.COUNTS, spot, unexplained(a, b, special, joining_points(track.branch)))
@@ -262,12 +263,13 @@ def _one_sided(
     return sided[0], sided[1]
 
 
-def _gap(track: Track, a: BranchPoint, b: BranchPoint) -> float:
+def _gap(track: Track, a: BranchPoint, b: BranchPoint, step: float, deepest: int) -> float:
     """Return the deviation of the branch between two neighbouring points from the cubic through them.
 
     1 is the largest accepted figure: an orbit between them is off the cubic through both points by a tenth of their
-    distance, or a tangent, at a point or between, is 0.6 rad off the chord. If the figure is larger, the gap is halved.
-    It is infinite if there is no orbit between. The distance must also equal the arclength between them within 30 %.
+    distance, or a tangent, at a point or between, is 0.6 rad off the chord. If the figure is larger, the gap is halved,
+    up to `deepest` times. It is infinite if there is no orbit between. The distance must also equal the arclength
+    between them within 30 % of their `step` of the walk.
     """
     ahead = b.arclength - a.arclength
     if len(a.x) != len(b.x):  # harmonics may grow along a branch
@@ -276,21 +278,21 @@ def _gap(track: Track, a: BranchPoint, b: BranchPoint) -> float:
         if lifted is None:
             return math.inf
         a, b = (lifted, b) if coarse is a else (a, lifted)
-    far = _detour(a, b, ahead)
+    far = _detour(a, b, ahead, step)
     corrector, a, b = smooth_between(track.corrector_at(a), a, b)
     # lengths differ from section to section, and the step may have been taken in either
-    return max(min(far, _detour(a, b, ahead)), _deviation(corrector, a, b, 0))
+    return max(min(far, _detour(a, b, ahead, step)), _deviation(corrector, a, b, deepest))
 
 
-def _detour(a: BranchPoint, b: BranchPoint, ahead: float) -> float:
+def _detour(a: BranchPoint, b: BranchPoint, ahead: float, step: float) -> float:
     """Return the difference of the distance of two points and an arclength; 1 is the largest accepted figure.
 
     A branch may connect any two points by a long detour.
     """
-    return abs(length_of(b.x - a.x) - ahead) / (_LONGER * abs(ahead) + _TOGETHER)
+    return abs(length_of(b.x - a.x) - ahead) / (_LONGER * abs(step) + _TOGETHER)
 
 
-def _shot_finer(track: Track, a: BranchPoint, b: BranchPoint, grazes: Sequence[BranchPoint]) -> float:
+def _shot_finer(track: Track, a: BranchPoint, b: BranchPoint, step: float, grazes: Sequence[BranchPoint]) -> float:
     """Return the figure of `_gap` for two neighbours of which one may graze a rigid stop, shot in one segment more.
 
     Beside such a graze motions grow 1e6 times and more: one segment does not determine them to its tolerance. The
@@ -307,17 +309,17 @@ def _shot_finer(track: Track, a: BranchPoint, b: BranchPoint, grazes: Sequence[B
         replace(end, tangent=way) if any(knot is graze for graze in grazes) else end
         for knot, end in zip((a, b), ends, strict=True)
     ]
-    return max(_detour(a, b, b.arclength - a.arclength), _deviation(second.corrector, ends[0], ends[1], 0))
+    return max(_detour(a, b, b.arclength - a.arclength, step), _deviation(second.corrector, ends[0], ends[1], _DEEPEST))
 
 
-def _deviation(corrector: Corrector, a: BranchPoint, b: BranchPoint, depth: int) -> float:
-    """Return the deviation from the cubic, of a gap that was halved `depth` times."""
+def _deviation(corrector: Corrector, a: BranchPoint, b: BranchPoint, halvings: int) -> float:
+    """Return the deviation from the cubic, of a gap that may be halved so many times."""
     if length_of(b.x - a.x) < _TOGETHER:
         return 0.0
     middle, figure = _between(corrector, a, b)
-    if middle is None or figure <= 1.0 or depth == _DEEPEST:
+    if middle is None or figure <= 1.0 or halvings == 0:
         return figure
-    return max(_deviation(corrector, a, middle, depth + 1), _deviation(corrector, middle, b, depth + 1))
+    return max(_deviation(corrector, a, middle, halvings - 1), _deviation(corrector, middle, b, halvings - 1))
 
 
 def _between(corrector: Corrector, a: BranchPoint, b: BranchPoint) -> tuple[BranchPoint | None, float]:

@@ -102,7 +102,7 @@ def _verify_orbit(
     ledger.enter(Check.EXTREMES, spot, extremes / size / reshot.growth / rough)
     if not collapses(orbit.system):  # a volume that vanishes has no logarithm
         off = abs(reshot.contraction - around.contraction) / max(1.0, abs(around.contraction))
-        ledger.enter(Check.VOLUME, spot, off / max(1.0, reshot.lost / Check.VOLUME.bound))
+        ledger.enter(Check.VOLUME, spot, off / (1.0 + reshot.lost / Check.VOLUME.bound))
     off = _distance(reshot.multipliers, orbit.free_multipliers)
     if off > Check.MULTIPLIERS.bound and isinstance(around, DryRound):
         # beside a graze, errors of the integrator grow as changes of the motion do, and the impact depends on them

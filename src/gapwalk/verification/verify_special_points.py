@@ -195,10 +195,34 @@ class Examination:
                     raise
         side = [each for each in self.track.branch.points if (each.arclength - here.arclength) * shift > 0.0]
         side.sort(key=lambda each: abs(each.arclength - here.arclength))
+        if between := self._between(shift, side):
+            return between
         within = [each for each in side if abs(each.arclength - here.arclength) <= abs(shift)]
         if not side:
             raise NumericalError(f"the branch has no points on one side of {self.special.value:.12g}")
         return self.second.at((within or side[:1])[-1])
+
+    def _between(self, shift: float, side: Sequence[BranchPoint]) -> BranchPoint | None:
+        """Return a point halfway to the next special point on one side, if no point of the walk lies between them.
+
+        The step over a graze passes a fold or a flip just beside it, where points of the walk are beyond both.
+        """
+        here = self.special.point
+        others = [
+            each.point
+            for each in self.track.branch.special_points
+            if (each.point.arclength - here.arclength) * shift > 0.0 and not _is_one_place(each, self.special)
+        ]
+        nearest = min(others, key=lambda each: abs(each.arclength - here.arclength), default=None)
+        if nearest is None or len(nearest.x) != len(here.x):
+            return None
+        if side and abs(side[0].arclength - here.arclength) <= abs(nearest.arclength - here.arclength):
+            return None
+        sign, chord = math.copysign(1.0, shift), nearest.x - here.x
+        length = length_of(chord)
+        if length == 0.0:
+            return None
+        return self.second.at(replace(here, tangent=sign * chord / length, memo={}), 0.5 * sign * length)
 
     @cached_property
     def _turn(self) -> bool:

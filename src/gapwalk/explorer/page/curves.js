@@ -9,7 +9,7 @@ export const LINES = new Map([
   ["below", { shade: "--below", dashes: [8, 4], width: 1.7 }],
   ["above", { shade: "--above", dashes: [2, 3], width: 1.7 }],
   ["pair", { shade: "--pair", dashes: [9, 3, 2, 3], width: 1.7 }],
-  ["neutral", { shade: "--stop", dashes: [], width: 1.7 }],
+  ["neutral", { shade: "--neutral", dashes: [], width: 1.7 }],
 ]);
 const STABILITY = LINES.size;
 const SHADES = { blue: "--above", vermillion: "--below", green: "--pair", purple: "--cross", grey: "--stop" };
