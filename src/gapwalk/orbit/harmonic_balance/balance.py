@@ -144,7 +144,7 @@ class BalancedOrbit(Orbit):
         """H, the highest harmonic of the forcing frequency."""
         return (self.series.lines.shape[1] - 1) // self.period
 
-    @property
+    @cached_property
     def multiplier_error(self) -> float:
         """Approximate error of the multipliers due to truncation: thirty times the truncation."""
         return _AMPLIFIED * self.truncation
