@@ -221,6 +221,14 @@ def test_stated_errors_do_not_depend_on_the_units():
         assert b.uncertainty / b.value == pytest.approx(a.uncertainty / a.value, rel=3.0)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [20, 40, 42])
+def test_verification_accepts_a_fold_or_a_flip_close_to_a_graze(seed):
+    """The walk steps over both at once, 4e-8 to 5e-7 apart, or ends 1e-9 before a graze."""
+    machine = machine_of(f"preload {seed}")
+    assert gw.verify(next(ways(machine, gw.find_orbit(machine.system))).walked()).breaches == ()
+
+
 def test_a_comparison_names_what_only_one_walk_has():
     machine = machine_of("preload 12")
     plain = next(ways(machine, gw.find_orbit(machine.system)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,8 +84,10 @@ def two_equal_parts(seed: int) -> Machine:
 
 @kind("rotor")
 def rotor(seed: int) -> Machine:
-    """A rotor with gyroscopic terms and gaps."""
-    return gyroscopic_machine(np.random.default_rng([seed, 420]))
+    """A rotor with gyroscopic terms and gaps, which a large load closes."""
+    machine = gyroscopic_machine(np.random.default_rng([seed, 420]))
+    (load,) = machine.harmonics
+    return replace(machine, harmonics=(replace(load, amplitude=5.0 * load.amplitude),))
 
 
 @kind("friction")
