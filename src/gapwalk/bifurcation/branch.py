@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point import SpecialPoint, at_once, words_of
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.point_on_branch import BranchPoint, motion_row, point_row
 from gapwalk.continuation.walk import End, EndReason
@@ -130,7 +130,7 @@ class Branch(Shown):
 
     @cached_property
     def instabilities(self) -> tuple[Instability, ...]:
-        """Unstable multipliers at each point; one neutral point among others, at which the branch ends, is as they are."""
+        """Unstable multipliers at each point; a single neutral one, as where the branch ends, is as its neighbours."""
         found = [point.instability for point in self.points]
         for number, each in enumerate(found):
             beside = [*found[max(number - 1, 0) : number], *found[number + 1 : number + 2]]
@@ -173,7 +173,7 @@ class Branch(Shown):
         for end in self.ends:
             yield f"  {symbol} = {end.value:.10g}: {end.reason_words}"
         if points and self.special_points:
-            rows = [special.words for special in self.special_points]
+            rows = [words_of(group) for group in at_once(self.special_points)]
             yield Table(list(rows[0]), [list(row.values()) for row in rows])
 
     @property

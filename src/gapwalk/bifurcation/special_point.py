@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 REACH = 0.01
 """Amplitude, as a share of the motion, up to which the period-doubled branch at a flip is examined."""
+_ONE_PLACE = 1e-7  # arclength between contacts that graze at once in a symmetric motion
+_ROUNDED = 1e-12  # relative rounding of their parameter
 _TIMES = {1: "", 2: "double ", 3: "triple "}
 _WHOLE = 0.5  # share of that amplitude from which a criticality counts as valid over all of it
 VERTEX = 1e-3
@@ -221,12 +224,41 @@ class SpecialPoint(Shown):
     @property
     def change(self) -> str:
         """Change of stability in the direction of the walk, in words."""
-        texts = [f"unstable({side.total})" if side.total else side.label for side in (self.before, self.after)]
-        return texts[0] if texts[0] == texts[1] else " -> ".join(texts)
+        return _change(self.before, self.after)
 
     def __repr__(self) -> str:
         place = f"{self.kind_words} at {self.value:.10g} +- {self.uncertainty:.0e}"
         return f"SpecialPoint({', '.join(filter(None, (place, self.change, self.nature, self.contact)))})"
+
+
+def at_once(special: Sequence[SpecialPoint]) -> list[tuple[SpecialPoint, ...]]:
+    """Return special points in groups of those that are one event, as where both sides of a gap graze at one value."""
+    groups: list[tuple[SpecialPoint, ...]] = []
+    for each in special:
+        if groups and _is_with(each, groups[-1][-1]):
+            groups[-1] += (each,)
+        else:
+            groups.append((each,))
+    return groups
+
+
+def _is_with(each: SpecialPoint, last: SpecialPoint) -> bool:
+    if last.kind != each.kind or each.kind.by_multipliers or each.contact == last.contact:
+        return False
+    error = last.uncertainty + each.uncertainty + _ROUNDED * abs(each.value)
+    is_near = each.point.arclength - last.point.arclength < _ONE_PLACE
+    return is_near and abs(each.value - last.value) <= error < np.inf
+
+
+def words_of(group: Sequence[SpecialPoint]) -> dict[str, str]:
+    """Return one row of a table for readers for special points at one place, with all their contacts."""
+    contacts = ", ".join(dict.fromkeys(each.contact for each in group if each.contact))
+    return group[0].words | {"stability": _change(group[0].before, group[-1].after), "contact": contacts}
+
+
+def _change(before: Instability, after: Instability) -> str:
+    texts = [f"unstable({side.total})" if side.total else side.label for side in (before, after)]
+    return texts[0] if texts[0] == texts[1] else " -> ".join(texts)
 
 
 def describe_switch(orbit: Orbit, switch: int) -> str:

@@ -78,9 +78,10 @@ def pass_graze(corrector: Corrector, point: BranchPoint) -> Passage | None:
     if by_touches is None:
         return None
     for start in (point, *_behind(corrector, point)):
-        for at_once in (True, False):
+        # several touches at once first: a motion with one of them alone is on another branch
+        for at_once, lead in ((True, _RIGID_LEAD), (True, LEAD), (False, _RIGID_LEAD)):
             try:
-                return _Corner(corrector, by_touches, start, at_once).passage(point)
+                return _Corner(corrector, by_touches, start, at_once, lead).passage(point)
             except NumericalError:
                 continue
     return _leave_impact(corrector, by_touches, point)
@@ -116,7 +117,7 @@ def _leave_impact(corrector: Corrector, by_touches: Callable[..., TouchEquation]
         if start is None or sum(start.orbit.closings) != sum(point.orbit.closings) - 1:
             continue
         try:
-            return _Corner(corrector, by_touches, start, False).retreat(point)
+            return _Corner(corrector, by_touches, start, False, _RIGID_LEAD).retreat(point)
         except NumericalError:
             continue
     return None
@@ -126,7 +127,12 @@ class _Corner:
     """Orbits near a graze, by a label that grows along the walk as the logarithm of the depth on either side."""
 
     def __init__(
-        self, corrector: Corrector, by_touches: Callable[..., TouchEquation], point: BranchPoint, at_once: bool
+        self,
+        corrector: Corrector,
+        by_touches: Callable[..., TouchEquation],
+        point: BranchPoint,
+        at_once: bool,
+        lead: float,
     ) -> None:
         self._corrector, self._by_touches, self._first = corrector, by_touches, point
         found = touches(point.orbit)
@@ -150,7 +156,7 @@ class _Corner:
         ]
         self._is_several = rigid and len(self._touches) > 1
         # the effect of an impact on a rigid stop is that of the root of its depth, which must be the more exact
-        self._posed = by_touches(point.orbit, self._touches, corrector.scales, _RIGID_LEAD if rigid else LEAD)
+        self._posed = by_touches(point.orbit, self._touches, corrector.scales, lead if rigid else LEAD)
         start = self._posed.at(point.orbit)
         ahead = self._posed.slope(start)
         self._way = math.copysign(1.0, float(ahead @ point.tangent))

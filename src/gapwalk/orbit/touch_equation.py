@@ -164,7 +164,8 @@ class TouchEquation:
         lead: float = LEAD,
     ) -> None:
         self._own, self._near = equation, near
-        leads = [self._lead(touch, lead) for touch in touches]
+        # one for all: what the depth leaves out before a touch is then the same in each of a symmetric motion
+        leads = [min(self._lead(touch, lead) for touch in touches)] * len(touches)
         full, rate = PERIOD * equation.period, coefficients_of(near.system)[0]
         self._thetas = [(touch.theta - ahead) % full for touch, ahead in zip(touches, leads, strict=True)]
         self._posed = replace(equation, marks=tuple(self._thetas))

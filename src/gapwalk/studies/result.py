@@ -11,6 +11,7 @@ from typing import Any
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
+from gapwalk.bifurcation.special_point import at_once, words_of
 from gapwalk.continuation.point_on_branch import motion_row, point_row
 from gapwalk.continuation.walk import EndReason
 from gapwalk.model.system import System
@@ -232,11 +233,10 @@ class Result(Shown):
         headings += ["unstable" if diagram else "stability", "criticality or contact"]
         rows, groups = [], []
         for name, branch in self.named:
-            for index, special in enumerate(branch.special_points):
-                words, counts = (
-                    special.words,
-                    dict.fromkeys(str(side.total) for side in (special.before, special.after)),
-                )
+            for group in at_once(branch.special_points):
+                special, words = group[0], words_of(group)
+                index = branch.special_points.index(special)
+                counts = dict.fromkeys(str(side.total) for side in (special.before, group[-1].after))
                 row = [
                     *(words["kind"], words["at"], words["±"], f"{special.point.measure(measure):#.8g}"),
                     words["multiplier"],
