@@ -221,6 +221,14 @@ def test_stated_errors_do_not_depend_on_the_units():
         assert b.uncertainty / b.value == pytest.approx(a.uncertainty / a.value, rel=3.0)
 
 
+def test_two_folds_within_one_step_are_found():
+    """In these units a step of 1e-2 begins before both and ends beyond both, and the slopes at its ends tell nothing."""
+    machine = machine_of("preload 59")
+    here = {way.name: way for way in ways(machine, gw.find_orbit(machine.system))}
+    values = [each.value for each in here["other units"].walked().special("fold")]
+    assert values == pytest.approx([691.0264752, 1516.652716, 1494.009076, 1494.266708], rel=1e-9)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [20, 40, 42])
 def test_verification_accepts_a_fold_or_a_flip_close_to_a_graze(seed):

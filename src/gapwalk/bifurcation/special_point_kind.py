@@ -194,6 +194,21 @@ class Kind(str):
         """
         raise NotImplementedError(f"a {self} is not the zero of one function")
 
+    def hides(self, a: BranchPoint, b: BranchPoint) -> bool:
+        """Return True if the points themselves show that the test function vanishes twice between them.
+
+        Parameters
+        ----------
+        a, b
+            Two neighbouring points of a branch, at which the function has one sign.
+
+        Returns
+        -------
+        bool
+            False by default.
+        """
+        return False
+
     @property
     def value(self) -> str:
         """Name of the kind, as for members of an enumeration."""

@@ -195,7 +195,7 @@ class Search:
         for a, b in pairwise(_apart(self.interval.points)):
             rate, length = self._rates.get(kind), b.arclength - a.arclength
             ends = _deflated(kind, a, known), _deflated(kind, b, known)
-            if self._may_vanish(*ends, rate, length):
+            if self._may_vanish(kind, (a, b), ends, rate):
                 zeros += self._search(kind, a, b, rate, known)
                 ends = _deflated(kind, a, known), _deflated(kind, b, known)
             self._rates[kind] = (ends[1] - ends[0]) / length
@@ -305,7 +305,7 @@ class Search:
     def _search(self, kind: Kind, a: BranchPoint, b: BranchPoint, rate: float | None, known: list[float]) -> list[Zero]:
         """Return all zeros between two points, given the rate of change before them (if any) and the known zeros."""
         at_a, at_b = _deflated(kind, a, known), _deflated(kind, b, known)
-        if not self._may_vanish(at_a, at_b, rate, b.arclength - a.arclength):
+        if not self._may_vanish(kind, (a, b), (at_a, at_b), rate):
             return []
         if max(abs(kind.at(a)), abs(kind.at(b))) < _NOISE:
             return []  # zero everywhere, as with multipliers that stay on the unit circle without damping
@@ -317,12 +317,18 @@ class Search:
         left = self._search(kind, a, middle, rate, known)
         return left + self._search(kind, middle, b, _rate(kind, a, middle, known), known)
 
-    def _may_vanish(self, at_a: float, at_b: float, rate: float | None, length: float) -> bool:
-        """Return True if a test function may vanish between two values, given its rate of change before them if any."""
+    def _may_vanish(
+        self, kind: Kind, pair: tuple[BranchPoint, BranchPoint], values: tuple[float, float], rate: float | None
+    ) -> bool:
+        """Return True if a test function may vanish between two points, given its rate of change before them if any."""
+        (a, b), (at_a, at_b) = pair, values
+        length = b.arclength - a.arclength
         if at_a * at_b < 0.0:
             return True
+        if length < self.interval.finest:
+            return False
         bend = abs(at_b - at_a - rate * length) if rate is not None else abs(at_b - at_a)
-        return not (length < self.interval.finest or math.sqrt(at_a * at_b) > _DOUBT * bend)
+        return math.sqrt(at_a * at_b) <= _DOUBT * bend or kind.hides(a, b)
 
     def _bracketed(self, kind: Kind, a: BranchPoint, b: BranchPoint, known: list[float]) -> Zero:
         def function(arclength: float) -> float:

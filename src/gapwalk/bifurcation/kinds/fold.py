@@ -30,6 +30,15 @@ class Fold(Kind):
         """Return the parameter component of the tangent."""
         return float(point.tangent[-1])
 
+    def hides(self, a: BranchPoint, b: BranchPoint) -> bool:
+        """Return True if the parameter, as a cubic between two points, turns back twice."""
+        first, last = self.function(a), self.function(b)
+        mean = float(b.x[-1] - a.x[-1]) / (b.arclength - a.arclength)
+        bend = first + last - 2.0 * mean
+        lowest = (first + last - 3.0 * mean) ** 2 - first * last  # discriminant of the slope of the cubic
+        place = (2.0 * first + last - 3.0 * mean) / (3.0 * bend) if bend else 0.0
+        return first * last > 0.0 and lowest > 0.0 and first * bend > 0.0 and 0.0 < place < 1.0
+
     def points_in(self, search: Search) -> list[Zero]:
         """Return all folds except the vertex of a pitchfork, which is a branch point.
 
