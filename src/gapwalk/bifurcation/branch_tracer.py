@@ -40,12 +40,13 @@ from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.start_of_period import AT_START, pass_start, starts_among_impacts
 from gapwalk.bifurcation.step_interval import Zero
-from gapwalk.bifurcation.stiff_graze import pass_graze
+from gapwalk.bifurcation.stiff_graze import WILD, pass_graze
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
 from gapwalk.errors import NumericalError
+from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.flow.symmetry import Symmetry, finds_all, symmetries_of
@@ -379,9 +380,13 @@ class BranchTracer(Iterator[Step]):
         return beside
 
     def _grazes_sharply(self, first: BranchPoint, point: BranchPoint) -> bool:
-        """Return True if a contact grazes in so short a step, or with such a change, that its stop must be stiff."""
+        """Return True if a contact grazes in so short a step, or with such a change, that its stop must be stiff.
+
+        Beside the graze of a force that jumps a multiplier grows without bound; farther on, the touch is only rounding.
+        """
         if not any(first.orbit.closing_changes(point.orbit)):
-            return False
+            is_wild = abs(point.orbit.multipliers[0]) > WILD > abs(first.orbit.multipliers[0])
+            return is_wild and bool(jumping_switches(point.orbit.system, friction=False))
         return point.arclength - first.arclength < _SHARP or _change(first, point) > 1.0
 
     def _pass_graze(self, state: WalkState) -> Step | None:

@@ -376,7 +376,8 @@ class TouchEquation:
                 # all equations must be satisfied: there may be more of them than unknowns
                 slack, missed = self._own.tolerance * float(np.abs(states).max()), np.abs(right[:, 0])
                 uneven = missed[len(states) :].max() > _UNEVEN * abs(depth) * self._weights[-1] + slack * 1e-3
-                if not uneven and missed[: len(states)].max() <= slack:
+                grown = max(1.0, _EXACT * float(singular[0]) / self._own.tolerance)  # rounding grows with the motion
+                if not uneven and missed[: len(states)].max() <= slack * grown:
                     error = abs(float(steps[-1, 0]) * self._scales[-1])
                     return Held(unknowns[:-1].reshape(-1, self._size), value, depth, evaluation, steps[:, 1], error)
                 if length < _SETTLED:
