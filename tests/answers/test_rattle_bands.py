@@ -226,3 +226,20 @@ def test_a_share_of_a_chaotic_motion_does_not_depend_on_the_sample():
     text = found.sentence("stop")
     assert f"worst near 2.3{str(worst.severity.value)[3]}: peak force about {worst.severity.peak:.3g}, " in text
     assert "chaotic" in text
+
+
+def test_on_a_rigid_stop_the_worst_motion_has_the_fastest_impacts():
+    stop = gw.rigid_stop("teeth", {"x": 1.0}, 1.0, 0.5, side="positive")
+    load = gw.Harmonic(0.8, {"x": 1.0})
+    system = gw.System(["x"], [[1.0]], [[0.3]], contacts=[stop], harmonics=[load], frequency=0.8)
+    options = gw.ask.RattleOptions(starts=0, search=0)
+    found = gw.ask.rattle_bands(system, "frequency", (0.72, 0.8), gaps="teeth", options=options)
+    rows = [row for row in found.severities if row.state.rattles]
+    (worst,) = found.worst
+    assert all(math.isnan(row.peak) for row in rows)  # the force of an impact is an impulse
+    assert worst.severity.approach == max(row.approach for row in rows)
+    sweep = found.sweeps[0].stretches[0].points[-1].orbit
+    speed = max(event.velocity for event in sweep.events if event.enters)
+    assert worst.severity.approach == pytest.approx(speed, rel=1e-9)
+    assert "inf" not in found.sentence("teeth")
+    assert "with the fastest impacts" in str(found.summary())

@@ -306,13 +306,12 @@ class RattleBands(Shown):
         rows = [each for each in self.severities if each.gap == gap and each.state.rattles]
         if not rows:
             return
-        chosen = sorted(
-            {id(row): row for row in sorted(rows, key=lambda row: -row.peak)[:_LISTED]}.values(), key=_place
-        )
+        chosen = sorted({id(row): row for row in sorted(rows, key=_peak)[-_LISTED:]}.values(), key=_place)
+        largest = "fastest impacts" if all(math.isnan(row.peak) for row in rows) else "largest force"
         units = self.system.units
         symbol = parameter_symbol(self.parameter, units)
         of = (lambda name, unit: f">{name} [{unit}]") if units else (lambda name, unit: f">{name}")
-        yield f"\n{gap}: the {len(chosen)} motions with the largest force, of {len(rows)} that rattle"
+        yield f"\n{gap}: the {len(chosen)} motions with the {largest}, of {len(rows)} that rattle"
         headings = (f">{symbol}", "met", "state", "period", ">impacts/s" if units else ">impacts/time", ">per turn")
         headings += (of("peak", "N m"), of("approach", units.state("'") if units else ""), of("lost", "W"))
         headings += (of("rms", "rad/s^2"), ">kurtosis", f">dB re {self.reference:g}")
@@ -325,8 +324,10 @@ class RattleBands(Shown):
                     str(row.state),
                     str(row.period or "none"),
                     _figure(row.per_second, row),
-                    "" if math.isnan(row.per_turn) else _figure(row.per_turn, row),
-                    *(_figure(number, row) for number in (row.peak, row.approach, row.power, row.rms, row.kurtosis)),
+                    *(
+                        _figure(number, row)
+                        for number in (row.per_turn, row.peak, row.approach, row.power, row.rms, row.kurtosis)
+                    ),
                     f"{row.level:.1f}",
                 )
                 for row in chosen
@@ -361,7 +362,9 @@ class RattleBands(Shown):
 
 
 def _figure(number: float, row: Severity) -> str:
-    """Write a figure of a motion; that of a sample of a motion without period has three digits."""
+    """Write a figure of a motion; that of a sample of a motion without period has three digits, an unknown one none."""
+    if math.isnan(number):
+        return ""
     return f"{number:.4g}" if row.period else f"{number:.3g}"
 
 
@@ -474,7 +477,7 @@ def severity_of(
         impacts,
         impacts * system.frequency / (2.0 * math.pi),
         math.nan if turns is None else impacts * float(turns),
-        load.peak,
+        load.peak if math.isfinite(load.peak) else math.nan,
         max(side.fastest for side in sides),
         load.power,
         signal.rms,
