@@ -413,7 +413,7 @@ class Blocks:
         """Process all blocks, several at a time. Ctrl-C stops them within a forcing period, or some milliseconds.
 
         What one thread does is done by this one: threads that are started for a millisecond, and waited for, have the
-        scheduler move processes to and fro, so that two of them on two cores take as long as on one and a half.
+        scheduler move processes about, so that two of them on two cores take as long as on one and a half.
         """
         blocks = range(len(self._data))
         if min(self.threads, len(blocks)) == 1:
