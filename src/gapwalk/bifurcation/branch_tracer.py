@@ -40,7 +40,7 @@ from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.start_of_period import AT_START, pass_start, starts_among_impacts
 from gapwalk.bifurcation.step_interval import Zero
-from gapwalk.bifurcation.stiff_graze import WILD, pass_graze
+from gapwalk.bifurcation.stiff_graze import pass_graze
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
@@ -65,6 +65,7 @@ _RESTORED = 1e-3  # defect at the vertex where a symmetry returns: it is located
 _ROUNDING = 1e-8  # size of motions whose asymmetry is rounding, in the scale of positions
 _CERTAIN = 1e-6  # arclength of a step that is not repeated, whatever it leaves unexplained
 _AT_ONCE = 1e-7  # arclength between the onsets of slip in both directions that are one
+_GROWN = 1e5  # multiplier above which a graze of a force that jumps is sought ahead
 _LARGE = 1e4  # multiplier that is stated where a walk gets stuck, after it was tried in more segments
 _FAR = 0.8  # allowed change of a multiplier in one step: half a turn takes four steps
 
@@ -385,8 +386,10 @@ class BranchTracer(Iterator[Step]):
         Beside the graze of a force that jumps a multiplier grows without bound; farther on, the touch is only rounding.
         """
         if not any(first.orbit.closing_changes(point.orbit)):
-            is_wild = abs(point.orbit.multipliers[0]) > WILD > abs(first.orbit.multipliers[0])
-            return is_wild and bool(jumping_switches(point.orbit.system, friction=False))
+            grown = abs(point.orbit.multipliers[0])
+            return grown > max(_GROWN, abs(first.orbit.multipliers[0])) and bool(
+                jumping_switches(point.orbit.system, friction=False)
+            )
         return point.arclength - first.arclength < _SHARP or _change(first, point) > 1.0
 
     def _pass_graze(self, state: WalkState) -> Step | None:

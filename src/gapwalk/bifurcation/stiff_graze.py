@@ -37,7 +37,7 @@ _MISSING = (-1e-6, 1e-6, -1e-7, 1e-7, -1e-8, 1e-8)  # arclengths at which orbits
 _BEHIND = (1e-7, 1e-6)  # arclengths behind a point at which orbits are sought whose impact has a depth
 _BEYOND = 5e-7  # arclength beyond the graze at which the walk continues
 _LITTLE = 1e-8  # smallest arclength by which a step over a graze must advance
-WILD = 1e6  # multiplier beyond a rigid stop that steps along the branch cannot follow
+_WILD = 1e6  # multiplier beyond a rigid stop that steps along the branch cannot follow
 _GROWTH = 0.7  # increase of the logarithm of the depth from one orbit to the next
 _LEAST = 1e-16  # depth, in the scale of positions, that is only rounding
 _SOFTEST = 1e-12  # the same at a rigid stop
@@ -204,7 +204,7 @@ class _Corner:
         """
         misses = label * self._way * self._posed.free > 0.0
         point, deepest = self._at(label), self._posed.turns if misses else self._posed.deepest
-        is_wild = self._is_several and float(np.abs(point.orbit.multipliers).max()) > WILD
+        is_wild = self._is_several and float(np.abs(point.orbit.multipliers).max()) > _WILD
         if is_wild:
             try:
                 deepest = self._further.deepest
