@@ -222,7 +222,7 @@ def test_stated_errors_do_not_depend_on_the_units():
 
 
 def test_two_folds_within_one_step_are_found():
-    """In these units a step of 1e-2 begins before both and ends beyond both, and the slopes at its ends tell nothing."""
+    """In these units a step begins before both and ends beyond both, and the slopes at its ends tell nothing."""
     machine = machine_of("preload 59")
     here = {way.name: way for way in ways(machine, gw.find_orbit(machine.system))}
     values = [each.value for each in here["other units"].walked().special("fold")]

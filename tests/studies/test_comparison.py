@@ -110,7 +110,9 @@ def test_what_cannot_be_compared_is_told(stop, tree) -> None:
         gw.studies.compare_results(stop, other)
     with pytest.raises(ModelError, match="the coordinates of one result are x, those of the other q1, q3"):
         gw.studies.compare_results(stop, tree)
-    with pytest.raises(ModelError, match="the second result is of the kind response and has neither branches nor a map of cells"):
+    with pytest.raises(
+        ModelError, match="the second result is of the kind response and has neither branches nor a map of cells"
+    ):
         gw.studies.compare_results(stop, replace(stop, branches=()))
 
 
