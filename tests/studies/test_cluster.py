@@ -164,6 +164,7 @@ def test_a_hash_tells_apart_two_states_of_the_code(tmp_path, monkeypatch) -> Non
     before = sources(("a_law_of_mine",))
     sources.cache_clear()
     assert sources(("a_law_of_mine",)) == before != sources()
+    assert sources(("builtins",)) == sources()  # a law of an interactive session has no file
     (tmp_path / "a_law_of_mine.py").write_text("STIFFNESS = 1.1\n")
     sources.cache_clear()
     assert sources(("a_law_of_mine",)) != before

@@ -47,7 +47,7 @@ def sources(modules: tuple[str, ...] = ()) -> str:
     """Return a hash of the code of gapwalk and of some modules; read once, as a process goes on with what it loaded."""
     root = Path(__file__).parents[1]
     named = [(path.relative_to(root).as_posix(), path) for path in sorted(root.rglob("*.py"))]
-    named += [(name, Path(file)) for name in modules if (file := import_module(name).__file__)]
+    named += [(name, Path(file)) for name in modules if (file := getattr(import_module(name), "__file__", None))]
     hashed = blake2b(digest_size=6)
     for name, path in named:
         content = path.read_bytes()
