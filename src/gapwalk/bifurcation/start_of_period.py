@@ -61,11 +61,6 @@ class Passage(NamedTuple):
     end: End | None
 
 
-def starts_at_event(orbit: Orbit, segments: int = 1) -> bool:
-    """Return True if an event of an orbit coincides with the start of one of the segments of its period."""
-    return _clearance(orbit, segments) < AT_START
-
-
 def starts_among_impacts(orbit: Orbit) -> bool:
     """Return True if the start of the period lies between two impacts of a chatter: along a branch, many will pass."""
     rigid = {switch for _, switch in orbit.system.structure.reactions if switch >= 0}
@@ -138,7 +133,7 @@ def _may_pass(equation: ShootingEquation, *orbits: Orbit) -> bool:
     """Return True if an event may pass the start of a segment at some orbits, and another section is possible."""
     count = equation.options.segments
     among = count == 1 and any(map(starts_among_impacts, orbits))
-    return not equation.begin and (among or any(starts_at_event(orbit, count) for orbit in orbits))
+    return not equation.begin and (among or any(_clearance(orbit, count) < AT_START for orbit in orbits))
 
 
 class _Section:

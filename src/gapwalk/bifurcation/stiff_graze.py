@@ -77,9 +77,10 @@ def pass_graze(corrector: Corrector, point: BranchPoint) -> Passage | None:
     by_touches = cast("OrbitEquation", corrector.equation).by_touches
     if by_touches is None:
         return None
+    leads = (_RIGID_LEAD, LEAD) if jumping_switches(point.orbit.system) else (LEAD,)
     for start in (point, *_behind(corrector, point)):
         # several touches at once first: a motion with one of them alone is on another branch
-        for at_once, lead in ((True, _RIGID_LEAD), (True, LEAD), (False, _RIGID_LEAD)):
+        for at_once, lead in (*((True, each) for each in leads), (False, leads[0])):
             try:
                 return _Corner(corrector, by_touches, start, at_once, lead).passage(point)
             except NumericalError:
@@ -164,9 +165,8 @@ class _Corner:
             raise ConvergenceError("no graze lies near")
         self._posed.calibrate(start, _ASIDE * self._unit)
         start = self._posed.at(point.orbit)
-        self._deepest = max(
-            self._posed.deepest, -1.001 * start.depth * self._posed.free
-        )  # that of the first is not deep
+        # the first of them is not deep
+        self._deepest = max(self._posed.deepest, -1.001 * start.depth * self._posed.free)
         self._held = {self._label(start.depth): start}
         self._points = {self._label(start.depth): point}
 
