@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 REACH = 0.01
 """Amplitude, as a share of the motion, up to which the period-doubled branch at a flip is examined."""
-_ONE_PLACE = 1e-7  # arclength between contacts that graze at once in a symmetric motion
+_ONE_PLACE = 1e-7  # arclength within which points of two contacts or directions may be one event
 _ROUNDED = 1e-12  # relative rounding of their parameter
 _TIMES = {1: "", 2: "double ", 3: "triple "}
 _WHOLE = 0.5  # share of that amplitude from which a criticality counts as valid over all of it
@@ -235,19 +235,19 @@ def at_once(special: Sequence[SpecialPoint]) -> list[tuple[SpecialPoint, ...]]:
     """Return special points in groups of those that are one event, as where both sides of a gap graze at one value."""
     groups: list[tuple[SpecialPoint, ...]] = []
     for each in special:
-        if groups and _is_with(each, groups[-1][-1]):
+        last = groups[-1][-1] if groups else each
+        error = last.uncertainty + each.uncertainty + _ROUNDED * abs(each.value)
+        if is_one_place(each, last) and abs(each.value - last.value) <= error < np.inf:
             groups[-1] += (each,)
         else:
             groups.append((each,))
     return groups
 
 
-def _is_with(each: SpecialPoint, last: SpecialPoint) -> bool:
-    if last.kind != each.kind or each.kind.by_multipliers or each.contact == last.contact:
-        return False
-    error = last.uncertainty + each.uncertainty + _ROUNDED * abs(each.value)
-    is_near = each.point.arclength - last.point.arclength < _ONE_PLACE
-    return is_near and abs(each.value - last.value) <= error < np.inf
+def is_one_place(other: SpecialPoint, special: SpecialPoint) -> bool:
+    """Return True if two points are one event of a symmetric motion, in two contacts or directions."""
+    alike = other.kind == special.kind and not special.kind.by_multipliers and other.contact != special.contact
+    return alike and abs(other.point.arclength - special.point.arclength) < _ONE_PLACE
 
 
 def words_of(group: Sequence[SpecialPoint]) -> dict[str, str]:

@@ -22,7 +22,7 @@ import numpy as np
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
-from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point import SpecialPoint, is_one_place
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
@@ -50,7 +50,6 @@ _LEAST = 1e-16  # relative error of a parameter below which no number can repres
 _MANY = 1e4  # factor on the location error above which no stated error is plausible
 _MOST = 1e-4  # the same as a share of the parameter
 _STRAIGHT = 0.9  # cosine of the angle between tangents on both sides above which one of them serves both
-_ONE_PLACE = 1e-7  # arclength within which points of two contacts or directions may be one event of a symmetric motion
 _INTERPOLATED = 1e-9  # error in widths of the range of a branch point, which is interpolated again
 
 
@@ -162,7 +161,7 @@ class Examination:
     def _look(self, reach: float) -> Sides:
         """Examine the point at one distance on both sides."""
         special = self.special
-        at_once = [each for each in self.track.branch.special_points if each is special or _is_one_place(each, special)]
+        at_once = [each for each in self.track.branch.special_points if each is special or is_one_place(each, special)]
         try:
             a, b = self._beside(-reach), self._beside(reach)
         except NumericalError as error:
@@ -211,7 +210,7 @@ class Examination:
         others = [
             each.point
             for each in self.track.branch.special_points
-            if (each.point.arclength - here.arclength) * shift > 0.0 and not _is_one_place(each, self.special)
+            if (each.point.arclength - here.arclength) * shift > 0.0 and not is_one_place(each, self.special)
         ]
         nearest = min(others, key=lambda each: abs(each.arclength - here.arclength), default=None)
         if nearest is None or len(nearest.x) != len(here.x):
@@ -351,12 +350,6 @@ class Examination:
         return sides[0] if len(sides) == _AGREEING and len(set(sides)) == 1 else 0.0
 
 
-def _is_one_place(other: SpecialPoint, special: SpecialPoint) -> bool:
-    """Return True if two points are one event of a symmetric motion, in two contacts or directions."""
-    alike = other.kind == special.kind and not special.kind.by_multipliers and other.contact != special.contact
-    return alike and abs(other.point.arclength - special.point.arclength) < _ONE_PLACE
-
-
 def _neighbours(special: SpecialPoint, branch: Branch, points: Sequence[BranchPoint]) -> list[BranchPoint]:
     """Return the neighbours of a special point: points, or other special points that are not at the same place.
 
@@ -364,7 +357,7 @@ def _neighbours(special: SpecialPoint, branch: Branch, points: Sequence[BranchPo
     nothing between the two. A point of the walk at the special point itself is no neighbour: a walk may end there, or
     step onto it.
     """
-    others = (each for each in branch.special_points if each is not special and not _is_one_place(each, special))
+    others = (each for each in branch.special_points if each is not special and not is_one_place(each, special))
     here = special.point.arclength
     knots = [point for point in points if point.arclength != here]
     knots += [each.point for each in others]
