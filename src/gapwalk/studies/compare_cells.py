@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.answers.rattle_map import RattleMap, cell_word
-from gapwalk.attractors.attractor import Attractor
+from gapwalk.attractors.attractor_catalogue import distance
 from gapwalk.attractors.basins import Basins
 from gapwalk.attractors.regimes import Regimes, regime_word
-from gapwalk.attractors.section import size_of
 from gapwalk.errors import ModelError
 from gapwalk.notebook import Shown
 from gapwalk.studies.result import Result
@@ -277,17 +276,10 @@ def _named_as(first: Basins, second: Basins) -> list[str]:
     kinds = [[(each.kind, each.period) for each in found.attractors] for found in (first, second)]
     for kind in set(kinds[0]) & set(kinds[1]):
         mine, theirs = ([index for index, each in enumerate(known) if each == kind] for known in kinds)
-        costs = [[_distance(first.attractors[i], second.attractors[j]) for j in theirs] for i in mine]
+        costs = [[distance(first.attractors[i], second.attractors[j].strobes) for j in theirs] for i in mine]
         for i, j in zip(*linear_sum_assignment(costs), strict=True):
             names[theirs[j]] = first.names[mine[i]]
     return names
-
-
-def _distance(one: Attractor, other: Attractor) -> float:
-    """Return how far the strobes of an attractor are from those of another one on average, in sizes of the motion."""
-    scale = size_of(one.system, one.strobes)
-    gaps = (one.strobes[:, None, :] - other.strobes[None, :, :]) / scale
-    return float(np.linalg.norm(gaps, axis=2).min(axis=1).mean())
 
 
 def _same_axis(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
