@@ -27,11 +27,12 @@ from gapwalk.bifurcation.friction_changes import changes_between
 from gapwalk.bifurcation.held_friction import (
     HeldChange,
     bounds_reached,
+    end_of_slip,
     first_change,
     go_on_with,
     held_in,
     never_slipping_springs,
-    slipping_beyond,
+    slipping_beside,
 )
 from gapwalk.bifurcation.kinds.user_event import Event
 from gapwalk.bifurcation.onset_of_slip import come_to_rest, directions_left, never_slips
@@ -189,7 +190,8 @@ class BranchTracer(Iterator[Step]):
 
     def __next__(self) -> Step:
         self.beginning.corrector.forget()
-        return self._pass_impacts() or self._step()
+        first, step = self.walk.point, self._pass_impacts()
+        return self._step() if step is None else self._held_on(first, step)
 
     def _pass_impacts(self) -> Step | None:
         """Return a step over many impacts at the start of the period; None if it does not lie among them."""
@@ -212,7 +214,7 @@ class BranchTracer(Iterator[Step]):
                 passes = (self._pass_start, self._pass_graze, self._pass_corner) if stuck else ()
                 step = next(filter(None, (each(state.walk) for each in passes)), None)
                 if step is not None:
-                    return step
+                    return self._held_on(first, step)
                 if stuck and self._jumps(first):
                     raise
                 if stuck and (self._continues_in_segments(first, state.walk.count) or self.walk.persist()):
@@ -227,17 +229,21 @@ class BranchTracer(Iterator[Step]):
             if self._grazes_sharply(first, point):
                 step = self._pass_graze(state.walk)
                 if step is not None:
-                    return step
+                    return self._held_on(first, step)
             inaccuracy = self.beginning.equation.inaccuracy(point.orbit)
             if inaccuracy:
                 self.walk.finish(first, End(EndReason.COARSE, first.value, inaccuracy))
                 continue
-            point = self._at_rest(first, point)
             try:
                 if has_merged(point):
                     raise NumericalError("the step went onto a branch of motions of a shorter period")
                 if self._is_astray(first, point):
                     raise NumericalError("the step went onto a branch of motions that lack a symmetry of this one")
+                rest = end_of_slip(self.beginning.corrector, first, point)
+                if rest is not None:
+                    return self._at_rest(first, rest, before)
+                if point.orbit.slips:
+                    point = self.walk.point = come_to_rest(self.beginning.corrector, first, point)
                 change = first_change(self.beginning.corrector, first, point) if self._held else None
                 point = point if change is None else change.point
                 step = self._until_vertex(point, self._explained(first, point, before))
@@ -251,11 +257,18 @@ class BranchTracer(Iterator[Step]):
                 continue
             return self._held_on(first, step, change)
 
-    def _at_rest(self, first: BranchPoint, point: BranchPoint) -> BranchPoint:
-        """Return a point with its friction at the position at which its slip ended, if it did in the step to it."""
-        if point.orbit.slips:
-            point = self.walk.point = come_to_rest(self.beginning.corrector, first, point)
-        return point
+    def _at_rest(self, first: BranchPoint, rest: HeldChange, before: BranchPoint | None = None) -> Step:
+        """Return the step to where the slip of a spring ends, and go on: it is pushed along to a side, or kept there."""
+        corrector, held, contact = self.beginning.corrector, self._held, rest.contact
+        last, special = slipping_beside(corrector, rest.point, [contact], -1.0), list[SpecialPoint]()
+        if last is not None and last.arclength > first.arclength:
+            special = self._explained(first, last, before)
+        for side in (1, -1):
+            if self._go_on_from(rest.point, {**held, contact: side}, corrector=rest.corrector):
+                if self._held[contact] == side:
+                    break
+        point = self.walk.point
+        return point, [*special, *(self._onset(rest, last or first, point, contact, side) for side in (1, -1))]
 
     def _continues_in_segments(self, last: BranchPoint, count: int) -> bool:
         """Continue in several segments if small changes grow so much that shooting in one may fail for that alone."""
@@ -402,7 +415,7 @@ class BranchTracer(Iterator[Step]):
             return None
         self.walk.go_on(state, passage.point, 0.5 * passage.distance)
         self.detector = Detector(self.beginning.corrector, self._kinds)  # test functions may have jumped
-        return self._until_parent(first, self._until_vertex(passage.point, passage.special))
+        return self._until_vertex(passage.point, passage.special)
 
     def _pass_start(self, state: WalkState) -> Step | None:
         """Return the step over orbits with an event at the start of the period."""
@@ -423,7 +436,7 @@ class BranchTracer(Iterator[Step]):
             self.walk.finish(passage.point, passage.end)
         parameter, method = self.beginning.equation.parameter or "", self.beginning.equation.options
         special = [each.kind.judged(each, parameter, method) for each in passage.special]
-        return self._until_parent(first, self._until_vertex(passage.point, special))
+        return self._until_vertex(passage.point, special)
 
     def _pass_corner(self, state: WalkState) -> Step | None:
         """Return the step over a corner where the sequence of slip and stick changes."""
@@ -434,7 +447,11 @@ class BranchTracer(Iterator[Step]):
             return (state.point, []) if self._ends_at_parent(state.previous, state.point) else None
         self.walk.go_on(state, passage.point, passage.distance)
         self.detector = Detector(self.beginning.corrector, self._kinds)
-        return self._until_parent(state.point, (passage.point, passage.special))
+        try:
+            rest = end_of_slip(self.beginning.corrector, state.point, passage.point)
+            return (passage.point, passage.special) if rest is None else self._at_rest(state.point, rest)
+        except NumericalError:
+            return passage.point, passage.special
 
     def _until_vertex(self, point: BranchPoint, special: list[SpecialPoint]) -> Step:
         """Return the step, cut off where the branch joins the branch from which it bifurcates.
@@ -485,7 +502,7 @@ class BranchTracer(Iterator[Step]):
             if new:
                 self._go_on_from(point, {**self._held, **dict.fromkeys(new, 0), **held})
 
-    def _held_on(self, first: BranchPoint, step: Step, change: HeldChange | None) -> Step:
+    def _held_on(self, first: BranchPoint, step: Step, change: HeldChange | None = None) -> Step:
         """Return a step with the springs held that never slip from its end on; go on behind a change of those."""
         if change is not None and step[0] is change.point:
             return self._changed(first, change, step[1])
@@ -494,10 +511,15 @@ class BranchTracer(Iterator[Step]):
         return (self.walk.point, step[1]) if self.walk.end is None else step
 
     def _go_on_from(
-        self, point: BranchPoint, held: dict[int, int], lead: int | None = None, origin: BranchPoint | None = None
+        self,
+        point: BranchPoint,
+        held: dict[int, int],
+        lead: int | None = None,
+        origin: BranchPoint | None = None,
+        corrector: Corrector | None = None,
     ) -> bool:
         """Go on from a point with other springs held; return whether there are such motions."""
-        moved = go_on_with(self.beginning.corrector, point, held, lead, origin)
+        moved = go_on_with(corrector or self.beginning.corrector, point, held, lead, origin)
         if moved is None:
             return False
         corrector, last = moved
@@ -521,7 +543,7 @@ class BranchTracer(Iterator[Step]):
         last: BranchPoint | None = point
         if slipping:
             free = Corrector(replace(self.beginning.equation, held=()), corrector.scales)
-            last = slipping_beyond(free, point, slipping)
+            last = slipping_beside(free, point, slipping)
         goes_on = last is not None and self._go_on_from(
             last, left, change.contact if not slipping else None, point if slipping else None
         )
@@ -530,7 +552,7 @@ class BranchTracer(Iterator[Step]):
             self.walk.finish(point, End(EndReason.STEP, point.value, detail))
         last, now = self.walk.point, self._held
         onsets = [
-            self._onset(first, change, last, each, side)
+            self._onset(change, point, last, each, side)
             for each in reached
             for side in sorted(reached[each] - {held[each]}, reverse=True)
             if each in slipping or now.get(each) == side
@@ -538,15 +560,15 @@ class BranchTracer(Iterator[Step]):
         return last, [*special, *onsets]
 
     def _onset(
-        self, first: BranchPoint, change: HeldChange, last: BranchPoint, contact: int, side: int
+        self, change: HeldChange, before: BranchPoint, after: BranchPoint, contact: int, side: int
     ) -> SpecialPoint:
-        """Return the onset of slip of a spring to one side at a change."""
+        """Return the onset or the end of slip of a spring to one side at a change."""
         kind, point, corrector = Kind.SLIP_ONSET, change.point, change.corrector
         name = f"{point.orbit.system.structure.contacts[contact].name} {'+' if side > 0 else '-'}"
-        error = location_error(Zero(kind, point, EXACT, change.function, name), ErrorEstimator(corrector), [first])
-        sides = point.orbit.instability, last.orbit.instability
+        error = location_error(Zero(kind, point, EXACT, change.function, name), ErrorEstimator(corrector), [change.near])
+        sides = before.orbit.instability, after.orbit.instability
         parameter = self.beginning.equation.parameter or ""
-        return SpecialPoint(kind, point, *sides, error, name, kind.nature(point, last) or "", parameter=parameter)
+        return SpecialPoint(kind, point, *sides, error, name, kind.nature(before, after) or "", parameter=parameter)
 
     def _has_parent(self, vertex: BranchPoint) -> bool:
         """Return True if the orbit at a vertex has what those of the branch lack: half their period, or a symmetry.

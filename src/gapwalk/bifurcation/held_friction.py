@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.bracketed_zero import zero_between
 from gapwalk.bifurcation.step_interval import StepInterval
-from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.flow.friction_gauge import FrictionGauge
@@ -33,6 +33,7 @@ _PUSHED, _ON_GRID = 2e-10, 2e-9  # doubt about a position, in lengths: to which 
 _MOMENT = 1e-3  # radians of slip in a period that errors of a state at a bound make
 _AT_ONCE = 1e-9  # arclength beyond a point at which a spring is at its bound already
 _BEYOND = (1e-6, 1e-5, 1e-4, 1e-7, 1e-3)  # arclengths beyond which friction is seen to slip both ways
+_WAYS_BACK = (1.0, 2.0, 4.0, 8.0)  # steps back to a motion that would exceed both bounds
 
 Held = Mapping[int, int]
 """Contacts by number: 0 if the position is kept, 1 or -1 for the side of the bound that the force just reaches."""
@@ -117,7 +118,7 @@ def _row(orbit: Orbit, contact: int) -> NDArray[np.float64]:
 class HeldChange(NamedTuple):
     """Place at which a spring turns back from its bound, or reaches another one: side 0, or that of the bound.
 
-    The function of a point of the branch of the corrector is zero there.
+    The function of a point of the branch of the corrector is zero there; `near` is another point of that branch.
     """
 
     corrector: Corrector
@@ -125,6 +126,7 @@ class HeldChange(NamedTuple):
     contact: int
     side: int
     function: Callable[[BranchPoint], float]
+    near: BranchPoint
 
 
 def first_change(corrector: Corrector, first: BranchPoint, last: BranchPoint) -> HeldChange | None:
@@ -150,16 +152,63 @@ def first_change(corrector: Corrector, first: BranchPoint, last: BranchPoint) ->
                     place, converged = zero_between(lambda at, own=function: own(interval.at(at)), *ends)
                 if not converged:
                     raise NumericalError("the position of friction that never slips jumps")
-                found.append(HeldChange(corrector, interval.at(place), contact, towards, function))
+                found.append(HeldChange(corrector, interval.at(place), contact, towards, function, first))
     return min(found, key=lambda each: each.point.arclength, default=None)
 
 
-def slipping_beyond(corrector: Corrector, point: BranchPoint, contacts: list[int]) -> BranchPoint | None:
-    """Return a point just beyond another one at which friction slips in both directions; None if there is none."""
+def end_of_slip(corrector: Corrector, first: BranchPoint, last: BranchPoint) -> HeldChange | None:
+    """Return the first place between two points of a walk at which a spring ceases to slip, in both directions at once.
+
+    Among the motions at one of its bounds it is the one that just reaches the other bound too.
+
+    Raises
+    ------
+    NumericalError
+        If an orbit between the two cannot be found.
+    """
+    equation = corrector.equation
+    if not last.orbit.slips or not isinstance(equation, ShootingEquation):
+        return None
+    still = [each for each in never_slipping_springs(last.orbit) if each not in held_in(corrector)]
+    ended = [each for each in still if {1, -1} <= {phase.mode for phase in first.orbit.friction.get(each, [])}]
+    found = [_end_of_slip(corrector, equation, first, last, each) for each in ended]
+    return min((each for each in found if each), key=lambda each: each.point.arclength, default=None)
+
+
+def _end_of_slip(
+    corrector: Corrector, equation: ShootingEquation, first: BranchPoint, last: BranchPoint, contact: int
+) -> HeldChange | None:
+    pushed = Corrector(replace(equation, held=(*equation.held, HeldSpring(contact, 1))), corrector.scales)
+
+    def function(point: BranchPoint) -> float:
+        return _spare(point, contact)[-1]
+
+    correction = pushed.at_value(last.x, last.value)
+    if correction is None:
+        return None
+    beyond, length = pushed.point(correction, last.tangent, last.arclength), last.arclength - first.arclength
+    for way in _WAYS_BACK if function(beyond) > 0.0 else ():
+        back = pushed.correct(beyond.x - way * length * beyond.tangent, beyond.tangent)
+        if back is None:
+            return None
+        before = pushed.point(back, beyond.tangent, last.arclength - way * length)
+        if function(before) < 0.0:
+            interval = StepInterval(pushed, before, beyond)
+            place, converged = zero_between(lambda at: function(interval.at(at)), before.arclength, beyond.arclength)
+            rest = interval.at(place)
+            rest = replace(rest, arclength=first.arclength + length_of(rest.x - first.x))
+            return HeldChange(pushed, rest, contact, -1, function, beyond) if converged else None
+    return None
+
+
+def slipping_beside(
+    corrector: Corrector, point: BranchPoint, contacts: list[int], way: float = 1.0
+) -> BranchPoint | None:
+    """Return a point just beyond another one, or before it, at which friction slips in both directions, if any."""
     for length in _BEYOND:
-        correction = corrector.correct(point.x + length * point.tangent, point.tangent)
+        correction = corrector.correct(point.x + way * length * point.tangent, point.tangent)
         if correction is not None:
-            beyond = corrector.point(correction, point.tangent, point.arclength + length)
+            beyond = corrector.point(correction, point.tangent, point.arclength + way * length)
             if all({1, -1} <= {phase.mode for phase in beyond.orbit.friction[contact]} for contact in contacts):
                 return beyond
     return None
