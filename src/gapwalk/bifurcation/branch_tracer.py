@@ -211,7 +211,7 @@ class BranchTracer(Iterator[Step]):
                     before, first, state = None, self.walk.point, self.state
                     continue
                 stuck = self._ended(EndReason.STEP)
-                passes = (self._pass_start, self._pass_graze, self._pass_corner) if stuck else ()
+                passes = (self._pass_start, self._pass_graze, self._pass_rest, self._pass_corner) if stuck else ()
                 step = next(filter(None, (each(state.walk) for each in passes)), None)
                 if step is not None:
                     return self._held_on(first, step)
@@ -263,12 +263,15 @@ class BranchTracer(Iterator[Step]):
         last, special = slipping_beside(corrector, rest.point, [contact], -1.0), list[SpecialPoint]()
         if last is not None and last.arclength > first.arclength:
             special = self._explained(first, last, before)
-        for side in (1, -1):
-            if self._go_on_from(rest.point, {**held, contact: side}, corrector=rest.corrector):
-                if self._held[contact] == side:
-                    break
+        if not any(self._goes_on_at(rest, {**held, contact: side}) for side in (1, -1)) and contact not in self._held:
+            raise NumericalError("no motion is found beyond the end of slip")
         point = self.walk.point
         return point, [*special, *(self._onset(rest, last or first, point, contact, side) for side in (1, -1))]
+
+    def _goes_on_at(self, rest: HeldChange, held: dict[int, int]) -> bool:
+        """Go on from where slip ends with some springs held; return whether the spring is pushed along as they are."""
+        is_found = self._go_on_from(rest.point, held, corrector=rest.corrector)
+        return is_found and self._held[rest.contact] == held[rest.contact]
 
     def _continues_in_segments(self, last: BranchPoint, count: int) -> bool:
         """Continue in several segments if small changes grow so much that shooting in one may fail for that alone."""
@@ -438,6 +441,17 @@ class BranchTracer(Iterator[Step]):
         special = [each.kind.judged(each, parameter, method) for each in passage.special]
         return self._until_vertex(passage.point, special)
 
+    def _pass_rest(self, state: WalkState) -> Step | None:
+        """Return the step to where the slip of a spring ends just ahead."""
+        try:
+            rest = end_of_slip(self.beginning.corrector, state.point)
+            if rest is None:
+                return None
+            self.walk.go_on(state, rest.point, _CERTAIN)
+            return self._at_rest(state.point, rest)
+        except NumericalError:
+            return None
+
     def _pass_corner(self, state: WalkState) -> Step | None:
         """Return the step over a corner where the sequence of slip and stick changes."""
         passage = pass_corner(self.beginning.corrector, state.point)
@@ -447,11 +461,9 @@ class BranchTracer(Iterator[Step]):
             return (state.point, []) if self._ends_at_parent(state.previous, state.point) else None
         self.walk.go_on(state, passage.point, passage.distance)
         self.detector = Detector(self.beginning.corrector, self._kinds)
-        try:
-            rest = end_of_slip(self.beginning.corrector, state.point, passage.point)
-            return (passage.point, passage.special) if rest is None else self._at_rest(state.point, rest)
-        except NumericalError:
-            return passage.point, passage.special
+        if self._held:  # springs that were pushed along may turn back at the corner
+            self._go_on_from(passage.point, self._held, origin=passage.corner)
+        return self.walk.point, passage.special
 
     def _until_vertex(self, point: BranchPoint, special: list[SpecialPoint]) -> Step:
         """Return the step, cut off where the branch joins the branch from which it bifurcates.

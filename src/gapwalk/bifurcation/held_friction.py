@@ -9,7 +9,8 @@ bounds, friction slips in both directions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple, cast
 
@@ -33,7 +34,9 @@ _PUSHED, _ON_GRID = 2e-10, 2e-9  # doubt about a position, in lengths: to which 
 _MOMENT = 1e-3  # radians of slip in a period that errors of a state at a bound make
 _AT_ONCE = 1e-9  # arclength beyond a point at which a spring is at its bound already
 _BEYOND = (1e-6, 1e-5, 1e-4, 1e-7, 1e-3)  # arclengths beyond which friction is seen to slip both ways
-_WAYS_BACK = (1.0, 2.0, 4.0, 8.0)  # steps back to a motion that would exceed both bounds
+_ASIDE = 1e-6  # arclength over which it is seen how the force of a spring comes to its bound
+_FURTHER = 1.5  # factor on the distance at which it would at that rate
+_JUST_AHEAD, _FAR_BACK = 1e-5, 8.0  # arclength ahead, and steps back, within which slip is seen to end
 
 Held = Mapping[int, int]
 """Contacts by number: 0 if the position is kept, 1 or -1 for the side of the bound that the force just reaches."""
@@ -47,13 +50,18 @@ def held_in(corrector: Corrector) -> dict[int, int]:
 
 def never_slipping_springs(orbit: Orbit) -> list[int]:
     """Return the springs of constant limit that never slip, but for a moment to one side."""
-    layout, found = layout_of(orbit.system.structure), list[int]()
-    for contact, phases in orbit.friction.items() if orbit.is_exact else ():
+    found = list[int]()
+    for contact, phases in orbit.friction.items():
         slips = [phase for phase in phases if phase.mode]
-        brief = len({phase.mode for phase in slips}) < 2 and sum(phase.length for phase in slips) < _MOMENT
-        if brief and FrictionGauge(layout, contact).has_constant_limit:
+        if len({phase.mode for phase in slips}) < 2 and sum(phase.length for phase in slips) < _MOMENT:
             found.append(contact)
-    return found
+    return springs_of_constant_limit(orbit, found)
+
+
+def springs_of_constant_limit(orbit: Orbit, contacts: Iterable[int]) -> list[int]:
+    """Return those of some contacts that can be held."""
+    layout = layout_of(orbit.system.structure)
+    return [each for each in contacts if orbit.is_exact and FrictionGauge(layout, each).has_constant_limit]
 
 
 def bounds_reached(orbit: Orbit, contact: int) -> list[int]:
@@ -156,28 +164,32 @@ def first_change(corrector: Corrector, first: BranchPoint, last: BranchPoint) ->
     return min(found, key=lambda each: each.point.arclength, default=None)
 
 
-def end_of_slip(corrector: Corrector, first: BranchPoint, last: BranchPoint) -> HeldChange | None:
-    """Return the first place between two points of a walk at which a spring ceases to slip, in both directions at once.
+def end_of_slip(corrector: Corrector, first: BranchPoint, last: BranchPoint | None = None) -> HeldChange | None:
+    """Return the first place in a step at which a spring ceases to slip, in both directions at once; None if none does.
 
-    Among the motions at one of its bounds it is the one that just reaches the other bound too.
+    Among the motions at one of its bounds it is the one that just reaches the other bound too. Without a last point of
+    the step, such a place just ahead of the first one is sought.
 
     Raises
     ------
     NumericalError
-        If an orbit between the two cannot be found.
+        If an orbit near it cannot be found.
     """
-    equation = corrector.equation
-    if not last.orbit.slips or not isinstance(equation, ShootingEquation):
-        return None
-    still = [each for each in never_slipping_springs(last.orbit) if each not in held_in(corrector)]
-    ended = [each for each in still if {1, -1} <= {phase.mode for phase in first.orbit.friction.get(each, [])}]
-    found = [_end_of_slip(corrector, equation, first, last, each) for each in ended]
+    equation, able = corrector.equation, list[int]()
+    if first.orbit.slips and isinstance(equation, ShootingEquation):
+        slipping = [each for each, phases in first.orbit.friction.items() if {1, -1} <= {own.mode for own in phases}]
+        able = springs_of_constant_limit(first.orbit, slipping)
+    if last is not None:
+        able = [each for each in never_slipping_springs(last.orbit) if each in able]
+    reach = _JUST_AHEAD if last is None else _FAR_BACK * (last.arclength - first.arclength)
+    found = [_end_of_slip(corrector, first, last or first, each, reach) for each in able]
     return min((each for each in found if each), key=lambda each: each.point.arclength, default=None)
 
 
 def _end_of_slip(
-    corrector: Corrector, equation: ShootingEquation, first: BranchPoint, last: BranchPoint, contact: int
+    corrector: Corrector, first: BranchPoint, last: BranchPoint, contact: int, reach: float
 ) -> HeldChange | None:
+    equation = cast("ShootingEquation", corrector.equation)
     pushed = Corrector(replace(equation, held=(*equation.held, HeldSpring(contact, 1))), corrector.scales)
 
     def function(point: BranchPoint) -> float:
@@ -186,19 +198,30 @@ def _end_of_slip(
     correction = pushed.at_value(last.x, last.value)
     if correction is None:
         return None
-    beyond, length = pushed.point(correction, last.tangent, last.arclength), last.arclength - first.arclength
-    for way in _WAYS_BACK if function(beyond) > 0.0 else ():
-        back = pushed.correct(beyond.x - way * length * beyond.tangent, beyond.tangent)
-        if back is None:
-            return None
-        before = pushed.point(back, beyond.tangent, last.arclength - way * length)
-        if function(before) < 0.0:
-            interval = StepInterval(pushed, before, beyond)
-            place, converged = zero_between(lambda at: function(interval.at(at)), before.arclength, beyond.arclength)
-            rest = interval.at(place)
-            rest = replace(rest, arclength=first.arclength + length_of(rest.x - first.x))
-            return HeldChange(pushed, rest, contact, -1, function, beyond) if converged else None
-    return None
+    here = pushed.point(correction, last.tangent, 0.0)
+
+    def at(distance: float) -> BranchPoint:
+        there = pushed.correct(here.x + distance * here.tangent, here.tangent)
+        if there is None:
+            raise NumericalError("no motion is found where the slip of a spring ends")
+        return pushed.point(there, here.tangent, distance)
+
+    spare, rate = function(here), (function(at(_ASIDE)) - function(here)) / _ASIDE
+    if rate < 0.0:  # beyond that place it does not slip
+        here, rate = replace(here, tangent=-here.tangent, determinant=-here.determinant), -rate
+    if not abs(spare) < rate * reach:
+        return None
+    way = -math.copysign(max(_FURTHER * abs(spare) / rate, _ASIDE), spare)
+    ends = sorted((here, at(way)), key=lambda point: point.arclength)
+    if not function(ends[0]) < 0.0 < function(ends[1]):
+        return None
+    interval = StepInterval(pushed, *ends)
+    place, converged = zero_between(lambda distance: function(interval.at(distance)), ends[0].arclength, ends[1].arclength)
+    if not converged:
+        return None
+    rest, beyond = interval.at(place), at(place + _ASIDE)
+    rest = replace(rest, arclength=first.arclength + length_of(rest.x - first.x))
+    return HeldChange(pushed, rest, contact, -1, function, replace(beyond, arclength=rest.arclength + _ASIDE))
 
 
 def slipping_beside(

@@ -41,8 +41,9 @@ _TURNED = 1e-3  # radians by which the direction on the other side must differ f
 
 
 class Passage(NamedTuple):
-    """Result of a step over a corner: the point beyond it, the special points at it, and the length of the step."""
+    """Result of a step over a corner: both points, the special points at the corner, and the length of the step."""
 
+    corner: BranchPoint
     point: BranchPoint
     special: list[SpecialPoint]
     distance: float
@@ -60,7 +61,8 @@ def pass_corner(corrector: Corrector, point: BranchPoint) -> Passage | None:
         beyond = _beyond(corrector, corner, way, length)
         if beyond is not None and sequence(beyond.orbit) != here:
             beyond = _first_beyond(corrector, corner, way, beyond)
-            return Passage(beyond, _special(corrector, corner, beyond), beyond.arclength - corner.arclength)
+            special = _special(corrector, corner, beyond)
+            return Passage(corner, beyond, special, beyond.arclength - corner.arclength)
     return None
 
 

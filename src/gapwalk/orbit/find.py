@@ -38,6 +38,7 @@ _RATIOS = (1.25, 0.8, 1.6, 0.625, 2.5, 0.4)  # of the frequency at which an orbi
 Starts = Iterator[tuple[str, Callable[[], NDArray[np.float64]]]]
 _TRANSIENT = 400  # largest number of forcing periods before Newton's method starts
 _GROWS = 1e9  # factor from the smallest size of a transient beyond which it diverges
+_BEYOND_EDGE = [1e-8 * 4.0**power for power in range(8)]  # lengths from where friction still slips to one side
 _SETTLED = 1e-4  # relative change over one orbit below which Newton's method starts
 
 
@@ -107,15 +108,45 @@ def find_orbit(
 
 def _solved(equation: OrbitEquation, guess: NDArray[np.float64], newton: Newton | None) -> Orbit:
     """Return the orbit nearest to a guess, refining the equation as necessary."""
-    unknowns, evaluation = solve(equation, guess, 0.0, newton)
-    orbit = equation.orbit(unknowns, 0.0, evaluation)
+    orbit = _solution(equation, guess, newton)
     inaccuracy = equation.inaccuracy(orbit)
     if not inaccuracy:
-        return orbit
+        return _off_the_edge(equation, orbit, newton)
     finer = equation.finer()
     if finer is None:
         raise ConvergenceError(inaccuracy)
     return _solved(finer, finer.unknowns(orbit), newton)
+
+
+def _solution(equation: OrbitEquation, guess: NDArray[np.float64], newton: Newton | None) -> Orbit:
+    unknowns, evaluation = solve(equation, guess, 0.0, newton)
+    return equation.orbit(unknowns, 0.0, evaluation)
+
+
+def _off_the_edge(equation: OrbitEquation, orbit: Orbit, newton: Newton | None) -> Orbit:
+    """Return an orbit near one in which rigid friction slips to one side only, without that slip.
+
+    Such slip is rounding: a motion creeps to the edge of a continuum, ever more slowly, and is no orbit until it is
+    there. At the edge, rounding would decide whether friction sticks. So the position is a little beyond it.
+    """
+    structure, coefficients, n = orbit.system.structure, coefficients_of(orbit.system), orbit.system.size
+    layout = layout_of(structure)
+    for contact in [each for each, switch in structure.reactions if switch < 0]:
+        slips, slots = [each.slip for each in orbit.slips if each.contact == contact and each.slip], layout.contacts[contact]
+        if not slips or contact in orbit.stuck or [phase.mode for phase in orbit.friction[contact]] != [0]:
+            continue
+        vector, state, way = coefficients[slots.deflection], orbit.state.copy(), np.zeros(structure.state_size)
+        across = vector / float(vector @ vector)
+        state[n : 2 * n] -= (0.0 if slots.sway is not None else vector @ state[n : 2 * n]) * across
+        way[:n] = slips[0] * natural_length(layout, coefficients) * across
+        for place, other in enumerate(structure.memories):  # springs that stick are extended meanwhile
+            way[2 * n + place] = way[:n] @ coefficients[layout.contacts[other].deflection] * (other in orbit.stuck)
+        for beyond in _BEYOND_EDGE:
+            if contact in _solution(equation, equation.start(state + beyond * way), newton).stuck:
+                # as far from the edge as that
+                orbit = _solution(equation, equation.start(state + 2.0 * beyond * way), newton)
+                break
+    return orbit
 
 
 def initial_state(system: System, start: str | Sequence[float] | NDArray[np.float64], period: int = 1):
