@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -235,19 +236,7 @@ class BranchTracer(Iterator[Step]):
                 self.walk.finish(first, End(EndReason.COARSE, first.value, inaccuracy))
                 continue
             try:
-                if has_merged(point):
-                    raise NumericalError("the step went onto a branch of motions of a shorter period")
-                if self._is_astray(first, point):
-                    raise NumericalError("the step went onto a branch of motions that lack a symmetry of this one")
-                rest = end_of_slip(self.beginning.corrector, first, point)
-                if rest is not None:
-                    return self._at_rest(first, rest, before)
-                if point.orbit.slips:
-                    point = self.walk.point = come_to_rest(self.beginning.corrector, first, point)
-                change = first_change(self.beginning.corrector, first, point) if self._held else None
-                point = point if change is None else change.point
-                step = self._until_vertex(point, self._explained(first, point, before))
-                step = self._until_slip(first, step)
+                step, change, rest = self._examined(first, point, before)
             except NumericalError:
                 # no orbits connect the two points: the step went astray, onto another branch
                 if self._ends_at_parent(before, first):
@@ -255,18 +244,46 @@ class BranchTracer(Iterator[Step]):
                 self.detector.restore(state.detector)
                 self.walk.go_back(state.walk, point)
                 continue
-            return self._held_on(first, step, change)
+            return self._held_on(first, step, change) if rest is None else self._at_rest(step, rest)
 
-    def _at_rest(self, first: BranchPoint, rest: HeldChange, before: BranchPoint | None = None) -> Step:
-        """Return the step to where the slip of a spring ends, and go on: it is pushed along to a side, or kept there."""
-        corrector, held, contact = self.beginning.corrector, self._held, rest.contact
-        last, special = slipping_beside(corrector, rest.point, [contact], -1.0), list[SpecialPoint]()
-        if last is not None and last.arclength > first.arclength:
-            special = self._explained(first, last, before)
+    def _examined(
+        self, first: BranchPoint, point: BranchPoint, before: BranchPoint | None
+    ) -> tuple[Step, HeldChange | None, HeldChange | None]:
+        """Return the step to a point, or to where the first spring changes, with that change, or the end of its slip.
+
+        Raises
+        ------
+        NumericalError
+            If the step went astray, or is too long to tell.
+        """
+        if has_merged(point):
+            raise NumericalError("the step went onto a branch of motions of a shorter period")
+        if self._is_astray(first, point):
+            raise NumericalError("the step went onto a branch of motions that lack a symmetry of this one")
+        corrector = self.beginning.corrector
+        rest = end_of_slip(corrector, first, point)
+        if rest is not None:
+            point = slipping_beside(corrector, rest.point, [rest.contact], -1.0) or first
+            if point.arclength <= first.arclength:
+                if rest.point.arclength - first.arclength > _CERTAIN:
+                    raise NumericalError("no motion is found before the end of slip")
+                return (first, []), None, rest
+        elif point.orbit.slips:
+            point = self.walk.point = come_to_rest(corrector, first, point)
+        change = first_change(corrector, first, point) if self._held else None
+        if change is not None:
+            point, rest = change.point, None
+        step = self._until_vertex(point, self._explained(first, point, before))
+        return self._until_slip(first, step), change, rest
+
+    def _at_rest(self, step: Step, rest: HeldChange) -> Step:
+        """Return the step to where the slip of a spring ends, and go on: it is pushed to a side, or kept there."""
+        (last, special), contact, held = step, rest.contact, self._held
         if not any(self._goes_on_at(rest, {**held, contact: side}) for side in (1, -1)) and contact not in self._held:
-            raise NumericalError("no motion is found beyond the end of slip")
+            detail = "no motion is found beyond the end of slip"
+            self.walk.finish(rest.point, End(EndReason.STEP, rest.point.value, detail))
         point = self.walk.point
-        return point, [*special, *(self._onset(rest, last or first, point, contact, side) for side in (1, -1))]
+        return point, [*special, *(self._onset(rest, last, point, contact, side) for side in (1, -1))]
 
     def _goes_on_at(self, rest: HeldChange, held: dict[int, int]) -> bool:
         """Go on from where slip ends with some springs held; return whether the spring is pushed along as they are."""
@@ -445,12 +462,12 @@ class BranchTracer(Iterator[Step]):
         """Return the step to where the slip of a spring ends just ahead."""
         try:
             rest = end_of_slip(self.beginning.corrector, state.point)
-            if rest is None:
-                return None
-            self.walk.go_on(state, rest.point, _CERTAIN)
-            return self._at_rest(state.point, rest)
         except NumericalError:
             return None
+        if rest is None:
+            return None
+        self.walk.go_on(state, rest.point, _CERTAIN)
+        return self._at_rest((state.point, []), rest)
 
     def _pass_corner(self, state: WalkState) -> Step | None:
         """Return the step over a corner where the sequence of slip and stick changes."""
@@ -577,7 +594,11 @@ class BranchTracer(Iterator[Step]):
         """Return the onset or the end of slip of a spring to one side at a change."""
         kind, point, corrector = Kind.SLIP_ONSET, change.point, change.corrector
         name = f"{point.orbit.system.structure.contacts[contact].name} {'+' if side > 0 else '-'}"
-        error = location_error(Zero(kind, point, EXACT, change.function, name), ErrorEstimator(corrector), [change.near])
+        zero = Zero(kind, point, EXACT, change.function, name)
+        try:
+            error = location_error(zero, ErrorEstimator(corrector), [change.near])
+        except NumericalError:
+            error = math.inf
         sides = before.orbit.instability, after.orbit.instability
         parameter = self.beginning.equation.parameter or ""
         return SpecialPoint(kind, point, *sides, error, name, kind.nature(before, after) or "", parameter=parameter)

@@ -215,8 +215,8 @@ def _end_of_slip(
     ends = sorted((here, at(way)), key=lambda point: point.arclength)
     if not function(ends[0]) < 0.0 < function(ends[1]):
         return None
-    interval = StepInterval(pushed, *ends)
-    place, converged = zero_between(lambda distance: function(interval.at(distance)), ends[0].arclength, ends[1].arclength)
+    interval, (low, high) = StepInterval(pushed, *ends), (each.arclength for each in ends)
+    place, converged = zero_between(lambda distance: function(interval.at(distance)), low, high)
     if not converged:
         return None
     rest, beyond = interval.at(place), at(place + _ASIDE)

@@ -378,8 +378,8 @@ class DrySwitches(LoneFriction):
             number for number in resting if self.sign_of[number] * self._leading(reactions[number][0], now, theta) > 0.0
         ]
 
-    def _let_memories_slip(self, theta: float) -> None:
-        """Let springs slip that are at their limit, and that something which stuck has set free to move on.
+    def _let_memories_slip(self, theta: float, near: float = NEAR) -> None:
+        """Let springs slip that are within a share of their limit, and that something has set free to move on.
 
         Their force stays where it is while the deflection does not move, so no event tells.
         """
@@ -388,7 +388,7 @@ class DrySwitches(LoneFriction):
                 continue
             now = self.read(theta)
             force, limit = self.stiffness(place) * float(self.state[memory]), now.friction[place][1]
-            if abs(force) < limit * (1.0 - NEAR):
+            if abs(force) < limit * (1.0 - near):
                 continue
             side = 1 if force > 0.0 else -1
             if self._slips_on(place, side, theta, now):
@@ -412,6 +412,8 @@ class DrySwitches(LoneFriction):
                 return
             self._reset_extension(place, side, theta, now.friction[place][1])
             self._begun[place] = theta - 1.0
+            self.apply()
+            self._let_memories_slip(theta, UNSEEN)  # of two events at the same time only one is reported
         elif self.slips[place] and direction in (0, -self.slips[place]):
             just = theta - self._begun[place] <= SETTLING
             steady = self.laws[place].by != "normal" and not self.slots[place].varies

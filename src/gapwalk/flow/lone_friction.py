@@ -203,7 +203,19 @@ class LoneFriction(DryState):
         if side * leading <= 0.0:  # slip has just ended at the limit, and the force leaves it
             return theta - self._begun[place] <= PAUSE or direction < 0
         self._slip_at_limit(place, memory, side, theta)
+        for other in (
+            self._springs if len(self.slots) > 1 else ()
+        ):  # of two events at the same time only one is reported
+            if (way := self.moves(other)) and self._is_at_limit(other, way):
+                self._slip_at_limit(other, self.memory_of[other] or 0, way, theta)
         return True
+
+    def _is_at_limit(self, place: int, side: int) -> bool:
+        """Return True if a spring in series sticks with its force at its constant limit on a side, but for rounding."""
+        if not (self.sticks[place] and self.has_constant_limit[place]):
+            return False
+        limit = self.base.item(self.slots[place].numbers["limit"])
+        return side * self.stiffness(place) * self._own.item(self.memory_of[place] or 0) >= limit * (1.0 - UNSEEN)
 
     def moves(self, place: int) -> int:
         """Return the side to which a deflection moves so fast that no acceleration need be known; 0 if it may not."""

@@ -132,7 +132,8 @@ def _off_the_edge(equation: OrbitEquation, orbit: Orbit, newton: Newton | None) 
     structure, coefficients, n = orbit.system.structure, coefficients_of(orbit.system), orbit.system.size
     layout = layout_of(structure)
     for contact in [each for each, switch in structure.reactions if switch < 0]:
-        slips, slots = [each.slip for each in orbit.slips if each.contact == contact and each.slip], layout.contacts[contact]
+        slips = [each.slip for each in orbit.slips if each.contact == contact and each.slip]
+        slots = layout.contacts[contact]
         if not slips or contact in orbit.stuck or [phase.mode for phase in orbit.friction[contact]] != [0]:
             continue
         vector, state, way = coefficients[slots.deflection], orbit.state.copy(), np.zeros(structure.state_size)
