@@ -105,14 +105,23 @@ def _difference(first: Orbit, last: Orbit) -> str:
 
 
 def coincidence(orbit: Orbit) -> str:
-    """Return a sentence part on two events of different contacts or friction that coincide; empty if none do."""
+    """Return a sentence part on two events of different contacts or friction that coincide; empty if none do.
+
+    Friction elements of one deflection stick together wherever it turns round.
+    """
     events = sorted([*orbit.events, *(each for each in orbit.slips if each.theta)], key=lambda event: event.theta)
     for first, last in pairwise(events):
         names = _name(orbit, first), _name(orbit, last)
-        if last.theta - first.theta <= _AT_ONCE and names[0] != names[1]:
+        if last.theta - first.theta <= _AT_ONCE and names[0] != names[1] and not _move_as_one(orbit, first, last):
             advice = "beyond, the second may come first, and the motion is another one: start there"
             return f"{names[0]} and {names[1]} change at once at theta = {first.theta:.6g}, and {advice}"
     return ""
+
+
+def _move_as_one(orbit: Orbit, first: ContactEvent | SlipEvent, last: ContactEvent | SlipEvent) -> bool:
+    contacts = orbit.system.structure.contacts
+    both = isinstance(first, SlipEvent) and isinstance(last, SlipEvent)
+    return both and contacts[first.contact].deflection == contacts[last.contact].deflection
 
 
 def _key(event: ContactEvent | SlipEvent) -> tuple[int, int, int]:
