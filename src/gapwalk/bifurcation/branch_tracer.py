@@ -34,10 +34,11 @@ from gapwalk.bifurcation.held_friction import (
     held_in,
     never_slipping_springs,
     slipping_beside,
+    slips_both_ways,
 )
 from gapwalk.bifurcation.kinds.user_event import Event
 from gapwalk.bifurcation.onset_of_slip import come_to_rest, directions_left, never_slips
-from gapwalk.bifurcation.sliding_corner import pass_corner
+from gapwalk.bifurcation.sliding_corner import pass_corner, points_beyond
 from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.start_of_period import AT_START, pass_start, starts_among_impacts
@@ -280,8 +281,7 @@ class BranchTracer(Iterator[Step]):
         """Return the step to where the slip of a spring ends, and go on: it is pushed to a side, or kept there."""
         (last, special), contact, held = step, rest.contact, self._held
         if not any(self._goes_on_at(rest, {**held, contact: side}) for side in (1, -1)) and contact not in self._held:
-            detail = "no motion is found beyond the end of slip"
-            self.walk.finish(rest.point, End(EndReason.STEP, rest.point.value, detail))
+            self._give_up(rest.point, "no motion is found beyond the end of slip")
         point = self.walk.point
         return point, [*special, *(self._onset(rest, last, point, contact, side) for side in (1, -1))]
 
@@ -572,13 +572,14 @@ class BranchTracer(Iterator[Step]):
         last: BranchPoint | None = point
         if slipping:
             free = Corrector(replace(self.beginning.equation, held=()), corrector.scales)
-            last = slipping_beside(free, point, slipping)
+            last = slipping_beside(free, point, slipping) or next(
+                (each for _, each in points_beyond(free, point) if slips_both_ways(each.orbit, slipping)), None
+            )
         goes_on = last is not None and self._go_on_from(
             last, left, change.contact if not slipping else None, point if slipping else None
         )
         if not goes_on:
-            detail = "no motion is found beyond the onset of slip"
-            self.walk.finish(point, End(EndReason.STEP, point.value, detail))
+            self._give_up(point, "no motion is found beyond the onset of slip")
         last, now = self.walk.point, self._held
         onsets = [
             self._onset(change, point, last, each, side)
@@ -587,6 +588,11 @@ class BranchTracer(Iterator[Step]):
             if each in slipping or now.get(each) == side
         ]
         return last, [*special, *onsets]
+
+    def _give_up(self, point: BranchPoint, detail: str) -> None:
+        """End the walk at a point from which shorter steps would not lead farther."""
+        self.walk.finish(point, End(EndReason.STEP, point.value, detail))
+        self.walk.step = 0.0
 
     def _onset(
         self, change: HeldChange, before: BranchPoint, after: BranchPoint, contact: int, side: int

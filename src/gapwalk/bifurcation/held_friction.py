@@ -177,7 +177,7 @@ def end_of_slip(corrector: Corrector, first: BranchPoint, last: BranchPoint | No
     """
     equation, able = corrector.equation, list[int]()
     if first.orbit.slips and isinstance(equation, ShootingEquation):
-        slipping = [each for each, phases in first.orbit.friction.items() if {1, -1} <= {own.mode for own in phases}]
+        slipping = [each for each in first.orbit.friction if slips_both_ways(first.orbit, [each])]
         able = springs_of_constant_limit(first.orbit, slipping)
     if last is not None:
         able = [each for each in never_slipping_springs(last.orbit) if each in able]
@@ -232,6 +232,11 @@ def slipping_beside(
         correction = corrector.correct(point.x + way * length * point.tangent, point.tangent)
         if correction is not None:
             beyond = corrector.point(correction, point.tangent, point.arclength + way * length)
-            if all({1, -1} <= {phase.mode for phase in beyond.orbit.friction[contact]} for contact in contacts):
+            if slips_both_ways(beyond.orbit, contacts):
                 return beyond
     return None
+
+
+def slips_both_ways(orbit: Orbit, contacts: Iterable[int]) -> bool:
+    """Return True if the friction of all of some contacts slips in both directions."""
+    return all({1, -1} <= {phase.mode for phase in orbit.friction.get(contact, [])} for contact in contacts)

@@ -57,13 +57,20 @@ def pass_corner(corrector: Corrector, point: BranchPoint) -> Passage | None:
     if discontinuity_ahead(corrector, point) is not None:
         return None
     corner = _corner(corrector, point)
-    for way, length in _ways(corrector, corner):
-        beyond = _beyond(corrector, corner, way, length)
-        if beyond is not None and sequence(beyond.orbit) != here:
+    for way, beyond in points_beyond(corrector, corner):
+        if sequence(beyond.orbit) != here:
             beyond = _first_beyond(corrector, corner, way, beyond)
             special = _special(corrector, corner, beyond)
             return Passage(corner, beyond, special, beyond.arclength - corner.arclength)
     return None
+
+
+def points_beyond(corrector: Corrector, corner: BranchPoint) -> Iterator[tuple[NDArray[np.float64], BranchPoint]]:
+    """Iterate over points beyond a corner, each with the direction in which it was sought."""
+    for way, length in _ways(corrector, corner):
+        beyond = _beyond(corrector, corner, way, length)
+        if beyond is not None:
+            yield way, beyond
 
 
 def _beyond(corrector: Corrector, corner: BranchPoint, way: NDArray[np.float64], length: float) -> BranchPoint | None:
