@@ -70,6 +70,7 @@ _CERTAIN = 1e-6  # arclength of a step that is not repeated, whatever it leaves 
 _AT_ONCE = 1e-7  # arclength between the onsets of slip in both directions that are one
 _GROWN = 1e5  # multiplier above which a graze of a force that jumps is sought ahead
 _LARGE = 1e4  # multiplier that is stated where a walk gets stuck, after it was tried in more segments
+_ASTRAY = 3.0  # steps from a guess beyond an onset of slip within which a motion that slips belongs to the branch
 _FAR = 0.8  # allowed change of a multiplier in one step: half a turn takes four steps
 
 Step = tuple[BranchPoint, list[SpecialPoint]]
@@ -572,9 +573,9 @@ class BranchTracer(Iterator[Step]):
         last: BranchPoint | None = point
         if slipping:
             free = Corrector(replace(self.beginning.equation, held=()), corrector.scales)
-            last = slipping_beside(free, point, slipping) or next(
-                (each for _, each in points_beyond(free, point) if slips_both_ways(each.orbit, slipping)), None
-            )
+            beyond = (each for _, each in points_beyond(free, point, _ASTRAY))
+            beyond = (each for each in beyond if slips_both_ways(each.orbit, slipping))
+            last = slipping_beside(free, point, slipping) or next(beyond, None)
         goes_on = last is not None and self._go_on_from(
             last, left, change.contact if not slipping else None, point if slipping else None
         )
