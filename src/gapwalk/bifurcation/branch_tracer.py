@@ -27,6 +27,7 @@ from gapwalk.bifurcation.error_estimate import ErrorEstimator, location_error
 from gapwalk.bifurcation.friction_changes import changes_between
 from gapwalk.bifurcation.held_friction import (
     HeldChange,
+    beyond_slip,
     bounds_reached,
     end_of_slip,
     first_change,
@@ -280,16 +281,11 @@ class BranchTracer(Iterator[Step]):
 
     def _at_rest(self, step: Step, rest: HeldChange) -> Step:
         """Return the step to where the slip of a spring ends, and go on: it is pushed to a side, or kept there."""
-        (last, special), contact, held = step, rest.contact, self._held
-        if not any(self._goes_on_at(rest, {**held, contact: side}) for side in (1, -1)) and contact not in self._held:
+        (last, special), contact = step, rest.contact
+        if not self._go_on_in(beyond_slip(rest, self._held)):
             self._give_up(rest.point, "no motion is found beyond the end of slip")
         point = self.walk.point
         return point, [*special, *(self._onset(rest, last, point, contact, side) for side in (1, -1))]
-
-    def _goes_on_at(self, rest: HeldChange, held: dict[int, int]) -> bool:
-        """Go on from where slip ends with some springs held; return whether the spring is pushed along as they are."""
-        is_found = self._go_on_from(rest.point, held, corrector=rest.corrector)
-        return is_found and self._held[rest.contact] == held[rest.contact]
 
     def _continues_in_segments(self, last: BranchPoint, count: int) -> bool:
         """Continue in several segments if small changes grow so much that shooting in one may fail for that alone."""
@@ -541,19 +537,17 @@ class BranchTracer(Iterator[Step]):
         return (self.walk.point, step[1]) if self.walk.end is None else step
 
     def _go_on_from(
-        self,
-        point: BranchPoint,
-        held: dict[int, int],
-        lead: int | None = None,
-        origin: BranchPoint | None = None,
-        corrector: Corrector | None = None,
+        self, point: BranchPoint, held: dict[int, int], lead: int | None = None, origin: BranchPoint | None = None
     ) -> bool:
         """Go on from a point with other springs held; return whether there are such motions."""
-        moved = go_on_with(corrector or self.beginning.corrector, point, held, lead, origin)
+        return self._go_on_in(go_on_with(self.beginning.corrector, point, held, lead, origin))
+
+    def _go_on_in(self, moved: tuple[Corrector, BranchPoint] | None) -> bool:
+        """Go on from a point of another corrector, if there is any; return whether there is."""
         if moved is None:
             return False
         corrector, last = moved
-        self.first, walk = (last if point is self.first else self.first), self.walk
+        self.first, walk = (last if self.walk.point is self.first else self.first), self.walk
         self.beginning = replace(self.beginning, corrector=corrector, first=self.first)
         self.walk = self._walk_from(walk.options, WalkState(None, last, walk.step, walk.count))
         self.walk.rejected = walk.rejected

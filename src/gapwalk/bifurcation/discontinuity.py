@@ -24,6 +24,7 @@ from gapwalk.errors import NumericalError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import PERIOD
+from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.orbit.orbit import Orbit
 
 REACH = 1e-6
@@ -119,9 +120,11 @@ def coincidence(orbit: Orbit) -> str:
 
 
 def _move_as_one(orbit: Orbit, first: ContactEvent | SlipEvent, last: ContactEvent | SlipEvent) -> bool:
-    contacts = orbit.system.structure.contacts
-    both = isinstance(first, SlipEvent) and isinstance(last, SlipEvent)
-    return both and contacts[first.contact].deflection == contacts[last.contact].deflection
+    if not (isinstance(first, SlipEvent) and isinstance(last, SlipEvent)):
+        return False
+    layout, coefficients = layout_of(orbit.system.structure), coefficients_of(orbit.system)
+    vectors = [coefficients[layout.contacts[each.contact].deflection] for each in (first, last)]
+    return np.array_equal(*vectors)
 
 
 def _key(event: ContactEvent | SlipEvent) -> tuple[int, int, int]:

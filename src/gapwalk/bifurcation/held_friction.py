@@ -154,13 +154,14 @@ def first_change(corrector: Corrector, first: BranchPoint, last: BranchPoint) ->
 
             at_first, at_last = function(first), function(last)
             if at_last < 0.0 and at_last < at_first:
-                place, converged = first.arclength + min(_AT_ONCE, 0.5 * (last.arclength - first.arclength)), True
+                least = first.arclength + min(_AT_ONCE, 0.5 * (last.arclength - first.arclength))
+                place, converged = least, True
                 if at_first > 0.0:
                     ends = first.arclength, last.arclength
                     place, converged = zero_between(lambda at, own=function: own(interval.at(at)), *ends)
                 if not converged:
                     raise NumericalError("the position of friction that never slips jumps")
-                found.append(HeldChange(corrector, interval.at(place), contact, towards, function, first))
+                found.append(HeldChange(corrector, interval.at(max(place, least)), contact, towards, function, first))
     return min(found, key=lambda each: each.point.arclength, default=None)
 
 
@@ -222,6 +223,28 @@ def _end_of_slip(
     rest, beyond = interval.at(place), at(place + _ASIDE)
     rest = replace(rest, arclength=first.arclength + length_of(rest.x - first.x))
     return HeldChange(pushed, rest, contact, -1, function, replace(beyond, arclength=rest.arclength + _ASIDE))
+
+
+def beyond_slip(rest: HeldChange, held: Held) -> tuple[Corrector, BranchPoint] | None:
+    """Return the corrector and the point of the motions that go on from where slip ends, as `go_on_with`; None if none.
+
+    The spring is pushed to a side if its force then leaves the other bound; otherwise it is kept where it is.
+    """
+
+    def room(point: BranchPoint) -> float:
+        return sum(_spare(point, rest.contact).values())
+
+    def grows(corrector: Corrector, point: BranchPoint) -> bool:
+        ahead = corrector.correct(point.x + _ASIDE * point.tangent, point.tangent)
+        return ahead is not None and room(corrector.point(ahead, point.tangent, 0.0)) > room(point)
+
+    for side in (1, -1):
+        moved = go_on_with(rest.corrector, rest.point, {**held, rest.contact: side}, rest.contact)
+        if moved is not None and grows(*moved):
+            return moved
+    back = replace(rest.point, tangent=-rest.point.tangent, determinant=-rest.point.determinant)
+    found = (go_on_with(rest.corrector, point, {**held, rest.contact: 0}) for point in (rest.point, back))
+    return next((moved for moved in found if moved is not None and grows(*moved)), None)
 
 
 def slipping_beside(
