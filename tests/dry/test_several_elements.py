@@ -107,7 +107,7 @@ def test_a_walk_down_goes_on_from_the_onset_at_which_slip_ends_on_the_way_up():
     system, values = several_elements(np.random.default_rng(200)), []
     for start, end in ((1.56, 1.6), (1.6, 1.56)):
         first = gw.find_orbit(system.at(frequency=start))
-        branch = gw.follow(first, "frequency", end, walk=gw.WalkOptions(max_points=120))
+        branch = gw.follow(first, "frequency", end, walk=gw.WalkOptions(max_points=200))
         assert branch.ends[-1].reason is EndReason.RANGE
         values.append([each for each in branch.special_points if each.contact == "a +"][-1])
     up, down = values

@@ -228,23 +228,20 @@ def _end_of_slip(
 def beyond_slip(rest: HeldChange, held: Held) -> tuple[Corrector, BranchPoint] | None:
     """Return the corrector and the point of the motions that go on from where slip ends, as `go_on_with`; None if none.
 
-    The spring is pushed to a side if its force then leaves the other bound; otherwise it is kept where it is.
+    The spring is pushed to a side if its force then leaves the other bound; otherwise it leaves both, and is kept.
     """
-
-    def room(point: BranchPoint) -> float:
-        return sum(_spare(point, rest.contact).values())
-
-    def grows(corrector: Corrector, point: BranchPoint) -> bool:
-        ahead = corrector.correct(point.x + _ASIDE * point.tangent, point.tangent)
-        return ahead is not None and room(corrector.point(ahead, point.tangent, 0.0)) > room(point)
-
-    for side in (1, -1):
-        moved = go_on_with(rest.corrector, rest.point, {**held, rest.contact: side}, rest.contact)
-        if moved is not None and grows(*moved):
-            return moved
     back = replace(rest.point, tangent=-rest.point.tangent, determinant=-rest.point.determinant)
-    found = (go_on_with(rest.corrector, point, {**held, rest.contact: 0}) for point in (rest.point, back))
-    return next((moved for moved in found if moved is not None and grows(*moved)), None)
+    for side, point in ((1, rest.point), (-1, rest.point), (0, rest.point), (0, back)):
+        moved = go_on_with(rest.corrector, point, {**held, rest.contact: side}, rest.contact if side else None)
+        if moved is None:
+            continue
+        corrector, here = moved
+        ahead = corrector.correct(here.x + _ASIDE * here.tangent, here.tangent)
+        if ahead is not None:
+            now, then = (_spare(each, rest.contact) for each in (here, corrector.point(ahead, here.tangent, 0.0)))
+            if all(then[each] > now[each] for each in {1, -1} - {side}):
+                return moved
+    return None
 
 
 def slipping_beside(
