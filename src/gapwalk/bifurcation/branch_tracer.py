@@ -35,11 +35,10 @@ from gapwalk.bifurcation.held_friction import (
     held_in,
     never_slipping_springs,
     slipping_beside,
-    slips_both_ways,
 )
 from gapwalk.bifurcation.kinds.user_event import Event
 from gapwalk.bifurcation.onset_of_slip import come_to_rest, directions_left, never_slips
-from gapwalk.bifurcation.sliding_corner import pass_corner, points_beyond
+from gapwalk.bifurcation.sliding_corner import pass_corner
 from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.start_of_period import AT_START, pass_start, starts_among_impacts
@@ -71,7 +70,6 @@ _CERTAIN = 1e-6  # arclength of a step that is not repeated, whatever it leaves 
 _AT_ONCE = 1e-7  # arclength between the onsets of slip in both directions that are one
 _GROWN = 1e5  # multiplier above which a graze of a force that jumps is sought ahead
 _LARGE = 1e4  # multiplier that is stated where a walk gets stuck, after it was tried in more segments
-_ASTRAY = 3.0  # steps from a guess beyond an onset of slip within which a motion that slips belongs to the branch
 _FAR = 0.8  # allowed change of a multiplier in one step: half a turn takes four steps
 
 Step = tuple[BranchPoint, list[SpecialPoint]]
@@ -567,9 +565,7 @@ class BranchTracer(Iterator[Step]):
         last: BranchPoint | None = point
         if slipping:
             free = Corrector(replace(self.beginning.equation, held=()), corrector.scales)
-            beyond = (each for _, each in points_beyond(free, point, _ASTRAY))
-            beyond = (each for each in beyond if slips_both_ways(each.orbit, slipping))
-            last = slipping_beside(free, point, slipping) or next(beyond, None)
+            last = slipping_beside(free, point, slipping)
         goes_on = last is not None and self._go_on_from(
             last, left, change.contact if not slipping else None, point if slipping else None
         )

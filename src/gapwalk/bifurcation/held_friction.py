@@ -34,6 +34,7 @@ _PUSHED, _ON_GRID = 2e-10, 2e-9  # doubt about a position, in lengths: to which 
 _MOMENT = 1e-3  # radians of slip in a period that errors of a state at a bound make
 _AT_ONCE = 1e-9  # arclength beyond a point at which a spring is at its bound already
 _BEYOND = (1e-6, 1e-5, 1e-4, 1e-7, 1e-3)  # arclengths beyond which friction is seen to slip both ways
+_SETTLED, _PERIODS, _CLOSE = 1e-5, 100, 100.0  # of a transient beyond it: change of the parameter, length, and how far
 _ASIDE = 1e-6  # arclength over which it is seen how the force of a spring comes to its bound
 _FURTHER = 1.5  # factor on the distance at which it would at that rate
 _JUST_AHEAD, _FAR_BACK = 1e-5, 8.0  # arclength ahead, and steps back, within which slip is seen to end
@@ -254,6 +255,31 @@ def slipping_beside(
             beyond = corrector.point(correction, point.tangent, point.arclength + way * length)
             if slips_both_ways(beyond.orbit, contacts):
                 return beyond
+    return _settled_beyond(corrector, point, contacts) if way > 0.0 else None
+
+
+def _settled_beyond(corrector: Corrector, point: BranchPoint, contacts: list[int]) -> BranchPoint | None:
+    """Return a point beyond another one, at which friction slips in both directions, from the end of a transient.
+
+    The derivatives of a guess that slips in one direction only do not lead there.
+    """
+    if len(point.x) > point.orbit.system.state_size + 1:
+        return None
+    for length in (_SETTLED, -_SETTLED):
+        x = point.x.copy()
+        x[-1] += length * math.copysign(1.0, point.tangent[-1])
+        value, along = float(x[-1] * corrector.scales[-1]), (x - point.x) / _SETTLED
+        try:
+            for _ in range(_PERIODS):
+                x[:-1] += corrector.evaluate(x).residual / corrector.scales[:-1]
+        except NumericalError:
+            continue
+        correction = corrector.at_value(x, value)
+        if correction is None or length_of(correction.x - point.x) > _CLOSE * _SETTLED:
+            continue
+        beyond = corrector.point(correction, along, point.arclength)
+        if slips_both_ways(beyond.orbit, contacts):
+            return replace(beyond, arclength=point.arclength + length_of(beyond.x - point.x))
     return None
 
 

@@ -57,34 +57,20 @@ def pass_corner(corrector: Corrector, point: BranchPoint) -> Passage | None:
     if discontinuity_ahead(corrector, point) is not None:
         return None
     corner = _corner(corrector, point)
-    for way, beyond in points_beyond(corrector, corner):
-        if sequence(beyond.orbit) != here:
+    for way, length in _ways(corrector, corner):
+        beyond = _beyond(corrector, corner, way, length)
+        if beyond is not None and sequence(beyond.orbit) != here:
             beyond = _first_beyond(corrector, corner, way, beyond)
             special = _special(corrector, corner, beyond)
             return Passage(corner, beyond, special, beyond.arclength - corner.arclength)
     return None
 
 
-def points_beyond(
-    corrector: Corrector, corner: BranchPoint, astray: float = _ASTRAY
-) -> Iterator[tuple[NDArray[np.float64], BranchPoint]]:
-    """Iterate over points beyond a corner, each with the direction in which it was sought.
-
-    A point that lies farther from the guess than a share of the step is astray.
-    """
-    for way, length in _ways(corrector, corner):
-        beyond = _beyond(corrector, corner, way, length, astray)
-        if beyond is not None:
-            yield way, beyond
-
-
-def _beyond(
-    corrector: Corrector, corner: BranchPoint, way: NDArray[np.float64], length: float, astray: float = _ASTRAY
-) -> BranchPoint | None:
+def _beyond(corrector: Corrector, corner: BranchPoint, way: NDArray[np.float64], length: float) -> BranchPoint | None:
     """Return the point at a distance from a corner in a direction; None if there is none."""
     guess = corner.x + length * way
     correction = corrector.correct(guess, way, near=1e-3 * length)
-    if correction is None or length_of(correction.x - guess) > astray * length:
+    if correction is None or length_of(correction.x - guess) > _ASTRAY * length:
         return None
     return corrector.point(correction, way, corner.arclength + length)
 
