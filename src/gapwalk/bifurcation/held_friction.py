@@ -177,10 +177,10 @@ def end_of_slip(corrector: Corrector, first: BranchPoint, last: BranchPoint | No
     NumericalError
         If an orbit near it cannot be found.
     """
-    equation, able = corrector.equation, list[int]()
-    if first.orbit.slips and isinstance(equation, ShootingEquation):
-        slipping = [each for each in first.orbit.friction if slips_both_ways(first.orbit, [each])]
-        able = springs_of_constant_limit(first.orbit, slipping)
+    if not first.orbit.slips or not isinstance(corrector.equation, ShootingEquation):
+        return None
+    slipping = [each for each in first.orbit.friction if slips_both_ways(first.orbit, [each])]
+    able = springs_of_constant_limit(first.orbit, slipping)
     if last is not None:
         able = [each for each in never_slipping_springs(last.orbit) if each in able]
     reach = _JUST_AHEAD if last is None else _FAR_BACK * (last.arclength - first.arclength)
