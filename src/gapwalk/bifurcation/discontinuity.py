@@ -124,7 +124,7 @@ def _move_as_one(orbit: Orbit, first: ContactEvent | SlipEvent, last: ContactEve
         return False
     layout, coefficients = layout_of(orbit.system.structure), coefficients_of(orbit.system)
     vectors = [coefficients[layout.contacts[each.contact].deflection] for each in (first, last)]
-    return np.array_equal(*vectors)
+    return np.array_equal(vectors[0], vectors[1])
 
 
 def _key(event: ContactEvent | SlipEvent) -> tuple[int, int, int]:
