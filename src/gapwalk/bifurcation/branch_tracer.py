@@ -40,7 +40,7 @@ from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.start_of_period import AT_START, pass_start, starts_among_impacts
 from gapwalk.bifurcation.step_interval import Zero
-from gapwalk.bifurcation.stiff_graze import pass_graze
+from gapwalk.bifurcation.stiff_graze import graze_ahead, pass_graze
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
@@ -208,13 +208,19 @@ class BranchTracer(Iterator[Step]):
                 if self._refine(state.walk.count):
                     before, first, state = None, self.walk.point, self.state
                     continue
-                stuck = self._ended(EndReason.STEP)
+                stuck = self.walk.is_stuck
                 passes = (self._pass_start, self._pass_graze, self._pass_corner) if stuck else ()
                 step = next(filter(None, (each(state.walk) for each in passes)), None)
                 if step is not None:
                     return step
                 if stuck and self._jumps(first):
                     raise
+                graze = graze_ahead(self.beginning.corrector, first) if stuck else None
+                if graze is not None:
+                    if self._ends_at_parent(before, first):
+                        raise
+                    self.walk.finish(graze.point, self._grazes(graze.point, graze.contact))
+                    return graze.point, [graze]
                 if stuck and (self._continues_in_segments(first, state.walk.count) or self.walk.persist()):
                     before, first, state = self.walk.previous, self.walk.point, self.state
                     continue
@@ -634,8 +640,12 @@ class BranchTracer(Iterator[Step]):
         size = magnitude(last.orbit.extremes[:, :2], last.orbit.system)
         depths = [min(map(abs, turns.values), default=np.inf) for turns in last.orbit.turning_depths]
         if depths and min(depths) <= _GRAZES * size:
-            contact = describe_switch(last.orbit, depths.index(min(depths)))
-            advice = "the branch turns there too sharply to be followed: start beyond it, or with a softer contact"
-            self.walk.finish(last, End(end.reason, end.value, f"{end.detail}; {contact} grazes, and {advice}"))
+            self.walk.finish(last, self._grazes(last, describe_switch(last.orbit, depths.index(min(depths)))))
         elif words := coincidence(last.orbit):
             self.walk.finish(last, End(end.reason, end.value, f"{end.detail}; {words}"))
+
+    def _grazes(self, last: BranchPoint, contact: str) -> End:
+        """Return the end of a walk that got stuck where a contact grazes."""
+        detail = self.walk.end.detail if self.walk.end else ""
+        advice = "the branch turns there too sharply to be followed: start beyond it, or with a softer contact"
+        return End(EndReason.STEP, last.value, f"{detail}; {contact} grazes, and {advice}")

@@ -194,7 +194,7 @@ class ShootingEquation(OrbitEquation):
         """
         largest = abs(complex(orbit.multipliers[0]))
         count = self.options.segments
-        if count == 1 or largest <= _GROWTH**count:
+        if count == 1 or largest ** (1.0 / count) <= _GROWTH:
             return ""
         return (
             f"small changes of the motion grow by {largest:.3g} in a period (its largest multiplier), too much for "
