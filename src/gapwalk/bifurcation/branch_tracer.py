@@ -208,23 +208,13 @@ class BranchTracer(Iterator[Step]):
                 if self._refine(state.walk.count):
                     before, first, state = None, self.walk.point, self.state
                     continue
-                stuck = self.walk.is_stuck
-                passes = (self._pass_start, self._pass_graze, self._pass_corner) if stuck else ()
-                step = next(filter(None, (each(state.walk) for each in passes)), None)
+                step = self._beyond(before, state.walk) if self.walk.is_stuck else None
                 if step is not None:
                     return step
-                if stuck and self._jumps(first):
-                    raise
-                graze = graze_ahead(self.beginning.corrector, first) if stuck else None
-                if graze is not None:
-                    if self._ends_at_parent(before, first):
-                        raise
-                    self.walk.finish(graze.point, self._grazes(graze.point, graze.contact))
-                    return graze.point, [graze]
-                if stuck and (self._continues_in_segments(first, state.walk.count) or self.walk.persist()):
+                if self.walk.is_stuck and (self._continues_in_segments(first, state.walk.count) or self.walk.persist()):
                     before, first, state = self.walk.previous, self.walk.point, self.state
                     continue
-                if stuck:
+                if self.walk.is_stuck:
                     self._end_stuck(before, first)
                 raise
             if why := floats(point.orbit, self._ways):
@@ -256,6 +246,19 @@ class BranchTracer(Iterator[Step]):
                 self.walk.go_back(state.walk, point)
                 continue
             return self._held_on(first, step, change)
+
+    def _beyond(self, before: BranchPoint | None, state: WalkState) -> Step | None:
+        """Return the step by which another method goes on where the walk got stuck, or ends; None if there is none."""
+        for pass_by in (self._pass_start, self._pass_graze, self._pass_corner):
+            if step := pass_by(state):
+                return step
+        if self._jumps(state.point):
+            return None
+        graze = graze_ahead(self.beginning.corrector, state.point)
+        if graze is None or self._ends_at_parent(before, state.point):
+            return None
+        self.walk.finish(graze.point, self._grazes(graze.point, graze.contact))
+        return graze.point, [graze]
 
     def _at_rest(self, first: BranchPoint, point: BranchPoint) -> BranchPoint:
         """Return a point with its friction at the position at which its slip ended, if it did in the step to it."""
