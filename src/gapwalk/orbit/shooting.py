@@ -161,8 +161,15 @@ class ShootingEquation(OrbitEquation):
         found = assembled(free, states)
         if kept and direction is not None:
             self._place(found, bounded, coefficients, direction, arcs, states)
-        reach = _shallowest(arcs) * float(coefficients[0]) if _modes_go_on(arcs) else 0.0
+        reach = min(_shallowest(arcs), self._slowest(arcs)) * float(coefficients[0]) if _modes_go_on(arcs) else 0.0
         return Evaluation(found.residual, found.by_unknowns, found.by_parameter, arcs, reach)
+
+    def _slowest(self, arcs: list[Arc]) -> float:
+        """Return the least speed of the first impacts of arcs: a step of its size may let a motion rest instead."""
+        rigid = {switch for _, switch in self.system.structure.reactions}
+        struck = ((event for event in arc.contacts if event.switch in rigid and event.enters) for arc in arcs if rigid)
+        firsts = [next(events, None) for events in struck]
+        return min((abs(event.velocity) for event in firsts if event is not None), default=math.inf)
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
         """Return the orbit of a solution."""
