@@ -39,6 +39,15 @@ def test_it_lifts_off_where_the_load_is_its_weight(ends: tuple[float, float], si
         assert point.orbit.stable
 
 
+def test_it_comes_to_rest_where_it_lifts_off_at_the_start_of_the_period():
+    """The last Newton step lets a motion rest whose impacts, all slower than that step, were those before it."""
+    orbit = gw.find_orbit(pressed(0.401, phase=np.pi, restitution=0.5))
+    branch = gw.follow(orbit, "harmonic1.amplitude", to=0.3995)
+    (found,) = branch.special_points
+    assert abs(found.value - 0.4) <= found.uncertainty < 1e-12
+    assert all(point.orbit.rests(0) is (point.value < 0.4) for point in branch.points)
+
+
 def test_a_part_between_two_that_rest_at_zero_deflection_is_held():
     """The stop has no clearance, so that its deflection is a difference that rounding alone keeps from zero."""
     stop = gw.rigid_stop("seat", {"x": 1.0, "y": -1.0}, 0.0, restitution=0.5)

@@ -2,10 +2,12 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from gapwalk.attractors import settle
 from gapwalk.bifurcation import Kind, follow
 from gapwalk.bifurcation.branch_start import start_branch
 from gapwalk.bifurcation.branch_tracer import BranchTracer
@@ -265,3 +267,79 @@ def test_a_symmetric_motion_begins_to_meet_both_rigid_walls_at_once():
         assert point.value == pytest.approx(symmetric_force(first), abs=1e-9)
     assert branch.unexplained == ()
     assert verify(branch).ok
+
+
+def graze_after_impact(n, excess, damping=2.5, frequency=2.0, restitution=0.8):
+    """Load per load of the first touch, less 1, at which a motion of period n with one impact touches once more.
+
+    Between impacts the motion is linear: forced by the load, in phase with it at theta = 0, and two exponentials that
+    the impact of speed u begins anew by -(1 + r) u every n periods. One period before it, it must touch the stop.
+    Solved by Newton's method, with the load, u, and the angles of the impact and of the touch as unknowns.
+    """
+    root = math.sqrt(damping**2 / 4.0 - 1.0)
+    rates, cycle = (-damping / 2.0 + root, -damping / 2.0 - root), 2.0 * math.pi / frequency
+
+    def motion(excess, speed, begin, time, order):
+        wave = (np.cos, lambda angle: -np.sin(angle))[order](frequency * time + begin)
+        kicks = (
+            sign * rate**order * np.exp(rate * time) / (1.0 - math.exp(rate * n * cycle))
+            for sign, rate in zip((1.0, -1.0), rates, strict=True)
+        )
+        return (1.0 + excess) * frequency**order * wave - (1.0 + restitution) * speed / (2.0 * root) * sum(kicks)
+
+    def equations(unknowns):
+        excess, speed, begin, late = unknowns
+        touch = (n - 1) * cycle + late
+        at_impact, at_touch = (
+            [motion(excess, speed, begin, time, order) for order in (0, 1)] for time in (n * cycle, touch)
+        )
+        return np.array([at_impact[0] - 1.0, at_impact[1] - speed, at_touch[0] - 1.0, at_touch[1]])
+
+    speed = frequency * math.sqrt(2.0 * excess * (1.0 - math.exp(rates[0] * cycle)))
+    unknowns = np.array([excess, speed, -speed / frequency, speed / frequency**2])
+    for _ in range(30):
+        matrix = np.array([np.imag(equations(unknowns + 1e-30j * way)) / 1e-30 for way in np.eye(4)]).T
+        unknowns = unknowns - np.linalg.solve(matrix, equations(unknowns))
+    assert np.abs(equations(unknowns)).max() < 1e-14
+    assert unknowns[1] > 1e-4
+    return float(unknowns[0])
+
+
+def grazing_period(n, spare):
+    """A motion of a period in the cascade of period adding beyond a graze, and the load of the graze."""
+    stop = rigid_stop("stop", {"x": 1.0}, 1.0, restitution=0.8, side=Side.POSITIVE)
+    force = abs(complex(1.0 - 4.0, 2.5 * 2.0))
+    system = System(["x"], [[1.0]], [[2.5]], contacts=[stop], harmonics=[Harmonic(force, {"x": 1.0})], frequency=2.0)
+    orbit = settle(system, **{"harmonic1.amplitude": force * (1.0 + spare)}).orbit
+    assert orbit is not None
+    assert orbit.period == n
+    return orbit, force
+
+
+def test_a_graze_beyond_which_touches_are_rounding_is_named_where_the_walk_ends():
+    """Touches of 1.5e-13 at most follow the graze of period 6, where the branch turns back."""
+    orbit, force = grazing_period(6, 1.3e-6)
+    branch = follow(orbit, "harmonic1.amplitude", force * (1.0 + 1.5e-6))
+    assert branch.ends[-1].reason is EndReason.STEP
+    (graze,) = branch.special_points
+    assert (graze.kind, graze.contact) == (Kind.GRAZING, "stop +")
+    assert (graze.before.total, graze.after.above, graze.after.below) == (0, 1, 0)
+    right = force * (1.0 + graze_after_impact(6, 1.37e-6))
+    assert right == pytest.approx(5.830959908883, abs=1e-12)
+    assert abs(graze.value - right) < max(graze.uncertainty, 1e-11) < 1e-10
+    assert branch.ends[-1].value == graze.value
+    start, end = branch.ends
+    start = replace(start, value=branch.points[-4].value)
+    assert verify(replace(branch, points=branch.points[-4:], ends=(start, end))).ok
+
+
+def test_a_graze_whose_impacts_grow_by_a_million_in_a_segment_is_passed():
+    """Beyond the graze of period 5 the branch turns back, and the parameter shows it from the first touch on."""
+    orbit, force = grazing_period(5, 2.7e-5)
+    branch = follow(orbit, "harmonic1.amplitude", (force * (1.0 + 2.5e-5), force * (1.0 + 3.5e-5)))
+    (graze,) = branch.special(Kind.GRAZING)
+    assert abs(graze.value - force * (1.0 + graze_after_impact(5, 3.17e-5))) < graze.uncertainty < 1e-9
+    beyond = [each for each in branch.points if len(each.orbit.events) == 2]
+    assert beyond
+    assert branch.ends[-1].reason is EndReason.TURNED_BACK
+    assert beyond[-1].orbit.instability.above == 1

@@ -1,15 +1,21 @@
 """Periodic orbits against closed forms, other integrators, other numbers of segments."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from gapwalk.bifurcation import follow
+from gapwalk.continuation import EndReason
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.model import Harmonic, System
 from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.contact import force
 from gapwalk.orbit import Newton, Shooting, find_orbit
 from tests.independent import integrate as reference
 from tests.systems import clutch, linear, random_systems, viscous_stop
@@ -209,3 +215,32 @@ def test_work_of_finding_an_orbit_does_not_grow():
     Flow.calls = 0
     find_orbit(clutch(), frequency=0.5, start=start)
     assert Flow.calls <= 5
+
+
+@pytest.mark.parametrize(
+    ("frequency", "state", "largest"),
+    [(0.5, (0.71314187, 1.25901763), 97195433.6), (0.45, (0.4375006, 1.3686577), 5699862622.4)],
+)
+def test_a_strongly_unstable_motion_is_found_from_a_state_near_it(frequency, state, largest):
+    """x'' + .05 x' + x + .05 x^10 = .2 cos: an error of 1e-8 of the state grows to more than the motion in a period."""
+    tenth = force("tenth", {"x": 1.0}, "a*x**10", a=0.05)
+    loads = [Harmonic(0.2, {"x": 1.0})]
+    system = System(["x"], [[1.0]], [[0.05]], contacts=[tenth], harmonics=loads, frequency=frequency)
+    orbit = find_orbit(system, start=state)
+    assert orbit.state == pytest.approx(state, abs=1e-7)
+    assert abs(orbit.multipliers[0]) == pytest.approx(largest, rel=1e-6)
+
+    def rates(time, x):
+        return x[1], 0.2 * np.cos(frequency * time) - 0.05 * x[1] - x[0] - 0.05 * x[0] ** 10
+
+    knots = np.linspace(0.0, 2.0 * np.pi / frequency, len(orbit.restarts) + 2)
+    states = [orbit.state, *orbit.restarts, orbit.state]
+    for span, start, end in zip(pairwise(knots), states[:-1], states[1:], strict=True):
+        carried = solve_ivp(rates, span, start, method="DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+        assert carried == pytest.approx(end, abs=1e-9)
+    branch = follow(orbit, "frequency", frequency - 0.01)
+    assert branch.ends[-1].reason is EndReason.RANGE
+
+
+def test_a_period_in_64_segments_is_accurate_whatever_the_multiplier():
+    assert find_orbit(linear(), method=Shooting(segments=64)).stable

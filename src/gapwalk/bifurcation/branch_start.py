@@ -111,6 +111,9 @@ def _leave(equation: OrbitEquation, orbit: Orbit, within: Range, direction: int)
     x = np.append(equation.unknowns(orbit), start) / corrector.scales
     correction = corrector.at_value(x, start)
     if correction is None:
+        finer = equation.finer() if len(orbit.restarts) else None  # it was found in more segments
+        if finer is not None:
+            return _leave(finer, orbit, within, direction)
         raise ConvergenceError(f"the start is not a period-{orbit.period} orbit at {equation.parameter} = {start:.10g}")
     ahead = np.zeros(len(x))
     ahead[-1] = direction

@@ -43,7 +43,7 @@ from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.start_of_period import AT_START, pass_start, starts_among_impacts
 from gapwalk.bifurcation.step_interval import Zero
-from gapwalk.bifurcation.stiff_graze import pass_graze
+from gapwalk.bifurcation.stiff_graze import graze_ahead, pass_graze
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
@@ -212,17 +212,13 @@ class BranchTracer(Iterator[Step]):
                 if self._refine(state.walk.count):
                     before, first, state = None, self.walk.point, self.state
                     continue
-                stuck = self._ended(EndReason.STEP)
-                passes = (self._pass_start, self._pass_graze, self._pass_rest, self._pass_corner) if stuck else ()
-                step = next(filter(None, (each(state.walk) for each in passes)), None)
+                step = self._beyond(before, state.walk) if self.walk.is_stuck else None
                 if step is not None:
-                    return self._held_on(first, step)
-                if stuck and self._jumps(first):
-                    raise
-                if stuck and (self._continues_in_segments(first, state.walk.count) or self.walk.persist()):
+                    return step
+                if self.walk.is_stuck and (self._continues_in_segments(first, state.walk.count) or self.walk.persist()):
                     before, first, state = self.walk.previous, self.walk.point, self.state
                     continue
-                if stuck:
+                if self.walk.is_stuck:
                     self._end_stuck(before, first)
                 raise
             if why := floats(point.orbit, self._ways):
@@ -246,6 +242,19 @@ class BranchTracer(Iterator[Step]):
                 self.walk.go_back(state.walk, point)
                 continue
             return self._held_on(first, step, change) if rest is None else self._at_rest(step, rest)
+
+    def _beyond(self, before: BranchPoint | None, state: WalkState) -> Step | None:
+        """Return the step by which another method goes on where the walk got stuck, or ends; None if there is none."""
+        for pass_by in (self._pass_start, self._pass_graze, self._pass_rest, self._pass_corner):
+            if step := pass_by(state):
+                return self._held_on(state.point, step)
+        if self._jumps(state.point):
+            return None
+        graze = graze_ahead(self.beginning.corrector, state.point)
+        if graze is None or self._ends_at_parent(before, state.point):
+            return None
+        self.walk.finish(graze.point, self._grazes(graze.point, graze.contact))
+        return graze.point, [graze]
 
     def _examined(
         self, first: BranchPoint, point: BranchPoint, before: BranchPoint | None
@@ -686,8 +695,12 @@ class BranchTracer(Iterator[Step]):
         size = magnitude(last.orbit.extremes[:, :2], last.orbit.system)
         depths = [min(map(abs, turns.values), default=np.inf) for turns in last.orbit.turning_depths]
         if depths and min(depths) <= _GRAZES * size:
-            contact = describe_switch(last.orbit, depths.index(min(depths)))
-            advice = "the branch turns there too sharply to be followed: start beyond it, or with a softer contact"
-            self.walk.finish(last, End(end.reason, end.value, f"{end.detail}; {contact} grazes, and {advice}"))
+            self.walk.finish(last, self._grazes(last, describe_switch(last.orbit, depths.index(min(depths)))))
         elif words := coincidence(last.orbit):
             self.walk.finish(last, End(end.reason, end.value, f"{end.detail}; {words}"))
+
+    def _grazes(self, last: BranchPoint, contact: str) -> End:
+        """Return the end of a walk that got stuck where a contact grazes."""
+        detail = self.walk.end.detail if self.walk.end else ""
+        advice = "the branch turns there too sharply to be followed: start beyond it, or with a softer contact"
+        return End(EndReason.STEP, last.value, f"{detail}; {contact} grazes, and {advice}")

@@ -88,6 +88,18 @@ def pass_graze(corrector: Corrector, point: BranchPoint) -> Passage | None:
     return _leave_impact(corrector, by_touches, point)
 
 
+def graze_ahead(corrector: Corrector, point: BranchPoint) -> SpecialPoint | None:
+    """Return the graze of a force that jumps at which a walk got stuck: motions beyond touch by less than rounding."""
+    by_touches = cast("OrbitEquation", corrector.equation).by_touches
+    if by_touches is None:
+        return None
+    for start in (point, *_behind(corrector, point)):
+        for at_once in (True, False):
+            with suppress(NumericalError):
+                return _Corner(corrector, by_touches, start, at_once, _RIGID_LEAD).graze(point)
+    return None
+
+
 def _behind(corrector: Corrector, point: BranchPoint) -> Iterator[BranchPoint]:
     """Iterate over points a little behind one that has an impact on a rigid stop.
 
@@ -195,6 +207,24 @@ class _Corner:
             special = [each for each in special if each.point.arclength > point.arclength]
         last = self._placed(label)
         return Passage(last, special, length_of(last.x - graze.x))
+
+    def graze(self, last: BranchPoint) -> SpecialPoint:
+        """Return the graze ahead of the first point, at which one multiplier grows without bound, to one of two sides.
+
+        It grows above +1 if the parameter turns back there, and below -1 otherwise, since the determinant of M - I
+        changes its sign where the branch turns.
+        """
+        if next(iter(self._held)) >= 0.0:
+            raise ConvergenceError("the graze is behind the walk")
+        graze, held, before = self._at(0.0), self._held[0.0], last.orbit.instability
+        ahead = self._posed.shifted(held, -self._posed.free * self._least * self._unit)
+        turns = ahead * float(self._way * self._posed.slope(held)[-1]) < 0.0
+        after = before._replace(above=before.above + 1) if turns else before._replace(below=before.below + 1)
+        is_ahead = float((graze.x - last.x) @ last.tangent) > 0.0  # or the walk came even nearer to it
+        point = self._placed(0.0) if is_ahead else last
+        contact, parameter = describe_switch(graze.orbit, self._touches[0].switch), self._corrector.equation.parameter
+        error = self._error(Kind.GRAZING, 0.0)
+        return SpecialPoint(Kind.GRAZING, point, before, after, error, contact, parameter=parameter or "")
 
     def _is_near(self, label: float, graze: BranchPoint) -> bool:
         """Return True while a point is too near to the graze for steps along the branch, and touches can be posed.

@@ -168,6 +168,7 @@ class Walk(Iterator[BranchPoint]):
         self.previous, self.point, self.step, self.count = state.previous, state.point, state.step, state.count
         self.earlier = state.earlier
         self.end: End | None = None
+        self._stuck: End | None = None
         self.rejected = 0
         self._least = max(options.smallest_step, _SHORT)
 
@@ -175,6 +176,11 @@ class Walk(Iterator[BranchPoint]):
     def state(self) -> WalkState:
         """Progress so far: everything needed to continue from there."""
         return WalkState(self.previous, self.point, self.step, self.count, self.earlier)
+
+    @property
+    def is_stuck(self) -> bool:
+        """True if the walk ended because its steps became too short, and nothing else is known of this end."""
+        return self.end is not None and self.end is self._stuck
 
     def __next__(self) -> BranchPoint:
         if self.end is not None:
@@ -226,7 +232,7 @@ class Walk(Iterator[BranchPoint]):
         while True:
             if self.step < self._least:
                 detail = f"smallest_step = {self.options.smallest_step:g}; Newton's method no longer follows the branch"
-                self.end = End(EndReason.STEP, self.point.value, detail)
+                self.end = self._stuck = End(EndReason.STEP, self.point.value, detail)
                 return None
             correction, point, turn = self._try_step()
             if correction is None or point is None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +65,8 @@ def find_orbit(
         ``"rest"``: Newton's method from the state zero. ``"settle"``: Newton's method from the end of a transient from
         rest. If that finds no orbit, other starts are tried: states of the settled motion that nearly repeat, their
         mean, rest, orbits at other frequencies that are followed to this one, and harmonic balance. Or a state at
-        theta = 0: positions, then velocities, then extensions, which are 0 if they are left out.
+        theta = 0: positions, then velocities, then extensions, which are 0 if they are left out. If small changes of
+        its motion grow so much that Newton's method fails, the period is divided into more segments.
     method
         Discretisation of the orbit: `Shooting` (the default) or `Balance`.
     newton
@@ -102,8 +104,19 @@ def find_orbit(
     system = system.at(at, **values)
     equation = chosen(method).pose(system, None, period)
     if not (isinstance(start, str) and start == "settle"):
-        return _solved(equation, equation.start(initial_state(system, start, period)), newton)
+        return _near(equation, initial_state(system, start, period), newton)
     return _found(equation, newton)
+
+
+def _near(equation: OrbitEquation, state: NDArray[np.float64], newton: Newton | None) -> Orbit:
+    """Return the orbit nearest to a state; where small changes of its motion grow too much, by finer equations."""
+    try:
+        return _solved(equation, equation.start(state), newton)
+    except NumericalError:
+        for finer, unknowns in equation.divided(state):
+            with suppress(NumericalError):
+                return _solved(finer, unknowns, newton)
+        raise
 
 
 def _solved(equation: OrbitEquation, guess: NDArray[np.float64], newton: Newton | None) -> Orbit:

@@ -6,7 +6,7 @@ Newton's method here solves for one orbit at fixed parameters, damped so that it
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -335,6 +335,21 @@ class OrbitEquation:
             The finer equation.
         """
         return None
+
+    def divided(self, state: NDArray[np.float64]) -> Iterator[tuple[OrbitEquation, NDArray[np.float64]]]:
+        """Yield finer equations, with their unknowns, for a state whose motion does not return to it by itself.
+
+        Parameters
+        ----------
+        state : shape (state_size,)
+            State at theta = 0, near an orbit that is strongly unstable.
+
+        Yields
+        ------
+        tuple
+            An equation, and the start for Newton's method. Nothing if the method has no such equations.
+        """
+        yield from ()
 
 
 class Evaluation(NamedTuple):

@@ -6,7 +6,8 @@ Method: docs/numerics/continuation.md
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from itertools import pairwise
@@ -16,7 +17,7 @@ import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
-from gapwalk.errors import ModelError
+from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
 from gapwalk.flow.length_unit import natural_length
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
 _SEGMENTS = 1000  # largest number of segments
 _NEAR = 1e-10  # lengths of the system by which a spring that is pushed along lacks its limit
 _NEVER = 1e3  # factor on the limit of friction that does not slip
+_MOST, _UNKNOWNS = 64, 2000  # segments, and their unknowns, up to which they are tried where one fails
+_MEETS = 1e-6  # error of a motion that ends in a state, as a share of it
+_APART = 0.1  # distance of the motions from and to a state, as a share of them, from which Newton's method may start
 _GROWTH = 1e5  # of a small change of the state in a segment: beyond, residuals of 1e-10 are hardly reached
 
 
@@ -157,8 +161,15 @@ class ShootingEquation(OrbitEquation):
         found = assembled(free, states)
         if kept and direction is not None:
             self._place(found, bounded, coefficients, direction, arcs, states)
-        reach = _shallowest(arcs) * float(coefficients[0]) if _modes_go_on(arcs) else 0.0
+        reach = min(_shallowest(arcs), self._slowest(arcs)) * float(coefficients[0]) if _modes_go_on(arcs) else 0.0
         return Evaluation(found.residual, found.by_unknowns, found.by_parameter, arcs, reach)
+
+    def _slowest(self, arcs: list[Arc]) -> float:
+        """Return the least speed of the first impacts of arcs: a step of its size may let a motion rest instead."""
+        rigid = {switch for _, switch in self.system.structure.reactions}
+        struck = ((event for event in arc.contacts if event.switch in rigid and event.enters) for arc in arcs if rigid)
+        firsts = [next(events, None) for events in struck]
+        return min((abs(event.velocity) for event in firsts if event is not None), default=math.inf)
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
         """Return the orbit of a solution."""
@@ -194,7 +205,7 @@ class ShootingEquation(OrbitEquation):
         """
         largest = abs(complex(orbit.multipliers[0]))
         count = self.options.segments
-        if count == 1 or largest <= _GROWTH**count:
+        if count == 1 or largest ** (1.0 / count) <= _GROWTH:
             return ""
         return (
             f"small changes of the motion grow by {largest:.3g} in a period (its largest multiplier), too much for "
@@ -205,6 +216,55 @@ class ShootingEquation(OrbitEquation):
         """Return the equation with four times as many segments."""
         count = 4 * self.options.segments
         return replace(self, options=replace(self.options, segments=count)) if count <= _SEGMENTS else None
+
+    def divided(self, state: NDArray[np.float64]) -> Iterator[tuple[ShootingEquation, NDArray[np.float64]]]:
+        """Yield equations with more segments, and the states of the motions from and to a state that meet best.
+
+        An error of the state grows as the square root of the largest multiplier up to the middle of the period, from
+        either end.
+        """
+        structure, finer = self.system.structure, self.finer()
+        if structure.reactions or structure.friction or self.begin or self.marks:
+            return
+        while finer and finer.options.segments <= min(_MOST, _UNKNOWNS / len(state)):
+            ahead, back, unit = finer._forwards(state), finer._backwards(state), self.system.state_scales()
+            apart = {
+                place: float(np.linalg.norm((ahead[place] - back[place]) / unit))
+                for place in range(1, min(len(ahead), len(finer.knots) - 1))
+                if place in back
+            }
+            meet = min(apart, key=lambda place: apart[place], default=0)
+            if meet and apart[meet] <= _APART * max(float(np.linalg.norm(each / unit)) for each in ahead[:meet]):
+                states = [*ahead[:meet], *(back[place] for place in range(meet, len(finer.knots) - 1))]
+                yield finer, np.concatenate(states)
+            finer = finer.finer()
+
+    def _forwards(self, state: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Return the states at the knots on the motion from a state, until it diverges."""
+        coefficients, states = coefficients_of(self.system), [state]
+        with suppress(FlowError):
+            for start, stop in pairwise(self.knots):
+                states.append(self._flow.integrate(coefficients, states[-1], start, stop).state)
+        return states
+
+    def _backwards(self, state: NDArray[np.float64]) -> dict[int, NDArray[np.float64]]:
+        """Return, by the numbers of the knots, the states on the motion that ends in a state, as far as it is found."""
+        coefficients, found = coefficients_of(self.system), {len(self.knots) - 1: state}
+        with suppress(FlowError, np.linalg.LinAlgError):
+            for place in range(len(self.knots) - 2, 0, -1):
+                start, stop = self.knots[place], self.knots[place + 1]
+                wanted, missed, trial = found[place + 1], np.inf, found[place + 1]
+                while True:
+                    arc = self._flow.integrate(coefficients, trial, start, stop)
+                    off = arc.state - wanted
+                    before, missed = missed, float(np.linalg.norm(off))
+                    if not missed < before:
+                        break
+                    trial = trial - np.linalg.solve(transition_of(arc), off)
+                if not missed <= _MEETS * float(np.abs(wanted).max()):
+                    break
+                found[place] = trial
+        return found
 
     def _from_zero(self, coefficients: NDArray[np.float64], arcs: list[Arc], states: NDArray[np.float64]) -> list[Arc]:
         """Return the arcs of the motion from theta = 0 on; the one that passes the end of the period is cut there."""

@@ -241,6 +241,15 @@ class TouchEquation:
             unknowns = self._at_depth(unknowns, depth)
         return unknowns
 
+    def shifted(self, start: Held, depth: float) -> float:
+        """Return by how much touches of a depth move the parameter, to first order; for a force that jumps."""
+        if not self._jumps:
+            raise ConvergenceError("a force that begins at zero does not move an orbit by its root of a depth")
+        unknowns = np.append(start.states.ravel(), start.value)
+        matrix = self._bordered(start.evaluation, self._depths(unknowns)[1])
+        right = -np.append(self._impulses(start, depth), np.zeros(len(self._gauges))) * self._weights
+        return float(np.linalg.lstsq(matrix, right, rcond=None)[0][-1] * self._scales[-1])
+
     def _impulses(self, start: Held, depth: float) -> NDArray[np.float64]:
         """Return the residual that impacts of a depth leave of an orbit that just misses them, to first order."""
         layout, n = layout_of(self._own.system.structure), self._own.system.size
@@ -365,7 +374,9 @@ class TouchEquation:
             right = np.zeros((len(matrix), 2))
             right[:, 0] = np.append(-evaluation.residual, depth - depths) * self._weights
             right[len(states) :, 1] = self._weights[len(states) :]
-            solution, _, _, singular = np.linalg.lstsq(matrix, right, rcond=None)
+            # small changes may grow by 1e6 in a segment, and nothing of the other equations may be lost beside those
+            growth = np.maximum(1.0, np.linalg.norm(matrix, axis=1))
+            solution, _, _, singular = np.linalg.lstsq(matrix / growth[:, None], right / growth[:, None], rcond=None)
             steps = np.asarray(solution, dtype=np.float64)
             length = float(np.linalg.norm(steps[:, 0]))
             if not length < 1.0:
@@ -376,7 +387,7 @@ class TouchEquation:
                 # all equations must be satisfied: there may be more of them than unknowns
                 slack, missed = self._own.tolerance * float(np.abs(states).max()), np.abs(right[:, 0])
                 uneven = missed[len(states) :].max() > _UNEVEN * abs(depth) * self._weights[-1] + slack * 1e-3
-                grown = max(1.0, _EXACT * float(singular[0]) / self._own.tolerance)  # rounding grows with the motion
+                grown = max(1.0, _EXACT * float(growth.max()) / self._own.tolerance)  # rounding grows with the motion
                 if not uneven and missed[: len(states)].max() <= slack * grown:
                     error = abs(float(steps[-1, 0]) * self._scales[-1])
                     return Held(unknowns[:-1].reshape(-1, self._size), value, depth, evaluation, steps[:, 1], error)

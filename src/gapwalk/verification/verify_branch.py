@@ -32,7 +32,7 @@ from gapwalk.verification.branch_corrector import CROSSING, Track
 from gapwalk.verification.verification import Advance, Check, Ledger, Spot
 from gapwalk.verification.verify_balanced import verify_truncated
 from gapwalk.verification.verify_orbits import verify_orbits
-from gapwalk.verification.verify_special_points import verify_special_points
+from gapwalk.verification.verify_special_points import ends_at, verify_special_points
 
 _OFF = 0.1  # largest distance of the orbit between from the cubic through both points, in distances of the points
 _TURN = 0.6  # largest angle between a tangent and the chord, in radians
@@ -102,8 +102,8 @@ def _verify_order(ledger: Ledger, track: Track) -> None:
     last = len(points) - 1
     for number, (a, b) in enumerate(pairwise(points)):
         ends = [branch.ends[place].reason for place in (0, -1) if number == (0 if place == 0 else last - 1)]
-        if EndReason.JOINED in ends and a.orbit is b.orbit:
-            continue  # a walk that is cut off at its parent repeats its last point
+        if a.orbit is b.orbit and {*ends} & {EndReason.JOINED, EndReason.STEP}:
+            continue  # a walk that is cut off at its parent, or at a graze, repeats its last point
         faults = []
         if not b.arclength > a.arclength:
             faults.append(f"the arclength goes from {a.arclength:.10g} to {b.arclength:.10g}")
@@ -225,7 +225,8 @@ def _left(points: Sequence[BranchPoint]) -> float:
 
 def _verify_gaps(ledger: Ledger, track: Track) -> None:
     """Check the gaps between neighbours, and the changes over them."""
-    for number, (a, b, special) in enumerate(steps_of(track.branch)):
+    for number, (a, b, within) in enumerate(steps_of(track.branch)):
+        special = [each for each in within if not ends_at(track.branch, each)]
         spot = Spot(track.name, f"points {number} to {number + 1}", a.value)
         knots = [a, *(each.point for each in special), b]
         corners = [each.point for each in special if not each.kind.by_multipliers]

@@ -26,6 +26,7 @@ from gapwalk.bifurcation.special_point import SpecialPoint, is_one_place
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.floquet import is_on_border
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
@@ -80,6 +81,9 @@ def verify_special_points(ledger: Ledger, track: Track) -> None:
     estimators = cache(lambda size: ErrorEstimator(track.corrector(size)))
     for number, special in enumerate(track.branch.special_points):
         spot = special_spot(track.name, number, special)
+        if ends_at(track.branch, special):
+            ledger.leave_unlocated(spot)
+            continue
         examination = Examination(track, estimators(len(special.point.x)), special)
         sides = examination.sides()
         faults = sides.faults
@@ -99,6 +103,13 @@ def verify_special_points(ledger: Ledger, track: Track) -> None:
             ledger.leave_unlocated(spot)
         else:
             _enter_location(ledger, spot, special, sides.value)
+
+
+def ends_at(branch: Branch, special: SpecialPoint) -> bool:
+    """Return True for a graze at which a branch ends, since motions beyond it touch by less than rounding."""
+    ends = zip((0, -1), branch.ends, strict=True)
+    places = [branch.points[place].arclength for place, end in ends if end.reason is EndReason.STEP]
+    return special.kind is Kind.GRAZING and special.point.arclength in places
 
 
 @dataclass(frozen=True)
