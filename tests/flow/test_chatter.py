@@ -101,6 +101,33 @@ def test_a_summed_chatter_is_the_one_that_is_followed(
     assert abs(len(summed.contacts) - len(followed.contacts)) <= 2
 
 
+@pytest.mark.parametrize(("restitution", "side", "unit"), [(0.9, 1, 1.0), (0.95, -1, 1e9)])
+@pytest.mark.parametrize("parameter", ["teeth.restitution", "harmonic1.amplitude"])
+def test_a_chatter_is_summed_up_to_a_place_among_its_impacts(
+    restitution: float, side: int, unit: float, parameter: str
+) -> None:
+    """Where a period ends among the impacts of a chatter, those before it are summed, with their derivatives."""
+    system, state = pressed(restitution, side, unit), unit * np.array([0.1, 0.0, 0.2 * side, 0.1])
+    coefficients, direction = Shooting().pose(system, parameter).coefficients(system[parameter])
+    flow = flow_of(system, parameter, transition=True)
+    whole = flow.integrate(coefficients, state, 0.0, 3.0 * PERIOD, direction, sums=False)
+    angles = [each.theta for each in whole.impacts]
+    gaps = np.diff(angles)
+    (first, *_) = np.flatnonzero((gaps < 4e-4) & (gaps > 1e-4))  # impacts follow each other at 1e-4 rad
+    stop = 0.5 * (angles[first] + angles[first + 1])
+    summed, followed = (flow.integrate(coefficients, state, 0.0, stop, direction, sums=each) for each in (True, False))
+    assert summed.steps < 0.8 * followed.steps
+    assert summed.state == pytest.approx(followed.state, abs=1e-13 * unit)
+    assert summed.transition == pytest.approx(followed.transition, abs=1e-11)
+    size = np.abs(followed.sensitivity).max()
+    assert summed.sensitivity == pytest.approx(followed.sensitivity, abs=1e-11 * size)
+    assert [(each.switch, each.enters) for each in summed.contacts] == [
+        (each.switch, each.enters) for each in followed.contacts
+    ]
+    found, expected = ([(each.theta, each.velocity / unit) for each in arc.contacts] for arc in (summed, followed))
+    assert np.array(found) == pytest.approx(np.array(expected), abs=1e-11)
+
+
 def test_a_chatter_too_long_for_its_nodes_is_given_up_soon() -> None:
     """A pull that swings 30 times faster than the chatter lasts is no polynomial of the nodes."""
     asked = list[int]()
