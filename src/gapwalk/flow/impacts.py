@@ -176,9 +176,7 @@ class Impacts:
             found.append((stop, chatter))
         one = found[0][1]
         angles, positions, velocities = (np.real(each[0]) for each in (one.angles, one.positions, one.velocities))
-        if not self._is_alone(own, angles, positions) or (
-            self._watched is not None and self._turns(slots, velocities)
-        ):
+        if not self._is_alone(own, angles, positions) or (self._watched is not None and self._turns(slots, velocities)):
             return None
         thetas, speeds = one.impacts(restitution, _TAIL)
         ends = bool(np.real(one.curve[0, -1, 0]) < place)
@@ -191,9 +189,7 @@ class Impacts:
         for place, (delay, change, _) in enumerate(after if len(dry.directions) else (), -len(dry.directions)):
             delays[place] += np.imag(delay[-1]) / _STEP / _FAINT
             changes[place] += np.imag(change[-1]) / _STEP / _FAINT
-        return Rest(
-            float(end), number, ends, state, changes, delays, integrals, thetas[:count], side * speeds[:count]
-        )
+        return Rest(float(end), number, ends, state, changes, delays, integrals, thetas[:count], side * speeds[:count])
 
     def _stop(self, slots: ContactSlots, side: int, numbers: NDArray) -> Stop:
         layout, closed, vector = self._layout, self._dry.closed, numbers[slots.deflection]
