@@ -74,8 +74,8 @@ class Severity:
     power
         Mean power lost in the contact.
     rms, kurtosis
-        Root mean square and kurtosis of the acceleration of the coordinate that moves most violently across the gap; nan
-        where a rigid stop gives it impulses.
+        Root mean square and kurtosis of the acceleration of the coordinate that moves most violently across the gap;
+        nan where a rigid stop gives it impulses.
     level
         ``20 log10`` of that rms over the reference, in dB; -inf without acceleration, nan where the rms is.
 
@@ -363,7 +363,7 @@ class RattleBands(Shown):
 
 
 def _figure(number: float, row: Severity) -> str:
-    """Write a figure of a motion; that of a sample of one without period has three digits, one that is not defined "-"."""
+    """Write a figure of a motion; that of a sample of one without period has three digits, an undefined one none."""
     if math.isnan(number):
         return "-"
     return f"{number:.4g}" if row.period else f"{number:.3g}"

@@ -34,9 +34,7 @@ _total = partial(np.add.reduce, axis=-1)  # for short rows twice as fast as the 
 
 
 class Rest(NamedTuple):
-    """The end of a chatter, or of its part before a place: angle, the stop, whether the motion has come to rest on it,
-    state, changes of the state along its own end, of the angle, and the impacts.
-    """
+    """The end of a chatter, or of a part of it: angle, stop, whether the motion rests, state, changes, and impacts."""
 
     theta: float
     reaction: int
