@@ -91,7 +91,7 @@ class Chatter(NamedTuple):
 
     def after(self, stop: Stop, count: float = math.inf) -> tuple[Array, Array, Array]:
         """Return angle, state and integrals just after a number of impacts, or where the motion has come to rest."""
-        place, half = stop.restitution**count if count < math.inf else 0.0, self.curve.shape[-1] // 2
+        place, half = np.asarray(stop.restitution**count if count < math.inf else 0.0), self.curve.shape[-1] // 2
         found = np.squeeze(_weights(place) @ self.curve, -2) if place else self.curve[..., -1, :]
         state = found[..., 1:half].copy()
         state[..., half // 2 :] -= stop.side * place * found[..., half : half + 1] * stop.push
@@ -177,33 +177,6 @@ def _change(change: Array, curve: Array, n: int) -> float:
     for own, part in ((np.real(moved), np.real(both)), (np.imag(moved), np.imag(both))):
         most, all_of_it = ((largest(each) / sizes).max(axis=-1) for each in (own, part))
         found = max(found, float((most / np.where(most > 0.0, all_of_it, 1.0)).max()))
-    return found if math.isfinite(found) else math.inf
-
-
-def _weights(places: Array) -> Array:
-    """Return the weights of the values at the nodes in those at some places of the curve."""
-    return chebyshev.chebvander(2.0 * places - 1.0, _ALONG - 1) @ _SPECTRUM_ALONG
-
-
-def _is_resolved(turning: Array, times: float = 1.0) -> bool:
-    """Return True if the last coefficients of accelerations at the nodes of all flights are as small as needed."""
-    by_node = np.real(turning)
-    spectra = _SPECTRUM_WITHIN @ by_node, _SPECTRUM_ALONG @ np.swapaxes(by_node, -3, -2)
-    return all(np.abs(each[..., -2:, :]).max() <= times * _RESOLVED * np.abs(each).max() for each in spectra)
-
-
-def _change(change: Array, curve: Array, n: int) -> float:
-    """Return the largest change of angle, positions or rates as a share of their sizes; the same of derivatives."""
-    count, kinds = 2 * n + 2, (0, 1, n + 1)
-    both, moved = (each[..., :count].reshape(-1, count) for each in (curve, change))
-    whole, turns = np.maximum.reduceat(np.abs(np.real(both)).max(axis=0), kinds), abs(both[0, 0] - both[-1, 0])
-    sizes = np.maximum((whole[0], max(whole[1], whole[2] * turns), whole[2]), np.finfo(float).tiny)
-    found = 0.0
-    for own, part in ((np.real(moved), np.real(both)), (np.imag(moved), np.imag(both))):
-        most, all_of_it = (
-            float((np.maximum.reduceat(np.abs(each).max(axis=0), kinds) / sizes).max()) for each in (own, part)
-        )
-        found = max(found, most / all_of_it if most else 0.0)
     return found if math.isfinite(found) else math.inf
 
 
