@@ -241,5 +241,6 @@ def test_on_a_rigid_stop_the_worst_motion_has_the_fastest_impacts():
     sweep = found.sweeps[0].stretches[0].points[-1].orbit
     speed = max(event.velocity for event in sweep.events if event.enters)
     assert worst.severity.approach == pytest.approx(speed, rel=1e-9)
-    assert "inf" not in found.sentence("teeth")
+    assert "inf" not in f"{found.sentence('teeth')} {found.summary()}"
+    assert all(math.isnan(each) for row in rows for each in (row.rms, row.kurtosis, row.level))
     assert "with the fastest impacts" in str(found.summary())

@@ -138,7 +138,8 @@ def test_a_chaotic_motion_and_the_table():
     assert found.sides[0].fastest > found.sides[0].velocity > 0
     assert found.sides[0].costliest > found.sides[0].loss > 0
     lines = repr(found).splitlines()
-    assert lines[0].split() == ["impacts", "a", "period", "velocity", "fastest", "peak", "force", "loss", "costliest"]
+    head = ["impacts", "a", "period", "velocity", "fastest", "peak", "force", "impulse", "loss", "costliest"]
+    assert lines[0].split() == head
     assert lines[1].startswith("stage2 +1")
     assert len({len(line) for line in lines[:3]}) == 1  # columns in line
     assert f"{found.coordinates[0].kurtosis:.4g}" in lines[-2]
@@ -183,3 +184,17 @@ def test_impacts_on_a_rigid_stop_are_counted():
     losses = [0.5 * (1.0 - 0.8**2) * velocity**2 for velocity in struck]
     assert [impact.loss for impact in found.impacts] == pytest.approx(losses, rel=1e-10)
     assert all(math.isnan(impact.peak) and impact.duration == 0.0 for impact in found.impacts)
+    assert [impact.impulse for impact in found.impacts] == pytest.approx([1.8 * each for each in struck], rel=1e-10)
+    figures = [each for row in (*found.contacts, *found.coordinates) for each in (row.peak, row.rms)]
+    assert math.isnan(found.index)
+    assert all(math.isnan(each) for each in figures)  # an impulse has neither a peak nor a mean square
+    assert "inf" not in repr(found)
+
+
+def test_the_impulses_of_a_stop_balance_the_momentum_of_a_period():
+    system = viscous_stop(2.0).at({"mean.x": 0.3})
+    orbit = gw.find_orbit(system)
+    (side,) = (each for each in gw.analysis.rattle(orbit).sides if each.impacts)
+    period = 2.0 * math.pi * orbit.period / system.frequency
+    given = (0.3 - system["stiffness.x.x"] * orbit.measure("mean.x")) * period
+    assert side.impulse * side.impacts * orbit.period == pytest.approx(given, rel=1e-9)

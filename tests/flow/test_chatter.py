@@ -34,14 +34,15 @@ def test_a_ball_comes_to_rest_where_the_geometric_series_ends(restitution: float
     found = sum_chatter(stop, np.array(2.0), np.ones(1), np.array([-speed]))
     assert found is not None
     lasts = 2.0 * speed / gravity / (1.0 - restitution)
-    assert float(found.theta) == pytest.approx(2.0 + lasts, abs=1e-14)
-    assert found.state == pytest.approx([1.0, 0.0], abs=1e-15)
+    theta, state, integrals = found.after(stop)
+    assert float(theta) == pytest.approx(2.0 + lasts, abs=1e-14)
+    assert state == pytest.approx([1.0, 0.0], abs=1e-15)
     times, rates = found.impacts(restitution, 1e-6)
     left = lasts * restitution ** np.arange(1.0, len(times) + 1.0)
     assert times == pytest.approx(2.0 + lasts - left, abs=1e-14)
     assert rates == pytest.approx(speed * restitution ** np.arange(len(times)), abs=1e-14)
     heights = gravity * (2.0 * speed / gravity) ** 3 / 12.0 / (1.0 - restitution**3)  # areas of all flights
-    assert float(found.integrals[0]) == pytest.approx(lasts - heights, abs=1e-13)
+    assert float(integrals[0]) == pytest.approx(lasts - heights, abs=1e-13)
 
 
 def test_a_chatter_under_varying_loads_is_that_of_another_integrator() -> None:
@@ -68,7 +69,7 @@ def test_a_chatter_under_varying_loads_is_that_of_another_integrator() -> None:
         )  # fmt: skip
         theta, v = float(flown.t[-1]), -restitution * float(flown.y[1, -1])
     assert found is not None
-    assert float(found.theta) == pytest.approx(theta + flight / (1.0 - restitution), abs=1e-13)
+    assert float(found.after(stop)[0]) == pytest.approx(theta + flight / (1.0 - restitution), abs=1e-13)
 
 
 @pytest.mark.parametrize(("restitution", "side", "unit"), [(0.9, 1, 1.0), (0.6, -1, 1e9)])
@@ -98,6 +99,33 @@ def test_a_summed_chatter_is_the_one_that_is_followed(
     lost = [event for event in followed.contacts if np.abs(angles - event.theta).min() > 1e-10]
     assert len(lost) <= 2  # of the last ones, that take 1e-6 rad together
     assert abs(len(summed.contacts) - len(followed.contacts)) <= 2
+
+
+@pytest.mark.parametrize(("restitution", "side", "unit"), [(0.9, 1, 1.0), (0.95, -1, 1e9)])
+@pytest.mark.parametrize("parameter", ["teeth.restitution", "harmonic1.amplitude"])
+def test_a_chatter_is_summed_up_to_a_place_among_its_impacts(
+    restitution: float, side: int, unit: float, parameter: str
+) -> None:
+    """Where a period ends among the impacts of a chatter, those before it are summed, with their derivatives."""
+    system, state = pressed(restitution, side, unit), unit * np.array([0.1, 0.0, 0.2 * side, 0.1])
+    coefficients, direction = Shooting().pose(system, parameter).coefficients(system[parameter])
+    flow = flow_of(system, parameter, transition=True)
+    whole = flow.integrate(coefficients, state, 0.0, 3.0 * PERIOD, direction, sums=False)
+    angles = [each.theta for each in whole.impacts]
+    gaps = np.diff(angles)
+    (first, *_) = np.flatnonzero((gaps < 4e-4) & (gaps > 1e-4))  # impacts follow each other at 1e-4 rad
+    stop = 0.5 * (angles[first] + angles[first + 1])
+    summed, followed = (flow.integrate(coefficients, state, 0.0, stop, direction, sums=each) for each in (True, False))
+    assert summed.steps < 0.8 * followed.steps
+    assert summed.state == pytest.approx(followed.state, abs=1e-13 * unit)
+    assert summed.transition == pytest.approx(followed.transition, abs=1e-11)
+    size = np.abs(followed.sensitivity).max()
+    assert summed.sensitivity == pytest.approx(followed.sensitivity, abs=1e-11 * size)
+    assert [(each.switch, each.enters) for each in summed.contacts] == [
+        (each.switch, each.enters) for each in followed.contacts
+    ]
+    found, expected = ([(each.theta, each.velocity / unit) for each in arc.contacts] for arc in (summed, followed))
+    assert np.array(found) == pytest.approx(np.array(expected), abs=1e-11)
 
 
 def test_a_chatter_too_long_for_its_nodes_is_given_up_soon() -> None:

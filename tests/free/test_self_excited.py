@@ -13,6 +13,7 @@ from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.free.cycle_start import _exact, _shortest
 from gapwalk.orbit.sensitivity import sensitivity
+from gapwalk.verification import Ledger, verify_branches
 
 VAN_DER_POL = 6.6632868593231301896996820305  # its period at mu = 1
 
@@ -307,7 +308,7 @@ def _leaving(cubic: float) -> float:
     return float(brentq(work, 0.5, 4.0, xtol=1e-13))
 
 
-@pytest.mark.parametrize(("cubic", "unit"), [(0.0, 1.0), (1.0, 1.0), (0.3, 1e3)])
+@pytest.mark.parametrize(("cubic", "unit"), [(0.0, 1.0), (1.0, 1.0), (0.3, 1e3), (0.0, 1e-6)])
 def test_motions_leave_a_centre_where_small_damping_does_no_work(cubic: float, unit: float) -> None:
     law = "mu*((x/u)**2 - 1)*v + c*(x/u)**2*x"
     damper = gw.force("damper", {"x": 1.0}, law, mu=-0.5, c=cubic, u=unit)
@@ -326,3 +327,6 @@ def test_motions_leave_a_centre_where_small_damping_does_no_work(cubic: float, u
     assert cycle.points[0 if cycle.points[0].value == 1.0 else -1].value == 1.0
     if cubic == 0.0:
         assert _duration(cycle.points[0].orbit) == pytest.approx(VAN_DER_POL, rel=1e-12)
+    ledger = Ledger()
+    verify_branches(ledger, [("centre", centre), ("cycle", cycle)])
+    assert not ledger.verification.breaches

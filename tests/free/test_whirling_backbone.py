@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
+from tests.bifurcation.alike.kinds import rotor as rotor_machine
 from tests.gyroscopic import eigenvalues, gyroscopic_system
 
 STIFFNESS, DAMPING = np.diag([2.0, 3.0]), np.array([[0.02, 1.0], [-1.0, 0.02]])
@@ -60,4 +61,16 @@ def test_rotors_drawn_at_random(seed: int) -> None:
     assert line.values[0] == pytest.approx(eigenvalues(system)[1], rel=1e-9)
     point = line.points[len(line.points) // 2]
     motion = line.motion(point)
+    assert motion.q[-1] == pytest.approx(motion.q[0], abs=1e-9)
+
+
+def test_it_goes_on_beyond_a_touch_that_turns_it_sharply() -> None:
+    """Where a mode is 28 times slower than another one, the first touch turns the branch by 1 rad within 1e-5."""
+    system = rotor_machine(3).system
+    walk = gw.WalkOptions(largest_step=0.02, max_points=45)
+    line = gw.free.backbone(system, 1, options=gw.free.BackboneOptions(walk=walk))
+    assert "max_points" in line.ends[1].reason
+    assert line.points[-1].touches == 4
+    assert line.values[-1] > line.values[0]
+    motion = line.motion(line.points[-1])
     assert motion.q[-1] == pytest.approx(motion.q[0], abs=1e-9)

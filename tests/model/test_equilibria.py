@@ -136,3 +136,23 @@ def test_negative_damping_is_not_stable() -> None:
     assert gw.find_equilibria(system).equilibria[0].stable
     back = gw.find_equilibria(system.at({"mean.x": -1.0})).equilibria[0]
     assert not back.stable  # as printed, it feeds energy in there
+
+
+@pytest.mark.parametrize("law", ["k*(x**3 - 3*x**2 + 3*x - 1)", "k*(x**5 - 5*x**4 + 10*x**3 - 10*x**2 + 5*x - 1)"])
+def test_a_multiple_root_is_a_rest(law: str) -> None:
+    """There the slopes of the terms cancel each other but for rounding."""
+    system = gw.System(["x"], [0.0], [0.1], contacts=[gw.force("spring", {"x": 1.0}, law, k=1.0)])
+    found = gw.find_equilibria(system)
+    assert [float(each.position[0]) for each in found.equilibria] == pytest.approx([1.0], rel=1e-3)
+    assert found.complete
+
+
+@pytest.mark.parametrize(("load", "stiffness", "known"), [(1.3, 2.0, 0), (0.5, 2.0, 1), (1.3, -0.2, 0), (4.0, -0.2, 1)])
+def test_a_rest_within_a_jump_is_not_denied(load: float, stiffness: float, known: int) -> None:
+    """At load 1.3 the mass rests on the breakpoint, where the stage pushes back with .3 of its .7."""
+    stage = gw.Stage(1.0, stiffness, numbers={"preload": 0.7})
+    stop = gw.Contact("stop", {"x": 1.0}, [stage], law="piecewise")
+    found = gw.find_equilibria(gw.System(["x"], [1.0], [0.1], contacts=[stop], mean={"x": load}))
+    assert len(found.equilibria) == known
+    assert found.complete is (known == 1 and stiffness > 0.0)  # of a convex energy it is the only one
+    assert any("(stop) is not computed" in note for note in found.notes) is not found.complete

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+import gapwalk as gw
 from gapwalk import Balance, Contact, Harmonic, Side, Stage, System, backlash, find_orbit
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.flow.forces import contact_forces
@@ -14,7 +15,9 @@ from gapwalk.orbit.harmonic_balance.contact_forces import contact_forces_of, law
 from gapwalk.orbit.harmonic_balance.kernels import real_form
 from gapwalk.orbit.harmonic_balance.series import waves
 from gapwalk.paper import case
+from tests.bifurcation.alike.kinds import rotor
 from tests.orbit.two_masses import two_masses
+from tests.tiers import some_of
 
 LAWS = (
     ("elastic", {}),
@@ -210,3 +213,21 @@ def test_options_without_sense_are_refused(options, message) -> None:
 def test_harmonics_below_the_order_of_the_excitation_are_refused() -> None:
     with pytest.raises(ModelError, match="order 2; write harmonics = 2 or more"):
         find_orbit(case("20a"), method=Balance(1))
+
+
+@pytest.mark.parametrize("share", [0.8, 1.3])
+@pytest.mark.parametrize("seed", some_of(range(8), 0, 1, 2, 4, 6))
+def test_rotors_below_and_above_their_first_touch_are_those_of_shooting(seed: int, share: float) -> None:
+    """Gyroscopic terms in both methods; the load brings the largest deflection to a share of its clearance."""
+    system = rotor(seed).system
+    small = gw.find_orbit(system.at({"harmonic1.amplitude": 1e-3}))
+    deflected = [
+        small.measure(f"half.x{place}") / system[f"{form.name}.clearance"]
+        for place, form in enumerate(system.structure.contacts)
+    ]
+    loaded = system.at({"harmonic1.amplitude": 1e-3 * share / max(deflected)})
+    shot = gw.find_orbit(loaded)
+    assert bool(shot.events) or share < 1.0
+    balanced = gw.find_orbit(loaded, shot.period, shot.state, method=gw.Balance())
+    q, own = shot.motion(64).q, balanced.motion(64).q
+    assert np.abs(own - q).max() <= (1.5 * balanced.truncation + 1e-12) * np.abs(q).max()

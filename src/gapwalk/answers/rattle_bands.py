@@ -74,9 +74,10 @@ class Severity:
     power
         Mean power lost in the contact.
     rms, kurtosis
-        Root mean square and kurtosis of the acceleration of the coordinate that moves most violently across the gap.
+        Root mean square and kurtosis of the acceleration of the coordinate that moves most violently across the gap;
+        nan where a rigid stop gives it impulses.
     level
-        ``20 log10`` of that rms over the reference, in dB; -inf without acceleration.
+        ``20 log10`` of that rms over the reference, in dB; -inf without acceleration, nan where the rms is.
 
     Examples
     --------
@@ -328,7 +329,7 @@ class RattleBands(Shown):
                         _figure(number, row)
                         for number in (row.per_turn, row.peak, row.approach, row.power, row.rms, row.kurtosis)
                     ),
-                    f"{row.level:.1f}",
+                    "-" if math.isnan(row.level) else f"{row.level:.1f}",
                 )
                 for row in chosen
             ],
@@ -362,9 +363,9 @@ class RattleBands(Shown):
 
 
 def _figure(number: float, row: Severity) -> str:
-    """Write a figure of a motion; that of a sample of a motion without period has three digits, an unknown one none."""
+    """Write a figure of a motion; that of a sample of one without period has three digits, an undefined one none."""
     if math.isnan(number):
-        return ""
+        return "-"
     return f"{number:.4g}" if row.period else f"{number:.3g}"
 
 
@@ -465,8 +466,9 @@ def severity_of(
     load = next(each for each in whole.contacts if each.contact == gap)
     impacts = sum(side.impacts for side in sides)
     moved = moved_by(system, gap)
-    signal = max((each for each in whole.coordinates if each.coordinate in moved), key=lambda each: each.rms)
-    level = 20.0 * math.log10(signal.rms / reference) if signal.rms > 0.0 else -math.inf
+    own = [each for each in whole.coordinates if each.coordinate in moved]
+    signal = max(own, key=lambda each: math.inf if math.isnan(each.rms) else each.rms)
+    level = -math.inf if signal.rms == 0.0 else 20.0 * math.log10(signal.rms / reference)
     turns = system.turns
     return Severity(
         gap,
@@ -477,7 +479,7 @@ def severity_of(
         impacts,
         impacts * system.frequency / (2.0 * math.pi),
         math.nan if turns is None else impacts * float(turns),
-        load.peak if math.isfinite(load.peak) else math.nan,
+        load.peak,
         max(side.fastest for side in sides),
         load.power,
         signal.rms,

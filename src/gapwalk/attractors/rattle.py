@@ -71,8 +71,8 @@ class Rattle:
 
     @property
     def index(self) -> float:
-        """The rattle index: the largest kurtosis of any coordinate's acceleration."""
-        return max(each.kurtosis for each in self.coordinates)
+        """The rattle index: the largest kurtosis of any coordinate's acceleration; nan where one has impulses."""
+        return float(np.max([each.kurtosis for each in self.coordinates]))
 
     def __repr__(self) -> str:
         units = self.system.units
@@ -82,16 +82,16 @@ class Rattle:
             return f"{name} [{unit}]" if units else name
 
         peak = of("peak force", "N m")
-        speeds = of("velocity", velocity), of("fastest", velocity)
+        speeds, losses = (of("velocity", velocity), of("fastest", velocity)), (of("loss", "J"), of("costliest", "J"))
         sides = [
-            (f"{s.contact} {s.side:+d}", s.impacts, s.velocity, s.fastest, s.peak, s.loss, s.costliest)
+            (f"{s.contact} {s.side:+d}", s.impacts, s.velocity, s.fastest, s.peak, s.impulse, s.loss, s.costliest)
             for s in self.sides
         ]
         loads = [(c.contact, c.closed, c.peak, c.rms, c.power) for c in self.contacts]
         signals = [(f"{c.coordinate}''", c.rms, c.peak, c.crest, c.kurtosis) for c in self.coordinates]
         sizes = of("rms", "rad/s^2"), of("peak", "rad/s^2")
         tables = (
-            _table(("impacts", "a period", *speeds, peak, of("loss", "J"), of("costliest", "J")), sides),
+            _table(("impacts", "a period", *speeds, peak, of("impulse", "N m s"), *losses), sides),
             _table(("contact", "closed", peak, of("rms force", "N m"), of("power", "W")), loads),
             _table(("signal", *sizes, "crest factor", "kurtosis"), signals),
         )
@@ -117,6 +117,8 @@ class Impact:
     loss
         Energy loss: on a rigid stop that of kinetic energy; otherwise the integral over the closure of the force of the
         damping law times the rate of the deflection. In units of the contact force times the deflection.
+    impulse
+        Magnitude of the integral of the contact force over the time of the closure.
 
     Examples
     --------
@@ -132,6 +134,7 @@ class Impact:
     velocity: float
     peak: float
     loss: float
+    impulse: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,9 +150,11 @@ class SideRattle:
     velocity, fastest
         Mean and largest approach velocity.
     peak
-        Largest magnitude of the contact force.
+        Largest magnitude of the contact force; nan on a rigid stop that is struck.
     loss, costliest
         Mean and largest energy loss of an impact, in units of the contact force times the deflection.
+    impulse
+        Mean magnitude of the impulse of an impact.
 
     Examples
     --------
@@ -166,6 +171,7 @@ class SideRattle:
     peak: float
     loss: float
     costliest: float
+    impulse: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +185,7 @@ class ContactLoad:
     closed
         Fraction of the time for which it is closed; nan for a force without stages, such as a formula.
     peak, rms
-        Largest magnitude and root mean square of its force; infinite on a rigid stop that is struck.
+        Largest magnitude and root mean square of its force; nan on a rigid stop that is struck.
     power
         Mean power dissipated by its damping law.
 
@@ -209,7 +215,7 @@ class Impulsiveness:
         Root mean square and largest magnitude of its acceleration, about its mean (zero for a settled motion).
     crest
         Crest factor, peak over rms (ISO 2631-1:1997, there of the weighted acceleration): 1.41 for a harmonic motion.
-        All four are infinite where a rigid stop gives it impulses.
+        All four are nan where a rigid stop gives it impulses.
     kurtosis
         Fourth moment over the square of the second (Dyer and Stewart 1978, J. Mech. Des. 100, 229-235): 1.5 for a
         harmonic motion, 3 for Gaussian noise, more for rattle.
@@ -292,13 +298,15 @@ def impacts(system: System, along: Quadrature, before: float = math.inf) -> tupl
             duration = (opens.theta - closes.theta) / system.frequency
             peak = largest(along, inside, lambda motion, place=place: np.abs(motion.forces[:, place]))
             loss = float(losses[inside, place].sum())
-            found.append(Impact(contact, side, closes.theta, duration, abs(closes.velocity), peak, loss))
+            impulse = abs(float(along.motion.forces[inside, place] @ along.weights[inside]))
+            found.append(Impact(contact, side, closes.theta, duration, abs(closes.velocity), peak, loss, impulse))
     return tuple(sorted(found, key=lambda impact: impact.theta))
 
 
 def _strikes(system: System, along: Quadrature, place: tuple[str, int, int]) -> Iterator[Impact]:
     """Yield the impacts on a rigid stop; their force is an impulse, and so without a peak."""
     contact, side, switch = place
+    sizes = dict(zip(*(each.tolist() for each in along.motion.impulses(f"{contact}.force")), strict=True))
     try:
         losses = impact_losses(system, along)
     except ModelError:  # no kinetic energy is known
@@ -306,7 +314,8 @@ def _strikes(system: System, along: Quadrature, place: tuple[str, int, int]) -> 
     for event in along.motion.events:
         if event.switch == switch and event.enters:
             lost = losses.get((event.theta, system.structure.breakpoints[switch].contact), math.nan)
-            yield Impact(contact, side, event.theta, 0.0, abs(event.velocity), math.nan, lost)
+            impulse = abs(sizes.get(event.theta, 0.0)) / system.frequency
+            yield Impact(contact, side, event.theta, 0.0, abs(event.velocity), math.nan, lost, impulse)
 
 
 def damping_power(system: System, along: Quadrature) -> NDArray[np.float64]:
@@ -423,11 +432,14 @@ def _sides(system: System, found: tuple[Impact, ...], periods: int) -> tuple[Sid
         signs = {sign for stage in contact.stages for sign in stage.side.signs}
         for side in sorted(signs, reverse=True):
             own = [impact for impact in found if impact.contact == contact.name and impact.side == side]
-            velocity, peak, loss = (
-                np.array([getattr(impact, name) for impact in own] or [0.0]) for name in ("velocity", "peak", "loss")
+            velocity, peak, loss, impulse = (
+                np.array([getattr(impact, name) for impact in own] or [0.0])
+                for name in ("velocity", "peak", "loss", "impulse")
             )
             means = float(velocity.mean()), float(velocity.max()), float(peak.max()), float(loss.mean())
-            rows.append(SideRattle(contact.name, side, len(own) / periods, *means, float(loss.max())))
+            rows.append(
+                SideRattle(contact.name, side, len(own) / periods, *means, float(loss.max()), float(impulse.mean()))
+            )
     return tuple(rows)
 
 
@@ -442,7 +454,7 @@ def _loads(system: System, along: Quadrature, found: tuple[Impact, ...]) -> tupl
         peaks = [impact.peak for impact in own if not contact.law.rebounds]
         lost = sum(impact.loss for impact in own) / along.weights.sum() if contact.law.rebounds else 0.0
         peak = max([float(np.abs(forces[:, k]).max()), *peaks])
-        peak, size = (math.inf, math.inf) if contact.law.rebounds and own else (peak, float(rms[k]))
+        peak, size = (math.nan, math.nan) if contact.law.rebounds and own else (peak, float(rms[k]))
         share_closed = float(closed[k]) if contact.stages else math.nan
         rows.append(ContactLoad(contact.name, share_closed, peak, size, unit * float(power[k]) + float(lost)))
     return tuple(rows)
@@ -458,7 +470,7 @@ def _impulsiveness(along: Quadrature) -> tuple[Impulsiveness, ...]:
     unit = signal_factor(along.motion.system, "''")
     for k, name in enumerate(along.motion.system.coordinates):
         if len(along.motion.impulses(f"{name}''")[0]):
-            rows.append(Impulsiveness(name, math.inf, math.inf, math.inf, math.inf))
+            rows.append(Impulsiveness(name, math.nan, math.nan, math.nan, math.nan))
             continue
         rms = unit * float(np.sqrt(second[k]))
         peak = unit * largest(along, nodes, lambda motion, k=k: np.abs(motion.a[:, k] - mean[k]))
@@ -471,7 +483,7 @@ def _table(head: tuple[str, ...], rows: list[tuple]) -> str:
     """Format a text table: first column flush left, numbers flush right; nothing if it has no rows."""
     if not rows:
         return ""
-    cells = [head, *((row[0], *("" if math.isnan(value) else f"{value:.4g}" for value in row[1:])) for row in rows)]
+    cells = [head, *((row[0], *("-" if math.isnan(value) else f"{value:.4g}" for value in row[1:])) for row in rows)]
     widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
     lines = [
         "  ".join([row[0].ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(row[1:], widths[1:], strict=True))])

@@ -329,6 +329,7 @@ class BranchTracer(Iterator[Step]):
             branched=start.singular,
             change=_change,
             twins=self._with_other_phases,
+            asks=True,
         )
 
     def _with_other_phases(self) -> list[NDArray[np.float64]]:

@@ -159,7 +159,6 @@ class _Section:
         walk.step = max(walk.step, state.step) if among else walk.step
         if first is not outer.origin and abs(first.x[-1] - outer.origin.x[-1]) < 2.0 * walk.step:
             walk.origin = self.entered(outer.origin)  # where a closed branch ends
-        walk.persist()  # in a narrow range the first step may be below that at which a walk asks for another way
         detector, before, last = Detector(self.corrector, kinds), None, begin
         for ahead in walk:
             found = detector.inspect(last, ahead, before)

@@ -95,7 +95,9 @@ class Corrector:
     def __init__(self, equation: Equation, scales: NDArray[np.float64], iterations: int = 7) -> None:
         self.equation, self.scales, self.iterations = equation, scales, iterations
         self._unknown_scales, self._last_scale = scales[:-1], float(scales[-1])
-        self._smallest = min(1.0, _largest(self._unknown_scales))  # smaller unknowns count as zero
+        # residuals are lengths: a frequency among the unknowns says nothing of their size
+        self._lengths = slice(len(scales) - 1 - getattr(equation, "frequencies", 0))
+        self._smallest = min(1.0, _largest(self._unknown_scales[self._lengths]))  # smaller unknowns count as zero
         self._column_scales = [*self._unknown_scales.tolist(), 1.0]
         self._recent: dict[bytes, Evaluation] = {}  # of the last points, if they have few unknowns
 
@@ -126,7 +128,7 @@ class Corrector:
                 evaluation = self.equation.evaluate(unknowns, x.item(-1) * self._last_scale)
             except NumericalError:
                 return None
-            size, scale = _largest(evaluation.residual), max(self._smallest, _largest(unknowns))
+            size, scale = _largest(evaluation.residual), max(self._smallest, _largest(unknowns[self._lengths]))
             solved = size <= self.equation.tolerance * scale
             if not solved and not size <= _LOST * before:
                 return None

@@ -24,7 +24,7 @@ from gapwalk.continuation.walk_scales import Range
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
 _BENT = 1e-4  # below this step the branch may bend within a Newton step, which is then always evaluated
 _BRIEF = 1e-3  # share of the longest step below which multipliers may jump: a contact law can cause that at a graze
-_SHORT = 2e-8  # step at which a walk first stops, so that its caller can try another way to continue
+_SHORT = 2e-8  # step at which a walk first stops if its caller can try another way to continue
 _SHORTER = 0.1  # share of a shorter step that another method has left, at which it stops then
 _FAR = 0.5  # distance from a guess, in steps, beyond which a point may lie on another branch
 _NEAR = 0.01  # length of a Newton step, in steps of the walk, whose square is negligible against the branch's curvature
@@ -145,6 +145,9 @@ class Walk(Iterator[BranchPoint]):
     twins
         Function that returns other points, scaled, that stand for the same solution as the first one, such as a motion
         with another phase. Where the walk reaches one of them, the branch has closed on itself.
+    asks
+        True if the caller can try another way to continue: where steps become short the walk stops first, and goes on
+        with shorter ones by `persist`.
     """
 
     def __init__(
@@ -158,6 +161,7 @@ class Walk(Iterator[BranchPoint]):
         branched: bool = False,
         change: Callable[[BranchPoint, BranchPoint], float] = lambda first, second: 0.0,
         twins: Callable[[], Sequence[NDArray[np.float64]]] = tuple,
+        asks: bool = False,
     ) -> None:
         self.origin, self.within, self.corrector, self.options = first, within, corrector, options
         self.trust, self.branched, self.change = trust, branched, change
@@ -170,7 +174,8 @@ class Walk(Iterator[BranchPoint]):
         self.end: End | None = None
         self._stuck: End | None = None
         self.rejected = 0
-        self._least = max(options.smallest_step, _SHORT)
+        self._short = _SHORT if asks else 0.0
+        self._least = max(options.smallest_step, self._short)
 
     @property
     def state(self) -> WalkState:
@@ -217,7 +222,7 @@ class Walk(Iterator[BranchPoint]):
         """Continue from a point that another method has reached from a state, with the given next step."""
         self.earlier, self.previous, self.point, self.count = state.previous, state.point, point, state.count + 1
         self.step = min(step, self._longest(point, self.options.largest_step))
-        least = _SHORT if self.step > _SHORT else _SHORTER * self.step  # it must be able to take the step
+        least = self._short if self.step > self._short else _SHORTER * self.step  # it must be able to take the step
         self.end, self._least = None, max(self.options.smallest_step, least)
 
     def go_back(self, state: WalkState, rejected: BranchPoint) -> None:
@@ -253,8 +258,8 @@ class Walk(Iterator[BranchPoint]):
                 continue
             turn = max(turn, self.options.largest_turn * change)
             self.step = min(next_step(self.step, correction, turn, self.options), longest)
-            if self.step > 10.0 * _SHORT:
-                self._least = max(self.options.smallest_step, _SHORT)
+            if self.step > 10.0 * self._short:
+                self._least = max(self.options.smallest_step, self._short)
             return point
 
     def _longest(self, point: BranchPoint, share: float) -> float:

@@ -124,7 +124,7 @@ class RattleView(AnswerView):
         """Yield the panels of severity: the peak force, or the approach velocity of a rigid stop; and the impacts."""
         found, units = self.record, self.record.system.units
         rows = [row for row in found.severities if row.gap == gap]
-        if all(math.isnan(row.peak) for row in rows):
+        if all(math.isnan(row.peak) for row in rows if row.state.rattles):
             title, key = with_unit("approach velocity", units and units.state("'")), "approach"
         else:
             title, key = ("peak torque [N m]" if units else "peak force"), "peak"

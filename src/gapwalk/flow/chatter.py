@@ -69,29 +69,33 @@ class Chatter(NamedTuple):
 
     Attributes
     ----------
-    theta, state, integrals : shape (...), (..., 2n), (..., 2n)
-        Angle and state of the motion when it has come to rest on the stop. Integrals over the angle, since the impact,
-        of each position and of its square.
+    curve : shape (..., along, 4n + 2)
+        At the nodes of the curve: angle, positions, rates along the stop, rate away from it over m, and integrals over
+        the angle, since the impact, of each position and of its square.
     angles, positions, velocities : shape (..., along, within), (..., along, within, n)
-        The flights that begin at the nodes of the curve.
-    curve : shape (..., along, 2)
-        Angle, and rate away from the stop over m, at the nodes.
+        The flights that begin at the nodes.
     """
 
-    theta: Array
-    state: Array
-    integrals: Array
+    curve: Array
     angles: Array
     positions: Array
     velocities: Array
-    curve: Array
 
     def impacts(self, restitution: float, shortest: float) -> tuple[Array, Array]:
         """Return angles of the impacts to come, and rates before them, until the rest of them takes a moment only."""
-        count = math.ceil(math.log(shortest / float(self.theta - self.curve[0, 0])) / math.log(restitution))
+        curve = np.real(self.curve.reshape(-1, *self.curve.shape[-2:])[0])[:, [0, self.curve.shape[-1] // 2]]
+        count = math.ceil(math.log(shortest / float(curve[-1, 0] - curve[0, 0])) / math.log(restitution))
         places = restitution ** np.arange(1.0, max(count, 1) + 1.0)
-        angles, rates = (chebyshev.chebvander(2.0 * places - 1.0, _ALONG - 1) @ _SPECTRUM_ALONG @ self.curve).T
+        angles, rates = (_weights(places) @ curve).T
         return angles, places * rates / restitution
+
+    def after(self, stop: Stop, count: float = math.inf) -> tuple[Array, Array, Array]:
+        """Return angle, state and integrals just after a number of impacts, or where the motion has come to rest."""
+        place, half = np.asarray(stop.restitution**count if count < math.inf else 0.0), self.curve.shape[-1] // 2
+        found = np.squeeze(_weights(place) @ self.curve, -2) if place else self.curve[..., -1, :]
+        state = found[..., 1:half].copy()
+        state[..., half // 2 :] -= stop.side * place * found[..., half : half + 1] * stop.push
+        return found[..., 0], state, found[..., half + 1 :]
 
 
 def sum_chatter(stop: Stop, theta: Array, q: Array, v: Array) -> Chatter | None:
@@ -115,27 +119,27 @@ def sum_chatter(stop: Stop, theta: Array, q: Array, v: Array) -> Chatter | None:
     last, angles, positions, velocities = math.inf, curve, curve, curve
     for number in range(_SWEEPS):
         angles = curve[..., :1] + flight / stop.pace * _WITHIN_NODES
+        begin = curve[..., n + 1 : 2 * n + 1] - side * _ALONG_NODES[:, None] * curve[..., own] * stop.push
+        velocities = begin[..., None, :] + flight[..., None] * (_RUNNING @ turning)
+        positions = curve[..., None, 1 : n + 1] + flight[..., None] * (_RUNNING @ velocities)
+        turning = stop.turning(angles, positions, velocities)
         pull = side * (turning @ stop.vector + stop.sway(angles)[1])
         late, whole = (pull @ _LATE)[..., None], (pull @ _WHOLE)[..., None]
         if not np.isfinite(late).all() or np.real(late).min() <= 0.0:
             return None
-        rates = _ALONG_NODES[:, None] * curve[..., own]
-        flight = rates / late
-        begin = curve[..., n + 1 : 2 * n + 1] - side * rates * stop.push
-        velocities = begin[..., None, :] + flight[..., None] * (_RUNNING @ turning)
-        positions = curve[..., None, 1 : n + 1] + flight[..., None] * (_RUNNING @ velocities)
+        rates = start[..., own] + sums @ (curve[..., own] * (whole / late - 2.0))  # first, as flights depend on them
+        flight = _ALONG_NODES[:, None] * rates / late
         turn = flight / stop.pace
         changes = (
             turn,
             flight * (_WHOLE @ velocities),
             flight * (_WHOLE @ turning - side * whole * stop.push),
-            curve[..., own] * (whole / late - 2.0),
+            0.0 * turn,
             turn * (_WHOLE @ positions),
             turn * (_WHOLE @ positions**2),
         )
         before, curve = curve, start + sums @ np.concatenate(changes, axis=-1)
-        angles = curve[..., :1] + turn * _WITHIN_NODES
-        turning = stop.turning(angles, positions, velocities)
+        curve[..., own] = rates
         if number == _LOOK and not _is_resolved(turning, _FAR):
             return None
         if last <= _SETTLED:
@@ -144,9 +148,12 @@ def sum_chatter(stop: Stop, theta: Array, q: Array, v: Array) -> Chatter | None:
             last = _change(curve - before, curve, n)
     if not last <= _SETTLED or not _is_resolved(turning):
         return None
-    end = curve[..., -1, :]
-    found = np.concatenate((curve[..., :1], curve[..., own]), axis=-1)
-    return Chatter(end[..., 0], end[..., 1 : 2 * n + 1], end[..., 2 * n + 2 :], angles, positions, velocities, found)
+    return Chatter(curve, angles, positions, velocities)
+
+
+def _weights(places: Array) -> Array:
+    """Return the weights of the values at the nodes in those at some places of the curve."""
+    return chebyshev.chebvander(2.0 * places - 1.0, _ALONG - 1) @ _SPECTRUM_ALONG
 
 
 def _is_resolved(turning: Array, times: float = 1.0) -> bool:
@@ -157,17 +164,19 @@ def _is_resolved(turning: Array, times: float = 1.0) -> bool:
 
 
 def _change(change: Array, curve: Array, n: int) -> float:
-    """Return the largest change of angle, positions or rates as a share of their sizes; the same of their changes."""
+    """Return the largest change of angle, positions or rates as a share of their sizes; the same of derivatives."""
     count, kinds = 2 * n + 2, (0, 1, n + 1)
-    both, moved = (each[..., :count].reshape(-1, count) for each in (curve, change))
-    whole, turns = np.maximum.reduceat(np.abs(np.real(both)).max(axis=0), kinds), abs(both[0, 0] - both[-1, 0])
+    both, moved = (each[..., :count].reshape(-1, _ALONG, count) for each in (curve, change))
+
+    def largest(each: Array) -> Array:
+        return np.maximum.reduceat(np.abs(each).max(axis=-2), kinds, axis=-1)
+
+    whole, turns = largest(np.real(both)).max(axis=0), abs(both[0, 0, 0] - both[0, -1, 0])
     sizes = np.maximum((whole[0], max(whole[1], whole[2] * turns), whole[2]), np.finfo(float).tiny)
     found = 0.0
     for own, part in ((np.real(moved), np.real(both)), (np.imag(moved), np.imag(both))):
-        most, all_of_it = (
-            float((np.maximum.reduceat(np.abs(each).max(axis=0), kinds) / sizes).max()) for each in (own, part)
-        )
-        found = max(found, most / all_of_it if most else 0.0)
+        most, all_of_it = ((largest(each) / sizes).max(axis=-1) for each in (own, part))
+        found = max(found, float((most / np.where(most > 0.0, all_of_it, 1.0)).max()))
     return found if math.isfinite(found) else math.inf
 
 

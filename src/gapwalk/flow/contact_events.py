@@ -506,7 +506,7 @@ class Switchboard(BreakpointGeometry):
         self._impacts.begin(places, watched, self._unit)
 
     def land(self) -> bool:
-        """Go to the end of a chatter if one was summed; return whether it was."""
+        """Go to where a chatter was summed up to, if one was; return whether it was."""
         if self._impacts.rest is None:
             return False
         self._integrator.time = self._impacts.rest.theta
@@ -515,7 +515,7 @@ class Switchboard(BreakpointGeometry):
         switch = self.equations.layout.structure.reactions[rest.reaction][1]
         for theta, speed in zip(rest.angles.tolist(), rest.speeds.tolist(), strict=True):
             self.log.append(ContactEvent(theta, switch, True, speed * self._unit))
-        self._changed[switch], self._speeds[switch] = rest.theta, 0.0
+        self._changed[switch], self._speeds[switch] = rest.theta, 0.0 if rest.ends else abs(float(rest.speeds[-1]))
         self._log_released(rest.theta)
         return True
 

@@ -28,15 +28,17 @@ _AT_ONCE = 200  # the most impacts at one instant
 _LONG = 0.3  # radians that further impacts may last together for their sum to be tried
 _MANY = 10  # impacts to come from which on to sum them costs less than to follow them
 _CLEAR = 0.1  # share of its change in a chatter by which another deflection must stay beside its breakpoint
-_STEP = 1e-150  # of the complex step
+_STEP = 1e-100  # of the complex step
+_FAINT = 1e-40  # share of it for coefficients, which therefore change nothing of what states change beside them
 _total = partial(np.add.reduce, axis=-1)  # for short rows twice as fast as the sum
 
 
 class Rest(NamedTuple):
-    """The end of a chatter: angle, state, changes of the state along its own end, of the angle, and the impacts."""
+    """The end of a chatter, or of a part of it: angle, stop, whether the motion rests, state, changes, and impacts."""
 
     theta: float
     reaction: int
+    ends: bool
     state: NDArray[np.float64]
     changes: NDArray[np.float64]
     shifts: NDArray[np.float64]
@@ -130,7 +132,10 @@ class Impacts:
         return 2.0 * max(left, 0.0) / (float(dry.base[0]) * towards * (1.0 - restitution))
 
     def _sum(self, number: int, theta: float) -> Rest | None:
-        """Return where all impacts to come on a stop end; None if they do not, or something else happens meanwhile."""
+        """Return where all impacts to come on a stop, or those before the next place, end.
+
+        None if they do not, if they are few, or if something else happens meanwhile.
+        """
         dry, n, layout = self._dry, self._dry.n, self._layout
         if dry.held or dry.slots or self._modes.mode_count or layout.cycles:
             return None
@@ -146,42 +151,43 @@ class Impacts:
         lasts = 2.0 * leaving / (pull * (1.0 - restitution) * pace)
         if not _TAIL < lasts < self._longest or lasts * restitution**_MANY < _TAIL:
             return None
+        place = min(self._places[self._places > theta], default=np.inf)
+        if lasts * (1.0 - restitution**_MANY) > place - theta:
+            return None
         self._longest = 0.5 * lasts
-        state, found = dry.state[: 2 * n], list[Chatter]()
-        still = np.zeros((1, 2 * n))
-        groups = [(dry.base, 0.0 * dry.base, still, np.zeros(1))]
+        state, found = dry.state[: 2 * n], list[tuple[Stop, Chatter]]()
+        rows, late = np.zeros((1, 2 * n)), np.zeros(1)
         if dry.columns:
             flow = np.concatenate((now.velocities, now.accelerations)) * pace
-            shifts = depth_changes(dry, number, theta) * side / (leaving * pace)
-            begun, first = dry.rows() + np.outer(shifts, flow), dry.columns - len(dry.directions)
-            groups = [(dry.base, 0.0 * dry.base, begun[:first], shifts[:first])] * bool(first)
-            groups += [
-                (dry.base, each, begun[first + k : first + k + 1], shifts[first + k : first + k + 1])
-                for k, each in enumerate(dry.directions)
-            ]
-        for base, direction, rows, late in groups:
-            numbers = base + 1j * _STEP * direction if dry.columns else base
-            moved = state + 1j * _STEP * rows if dry.columns else state + rows
-            thetas = theta + 1j * _STEP * late if dry.columns else theta + late
-            chatter = sum_chatter(self._stop(slots, side, numbers), thetas, moved[:, :n], moved[:, n:])
+            late = np.append(depth_changes(dry, number, theta) * side / (leaving * pace), 0.0)
+            rows = np.vstack((dry.rows(), rows)) + np.outer(late, flow)
+        for direction in dry.directions if len(dry.directions) else [0.0 * dry.base]:
+            part = slice(-1, None) if found else slice(None)  # states change with the first direction, far below it
+            moved, thetas, numbers = state + rows, theta + late, dry.base
+            if dry.columns:
+                moved, thetas = state + 1j * _STEP * rows[part], theta + 1j * _STEP * late[part]
+                numbers = dry.base + 1j * _STEP * _FAINT * direction
+            stop = self._stop(slots, side, numbers)
+            chatter = sum_chatter(stop, thetas, moved[:, :n], moved[:, n:])
             if chatter is None:
                 return None
-            found.append(chatter)
-        one = found[0]
-        end, angles, positions, velocities = (
-            np.real(each) for each in (one.theta[0], one.angles[0], one.positions[0], one.velocities[0])
-        )
-        if ((self._places > theta) & (self._places <= end)).any() or not self._is_alone(own, angles, positions):
+            found.append((stop, chatter))
+        one = found[0][1]
+        angles, positions, velocities = (np.real(each[0]) for each in (one.angles, one.positions, one.velocities))
+        if not self._is_alone(own, angles, positions) or (self._watched is not None and self._turns(slots, velocities)):
             return None
-        if self._watched is not None and self._turns(slots, velocities):
+        thetas, speeds = one.impacts(restitution, _TAIL)
+        ends = bool(np.real(one.curve[0, -1, 0]) < place)
+        count = len(thetas) if ends else int(np.searchsorted(thetas, place - _TAIL))
+        if not ends and count < _MANY:
             return None
-        changes = np.concatenate([np.imag(each.state) for each in found]) / _STEP
-        delays = np.concatenate([np.imag(each.theta) for each in found]) / _STEP
-        first = one._replace(theta=end, curve=np.real(one.curve[0]))
-        thetas, speeds = first.impacts(restitution, _TAIL)
-        return Rest(
-            float(end), number, np.real(one.state[0]), changes, delays, np.real(one.integrals[0]), thetas, side * speeds
-        )
+        after = [chatter.after(stop, np.inf if ends else count) for stop, chatter in found]
+        end, state, integrals = (np.real(part[0]) for part in after[0])
+        delays, changes = (np.imag(part[:-1]) / _STEP for part in after[0][:2])
+        for place, (delay, change, _) in enumerate(after if len(dry.directions) else (), -len(dry.directions)):
+            delays[place] += np.imag(delay[-1]) / _STEP / _FAINT
+            changes[place] += np.imag(change[-1]) / _STEP / _FAINT
+        return Rest(float(end), number, ends, state, changes, delays, integrals, thetas[:count], side * speeds[:count])
 
     def _stop(self, slots: ContactSlots, side: int, numbers: NDArray) -> Stop:
         layout, closed, vector = self._layout, self._dry.closed, numbers[slots.deflection]
@@ -227,7 +233,7 @@ class Impacts:
         return False
 
     def land(self) -> Rest:
-        """Set the state where a chatter has ended, and hold its stop; return what has passed."""
+        """Set the state where a chatter was summed up to, and hold its stop if it ended; return what has passed."""
         dry, rest, n = self._dry, self.rest, self._dry.n
         assert rest is not None
         self.rest = None
@@ -236,7 +242,7 @@ class Impacts:
             dry.rows()[:] = rest.changes
         else:
             dry.state[2 * n : 2 * n + 2 * n][: len(dry.state) - 2 * n] += rest.integrals[: len(dry.state) - 2 * n]
-        dry.after_impact(rest.theta, [rest.reaction])
+        dry.after_impact(rest.theta, [rest.reaction] * rest.ends)
         now = dry.read(rest.theta)
         if dry.columns:
             flow = np.concatenate((now.velocities, now.accelerations)) * float(dry.base[0])

@@ -161,6 +161,8 @@ class FreeEquation(OrbitEquation):
     """Equations of free motions in the state at theta = 0 and the frequency; see `FreeShooting`."""
 
     options: FreeShooting = field(default_factory=FreeShooting)
+    frequencies: ClassVar[int] = 1
+    """Number of unknowns, after the states, that are frequencies."""
 
     @cached_property
     def coordinate(self) -> int:

@@ -128,7 +128,7 @@ class Rest:
         True if these are known to be all equilibria.
     notes
         What was left out, a sentence each: dry friction, with which there is a continuum of rests; rigid stops, which
-        are open.
+        are open; rests within the jump of a force.
 
     Examples
     --------
@@ -233,7 +233,7 @@ def find_equilibria(system: System) -> Rest:
     statics = _Statics(stiffness, load, springs)
     if statics.has_least_energy:
         position = statics.least_energy(system.matrix("mass"))
-        return _rest(system, [] if position is None else [position], springs, complete=True)
+        return _rest(system, [] if position is None else [position], springs, complete=True, only=position is not None)
     ranges = [tuple(spring.ranges()) for spring in springs]
     few = math.prod(map(len, ranges)) <= _MANY
     complete = few and not any(slope.bends for spring in springs for slope in spring.slopes)
@@ -244,8 +244,18 @@ def find_equilibria(system: System) -> Rest:
     return _rest(system, [*different.values()], springs, complete)
 
 
-def _rest(system: System, positions: Sequence[NDArray[np.float64]], springs: Sequence[Spring], complete: bool) -> Rest:
-    """Make a record of positions, nearest to zero first; one of those between which the system moves freely."""
+def _rest(
+    system: System,
+    positions: Sequence[NDArray[np.float64]],
+    springs: Sequence[Spring],
+    complete: bool,
+    *,
+    only: bool = False,
+) -> Rest:
+    """Make a record of positions, nearest to zero first; one of those between which the system moves freely.
+
+    Unless there is only one position, further ones may be on breakpoints at which a force jumps.
+    """
     found: dict[object, Equilibrium] = {}
     most = MOST if formulas_of(system) else len(positions)
     for number, position in enumerate(sorted(positions, key=lambda x: float(np.abs(x).max()))):
@@ -259,7 +269,13 @@ def _rest(system: System, positions: Sequence[NDArray[np.float64]], springs: Seq
     nearest = [*found.values()][:most]
     ordered = sorted(nearest, key=lambda each: not each.stable)
     complete = complete and len(found) == len(nearest) and not any(each.form.law.rebounds for each in springs)
-    return Rest(tuple(ordered), complete, left_out(system))
+    jumping = [each.form.name for each in springs if not only and any(slope.pull[0] for slope in each.slopes)]
+    text = (
+        f"a rest on a breakpoint at which a force jumps ({', '.join(jumping)}) is not computed: the force there has "
+        "any size between those on both sides. Give the jump a width, by a stage of stiffness jump/width in its place, "
+        "and one of stiffness -jump/width at the clearance plus the width"
+    )
+    return Rest(tuple(ordered), complete and not jumping, (*left_out(system), *[text] * bool(jumping)))
 
 
 def _equilibrium(system: System, x: NDArray[np.float64], springs: Sequence[Spring]) -> Equilibrium | None:

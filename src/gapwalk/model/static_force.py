@@ -104,7 +104,8 @@ class StaticForce:
             # without a step first: the logarithm of a negative number is complex, not NaN
             force = np.broadcast_to(np.real(self._force(moves)), moves.shape[:-1])
             slopes = self._slopes(moves, _STEP)
-            if moves.ndim == 1:  # at its end the square root has no slope: it grows as the step shrinks
+            # at its end the square root has no slope: it grows as the step shrinks, as rounding of a polynomial's may
+            if moves.ndim == 1 and self.polynomial is None:
                 slopes[np.abs(slopes) > (1.0 + 1e-6) * np.abs(self._slopes(moves, _LONGER_STEP))] = np.nan
         found = np.concatenate((force[..., None], slopes), axis=-1)
         found[~np.isfinite(force)] = np.nan

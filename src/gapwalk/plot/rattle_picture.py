@@ -65,7 +65,7 @@ def draw_rattle(found: RattleBands, figure: AnyFigure, gap: str | None = None, *
     write_letters(panels)
     draw_bands(found, panels[0], gap)
     units = found.system.units
-    strikes = all(math.isnan(row.peak) for row in found.severities if row.gap == gap)
+    strikes = all(math.isnan(row.peak) for row in found.severities if row.gap == gap and row.state.rattles)
     speed = f"approach velocity{f' [{units.state(chr(39))}]' if units else ''}"
     force = "peak torque [N m]" if units else "peak force"
     _draw_severity(found, panels[1], gap, "approach" if strikes else "peak", speed if strikes else force)

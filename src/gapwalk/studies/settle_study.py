@@ -193,7 +193,8 @@ class SettleFinding(Finding):
         order = "multiple of Ω" if system.turns is None else "order"
         lines = [(line_words(each.name), f"{each.order:.6g}", f"{each.amplitude:.6g}") for each in self.lines]
         yield Table(["line", f">{order}", ">amplitude"], lines[:_SHOWN])
-        yield f"\nrattle: index {self.rattle.index:.4g} (kurtosis of the acceleration)\n"
+        index = f"index {self.rattle.index:.4g} (kurtosis of the acceleration)"
+        yield f"\nrattle: {'impulses on rigid stops' if math.isnan(self.rattle.index) else index}\n"
         yield repr(self.rattle)
         if self.energy is not None:
             yield ""
@@ -252,7 +253,7 @@ class SettleFinding(Finding):
             yield [number, *state]
 
 
-_OF_SIDES = {"velocity": "'", "fastest": "'", "peak": ".force", "loss": "J", "costliest": "J"}
+_OF_SIDES = {"velocity": "'", "fastest": "'", "peak": ".force", "loss": "J", "costliest": "J", "impulse": "N m s"}
 
 SETTLED = Part("settled", SettleFinding)
 
