@@ -179,7 +179,7 @@ def special_words(special: SpecialPoint | Codim2Point, names: tuple[str, str] = 
         "value": special.value,
         "lines": [at, words["stability"], words["criticality"], words["contact"]],
         "has_locus": not kind.no_locus,
-        "switches": kind.ways > 0,
+        "switches": special.ways > 0,
     }
 
 
