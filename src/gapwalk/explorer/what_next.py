@@ -92,7 +92,7 @@ def at_special(
         many = special.orbit.period * kind.times
         words = f"Follow the branch of period {many}" if kind.times > 1 else "Follow the branch across"
         steps.append(step("switch", words))
-    if not kind.no_locus:
+    if not kind.no_locus and special.multiplicity == 1:
         steps.append(step("locus", "Trace it in a second parameter"))
     if beyond is not None:
         values = {special.parameter: beyond}
