@@ -278,7 +278,7 @@ _CONTRACTING = -1e-3
 
 
 _SIGN = ClassifyOptions(lyapunov=LyapunovOptions(relative=0.1))
-"""To say whether a motion is chaotic takes the sign of its exponent: twice the errors that decide it, not two digits."""
+"""Whether a motion is chaotic is the sign of its exponent: the average ends at twice the errors that decide it."""
 
 
 def is_doubtful(verdicts: Verdicts) -> NDArray[np.bool_]:
