@@ -161,9 +161,10 @@ def special_words(line: Line) -> list[dict[str, Any]]:
 
     Points at one place have one description. Those after the first are marked: the page draws only that.
     """
+    names, every = (line.parameter, line.second), line.special_points
     if line.kind is not None:
-        return [_words_of_codim2(each, (line.parameter, line.second)) for each in line.special_points]
-    groups = at_once(line.special_points)
+        return [_words_of_codim2(each, names) for each in every if isinstance(each, Codim2Point)]
+    groups = at_once([each for each in every if isinstance(each, SpecialPoint)])
     return [_words_of(group) | {"again": each is not group[0]} for group in groups for each in group]
 
 
