@@ -169,6 +169,24 @@ def test_errors_of_predictions_bound_those_of_other_samples():
     assert Regression(np.column_stack((x[:, 0], x[:, 0])), 2).unit_error(law(x)) == np.inf
 
 
+def test_bounds_hold_in_directions_in_which_few_samples_of_a_fit_are_far():
+    """Along one of many parameters a sample may be far, though its leverage is still small in a fit to many."""
+    worst = []
+    for seed in range(8):
+        random = np.random.default_rng(seed)
+        count, parameters = int(random.choice([60, 140, 340])), int(random.integers(3, 6))
+        x = random.standard_normal((12_000, parameters))
+        one, other = (x @ (each / np.linalg.norm(each)) for each in random.standard_normal((2, parameters)))
+        values = np.exp(0.1 * one) + 0.03 * np.sin(other)
+        fit, terms = Regressions(x).best(np.arange(count)), Terms(x[count:])
+        assert fit is not None
+        bounds = fit.unit_error(values[:count]) * (1.0 + terms.leverages(fit.cloud))
+        rest = np.abs(terms.of(fit.degree) @ fit.fit(values[:count]) - values[count:])
+        assert np.mean(np.isfinite(bounds)) > 0.9
+        worst.append(float((rest / bounds).max()))
+    assert 0.2 < np.median(worst) < max(worst) < 1.0
+
+
 def test_the_distance_of_an_attached_point_has_a_bound_that_grows_beyond_its_samples():
     random = np.random.default_rng(1)
     x, other = random.standard_normal((40, 2)), random.standard_normal((4000, 2))

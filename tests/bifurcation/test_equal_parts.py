@@ -100,3 +100,75 @@ def test_random_systems_with_two_equal_parts_have_that_symmetry():
     rng = np.random.default_rng(0)
     for _ in range(5):
         assert Symmetry((1, 0), (1, 1), 0.0) in symmetries_of(equal_parts(rng).system)
+
+
+def alone(count: int) -> gw.System:
+    """Return equal Duffing oscillators under equal loads that are not coupled at all."""
+    names = [f"x{place}" for place in range(count)]
+    return gw.System(
+        names,
+        mass=[1.0] * count,
+        damping=[0.1] * count,
+        stiffness=np.eye(count).tolist(),
+        contacts=[gw.force(f"s{name}", {name: 1.0}, law="p*x*x*x", p=0.2) for name in names],
+        harmonics=[gw.Harmonic(0.3, dict.fromkeys(names, 1.0))],
+        frequency=0.7,
+    )
+
+
+@pytest.mark.parametrize(("count", "words", "to"), [(2, "double fold", 1.4), (3, "triple fold", 1.8)])
+def test_equal_parts_that_turn_back_together_have_a_multiple_fold_where_one_part_alone_has_its_fold(count, words, to):
+    single = gw.follow(gw.find_orbit(alone(1)), "frequency", to).special("fold")
+    branch = gw.follow(gw.find_orbit(alone(count)), "frequency", to)
+    found = branch.special_points
+    assert [each.words["kind"] for each in found] == [words, words]
+    assert [each.value for each in found] == pytest.approx([each.value for each in single], abs=1e-11)
+    assert [each.nature for each in found] == [each.nature for each in single]
+    assert [each.after.total for each in found] == [count, 0]
+    assert not branch.unexplained
+    with pytest.raises(ConvergenceError, match=f"{count} multipliers become critical at once at the {words}"):
+        found[0].gradient("damping.x0.x0")
+
+
+def test_a_diagram_has_the_branches_of_parts_that_are_on_different_motions_between_two_double_folds():
+    found = gw.diagram(alone(2), "frequency", (0.7, 1.4))
+    first, *others = found.members
+    assert not found.failures
+    assert [(each.begins.parent, each.joins.parent) for each in others] == [(first.name, first.name)] * 2
+    for each in others:
+        point = each.branch.points[len(each.branch.points) // 2]
+        motions = [
+            gw.find_orbit(alone(1), start=point.orbit.state[place::2], frequency=point.value) for place in (0, 1)
+        ]
+        assert [motion.state for motion in motions] == [
+            pytest.approx(point.orbit.state[k::2], abs=1e-8) for k in (0, 1)
+        ]
+        low, high = sorted(motion.measure("max.x0") for motion in motions)
+        assert high - low > 0.1
+    assert gw.verify(found).ok
+
+
+@pytest.mark.slow
+def test_a_torus_bifurcation_of_two_equal_machines_is_double():
+    eye, names, contacts = np.eye(2), ["a0", "b0", "a1", "b1"], []
+    for place in "01":
+        contacts += [gw.force(f"ground{place}", {f"a{place}": 1.0}, law="p*x*x*x", p=1.0)]
+        contacts += [gw.force(f"link{place}", {f"a{place}": 1.0, f"b{place}": -1.0}, law="p*x*x*x", p=0.0042)]
+    system = gw.System(
+        names,
+        mass=np.kron(eye, np.diag([1.0, 0.05])),
+        damping=np.kron(eye, [[0.015, -0.013], [-0.013, 0.013]]),
+        stiffness=np.kron(eye, [[1.0453, -0.0453], [-0.0453, 0.0453]]),
+        contacts=contacts,
+        harmonics=[gw.Harmonic(0.11, {"a0": 1.0, "a1": 1.0})],
+        frequency=1.08,
+    )
+    branch = gw.follow(gw.find_orbit(system), "frequency", 1.25)
+    # those of one machine alone are simple, at the same values
+    assert [(each.words["kind"], round(each.value, 9), each.after.total) for each in branch.special_points] == [
+        ("double neimark-sacker", 1.112711239, 4),
+        ("double neimark-sacker", 1.195736669, 0),
+        ("double fold", 1.214626225, 2),
+        ("double fold", 1.206219457, 0),
+    ]
+    assert not branch.unexplained

@@ -9,6 +9,8 @@ import pytest
 import gapwalk as gw
 from gapwalk.attractors.section import strobe
 from gapwalk.explorer.axis_quantities import contact_quantities, quantity, quantity_words
+from gapwalk.explorer.curve_data import special_words
+from gapwalk.explorer.exploration import Line
 from gapwalk.explorer.what_next import Stretch, at_point, at_special
 from tests import models
 from tests.explorer.conftest import CLUTCH
@@ -94,3 +96,26 @@ def test_forces_and_impacts_are_those_that_the_rattle_has(hard) -> None:
         "peak torque of clutch [N m]",
         "impacts per second on clutch",
     ]
+
+
+def test_grazes_at_one_value_have_one_description_and_a_double_fold_has_its_name() -> None:
+    names = ["a", "b"]
+    system = gw.System(
+        names,
+        mass=[1.0, 1.0],
+        damping=[0.08, 0.08],
+        stiffness=np.eye(2).tolist(),
+        contacts=[gw.backlash(f"gap{name}", {name: 1.0}, 1.0, 8.0) for name in names],
+        harmonics=[gw.Harmonic(0.4, dict.fromkeys(names, 1.0))],
+        frequency=0.7,
+    )
+    branch = gw.follow(gw.find_orbit(system), "frequency", 2.3)
+    line = Line("P1-1", "frequency", (0.7, 2.3), 1, branch.points, branch.special_points, None, "", False)
+    found = special_words(line)
+    shown = [each for each in found if not each["again"]]
+    assert len(found) == len(branch.special_points) > len(shown)
+    contacts = [sorted(each["lines"][3].split(", ")) for each in shown if each["kind"] == "grazing"]
+    assert contacts == [["gapa +", "gapa -", "gapb +", "gapb -"]] * 2
+    assert [(each["lines"][4], each["switches"], each["has_locus"]) for each in shown if each["kind"] == "fold"] == [
+        ("double fold", True, False)
+    ] * 2

@@ -47,6 +47,12 @@ def test_a_picture_of_no_coordinate_speaks_of_what_was_written(branch) -> None:
         branch.plot("hlaf.b")
 
 
+def test_short_names_of_measures_are_those_of_pictures(orbit) -> None:
+    assert [orbit.measure(each) for each in ("a", "rms", "h1")] == [
+        orbit.measure(each) for each in ("half.a", "rms.a", "h1.a")
+    ]
+
+
 def test_a_list_of_numbers_is_a_diagonal_as_in_a_file() -> None:
     system = gw.System(["x", "y"], [1.0, 2.0], [0.1, 0.2], [1.0, 0.05])
     whole = gw.System(["x", "y"], np.diag([1.0, 2.0]), np.diag([0.1, 0.2]), np.diag([1.0, 0.05]))

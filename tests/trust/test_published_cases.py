@@ -199,6 +199,36 @@ def compliant_floor() -> list[float]:
     return [float(heights[8400]) + 0.1]
 
 
+def peaks_of_two_masses() -> list[float]:
+    springs = [gw.force("c1", {"a": 1.0}, "k*x**3", k=1.0), gw.force("c2", {"a": 1.0, "b": -1.0}, "k*x**3", k=0.0042)]
+    system = gw.System(
+        ["a", "b"], [[1.0453, -0.0453], [-0.0453, 0.0453]], [[0.015, -0.013], [-0.013, 0.013]], [1.0, 0.05],
+        contacts=springs, harmonics=[gw.Harmonic(0.11, {"a": 1.0})], frequency=1.0,
+    )  # fmt: skip
+    branch = gw.follow(gw.find_orbit(system), "frequency", 1.06, walk=gw.WalkOptions(largest_step=0.01))
+    return [float(branch.measure(f"rms.{name}").max()) for name in "ab"]
+
+
+def periods_of_a_double_well() -> list[float]:
+    labels = [
+        gw.classify(driven(-1.0, 0.3, spring("x**3"), force=force, frequency=1.2), [1.0, 0.0]).label
+        for force in (0.2, 0.28, 0.29, 0.37, 0.5, 0.65)
+    ]
+    return [0 if label == "chaos" else float(label.removeprefix("P")) for label in labels]
+
+
+def one_impact() -> list[float]:
+    orbit = gw.find_orbit(driven(1.0, 0.1, stop(1.0, 0.8)), start=[-0.98, 0.29])
+    (impact,) = orbit.events
+    return [0.8 * abs(impact.velocity), *values(gw.follow(orbit, "harmonic1.amplitude", 0.05), "fold")]
+
+
+def impacts_at_resonance() -> list[float]:
+    orbit = gw.find_orbit(driven(1.0, 0.0, stop(0.0, 0.8), frequency=2.0), start=[-4.0, -3.0])
+    (impact,) = orbit.events
+    return [abs(impact.velocity), float(np.prod(orbit.multipliers).real)]
+
+
 def impact_pair() -> list[float]:
     box = gw.rigid_stop("box", {"y": 1.0}, 1.0, restitution=0.8, side="both")
     base = gw.Harmonic(0.3, varies="box.deflection", phase=np.pi, name="base")
@@ -234,6 +264,13 @@ CASES: dict[str, Case] = {
     "Liouville": (determinant, [math.exp(-2 * math.pi / 1.3)], 1e-14),
     "COCO's linear oscillator": (linode_error, [0.0], 1e-13),
     "Siconos's ball": (compliant_floor, [0.134758], 1e-12),
+    # NLvib's example 2
+    "peaks of NLvib's two masses": (peaks_of_two_masses, [0.41849, 1.71678], 3e-4),
+    # SKHiPPR's example at .37; the known series of Duffing's double well, 0 for chaos
+    "periods of a double well": (periods_of_a_double_well, [1, 2, 4, 5, 0, 2], 0),
+    # COCO's impact oscillator by its own root of the equations of one impact; Budd and Dux (1994), 2 w / (w^2 - 1) / .2
+    "one impact a period": (one_impact, [1.35658635008, 0.09997075362831], 1e-10),
+    "impacts at resonance": (impacts_at_resonance, [20 / 3, 0.64], 1e-12),
     "impact pair": (impact_pair, [0.0705592284326684], 1e-12),
 }  # fmt: skip
 

@@ -3,8 +3,9 @@
 The error of a prediction is estimated from solutions that a fit did not know: each solution is compared with the fit to
 all others, which follows from one fit and the leverages of the samples (Allen, The relationship between variable
 selection and data augmentation and a method for prediction, 1974). A leverage tells how far a sample lies outside of
-those that were fitted (Hoaglin and Welsch, The hat matrix in regression and ANOVA, 1978). Beyond the farthest sample
-that judged a fit, nothing is known of its error.
+those that were fitted (Hoaglin and Welsch, The hat matrix in regression and ANOVA, 1978). Here it is a multiple of its
+mean over these, which is the number of terms over that of samples: what a polynomial lacks grows from the typical
+distance on, however many samples there are. Beyond the farthest sample that judged a fit, its error is not known.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 
 _FEATURES = 2.0  # samples needed for each coefficient of a fitted predictor
 _DEGREES = (3, 2, 1)  # of fitted predictors
-_CLOUD = 3.0  # a bound, as a multiple of the most that solutions showed
+_CLOUD = 5.0  # a bound, as a multiple of the most that solutions showed
 _RANK = 1e-10  # share of the largest size below which samples do not tell a coefficient
 _ALONE = 1e-9  # share of a residual that is left where one sample alone tells a coefficient
 
@@ -136,7 +137,7 @@ class Regression:
     @cached_property
     def cloud(self) -> Cloud:
         """The samples, for the leverages of others."""
-        return Cloud(self.degree, self._whitening, float(self.outside.max()))
+        return Cloud(self.degree, self._whitening * np.sqrt(self._typical), float(self.outside.max()))
 
     @cached_property
     def _leverages(self) -> Array:
@@ -145,7 +146,12 @@ class Regression:
     @property
     def outside(self) -> Array:
         """Leverage of each sample with respect to all others."""
-        return self._leverages / np.maximum(1.0 - self._leverages, _ALONE)
+        return self._typical * self._leverages / np.maximum(1.0 - self._leverages, _ALONE)
+
+    @property
+    def _typical(self) -> float:
+        """Inverse of the mean leverage."""
+        return len(self._left) / self._left.shape[1]
 
 
 class Regressions:

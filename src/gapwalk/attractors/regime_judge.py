@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import AttractorKind
-from gapwalk.attractors.classify import classify
+from gapwalk.attractors.classify import ClassifyOptions, classify
+from gapwalk.attractors.lyapunov import LyapunovOptions
 from gapwalk.attractors.many_motions import ExactMotions, ManyMotions
 from gapwalk.attractors.regimes import Regime
 from gapwalk.attractors.section import check_count
@@ -276,6 +277,10 @@ _CONTRACTING = -1e-3
 """Exponent per forcing period below which a motion that seems quasi-periodic may be locked to a long period."""
 
 
+_SIGN = ClassifyOptions(lyapunov=LyapunovOptions(relative=0.1))
+"""Whether a motion is chaotic is the sign of its exponent: the average ends at twice the errors that decide it."""
+
+
 def is_doubtful(verdicts: Verdicts) -> NDArray[np.bool_]:
     """Mark the motions that seem quasi-periodic or are undecided."""
     return np.isin(verdicts.regimes, (Regime.QUASI_PERIODIC, Regime.UNDECIDED))
@@ -314,7 +319,7 @@ def take_another_look(system: System, state: NDArray[np.float64]) -> Finding:
 def _looked_at(system: System, state: NDArray[np.float64]) -> tuple[Finding, NDArray[np.float64]]:
     """Classify the motion from a state with the exact flow; also return a state of it."""
     try:
-        attractor = classify(system, state)
+        attractor = classify(system, state, _SIGN)
     except FlowError:
         return (int(Regime.RUNAWAY), 0), np.full(len(state), np.nan)
     is_periodic = attractor.kind is AttractorKind.PERIODIC

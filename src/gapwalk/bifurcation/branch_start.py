@@ -190,7 +190,7 @@ def switch(
         If no other branch begins at a special point of this kind, or the range does not contain it.
     """
     within = check_range(special.value, to).along(parameter, special.orbit.system)
-    if special.multiplicity > 1:
+    if special.multiplicity > (2 if special.kind.is_turning else 1):
         raise ConvergenceError(
             f"{special.multiplicity} multipliers become critical at once at the {special.kind_words} at "
             f"{special.value:.10g}, so that the directions of the other branches are not determined; make the parts a "

@@ -223,7 +223,7 @@ def unexplained(
     yield from _stability(a, b, special)
     for kind in (each for each in Kind.known() if each.sign_change):
         signs = [0.0 if point in joining and _is_vertex(point, kind) else _sign(kind, point) for point in (a, b)]
-        found = sum(each.multiplicity if each.kind is kind else _passes(kind, each, a, b, special) for each in special)
+        found = sum(_passes(kind, each, a, b, special) for each in special)
         if all(signs) and (signs[0] == signs[1]) is not (found % 2 == 0):
             yield (
                 f"{kind.sign_change}, with {found} points of the kind {kind} between"
@@ -236,12 +236,16 @@ def unexplained(
     yield from _friction(a, b, special)
 
 
-def _passes(kind: Kind, special: SpecialPoint, a: BranchPoint, b: BranchPoint, others: Sequence[SpecialPoint]) -> bool:
-    """Return True if the test function of a kind changes its sign at a special point of another kind.
+def _passes(kind: Kind, special: SpecialPoint, a: BranchPoint, b: BranchPoint, others: Sequence[SpecialPoint]) -> int:
+    """Return how often the test function of a kind changes its sign at a special point of this or another kind.
 
     A multiplier that jumps across +1 turns the branch. If that of a motion with a symmetry does, where both sides of a
     rigid stop graze at once, a branch without the symmetry may begin instead, and this one does not turn.
     """
+    if kind in (special.kind, Kind.BRANCH_POINT) and special.kind.is_turning:  # the branch turns, and others cross
+        return 1 if kind is special.kind else special.multiplicity - 1
+    if kind is special.kind:
+        return special.multiplicity
     at_once = any(
         each.kind is Kind.GRAZING and each.contact != special.contact and _is_at(each, special) for each in others
     )

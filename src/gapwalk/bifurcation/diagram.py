@@ -361,7 +361,7 @@ def _shared(diagram: Diagram, member: DiagramBranch, orbit: Orbit) -> Origin | N
         (Origin(other.name, index), special)
         for other in diagram.members
         for index, special in enumerate(other.branch.special_points)
-        if (special.kind.ways and other.period * special.kind.times == member.period)
+        if (special.ways and other.period * special.kind.times == member.period)
         or (special.doubles and 2 * other.period == member.period)
     )
     shared = [

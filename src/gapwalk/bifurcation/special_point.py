@@ -61,7 +61,7 @@ class SpecialPoint(Shown):
         Name of the parameter along which its branch was followed.
     multiplicity
         Number of multipliers, or of pairs, that become critical at once: 2 at a double flip, where the parts of a
-        machine are equal.
+        machine are equal. At a double fold both turn back, and branches on which only one has turned cross there.
 
     Examples
     --------
@@ -113,6 +113,11 @@ class SpecialPoint(Shown):
     def multiplier(self) -> complex:
         """Critical multiplier: the one nearest to +1, -1 or the unit circle; nan at a grazing point."""
         return self.kind.critical_multiplier(self.point.orbit.free_multipliers)
+
+    @property
+    def ways(self) -> int:
+        """Number of directions in which other branches begin, as `Kind.ways`; they also cross at a double fold."""
+        return self.kind.ways or Kind.BRANCH_POINT.ways * (self.kind.is_turning and self.multiplicity > 1)
 
     @property
     def is_vertex(self) -> bool:

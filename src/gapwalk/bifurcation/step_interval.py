@@ -190,9 +190,10 @@ class Search:
         NumericalError
             If an orbit between the two points cannot be found.
         """
-        known = self.recent(kind)
-        zeros = [*self.several(kind)]
-        for a, b in pairwise(_apart(self.interval.points)):
+        known, several = self.recent(kind), self.several(kind)
+        zeros, taken = [*several], {zero.point.arclength for zero in several}
+        # at a zero that is divided out, the sign is rounding
+        for a, b in pairwise(_apart([each for each in self.interval.points if each.arclength not in taken])):
             rate, length = self._rates.get(kind), b.arclength - a.arclength
             ends = _deflated(kind, a, known), _deflated(kind, b, known)
             if self._may_vanish(kind, (a, b), ends, rate):
@@ -202,7 +203,6 @@ class Search:
         del known[:-4]
         if not zeros:
             return zeros
-        several = self.several(kind)
         return [
             each
             for each in self._resolved(kind, zeros)
@@ -222,7 +222,8 @@ class Search:
                 return found
             for a, b in pairwise(_apart(points)):
                 found += self._several_between(kind, a, b)
-            self.recent(kind).extend(zero.point.arclength for zero in found for _ in range(zero.multiplicity))
+            for zero in found:
+                self.recent(kind).extend([zero.point.arclength] * (zero.multiplicity - (zero.kind is not kind)))
         return found
 
     def _several_between(self, kind: Kind, a: BranchPoint, b: BranchPoint) -> list[Zero]:

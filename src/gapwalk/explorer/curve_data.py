@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gapwalk.bifurcation.loci import Codim2Point, LocusPoint
-from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point import SpecialPoint, at_once, words_of
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.explorer.axis_quantities import is_at_hand, quantity
@@ -117,9 +117,8 @@ def curve_of(wanted: Quantities) -> dict[str, Any]:
         "node": _packed([node.number for node in nodes], "<i4"),
         "label": _packed([node.label for node in nodes], "u1"),
         "special": [
-            special_words(each, (line.parameter, line.second))
-            | dict(zip("xy", map(finite, wanted.of(each.orbit)), strict=True))
-            for each in line.special_points
+            words | dict(zip("xy", map(finite, wanted.of(each.orbit)), strict=True))
+            for words, each in zip(special_words(line), line.special_points, strict=True)
         ],
     }
 
@@ -157,29 +156,40 @@ def _label(each: BranchPoint | SpecialPoint | LocusPoint | Codim2Point, kind: Ki
     return labels().index(kind.value)
 
 
-def special_words(special: SpecialPoint | Codim2Point, names: tuple[str, str] = ("", "")) -> dict[str, Any]:
-    """Describe a special point for the page: symbol, lines of text, and what can begin at it.
+def special_words(line: Line) -> list[dict[str, Any]]:
+    """Describe the special points of a line for the page: symbols, lines of text, and what can begin there.
 
-    `names` are the parameters of the locus of a point of codimension two.
+    Points at one place have one description. Those after the first are marked: the page draws only that.
     """
-    units = special.orbit.system.units
-    if isinstance(special, Codim2Point):
-        style = CODIM2[special.kind]
-        own = [units.parameter(name) if units and name else "" for name in names]
-        at = (f"{value:.9g} {unit}".rstrip() for value, unit in zip(special.values, own, strict=True))
-        lines = [f"at {', '.join(at)}", special.contact]
-        return {"kind": f"codim2 {special.kind.value}", "text": style.legend, "label": style.label, "lines": lines}
-    style, kind, words = symbol_style(special.kind), special.kind, special.words
+    names, every = (line.parameter, line.second), line.special_points
+    if line.kind is not None:
+        return [_words_of_codim2(each, names) for each in every if isinstance(each, Codim2Point)]
+    groups = at_once([each for each in every if isinstance(each, SpecialPoint)])
+    return [_words_of(group) | {"again": each is not group[0]} for group in groups for each in group]
+
+
+def _words_of_codim2(special: Codim2Point, names: tuple[str, str]) -> dict[str, Any]:
+    units, style = special.orbit.system.units, CODIM2[special.kind]
+    own = [units.parameter(name) if units else "" for name in names]
+    at = (f"{value:.9g} {unit}".rstrip() for value, unit in zip(special.values, own, strict=True))
+    lines = [f"at {', '.join(at)}", special.contact]
+    return {"kind": f"codim2 {special.kind.value}", "text": style.legend, "label": style.label, "lines": lines}
+
+
+def _words_of(group: Sequence[SpecialPoint]) -> dict[str, Any]:
+    special, words = group[0], words_of(group)
+    units, style, kind = special.orbit.system.units, symbol_style(special.kind), special.kind
     unit = units.parameter(special.parameter) if units else ""
     at = f"at {' ± '.join(filter(None, (words['at'], words['±'])))} {unit}".rstrip()
+    many = words["kind"] if special.multiplicity > 1 else ""
     return {
         "kind": kind.value,
         "text": style.text,
         "label": style.label,
         "value": special.value,
-        "lines": [at, words["stability"], words["criticality"], words["contact"]],
-        "has_locus": not kind.no_locus,
-        "switches": kind.ways > 0,
+        "lines": [at, *(words[name] for name in ("stability", "criticality", "contact")), many],
+        "has_locus": not kind.no_locus and special.multiplicity == 1,
+        "switches": special.ways > 0,
     }
 
 

@@ -247,7 +247,7 @@ def _walk(action: Walk, shown: Exploration) -> tuple[str, Task]:
 def _switch(action: Switch, shown: Exploration) -> tuple[str, Task]:
     line, special = shown.special(action.start)
     parameter, orbit, origin = line.parameter, special.orbit, shown.origin(action.start)
-    if not special.kind.ways:
+    if not special.ways:
         raise ModelError(
             f"no other branch of periodic motions begins at a {special.kind.value}; choose a flip (PD) or a branch "
             "point (BP)"

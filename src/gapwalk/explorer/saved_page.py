@@ -245,7 +245,7 @@ def content_of(
                 "quantities": {each: _stored(found, each, blob) for each in names},
                 "node": blob.exact([node.number for node in found], "i4"),
                 "label": blob.exact([node.label for node in found], "u1"),
-                "special": [special_words(each) for each in line.special_points],
+                "special": special_words(line),
                 "next": [_next(each, line, lines.named, measure) for each in line.special_points],
                 "gradients": {
                     str(index): gradients[id(each)]

@@ -88,11 +88,11 @@ def at_special(
     else:
         text, beyond = f"the event {str(kind)!r} of the model happens here", None
     steps = []
-    if kind.ways:
+    if special.ways:
         many = special.orbit.period * kind.times
         words = f"Follow the branch of period {many}" if kind.times > 1 else "Follow the branch across"
         steps.append(step("switch", words))
-    if not kind.no_locus:
+    if not kind.no_locus and special.multiplicity == 1:
         steps.append(step("locus", "Trace it in a second parameter"))
     if beyond is not None:
         values = {special.parameter: beyond}

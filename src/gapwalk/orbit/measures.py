@@ -21,6 +21,7 @@ from gapwalk.flow.length_unit import magnitude
 from gapwalk.flow.turning_points import Turn
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.problems import near_names
+from gapwalk.model.words import full_measure
 from gapwalk.orbit.friction_phases import Margin, margins_of
 
 if TYPE_CHECKING:
@@ -87,8 +88,8 @@ class Turns(NamedTuple):
 
 def measure(orbit: Orbit, name: str) -> float:
     """See `Orbit.measure`."""
-    kind, _, signal = name.partition(".")
     coordinates = orbit.system.coordinates
+    kind, _, signal = full_measure(name, coordinates).partition(".")
     if kind in MEASURES:
         if signal in coordinates:
             row = orbit.extremes[coordinates.index(signal)]

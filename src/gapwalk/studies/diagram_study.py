@@ -333,14 +333,14 @@ class DiagramWork(Work):
             for member in generation
             for index, special in enumerate(member.branch.special_points)
             if special.kind.times * member.period <= max(member.period, self.options.max_period)
-            for way in range(special.kind.ways)
+            for way in range(special.ways)
             if ((origin := Origin(member.name, index)), way) not in self._tried
         ]
         self._tried.update((origin, way) for origin, _, way in buds)
 
         def is_new(index: int) -> bool:
             origin, special, _ = buds[index]
-            return not is_attached(self.diagram, origin, special.kind.ways) and not self._full()
+            return not is_attached(self.diagram, origin, special.ways) and not self._full()
 
         # a branch that leaves one flip mostly ends at another of its parent, from which it would be walked once more
         pieces, parents = [(special, way) for _, special, way in buds], [origin.parent for origin, _, _ in buds]

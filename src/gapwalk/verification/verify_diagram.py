@@ -59,7 +59,7 @@ def verify_whole(ledger: Ledger, diagram: Diagram) -> None:
         for index, special in enumerate(member.branch.special_points):
             period = member.period * special.kind.times
             failed = any(f"{special.value:.10g}" in text for text in diagram.failures)
-            present = len(diagram.attached(member.name, index)) >= special.kind.ways  # also if it has no ways
+            present = len(diagram.attached(member.name, index)) >= special.ways  # also if it has no ways
             if period > diagram.max_period or failed or present:
                 continue
             fellows = [curves[each.name] for each in diagram.members if each.period == period]
@@ -99,9 +99,9 @@ def _verify_end(
         return
     special = parent.branch.special_points[origin.special]
     detail = f"from special point {origin.special} of {origin.parent}"
-    jumps = special.doubles and not special.kind.ways and origin == member.joins
+    jumps = special.doubles and not special.ways and origin == member.joins
     times = 2 if jumps else special.kind.times
-    if not (special.kind.ways or jumps) or member.period != parent.period * times:
+    if not (special.ways or jumps) or member.period != parent.period * times:
         ledger.enter(Check.TREE, spot, np.inf, f"{detail}, a {special.kind.value} of period {parent.period}")
         return
     # in any phase, relative to its size

@@ -87,7 +87,7 @@ def verify_special_points(ledger: Ledger, track: Track) -> None:
         examination = Examination(track, estimators(len(special.point.x)), special)
         sides = examination.sides()
         faults = sides.faults
-        if not sides.held and special.kind is Kind.BRANCH_POINT and track.regularity(special.point) < CROSSING:
+        if not sides.held and special.ways > 1 and track.regularity(special.point) < CROSSING:
             faults = ()  # branches cross there, so near another special point that no motion can be corrected nearby
         unresolved = examination.reach < _RESOLVED  # as within the last steps before a jump
         unknown = not sides.held and special.uncertainty == math.inf  # nor could the walk compute it a second time
@@ -146,7 +146,7 @@ class Examination:
         # the steps of a walk are tiny beyond a turn, where rounding would tell the side
         from_afar = self._reach((branch.points[0], branch.points[-1]) if self._turn else branch.points)
         reaches = [from_afar * _SHARE**power for power in range(_NEARER)]
-        if self.special.kind is Kind.BRANCH_POINT:
+        if self.special.ways > 1:
             # close to it no orbit can be corrected; beyond the ends other changes would be included
             reaches.insert(1, self._reach((branch.points[0], branch.points[-1])))
         first = seen = self._look(reaches[0])
@@ -164,7 +164,7 @@ class Examination:
     def _reach(self, points: Sequence[BranchPoint]) -> float:
         """Return the arclength at which the point is examined: closer to it than its neighbours are."""
         special = self.special
-        reach = _WIDE if special.kind is Kind.BRANCH_POINT else _REACH
+        reach = _WIDE if special.ways > 1 else _REACH
         others = _neighbours(special, self.track.branch, points)
         distances = [length_of(each.x - special.point.x) for each in others if len(each.x) == len(special.point.x)]
         return min([reach, *(_SHARE * distance for distance in distances)])
@@ -185,7 +185,7 @@ class Examination:
         found, function = special.kind.examined(special, a, b)
         if function is None:
             return Sides((*faults, *found), None)
-        on_branch = special.kind is not Kind.BRANCH_POINT
+        on_branch = special.ways < 2
         value = self._zero(reach, function) if on_branch else self._crossing(reach, function)
         smooth = special.kind.has_function
         return Sides((*faults, *found), value, a if smooth else None, b if smooth else None)
@@ -382,7 +382,7 @@ def _enter_location(ledger: Ledger, spot: Spot, special: SpecialPoint, found: fl
     off = abs(found - special.value)
     width = abs(special.value / special.point.x[-1]) if special.point.x[-1] else 1.0
     stated = special.uncertainty
-    error = stated + width * (_INTERPOLATED if special.kind is Kind.BRANCH_POINT else _EXACT)
+    error = stated + width * (_INTERPOLATED if special.ways > 1 else _EXACT)
     detail = f"found again at {found:.12g}, {off:.2g} away; its stated error is {stated:.2g}"
     least, most = _LEAST * max(abs(special.value), width), max(_MANY * off, _MOST * (abs(special.value) + width))
     if not least <= stated <= most:

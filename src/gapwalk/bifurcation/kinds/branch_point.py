@@ -37,6 +37,7 @@ _NARROW = 0.2  # length of each window, relative to the one before; the first is
 _WINDOWS = 3  # largest number of windows after the first
 _ROUGH = 0.1  # spread of the zero, in windows, below which one window determines the centre of the next
 _SURE = 1e-6  # spread of the zero, in windows, above which the neighbourhood is not smooth enough
+_TURNS = 1e-5  # component of the tangent of a fold but for the error of the crossing
 _ROUGH_BRANCH = "the branch is not smooth where it seems to cross another"
 
 
@@ -74,8 +75,10 @@ class BranchPointKind(Kind):
         crossing = _crossing(search, a, b, ranks)
         if crossing is None:
             return None
-        point = search.interval.at(crossing.arclength)
-        return search.several_at(self, point, crossing.spread, ranks)
+        zero = search.several_at(self, search.interval.at(crossing.arclength), crossing.spread, ranks)
+        # equal parts turn back together: one multiplier is that of the fold, and the others are those of the crossing
+        turns = zero and a.tangent[-1] * b.tangent[-1] < 0.0 and abs(float(zero.point.tangent[-1])) < _TURNS
+        return replace(zero, kind=Kind.FOLD) if zero and turns else zero
 
     def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
         """Estimate the error from the bracket, and from the shift of the crossing in a second computation."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +12,13 @@ from gapwalk.bifurcation.kinds.defining_functions import Criticality, smallest_s
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, Zero
 from gapwalk.continuation.point_on_branch import BranchPoint
+
+if TYPE_CHECKING:
+    from gapwalk.bifurcation.branch_start import BranchStart
+    from gapwalk.bifurcation.error_estimate import ErrorEstimator
+    from gapwalk.bifurcation.special_point import SpecialPoint
+    from gapwalk.continuation.walk_scales import Range
+    from gapwalk.orbit.method import Method
 
 _VERTEX = 1e-6  # arclength from a crossing within which a fold is its vertex
 # arclength, component of the tangent, and change of the parameter along a part of a branch that runs straight across
@@ -75,6 +85,26 @@ class Fold(Kind):
         if ways[0] * ways[1] >= 0.0 or min(map(abs, ways)) < _LEVEL:
             return None
         return f"opens to {'higher' if ways[1] > 0.0 else 'lower'} values"
+
+    def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
+        """Estimate the error of a double fold as that of the crossing with other branches."""
+        if zero.multiplicity > 1:
+            return Kind.BRANCH_POINT.error(search, zero, second)
+        return super().error(search, zero, second)
+
+    def examined(
+        self, special: SpecialPoint, before: BranchPoint, after: BranchPoint
+    ) -> tuple[list[str], Callable[[BranchPoint], float] | None]:
+        """Compare a double fold with points on both sides by its multipliers."""
+        if special.multiplicity > 1:
+            return Kind.BRANCH_POINT.examined(special, before, after)
+        return super().examined(special, before, after)
+
+    def beginnings(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[BranchStart]:
+        """Return the beginnings of the branch that crosses at a double fold."""
+        if special.multiplicity > 1:
+            return Kind.BRANCH_POINT.beginnings(special, parameter, within, method)
+        return super().beginnings(special, parameter, within, method)
 
     def condition(self, monodromy: NDArray[np.float64]) -> Criticality:
         """Evaluate the distance of a multiplier from +1."""

@@ -211,7 +211,15 @@ def equation_of(
     ------
     ModelError
         If such a locus is not followed by the method of the plane.
+    ConvergenceError
+        If several multipliers are critical at once: they part as the parts become unequal.
     """
+    if special.multiplicity > 1:
+        raise ConvergenceError(
+            f"{special.multiplicity} multipliers become critical at once at the {special.kind_words} at "
+            f"{special.value:.10g}, and part where the equal parts become unequal, so that it has no gradient and no "
+            "locus; make the parts a little unequal"
+        )
     orbit, units = special.orbit, plane.scales(special.orbit)
     equation: AnyEquation
     if isinstance(special.kind, Sliding):

@@ -143,7 +143,7 @@ export class Diagram {
   }
 
   marks(all, view, width = this.place.clientWidth || 600, height = this.place.clientHeight || 400) {
-    const special = all.flatMap((curve) => curve.special.map((s) => ({ ...s, branch: curve.name, pale: Boolean(curve.earlier), label: s.kind === "grazing" || curve.earlier ? "" : s.label, size: sizeOf(s.kind) })));
+    const special = all.flatMap((curve) => curve.special.filter((s) => !s.again).map((s) => ({ ...s, branch: curve.name, pale: Boolean(curve.earlier), label: s.kind === "grazing" || curve.earlier ? "" : s.label, size: sizeOf(s.kind) })));
     const { single, clusters } = sorted(special, view, width - BESIDE, height - ABOVE, this.lines.vertices < MANY ? this.lines.thinned : [], arrowBoxes(this.arrows, view, width - BESIDE, height - ABOVE, color));
     this.clusters = clusters;
     return [...this.added(view), ...this.specialPoints(single), this.codim2Points(single), this.settledPoints(), this.clusterPoints()];
