@@ -20,6 +20,7 @@ REPRODUCTIONS = sorted((ROOT / "reproductions").rglob("*.py"))
 
 # From the lowest to the highest. A module may import from its own package and from any before it.
 ORDER = (
+    "field_docs",
     "lazy_names",
     "errors",
     "files",

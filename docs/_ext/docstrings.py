@@ -15,6 +15,8 @@ from typing import Any
 
 from sphinx.application import Sphinx
 
+from gapwalk.field_docs import documented
+
 ORDER = ("Parameters", "Attributes", "Returns", "Yields", "Raises", "Notes", "Examples")
 TAKEN_OVER = ("Parameters", "Returns", "Yields", "Raises")
 _HEADING = re.compile(rf"^({'|'.join(ORDER)})\n-+$\n?", re.M)
@@ -36,8 +38,7 @@ def join(head: str, sections: dict[str, str]) -> str:
 
 def own_text(thing: Any) -> str:
     """Return the docstring of a thing itself; what a dataclass or an enumeration writes on its own is none."""
-    text = vars(thing).get("__doc__") if inspect.isclass(thing) else getattr(thing, "__doc__", None)
-    return "" if not text or text.startswith(f"{thing.__name__}(") else inspect.cleandoc(text)
+    return documented(thing) if inspect.isclass(thing) else inspect.cleandoc(getattr(thing, "__doc__", None) or "")
 
 
 def text_of(thing: Any, owner: type | None = None) -> str:

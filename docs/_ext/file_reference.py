@@ -27,6 +27,7 @@ from sphinx.application import Sphinx
 
 from gapwalk.bifurcation.kinds import Kind
 from gapwalk.cli.commands import app as commands
+from gapwalk.field_docs import field_words
 from gapwalk.model.drivetrain.train_file import train_part
 from gapwalk.model.laws import LAWS, law_parameters
 from gapwalk.model.model_tables import system_part
@@ -200,19 +201,8 @@ def _default(info: FieldInfo) -> str:
 
 
 def docstring_words(record: type) -> dict[str, str]:
-    """Return the words of each parameter in the numpydoc docstrings of a class and of its base classes.
-
-    Where a class lists several parameters together, such as those that are as in a base class, the words of that hold.
-    """
-    found: dict[str, str] = {}
-    for kind in reversed(record.__mro__):
-        text = inspect.cleandoc(kind.__dict__.get("__doc__") or "")
-        _, _, section = text.partition("Parameters\n----------\n")
-        section = re.split(r"\n\w[\w ]*\n-{3,}\n", section)[0]
-        for match in re.finditer(r"^(\S[^\n]*)\n((?:    [^\n]*\n?|\n)+)", section + "\n", re.M):
-            names = [name.strip() for name in match[1].partition(":")[0].split(",")]
-            known = found if len(names) > 1 else {}
-            found |= {name: " ".join(match[2].split()) for name in names if name not in known}
+    """Return the words of each field of a record, and of the records whose fields are written into its table."""
+    found = field_words(record)
     for inner in _inlined(record):
         found = docstring_words(inner) | found
     return found

@@ -14,19 +14,7 @@ from typing import Any
 
 
 def lazy_names(module: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Return `__getattr__` and `__dir__` of a module whose public names are imported by its stub.
-
-    Parameters
-    ----------
-    module
-        Name of the module.
-    file
-        Its file. The stub next to it has relative imports of the form ``from .model.system import System as System``.
-
-    Examples
-    --------
-    >>> __getattr__, __dir__ = lazy_names(__name__, __file__)
-    """
+    """Return `__getattr__` and `__dir__` of a module whose public names are imported by its stub."""
     path = Path(file)
     package = module if path.stem == "__init__" else module.rpartition(".")[0]
     homes = cache(lambda: _homes(path.with_suffix(".pyi")))
@@ -40,6 +28,8 @@ def lazy_names(module: str, file: str) -> tuple[Callable[[str], Any], Callable[[
             value = import_module(f".{name}", package)
         else:
             value = getattr(import_module(homes()[name], package), name)
+            if hasattr(value, "__dataclass_fields__") or hasattr(value, "_fields"):
+                value = _with_field_docs(value)
         setattr(sys.modules[module], name, value)
         return value
 
@@ -52,6 +42,15 @@ def lazy_names(module: str, file: str) -> tuple[Callable[[str], Any], Callable[[
         return ""
 
     return get, lambda: sorted({*vars(sys.modules[module]), *homes()})
+
+
+def _with_field_docs(kind: Any) -> Any:
+    """Let the docstring of a record describe its fields, as `help` shows it."""
+    from gapwalk.field_docs import WholeDoc
+
+    if isinstance(kind, type) and not isinstance(vars(kind).get("__doc__"), WholeDoc):
+        kind.__doc__ = WholeDoc(kind.__doc__)  # type: ignore[assignment]
+    return kind
 
 
 def _homes(stub: Path) -> dict[str, str]:
