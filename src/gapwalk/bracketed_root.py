@@ -18,18 +18,10 @@ _FINEST = 4.0 * sys.float_info.epsilon
 
 
 class Root(NamedTuple):
-    """The place of a zero.
+    """The place of a zero."""
 
-    Attributes
-    ----------
-    place
-        The last place; the zero if it was found.
-    converged
-        False if `most` iterations did not suffice.
-    """
-
-    place: float
-    converged: bool
+    place: float  #: The last place; the zero if it was found.
+    converged: bool  #: False if `most` iterations did not suffice.
 
 
 def find_root(

@@ -60,43 +60,24 @@ class DampingReading(StrEnum):
 class ParameterSet:
     """Numbers of one figure, non-dimensional, in the signs of the equations of motion (paper, section 2).
 
-    Parameters
-    ----------
-    stiffness, damping
-        K11, K12, K21, K22 and C11, C12, C21, C22.
-    beta
-        Coefficient of the impact damping.
-    n
-        n1, n2.
-    mean
-        Tm1, Tm2.
-    excitation
-        Te1.
-    second
-        Te2, its order p and its phase phi in radians; None where Te2 = 0.
-    frequency
-        W where the figure has one; otherwise where its response begins.
-    is_response
-        True if the figure shows a frequency response.
-    note
-        Decisions beyond the printed tables; empty if there are none.
-
     Examples
     --------
     >>> gw.paper.parameter_set("13").stiffness
     (0.1, 0.6, 0.06, 1.1)
     """
 
+    #: stiffness, damping: K11, K12, K21, K22 and C11, C12, C21, C22.
     stiffness: tuple[float, float, float, float]
     damping: tuple[float, float, float, float]
-    beta: float
-    n: tuple[float, float]
-    mean: tuple[float, float]
-    excitation: float = 0.25
+    beta: float  #: Coefficient of the impact damping.
+    n: tuple[float, float]  #: n1, n2.
+    mean: tuple[float, float]  #: Tm1, Tm2.
+    excitation: float = 0.25  #: Te1.
+    #: Te2, its order p and its phase phi in radians; None where Te2 = 0.
     second: tuple[float, int, float] | None = None
-    frequency: float = 1.9
-    is_response: bool = True
-    note: str = ""
+    frequency: float = 1.9  #: W where the figure has one; otherwise where its response begins.
+    is_response: bool = True  #: True if the figure shows a frequency response.
+    note: str = ""  #: Decisions beyond the printed tables; empty if there are none.
 
 
 # kappa = K11; K21 = 0.6 kappa, and n2 = 0.6 n1, as K12 = 0.6 demands.

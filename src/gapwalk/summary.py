@@ -27,15 +27,6 @@ _WIDTH = 1000  # of text, where tables are not folded
 class Table:
     """A table of texts.
 
-    Parameters
-    ----------
-    headings
-        Headings of the columns. Those that begin with ``>`` (which is not shown) have columns aligned to the right.
-    rows
-        The cells of each row.
-    groups
-        Indices of the rows after which a gap separates groups of rows.
-
     Examples
     --------
     >>> headings = [name for name, is_right in gw.records.Table(["name", ">value"], [["x", "1"]]).columns]
@@ -43,9 +34,10 @@ class Table:
     ['name', 'value']
     """
 
+    #: Headings of the columns. Those that begin with ``>`` (which is not shown) have columns aligned to the right.
     headings: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    groups: Sequence[int] = ()
+    rows: Sequence[Sequence[str]]  #: The cells of each row.
+    groups: Sequence[int] = ()  #: Indices of the rows after which a gap separates groups of rows.
 
     @property
     def columns(self) -> Iterator[tuple[str, bool]]:
@@ -57,21 +49,14 @@ class Table:
 class Tree:
     """A text with the texts that depend on it.
 
-    Parameters
-    ----------
-    label
-        The text.
-    children
-        Trees that depend on it.
-
     Examples
     --------
     >>> gw.records.Tree("P1-1", [gw.records.Tree("P2-1")]).children[0].label
     'P2-1'
     """
 
-    label: str
-    children: list[Tree] = field(default_factory=list, hash=False)
+    label: str  #: The text.
+    children: list[Tree] = field(default_factory=list, hash=False)  #: Trees that depend on it.
 
 
 SummaryParts = Iterable[str | Table | Tree]
@@ -116,25 +101,16 @@ Tables = Mapping[str, Callable[[], Rows]]
 
 @dataclass(frozen=True)
 class TableRows:
-    """Rows of a table, with what its headings do not say: the axes of its columns, and their units.
+    """Rows of a table, with what its headings do not say: the axes of its columns, and their units."""
 
-    Parameters
-    ----------
-    rows
-        Function that returns the rows.
-    axes
-        Number of columns, the first ones, that are axes of a grid: files with labelled arrays (netCDF, MAT) keep it.
-        The rows of two axes run along the first one fastest.
-    signal
-        Signal of a motion whose amplitudes the columns ``order 1``, ``order 2`` ... have; empty if there are none.
-    units
-        For each heading (or each beginning of headings, if it ends with a point): a parameter or a signal that has the
-        unit of the column, such as ``stop.force``; or the unit itself. Used in systems with units only.
-    """
-
-    rows: Callable[[], Rows]
+    rows: Callable[[], Rows]  #: Function that returns the rows.
+    #: Number of columns, the first ones, that are axes of a grid: files with labelled arrays (netCDF, MAT) keep it. The
+    #: rows of two axes run along the first one fastest.
     axes: int = 0
+    #: Signal of a motion whose amplitudes the columns ``order 1``, ``order 2`` ... have; empty if there are none.
     signal: str = ""
+    #: For each heading (or each beginning of headings, if it ends with a point): a parameter or a signal that has the
+    #: unit of the column, such as ``stop.force``; or the unit itself. Used in systems with units only.
     units: Mapping[str, str] = field(default_factory=dict)
 
     def __call__(self) -> Rows:

@@ -29,15 +29,6 @@ from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summariz
 class ChangedParameter:
     """A parameter before and after.
 
-    Attributes
-    ----------
-    name
-        Name of the parameter.
-    before, after
-        Its values.
-    low, high
-        Its limits.
-
     Examples
     --------
     >>> change = design.changes[0]
@@ -45,9 +36,11 @@ class ChangedParameter:
     ('stop.clearance', -12.7)
     """
 
-    name: str
+    name: str  #: Name of the parameter.
+    #: before, after: Its values.
     before: float
     after: float
+    #: low, high: Its limits.
     low: float
     high: float
 
@@ -67,17 +60,6 @@ class ChangedParameter:
 class JudgedGoal:
     """A goal, and how far it is reached.
 
-    Attributes
-    ----------
-    words
-        Description.
-    before, after
-        Margins of the present and of the new design: relative to the width of the band, to the clearance or to the
-        limit; negative where the goal is not reached.
-    without
-        Change with which all other goals are reached without this one; nan if that was not asked, infinite if they are
-        not reached either.
-
     Examples
     --------
     >>> goal = design.judged[0]
@@ -85,9 +67,13 @@ class JudgedGoal:
     ('no fold between Ω = 1.35 and 1.42', True)
     """
 
-    words: str
+    words: str  #: Description.
+    #: before, after: Margins of the present and of the new design: relative to the width of the band, to the clearance
+    #: or to the limit; negative where the goal is not reached.
     before: float
     after: float
+    #: Change with which all other goals are reached without this one; nan if that was not asked, infinite if they are
+    #: not reached either.
     without: float = math.nan
 
     @property
@@ -100,35 +86,6 @@ class JudgedGoal:
 class Design(Shown):
     """The least change that reaches all goals; or the design that comes nearest to them.
 
-    Attributes
-    ----------
-    before, system
-        The present and the new system, at the first value of the range.
-    parameter, within
-        The walked parameter, and its range from the first value to the last.
-    goals
-        The goals.
-    changes
-        The parameters that may change.
-    judged
-        How far each goal is reached, on the responses below.
-    change
-        Weighted norm of the relative changes.
-    response_before, response
-        Responses of the present and of the new system.
-    isolated
-        Isolated branches of motions of the same period that the search has found on the new system.
-    others
-        Motions of other periods that it has found.
-    searched
-        Values of the parameter at which it searched.
-    routes
-        All ways and starts that were tried.
-    complete
-        False if the search for the least change was stopped before its end.
-    notes, failures
-        Remarks, in sentences; reasons why the goals are not proved.
-
     Examples
     --------
     >>> design.is_reached, round(design.system.parameters["stop.clearance"], 3)
@@ -137,21 +94,26 @@ class Design(Shown):
     'no fold between Ω = 1.35 and 1.42: change stop.clearance -12.74 %'
     """
 
+    #: before, system: The present and the new system, at the first value of the range.
     before: System
     system: System
+    #: parameter, within: The walked parameter, and its range from the first value to the last.
     parameter: str
     within: tuple[float, float]
-    goals: tuple[AnyGoal, ...]
-    changes: tuple[ChangedParameter, ...]
-    judged: tuple[JudgedGoal, ...]
-    change: float
+    goals: tuple[AnyGoal, ...]  #: The goals.
+    changes: tuple[ChangedParameter, ...]  #: The parameters that may change.
+    judged: tuple[JudgedGoal, ...]  #: How far each goal is reached, on the responses below.
+    change: float  #: Weighted norm of the relative changes.
+    #: response_before, response: Responses of the present and of the new system.
     response_before: Branch
     response: Branch
+    #: Isolated branches of motions of the same period that the search has found on the new system.
     isolated: tuple[Branch, ...]
-    others: tuple[FoundOrbit, ...]
-    searched: tuple[float, ...]
-    routes: tuple[Route, ...]
-    complete: bool = True
+    others: tuple[FoundOrbit, ...]  #: Motions of other periods that it has found.
+    searched: tuple[float, ...]  #: Values of the parameter at which it searched.
+    routes: tuple[Route, ...]  #: All ways and starts that were tried.
+    complete: bool = True  #: False if the search for the least change was stopped before its end.
+    #: notes, failures: Remarks, in sentences; reasons why the goals are not proved.
     notes: tuple[str, ...] = ()
     failures: tuple[str, ...] = ()
 

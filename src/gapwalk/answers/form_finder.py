@@ -23,22 +23,13 @@ _APART = 0.2  # distance between neighbouring points, as a share of the nominal 
 
 
 class Located(NamedTuple):
-    """A form in a sample.
+    """A form in a sample."""
 
-    Attributes
-    ----------
-    value, error
-        Value of the parameter, and a bound of its error.
-    unknowns
-        Unknowns of its equation; empty for a form that is attached to another one.
-    corrected
-        The solution; None for a prediction whose error is known to be small.
-    """
-
+    #: value, error: Value of the parameter, and a bound of its error.
     value: float
     error: float
-    unknowns: Array
-    corrected: Corrected | None = None
+    unknowns: Array  #: Unknowns of its equation; empty for a form that is attached to another one.
+    corrected: Corrected | None = None  #: The solution; None for a prediction whose error is known to be small.
 
 
 class FormFinder:

@@ -31,17 +31,6 @@ RANGE, BETWEEN, LOST = "end of the range", "between samples", "end of a motion"
 class Mover:
     """A parameter that moves the end of a band.
 
-    Attributes
-    ----------
-    name
-        Name of the parameter.
-    slope
-        Derivative of the end by the parameter, in the units of the model.
-    error
-        Estimated error of the slope.
-    share
-        Change of the end in percent for one percent more of the parameter.
-
     Examples
     --------
     >>> mover = bands.of("stop", "rising")[0].high.with_movers().movers[0]
@@ -49,29 +38,15 @@ class Mover:
     ('mass.x.x', -0.458)
     """
 
-    name: str
-    slope: float
-    error: float
-    share: float
+    name: str  #: Name of the parameter.
+    slope: float  #: Derivative of the end by the parameter, in the units of the model.
+    error: float  #: Estimated error of the slope.
+    share: float  #: Change of the end in percent for one percent more of the parameter.
 
 
 @dataclass(frozen=True, eq=False)
 class BandEnd:
     """End of a span or a band.
-
-    Attributes
-    ----------
-    value
-        Value of the parameter.
-    kind
-        ``grazing``; ``fold``, ``flip`` or another kind of special point at which the motion is lost, so that it jumps;
-        ``end of the range``; ``between samples`` if motions without a branch lie on either side.
-    error
-        Estimated error of the value.
-    special
-        The special point; None if there is none.
-    movers
-        Parameters that move it, those that move it most first.
 
     Examples
     --------
@@ -80,11 +55,13 @@ class BandEnd:
     ('fold', 1.392109, True)
     """
 
-    value: float
+    value: float  #: Value of the parameter.
+    #: ``grazing``; ``fold``, ``flip`` or another kind of special point at which the motion is lost, so that it jumps;
+    #: ``end of the range``; ``between samples`` if motions without a branch lie on either side.
     kind: str
-    error: float = 0.0
-    special: SpecialPoint | None = None
-    movers: tuple[Mover, ...] = ()
+    error: float = 0.0  #: Estimated error of the value.
+    special: SpecialPoint | None = None  #: The special point; None if there is none.
+    movers: tuple[Mover, ...] = ()  #: Parameters that move it, those that move it most first.
 
     @property
     def is_located(self) -> bool:
@@ -121,13 +98,6 @@ class BandEnd:
 class GapSpan:
     """A span of the parameter over which the state of a gap is the same.
 
-    Attributes
-    ----------
-    low, high
-        Its ends.
-    state
-        The state of the gap.
-
     Examples
     --------
     >>> span = bands.of("stop", "rising")[0].spans[0]
@@ -135,25 +105,15 @@ class GapSpan:
     (1.392109, 'one side')
     """
 
+    #: low, high: Its ends.
     low: BandEnd
     high: BandEnd
-    state: GapState
+    state: GapState  #: The state of the gap.
 
 
 @dataclass(frozen=True, eq=False)
 class RattleBand:
     """A band of the parameter in which a gap rattles.
-
-    Attributes
-    ----------
-    gap
-        Name of the contact.
-    met
-        How it is met: ``rising``, ``falling``, or ``any`` for the union over all settled motions that are known.
-    low, high
-        Its ends.
-    spans
-        The spans of equal state in it, in the order of the parameter; those of a union may overlap.
 
     Examples
     --------
@@ -162,10 +122,13 @@ class RattleBand:
     ('rising', 1.1, 1.392109)
     """
 
-    gap: str
+    gap: str  #: Name of the contact.
+    #: How it is met: ``rising``, ``falling``, or ``any`` for the union over all settled motions that are known.
     met: str
+    #: low, high: Its ends.
     low: BandEnd
     high: BandEnd
+    #: The spans of equal state in it, in the order of the parameter; those of a union may overlap.
     spans: tuple[GapSpan, ...]
 
     @property

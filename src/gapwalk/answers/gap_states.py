@@ -178,30 +178,15 @@ def watched(system: System, state: NDArray[np.float64], gaps: Sequence[str]) -> 
 
 
 class GapVerdicts(NamedTuple):
-    """States of gaps in many settled motions.
+    """States of gaps in many settled motions."""
 
-    Attributes
-    ----------
-    codes : shape (count, gaps)
-        `GapState.code` of each gap; -1 for motions that have diverged.
-    periods : shape (count,)
-        Periods of the motions in forcing periods; 0 if they did not become periodic.
-    peaks : shape (count, gaps)
-        Largest magnitude of each contact force; nan on a rigid stop.
-    states : shape (count, state_size)
-        Last states of the motions.
-    error
-        Error of the integrator over a forcing period of settled motions, relative to their size.
-    waited
-        Largest number of forcing periods of the transients, before the gaps were observed.
-    """
-
-    codes: NDArray[np.int_]
+    codes: NDArray[np.int_]  #: shape (count, gaps): `GapState.code` of each gap; -1 for motions that have diverged.
+    #: shape (count,): Periods of the motions in forcing periods; 0 if they did not become periodic.
     periods: NDArray[np.int_]
-    peaks: NDArray[np.float64]
-    states: NDArray[np.float64]
-    error: float
-    waited: int
+    peaks: NDArray[np.float64]  #: shape (count, gaps): Largest magnitude of each contact force; nan on a rigid stop.
+    states: NDArray[np.float64]  #: shape (count, state_size): Last states of the motions.
+    error: float  #: Error of the integrator over a forcing period of settled motions, relative to their size.
+    waited: int  #: Largest number of forcing periods of the transients, before the gaps were observed.
 
 
 def judge_gaps(

@@ -24,16 +24,6 @@ _OTHER = 0.05  # share of the range of a branch by which another motion differs 
 class JumpDelay(NamedTuple):
     """A jump that a run-up makes after the fold of a branch at which a slow sweep would jump.
 
-    Attributes
-    ----------
-    fold
-        Speed of the fold.
-    jump
-        Speed at which the run-up is half way between the motions before and after. NaN if it never is, or if it
-        does not follow the branch up to the fold.
-    delay
-        Time from the fold to the jump.
-
     Examples
     --------
     >>> delay = gw.records.JumpDelay(fold=1.39, jump=1.42, delay=1.5)
@@ -41,9 +31,11 @@ class JumpDelay(NamedTuple):
     'jump at Ω = 1.42, a time of 1.5 after the fold at Ω = 1.39, where a slow sweep jumps'
     """
 
-    fold: float
+    fold: float  #: Speed of the fold.
+    #: Speed at which the run-up is half way between the motions before and after. NaN if it never is, or if it does not
+    #: follow the branch up to the fold.
     jump: float
-    delay: float
+    delay: float  #: Time from the fold to the jump.
 
     def words(self, system: System) -> str:
         """Return the jump and its delay as a sentence.

@@ -38,28 +38,19 @@ _ACCEPTED, _GOOD = 0.05, 0.7  # shares of the predicted decrease
 class Change:
     """A parameter that may change.
 
-    Parameters
-    ----------
-    parameter
-        Name of the parameter.
-    by
-        Largest relative change in either direction; 0.5 is 50 %.
-    low, high
-        Limits of its value, in place of `by`.
-    weight
-        Weight of its relative change: of two parameters that serve a goal equally, the one of larger weight changes
-        less.
-
     Examples
     --------
     >>> gw.ask.Change("stop.clearance", by=0.3).bounds(system)
     (0.7, 1.3)
     """
 
-    parameter: str
-    by: float = 0.5
+    parameter: str  #: Name of the parameter.
+    by: float = 0.5  #: Largest relative change in either direction; 0.5 is 50 %.
+    #: low, high: Limits of its value, in place of `by`.
     low: float | None = None
     high: float | None = None
+    #: Weight of its relative change: of two parameters that serve a goal equally, the one of larger weight changes
+    #: less.
     weight: float = 1.0
 
     def __post_init__(self) -> None:
@@ -121,23 +112,6 @@ class Change:
 class Route:
     """One search for the least change: which way each goal is to be reached, from where, and how it ended.
 
-    Attributes
-    ----------
-    ways
-        The way of each goal; empty for a goal with a single way.
-    start
-        0: from the present design; otherwise the number of another start.
-    values
-        Values of the parameters at its end.
-    change
-        Weighted norm of the relative changes there.
-    missing
-        Largest missing margin there; 0 if all goals are reached.
-    steps
-        Responses that were walked.
-    words
-        Description of the margin that is missing most; or of a failure.
-
     Examples
     --------
     >>> route = design.routes[0]
@@ -145,13 +119,13 @@ class Route:
     (0, True)
     """
 
-    ways: tuple[str, ...]
-    start: int
-    values: tuple[float, ...]
-    change: float
-    missing: float
-    steps: int
-    words: str = ""
+    ways: tuple[str, ...]  #: The way of each goal; empty for a goal with a single way.
+    start: int  #: 0: from the present design; otherwise the number of another start.
+    values: tuple[float, ...]  #: Values of the parameters at its end.
+    change: float  #: Weighted norm of the relative changes there.
+    missing: float  #: Largest missing margin there; 0 if all goals are reached.
+    steps: int  #: Responses that were walked.
+    words: str = ""  #: Description of the margin that is missing most; or of a failure.
 
     @property
     def is_reached(self) -> bool:
@@ -163,30 +137,18 @@ class Route:
 class LeastChangeOptions:
     """Options of a search for the least change.
 
-    Parameters
-    ----------
-    starts
-        Further starts, spread over the bounds, for the ways that need the least change from the present design.
-    steps
-        The most designs whose response is walked, for each way and start.
-    margin
-        Safety margin: as a share of the width of a band, or of a limit.
-    seed
-        Seed of the further starts.
-    walk
-        Options of the walks.
-
     Examples
     --------
     >>> gw.ask.LeastChangeOptions(starts=4, margin=0.01).margin
     0.01
     """
 
+    #: Further starts, spread over the bounds, for the ways that need the least change from the present design.
     starts: int = 2
-    steps: int = 40
-    margin: float = MARGIN
-    seed: int = 0
-    walk: WalkOptions = COARSE
+    steps: int = 40  #: The most designs whose response is walked, for each way and start.
+    margin: float = MARGIN  #: Safety margin: as a share of the width of a band, or of a limit.
+    seed: int = 0  #: Seed of the further starts.
+    walk: WalkOptions = COARSE  #: Options of the walks.
 
     def __post_init__(self) -> None:
         for name, least in (("starts", 0), ("steps", 1), ("seed", 0)):
@@ -212,26 +174,16 @@ class _Judged(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class DesignProblem:
-    """The parameters that may change, the goals, and the response on which they are judged.
+    """The parameters that may change, the goals, and the response on which they are judged."""
 
-    Attributes
-    ----------
-    lead
-        Orbit at the beginning of the range.
-    parameter, end
-        The walked parameter, and the other end of its range.
-    changes, goals
-        The parameters that may change, and the goals.
-    options
-        Options of the search.
-    """
-
-    lead: Orbit
+    lead: Orbit  #: Orbit at the beginning of the range.
+    #: parameter, end: The walked parameter, and the other end of its range.
     parameter: str
     end: float
+    #: changes, goals: The parameters that may change, and the goals.
     changes: tuple[Change, ...]
     goals: tuple[AnyGoal, ...]
-    options: LeastChangeOptions = field(default_factory=LeastChangeOptions)
+    options: LeastChangeOptions = field(default_factory=LeastChangeOptions)  #: Options of the search.
 
     def __post_init__(self) -> None:
         system = self.lead.system

@@ -37,44 +37,23 @@ _NARROW = 1e-3  # share of the bracket to which an extreme along the branch is l
 
 
 class Place(NamedTuple):
-    """Point of a response.
+    """Point of a response."""
 
-    Attributes
-    ----------
-    point
-        The point.
-    is_fixed
-        True if it stays at its value of the walked parameter, as the ends of a range do.
-    """
-
-    point: BranchPoint
-    is_fixed: bool
+    point: BranchPoint  #: The point.
+    is_fixed: bool  #: True if it stays at its value of the walked parameter, as the ends of a range do.
 
 
 @dataclass(frozen=True, eq=False)
 class LocalResponse:
-    """The response of a system over a range, walked from one end to the other when it is first needed.
+    """The response of a system over a range, walked from one end to the other when it is first needed."""
 
-    Attributes
-    ----------
-    lead
-        Orbit at the beginning of the range.
-    parameter, end
-        The walked parameter, and the other end of its range.
-    names
-        Parameters that may change.
-    scales
-        Size of a relative change of 1 of each of them.
-    walk
-        Options of the walk.
-    """
-
-    lead: Orbit
+    lead: Orbit  #: Orbit at the beginning of the range.
+    #: parameter, end: The walked parameter, and the other end of its range.
     parameter: str
     end: float
-    names: tuple[str, ...]
-    scales: tuple[float, ...]
-    walk: WalkOptions = COARSE
+    names: tuple[str, ...]  #: Parameters that may change.
+    scales: tuple[float, ...]  #: Size of a relative change of 1 of each of them.
+    walk: WalkOptions = COARSE  #: Options of the walk.
 
     @cached_property
     def walked(self) -> Branch:

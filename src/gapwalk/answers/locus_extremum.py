@@ -30,27 +30,13 @@ _EDGE = 1e-9  # share of a range within which a point lies at its end
 
 
 class Extremum(NamedTuple):
-    """Extremum of a locus within a range.
+    """Extremum of a locus within a range."""
 
-    Attributes
-    ----------
-    special
-        The special point there; its value is that of the extremal parameter.
-    at
-        Value of the other parameter.
-    error
-        Estimated error of the extremal value.
-    is_edge
-        True if it lies at an end of the range, beyond which the locus goes on.
-    locus
-        The locus.
-    """
-
-    special: SpecialPoint
-    at: float
-    error: float
-    is_edge: bool
-    locus: Locus
+    special: SpecialPoint  #: The special point there; its value is that of the extremal parameter.
+    at: float  #: Value of the other parameter.
+    error: float  #: Estimated error of the extremal value.
+    is_edge: bool  #: True if it lies at an end of the range, beyond which the locus goes on.
+    locus: Locus  #: The locus.
 
     @property
     def value(self) -> float:

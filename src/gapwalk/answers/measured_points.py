@@ -26,27 +26,17 @@ _CLEAR = 2.0  # the second nearest special point must be farther than the neares
 class MeasuredPoint:
     """A special point that was measured, such as the frequency of a jump in a slow sweep.
 
-    Parameters
-    ----------
-    kind
-        Its kind: ``"fold"`` for a jump, ``"grazing"`` for a stop that is first touched, or another.
-    value
-        Measured value of the parameter of the branch, in its units.
-    error
-        Standard uncertainty of this value.
-    which
-        The special point of the computed branch that was measured, if the nearest one of its kind is in doubt: its
-        number among those of its kind along the branch, from 1; or its contact, such as ``"stage2 +"``.
-
     Examples
     --------
     >>> gw.measure.MeasuredPoint("fold", 0.619, 0.0005).words
     'fold measured at 0.619 ± 0.0005'
     """
 
-    kind: str
-    value: float
-    error: float
+    kind: str  #: Its kind: ``"fold"`` for a jump, ``"grazing"`` for a stop that is first touched, or another.
+    value: float  #: Measured value of the parameter of the branch, in its units.
+    error: float  #: Standard uncertainty of this value.
+    #: The special point of the computed branch that was measured, if the nearest one of its kind is in doubt: its
+    #: number among those of its kind along the branch, from 1; or its contact, such as ``"stage2 +"``.
     which: int | str = ""
 
     def __post_init__(self) -> None:

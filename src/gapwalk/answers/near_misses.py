@@ -28,43 +28,21 @@ _TURN = 0.3  # radians by which a turning point may move from point to point of 
 
 @dataclass(frozen=True)
 class Miss:
-    """Extremum of a test function next to zero, along a branch.
+    """Extremum of a test function next to zero, along a branch."""
 
-    Attributes
-    ----------
-    what
-        Kind of the special points that would be born there, and the contact.
-    place
-        Number of special points of the walk before it.
-    size
-        Distance of the test function from zero.
-    """
-
-    what: str
-    place: int
-    size: float
+    what: str  #: Kind of the special points that would be born there, and the contact.
+    place: int  #: Number of special points of the walk before it.
+    size: float  #: Distance of the test function from zero.
 
 
 @dataclass(frozen=True, eq=False)
 class Watch:
-    """Linear prediction of a near miss of one stretch of the branch.
+    """Linear prediction of a near miss of one stretch of the branch."""
 
-    Attributes
-    ----------
-    stretch
-        Number of the stretch; see `Patterns`.
-    coefficients : shape (terms,)
-        Coefficients of the distance from zero.
-    whitening : shape (terms, terms)
-        Map of the terms whose squared length is the leverage.
-    error
-        Standard error of a prediction at leverage 0; its square grows like 1 + leverage.
-    """
-
-    stretch: int
-    coefficients: Array
-    whitening: Array
-    error: float
+    stretch: int  #: Number of the stretch; see `Patterns`.
+    coefficients: Array  #: shape (terms,): Coefficients of the distance from zero.
+    whitening: Array  #: shape (terms, terms): Map of the terms whose squared length is the leverage.
+    error: float  #: Standard error of a prediction at leverage 0; its square grows like 1 + leverage.
 
     def is_near(self, terms: Terms) -> NDArray[np.bool_]:
         """Return for each sample True if the extremum may have passed zero."""

@@ -43,17 +43,6 @@ class VariedHow(IntEnum):
 class Variations:
     """Many systems that differ in some parameters.
 
-    Attributes
-    ----------
-    names
-        The parameters that vary.
-    values : shape (count, names)
-        Their values.
-    how : shape (count,)
-        Values of `VariedHow`.
-    left_out
-        Sentences on variations that are no systems.
-
     Examples
     --------
     >>> found = gw.ask.variations(system, ["stop.clearance"], factors=[0.9, 1.1])
@@ -61,10 +50,10 @@ class Variations:
     [1.0, 0.9, 1.1]
     """
 
-    names: tuple[str, ...]
-    values: NDArray[np.float64]
-    how: NDArray[np.int_]
-    left_out: tuple[str, ...] = ()
+    names: tuple[str, ...]  #: The parameters that vary.
+    values: NDArray[np.float64]  #: shape (count, names): Their values.
+    how: NDArray[np.int_]  #: shape (count,): Values of `VariedHow`.
+    left_out: tuple[str, ...] = ()  #: Sentences on variations that are no systems.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""

@@ -50,15 +50,6 @@ _POINTS = Evidence("the points do not determine", "it moves none of them", "leav
 class FittedPoint:
     """A measured special point beside the computed one.
 
-    Attributes
-    ----------
-    kind, contact
-        Its kind, and the contact that grazes.
-    before, after
-        Values computed with the first guess and with the fitted parameters.
-    measured, error
-        Measured value and its standard uncertainty.
-
     Examples
     --------
     >>> fitted = gw.measure.fit_points(branch, [("fold", 1.39, 0.001)], ["stop.clearance"])
@@ -66,10 +57,13 @@ class FittedPoint:
     (1.392109, 1.39)
     """
 
+    #: kind, contact: Its kind, and the contact that grazes.
     kind: str
     contact: str
+    #: before, after: Values computed with the first guess and with the fitted parameters.
     before: float
     after: float
+    #: measured, error: Measured value and its standard uncertainty.
     measured: float
     error: float
 
@@ -83,14 +77,6 @@ class FittedPoint:
 class Combination:
     """A combination of relative changes of the parameters, and how well the points determine it.
 
-    Attributes
-    ----------
-    weights
-        Weight of the relative change of each parameter; the sum of their squares is 1. A parameter that is 0
-        counts in its unit.
-    singular
-        Singular value: by how many standard uncertainties a relative change of 1 moves the points.
-
     Examples
     --------
     >>> fitted = gw.measure.fit_points(branch, [("fold", 1.39, 0.001)], ["stop.clearance"])
@@ -98,8 +84,10 @@ class Combination:
     '1.00 stop.clearance'
     """
 
+    #: Weight of the relative change of each parameter; the sum of their squares is 1. A parameter that is 0 counts in
+    #: its unit.
     weights: tuple[float, ...]
-    singular: float
+    singular: float  #: Singular value: by how many standard uncertainties a relative change of 1 moves the points.
 
     @property
     def error(self) -> float:
@@ -129,33 +117,6 @@ class Combination:
 class PointFit(Shown):
     """Parameters fitted to measured special points.
 
-    Attributes
-    ----------
-    parameter
-        Parameter of the branch.
-    estimates
-        The fitted parameters, each with its standard error.
-    points
-        The points, before and after, beside the measured ones.
-    correlation : shape (k, k)
-        Correlations of the estimates' errors.
-    combinations
-        Combinations of the parameters from the best to the least determined one, without those at a bound.
-    chi_square
-        Sum of the squares of the residuals in standard uncertainties.
-    freedom
-        Number of points minus that of combinations that they determine.
-    evaluations
-        Number of systems in which the points were computed.
-    system
-        The fitted system.
-    branch
-        The branch of the fitted system, walked again; None if it could not be, or only points were given.
-    notes
-        Further information, in sentences.
-    failures
-        Reasons to distrust the result.
-
     Examples
     --------
     >>> fitted = gw.measure.fit_points(branch, [("fold", 1.39, 0.001)], ["stop.clearance"])
@@ -163,18 +124,20 @@ class PointFit(Shown):
     (1.0102, 0)
     """
 
-    parameter: str
-    estimates: tuple[Estimate, ...]
-    points: tuple[FittedPoint, ...]
-    correlation: Array
+    parameter: str  #: Parameter of the branch.
+    estimates: tuple[Estimate, ...]  #: The fitted parameters, each with its standard error.
+    points: tuple[FittedPoint, ...]  #: The points, before and after, beside the measured ones.
+    correlation: Array  #: shape (k, k): Correlations of the estimates' errors.
+    #: Combinations of the parameters from the best to the least determined one, without those at a bound.
     combinations: tuple[Combination, ...]
-    chi_square: float
-    freedom: int
-    evaluations: int
-    system: System
+    chi_square: float  #: Sum of the squares of the residuals in standard uncertainties.
+    freedom: int  #: Number of points minus that of combinations that they determine.
+    evaluations: int  #: Number of systems in which the points were computed.
+    system: System  #: The fitted system.
+    #: The branch of the fitted system, walked again; None if it could not be, or only points were given.
     branch: Branch | None
-    notes: tuple[str, ...]
-    failures: tuple[str, ...]
+    notes: tuple[str, ...]  #: Further information, in sentences.
+    failures: tuple[str, ...]  #: Reasons to distrust the result.
 
     def __getitem__(self, name: str) -> Estimate:
         """Return the estimate of one parameter."""

@@ -35,45 +35,24 @@ _MOST = 2  # degree of the polynomials that tell where a form exists, and how fa
 
 @dataclass(frozen=True, eq=False)
 class Met:
-    """A special point that a walk met, reduced to what forms need.
+    """A special point that a walk met, reduced to what forms need."""
 
-    Attributes
-    ----------
-    index
-        Index of its nominal counterpart, or -1.
-    kind, contact, turns
-        What it has in common with its counterpart; see `label_of`.
-    value
-        Value of the parameter of the branch.
-    closings
-        How often each stage and side closes in a period, without the touch of a grazing point itself, as text.
-    others
-        Its unstable multipliers without the critical ones, as text.
-    before, after
-        Number of unstable multipliers on either side.
-    unknowns
-        Solution of its equation; empty if it has none that can be tracked.
-    orientation
-        Sign of the determinant of the derivatives of its equation; 0 if it is not known.
-    way
-        Sign of the change of the parameter where the walk passes it; 0 where the branch turns back.
-    uncertainty
-        Estimated error of its value.
-    """
-
-    index: int
+    index: int  #: Index of its nominal counterpart, or -1.
+    #: kind, contact, turns: What it has in common with its counterpart; see `label_of`.
     kind: str
     contact: str
     turns: str
-    value: float
+    value: float  #: Value of the parameter of the branch.
+    #: How often each stage and side closes in a period, without the touch of a grazing point itself, as text.
     closings: str
-    others: str
+    others: str  #: Its unstable multipliers without the critical ones, as text.
+    #: before, after: Number of unstable multipliers on either side.
     before: int
     after: int
-    unknowns: Array
-    orientation: float = 0.0
-    way: float = 0.0
-    uncertainty: float = np.inf
+    unknowns: Array  #: Solution of its equation; empty if it has none that can be tracked.
+    orientation: float = 0.0  #: Sign of the determinant of the derivatives of its equation; 0 if it is not known.
+    way: float = 0.0  #: Sign of the change of the parameter where the walk passes it; 0 where the branch turns back.
+    uncertainty: float = np.inf  #: Estimated error of its value.
 
     @property
     def key(self) -> str:
@@ -93,75 +72,40 @@ class Met:
 
 @dataclass(frozen=True, eq=False)
 class Walked:
-    """All special points of the branch of one sample, as a walk met them.
+    """All special points of the branch of one sample, as a walk met them."""
 
-    Attributes
-    ----------
-    sample
-        Number of the sample.
-    how
-        Value of `HowFound`: walked, refused or failed.
-    met
-        The points in the order of the walk.
-    which, specials
-        Places in `met` of points of which no nominal point has kind and contact, and these points.
-    misses
-        Where the branch nearly has further points.
-    """
-
-    sample: int
-    how: int
-    met: tuple[Met, ...] = ()
+    sample: int  #: Number of the sample.
+    how: int  #: Value of `HowFound`: walked, refused or failed.
+    met: tuple[Met, ...] = ()  #: The points in the order of the walk.
+    #: which, specials: Places in `met` of points of which no nominal point has kind and contact, and these points.
     which: tuple[int, ...] = ()
     specials: tuple[SpecialPoint, ...] = ()
-    misses: tuple[Miss, ...] = ()
+    misses: tuple[Miss, ...] = ()  #: Where the branch nearly has further points.
 
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """A special point as some of the systems have it.
+    """A special point as some of the systems have it."""
 
-    Attributes
-    ----------
-    index
-        Index of its nominal counterpart, or -1.
-    name
-        Its key, its place between the points that all walks met, and its number of several there.
-    position
-        Place along the branch; those of the nominal points are 0, 1, 2 and so on.
-    sample
-        Number of a sample that has it; -1 for the nominal system.
-    met
-        The point there.
-    special
-        A point of the same kind and contact, whose equation it has.
-    fit
-        Its predictor; None if the gradient predicts it.
-    companion
-        Number of the form of a grazing point to which it is attached; -1 if it is tracked by itself.
-    offset : shape (terms,)
-        Coefficients of its distance from the companion.
-    offset_cloud, offset_error
-        The samples of this fit, and a bound for its error at leverage 0; it grows like 1 + leverage.
-    scores : shape (terms,)
-        Coefficients of a polynomial that is about 1 where the form exists, and 0 elsewhere; empty if it always does.
-    degree
-        Degree of these polynomials.
-    """
-
-    index: int
-    name: str
-    position: float
-    sample: int
-    met: Met
-    special: SpecialPoint
-    fit: Fit | None = None
+    index: int  #: Index of its nominal counterpart, or -1.
+    name: str  #: Its key, its place between the points that all walks met, and its number of several there.
+    position: float  #: Place along the branch; those of the nominal points are 0, 1, 2 and so on.
+    sample: int  #: Number of a sample that has it; -1 for the nominal system.
+    met: Met  #: The point there.
+    special: SpecialPoint  #: A point of the same kind and contact, whose equation it has.
+    fit: Fit | None = None  #: Its predictor; None if the gradient predicts it.
+    #: Number of the form of a grazing point to which it is attached; -1 if it is tracked by itself.
     companion: int = -1
+    #: shape (terms,): Coefficients of its distance from the companion.
     offset: Array = field(default_factory=lambda: np.zeros(0))
+    #: offset_cloud, offset_error: The samples of this fit, and a bound for its error at leverage 0; it grows like 1 +
+    #: leverage.
     offset_cloud: Cloud | None = None
     offset_error: float = np.inf
+    #: shape (terms,): Coefficients of a polynomial that is about 1 where the form exists, and 0 elsewhere; empty if it
+    #: always does.
     scores: Array = field(default_factory=lambda: np.zeros(0))
-    degree: int = 0
+    degree: int = 0  #: Degree of these polynomials.
 
     def offset_at(self, terms: Terms) -> tuple[Array, Array]:
         """Return the distances from the companion in samples, and bounds of their errors: infinity beyond the fit."""
@@ -258,17 +202,10 @@ def forms_of(
 
 @dataclass(frozen=True, eq=False)
 class Pool:
-    """Solutions of one form in some samples.
+    """Solutions of one form in some samples."""
 
-    Attributes
-    ----------
-    rows
-        Numbers of the samples.
-    unknowns, derivatives, curvatures
-        As in `Fit.to`.
-    """
-
-    rows: NDArray[np.intp]
+    rows: NDArray[np.intp]  #: Numbers of the samples.
+    #: unknowns, derivatives, curvatures: As in `Fit.to`.
     unknowns: Array
     derivatives: Array
     curvatures: Array
@@ -276,29 +213,16 @@ class Pool:
 
 @dataclass(frozen=True, eq=False)
 class Solutions:
-    """Solutions of all forms in some samples, on the branch or not.
+    """Solutions of all forms in some samples, on the branch or not."""
 
-    Attributes
-    ----------
-    number
-        Number of the chunk.
-    rows
-        Numbers of the samples.
-    found
-        Of each sample, the numbers of the forms that were found.
-    unknowns, derivatives
-        Of each form its unknowns, shape (samples, unknowns), and the derivatives of its equation, shape (samples,
-        unknowns, unknowns); nan where it was not found.
-    curvatures
-        Of each form the curvatures seen by Newton's method, shape (samples,).
-    """
-
-    number: int
-    rows: NDArray[np.intp]
-    found: tuple[tuple[int, ...], ...]
+    number: int  #: Number of the chunk.
+    rows: NDArray[np.intp]  #: Numbers of the samples.
+    found: tuple[tuple[int, ...], ...]  #: Of each sample, the numbers of the forms that were found.
+    #: unknowns, derivatives: Of each form its unknowns, shape (samples, unknowns), and the derivatives of its equation,
+    #: shape (samples, unknowns, unknowns); nan where it was not found.
     unknowns: tuple[Array, ...]
     derivatives: tuple[Array, ...]
-    curvatures: tuple[Array, ...]
+    curvatures: tuple[Array, ...]  #: Of each form the curvatures seen by Newton's method, shape (samples,).
 
 
 def pools_of(
@@ -407,20 +331,15 @@ class Patterns:
     A point found by Newton's method may lie on another branch, such as one that is closed and separate in some systems
     and joined to the branch in others. So the forms found in a walked sample are compared with those that its walk
     met. A sample in which the same forms are found has the same ones of them on its branch.
-
-    Attributes
-    ----------
-    stretch
-        Of each form the number of the stretch, between points that all walks met, to which it belongs.
-    found, met
-        Numbers of forms of one stretch that were found in a walked sample, and those that its walk met there.
-    known_share
-        Share of the walked samples that the others would have told: what to expect of samples that are not walked.
     """
 
+    #: Of each form the number of the stretch, between points that all walks met, to which it belongs.
     stretch: tuple[int, ...]
+    #: found, met: Numbers of forms of one stretch that were found in a walked sample, and those that its walk met
+    #: there.
     found: tuple[tuple[int, ...], ...]
     met: tuple[tuple[int, ...], ...]
+    #: Share of the walked samples that the others would have told: what to expect of samples that are not walked.
     known_share: float = 1.0
 
     @classmethod

@@ -78,21 +78,11 @@ class Terms:
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Samples to which polynomials were fitted, reduced to what their leverages need.
+    """Samples to which polynomials were fitted, reduced to what their leverages need."""
 
-    Attributes
-    ----------
-    degree
-        Degree of the polynomials.
-    whitening : shape (terms, terms)
-        Map of the terms whose squared length is the leverage.
-    reach
-        Largest leverage of a sample of the fit with respect to all others.
-    """
-
-    degree: int
-    whitening: Array
-    reach: float
+    degree: int  #: Degree of the polynomials.
+    whitening: Array  #: shape (terms, terms): Map of the terms whose squared length is the leverage.
+    reach: float  #: Largest leverage of a sample of the fit with respect to all others.
 
 
 class Regression:
@@ -181,44 +171,26 @@ class Regressions:
 
 
 class Guess(NamedTuple):
-    """Prediction of a special point in one sample.
+    """Prediction of a special point in one sample."""
 
-    Attributes
-    ----------
-    unknowns
-        Predicted unknowns.
-    inverse
-        Predicted inverse of the derivatives of the equation; None if there is none.
-    mismatch
-        Bound of the share of a step that this inverse leaves in the parameter.
-    curvature
-        Bound of the ratio of the parameter's part of a step of Newton's method to the square of the step before.
-    """
-
-    unknowns: Array
-    inverse: Array | None = None
-    mismatch: float = np.inf
+    unknowns: Array  #: Predicted unknowns.
+    inverse: Array | None = None  #: Predicted inverse of the derivatives of the equation; None if there is none.
+    mismatch: float = np.inf  #: Bound of the share of a step that this inverse leaves in the parameter.
+    #: Bound of the ratio of the parameter's part of a step of Newton's method to the square of the step before.
     curvature: float = np.inf
 
 
 class Predicted(NamedTuple):
-    """Predictions of a special point in some samples.
+    """Predictions of a special point in some samples."""
 
-    Attributes
-    ----------
-    unknowns : shape (samples, unknowns)
-        Predicted unknowns.
-    errors : shape (samples,)
-        Bounds of the error of the predicted parameter; infinity beyond the samples that judged the fit.
-    inverses : shape (samples, unknowns, unknowns)
-        Predicted inverses of the derivatives of the equation; None if there are none.
-    mismatches, curvatures : shape (samples,)
-        As in `Guess`.
-    """
-
-    unknowns: Array
+    unknowns: Array  #: shape (samples, unknowns): Predicted unknowns.
+    #: shape (samples,): Bounds of the error of the predicted parameter; infinity beyond the samples that judged the
+    #: fit.
     errors: Array
+    #: shape (samples, unknowns, unknowns): Predicted inverses of the derivatives of the equation; None if there are
+    #: none.
     inverses: Array | None
+    #: mismatches, curvatures: shape (samples,): As in `Guess`.
     mismatches: Array
     curvatures: Array
 
@@ -233,25 +205,15 @@ class DerivativesFit:
     """Polynomials in the parameters that predict the derivatives of the equation of a special point at its solution.
 
     They are predicted rather than their inverse: where two points meet and vanish, the inverse grows without bound.
-
-    Parameters
-    ----------
-    degree
-        Degree of the polynomials.
-    coefficients : shape (terms, unknowns squared)
-        Coefficients of the derivatives.
-    cloud
-        The samples of the fit.
-    weights : shape (unknowns,)
-        Weights of the last row of an inverse; with them it gives a length to which mismatch and curvature are relative.
-    mismatch, curvature
-        These bounds per unit of that length, at leverage 0; see `Guess`.
     """
 
-    degree: int
-    coefficients: Array
-    cloud: Cloud
+    degree: int  #: Degree of the polynomials.
+    coefficients: Array  #: shape (terms, unknowns squared): Coefficients of the derivatives.
+    cloud: Cloud  #: The samples of the fit.
+    #: shape (unknowns,): Weights of the last row of an inverse; with them it gives a length to which mismatch and
+    #: curvature are relative.
     weights: Array
+    #: mismatch, curvature: These bounds per unit of that length, at leverage 0; see `Guess`.
     mismatch: float
     curvature: float
 
@@ -296,30 +258,17 @@ def _inverses(matrices: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Polynomials in the parameters that predict the unknowns of a special point, and how to correct them.
+    """Polynomials in the parameters that predict the unknowns of a special point, and how to correct them."""
 
-    Parameters
-    ----------
-    origin, widths
-        Values of the parameters at zero, and their units.
-    degree
-        Degree of the polynomials.
-    coefficients : shape (terms, unknowns)
-        Coefficients of the unknowns.
-    cloud
-        The samples of the fit; None if too few are known to judge its error.
-    unit_error
-        Bound for the error of the predicted parameter at leverage 0; it grows like 1 + leverage.
-    derivatives
-        Predictor of the derivatives of the equation; None if they are not known.
-    """
-
+    #: origin, widths: Values of the parameters at zero, and their units.
     origin: Array
     widths: Array
-    degree: int
-    coefficients: Array
-    cloud: Cloud | None = None
+    degree: int  #: Degree of the polynomials.
+    coefficients: Array  #: shape (terms, unknowns): Coefficients of the unknowns.
+    cloud: Cloud | None = None  #: The samples of the fit; None if too few are known to judge its error.
+    #: Bound for the error of the predicted parameter at leverage 0; it grows like 1 + leverage.
     unit_error: float = np.inf
+    #: Predictor of the derivatives of the equation; None if they are not known.
     derivatives: DerivativesFit | None = None
 
     @classmethod

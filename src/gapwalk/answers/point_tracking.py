@@ -54,21 +54,11 @@ _FAR = 0.1  # the same, from the first prediction by a gradient; from one by a f
 
 @dataclass(frozen=True, eq=False)
 class Corrected:
-    """A special point in another system.
+    """A special point in another system."""
 
-    Attributes
-    ----------
-    unknowns
-        Unknowns of its equation; the last one is the parameter of the branch.
-    place
-        The equations of the orbit before the last step of Newton's method.
-    equation
-        Equation of the point in that system.
-    """
-
-    unknowns: Array
-    place: Place
-    equation: LocusEquation
+    unknowns: Array  #: Unknowns of its equation; the last one is the parameter of the branch.
+    place: Place  #: The equations of the orbit before the last step of Newton's method.
+    equation: LocusEquation  #: Equation of the point in that system.
     curvature: float = 0.0
     """Largest seen ratio of the parameter's part of a step of Newton's method to the square of the step before."""
     orientation: float = 0.0
@@ -82,28 +72,15 @@ class Corrected:
 
 @dataclass(frozen=True, eq=False)
 class TrackedPoint:
-    """A special point that is found again in systems near by.
+    """A special point that is found again in systems near by."""
 
-    Parameters
-    ----------
-    special
-        The point.
-    names
-        The parameters by which the systems differ.
-    equation
-        Equation of its locus, in the plane of the parameter of its branch alone.
-    unknowns, scales
-        Unknowns of the point and their scales.
-    fit
-        Predictor of the point from solutions in other systems.
-    """
-
-    special: SpecialPoint
-    names: tuple[str, ...]
-    equation: LocusEquation
+    special: SpecialPoint  #: The point.
+    names: tuple[str, ...]  #: The parameters by which the systems differ.
+    equation: LocusEquation  #: Equation of its locus, in the plane of the parameter of its branch alone.
+    #: unknowns, scales: Unknowns of the point and their scales.
     unknowns: Array
     scales: Array
-    fit: Fit | None = field(default=None, repr=False)
+    fit: Fit | None = field(default=None, repr=False)  #: Predictor of the point from solutions in other systems.
 
     @classmethod
     def of(cls, special: SpecialPoint, names: Sequence[str]) -> TrackedPoint:

@@ -53,32 +53,6 @@ class Severity:
     In a system with units, forces are in N m, velocities in the unit of angles per second, accelerations in rad/s^2,
     and powers in W.
 
-    Attributes
-    ----------
-    gap, met
-        Name of the contact; how the motion is met: ``rising``, ``falling``, or ``other`` if no sweep meets it.
-    value
-        Value of the parameter.
-    state
-        State of the gap.
-    period
-        Period of the motion in forcing periods; 0 if it is not periodic.
-    impacts
-        Impacts per forcing period.
-    per_second, per_turn
-        Impacts per unit of time, and per turn of the shaft whose speed is the first parameter; nan if there is none.
-    peak
-        Largest magnitude of the contact force; nan on a rigid stop.
-    approach
-        Largest approach velocity.
-    power
-        Mean power lost in the contact.
-    rms, kurtosis
-        Root mean square and kurtosis of the acceleration of the coordinate that moves most violently across the gap;
-        nan where a rigid stop gives it impulses.
-    level
-        ``20 log10`` of that rms over the reference, in dB; -inf without acceleration, nan where the rms is.
-
     Examples
     --------
     >>> severity = bands.severities[0]
@@ -86,38 +60,31 @@ class Severity:
     ('stop', 1.0, 5.2365)
     """
 
+    #: gap, met: Name of the contact; how the motion is met: ``rising``, ``falling``, or ``other`` if no sweep meets it.
     gap: str
     met: str
-    value: float
-    state: GapState
-    period: int
-    impacts: float
+    value: float  #: Value of the parameter.
+    state: GapState  #: State of the gap.
+    period: int  #: Period of the motion in forcing periods; 0 if it is not periodic.
+    impacts: float  #: Impacts per forcing period.
+    #: per_second, per_turn: Impacts per unit of time, and per turn of the shaft whose speed is the first parameter; nan
+    #: if there is none.
     per_second: float
     per_turn: float
-    peak: float
-    approach: float
-    power: float
+    peak: float  #: Largest magnitude of the contact force; nan on a rigid stop.
+    approach: float  #: Largest approach velocity.
+    power: float  #: Mean power lost in the contact.
+    #: rms, kurtosis: Root mean square and kurtosis of the acceleration of the coordinate that moves most violently
+    #: across the gap; nan where a rigid stop gives it impulses.
     rms: float
     kurtosis: float
+    #: ``20 log10`` of that rms over the reference, in dB; -inf without acceleration, nan where the rms is.
     level: float
 
 
 @dataclass(frozen=True, slots=True)
 class Worst:
     """The worst rattle of a gap among all settled motions that are known.
-
-    Attributes
-    ----------
-    severity
-        Its severity. If the motion is not periodic, its figures are those of a sample of it.
-    share
-        Share of random starts, at its value of the parameter, that lead to it: those with its peak force. A motion that
-        is not periodic, or one on a rigid stop, cannot be told by its peak force: of these it is the share of starts
-        that lead to rattle of any kind. It is nan if none was followed.
-    starts
-        Number of these starts.
-    motion
-        Kind of the motion in words: ``period 1``, ``chaotic``, ...
 
     Examples
     --------
@@ -126,10 +93,13 @@ class Worst:
     ('stop', 16, 'period 1')
     """
 
-    severity: Severity
+    severity: Severity  #: Its severity. If the motion is not periodic, its figures are those of a sample of it.
+    #: Share of random starts, at its value of the parameter, that lead to it: those with its peak force. A motion that
+    #: is not periodic, or one on a rigid stop, cannot be told by its peak force: of these it is the share of starts
+    #: that lead to rattle of any kind. It is nan if none was followed.
     share: float
-    starts: int
-    motion: str = ""
+    starts: int  #: Number of these starts.
+    motion: str = ""  #: Kind of the motion in words: ``period 1``, ``chaotic``, ...
 
     @property
     def words(self) -> str:
@@ -144,29 +114,6 @@ class Worst:
 class RattleBands(Shown):
     """The bands of a parameter in which gaps rattle.
 
-    Attributes
-    ----------
-    system
-        The system; its own value of the parameter plays no role.
-    parameter, within
-        The parameter and its range.
-    gaps
-        Names of the contacts.
-    reference
-        Acceleration to which levels in dB refer.
-    sweeps
-        The settled motions met by slow sweeps, then others that were found from random starts.
-    bands
-        The bands, by gap, then by how they are met (see `RattleBand.met`).
-    severities
-        Severity along the motions, in the order of the parameter.
-    worst
-        The worst motion of each gap that rattles.
-    complete
-        False if the computation was stopped before its end.
-    notes
-        Remarks, in sentences.
-
     Examples
     --------
     >>> [(round(band.low.value, 6), round(band.high.value, 6)) for band in bands.of("stop", met="rising")]
@@ -175,17 +122,19 @@ class RattleBands(Shown):
     [(1.1, 1.218574)]
     """
 
-    system: System
+    system: System  #: The system; its own value of the parameter plays no role.
+    #: parameter, within: The parameter and its range.
     parameter: str
     within: tuple[float, float]
-    gaps: tuple[str, ...]
-    reference: float
+    gaps: tuple[str, ...]  #: Names of the contacts.
+    reference: float  #: Acceleration to which levels in dB refer.
+    #: The settled motions met by slow sweeps, then others that were found from random starts.
     sweeps: tuple[SettledSweep, ...]
-    bands: tuple[RattleBand, ...]
-    severities: tuple[Severity, ...]
-    worst: tuple[Worst, ...]
-    complete: bool = True
-    notes: tuple[str, ...] = ()
+    bands: tuple[RattleBand, ...]  #: The bands, by gap, then by how they are met (see `RattleBand.met`).
+    severities: tuple[Severity, ...]  #: Severity along the motions, in the order of the parameter.
+    worst: tuple[Worst, ...]  #: The worst motion of each gap that rattles.
+    complete: bool = True  #: False if the computation was stopped before its end.
+    notes: tuple[str, ...] = ()  #: Remarks, in sentences.
 
     def of(self, gap: str | None = None, met: str = "any") -> tuple[RattleBand, ...]:
         """Return the bands of a gap (by default the first one) that are met in one way, from low to high.

@@ -40,35 +40,6 @@ Ranges = tuple[tuple[float, float], tuple[float, float]]
 class RattleMap(Shown):
     r"""States of gaps in the plane of two parameters, cell by cell; the first row of each array is the lowest.
 
-    Attributes
-    ----------
-    system
-        The system, with the values of the other parameters.
-    first, second
-        Names of the parameters: horizontal, and vertical.
-    within
-        The range of each parameter. A cell is evaluated at its centre.
-    gaps
-        Names of the contacts.
-    codes : shape (rows, columns, gaps)
-        `GapState.code` of each gap; -1 where the motion has diverged, -2 where nothing is known yet.
-    periods : shape (rows, columns)
-        Periods of the motions; 0 if they did not become periodic.
-    peak_force : shape (rows, columns, gaps)
-        Largest magnitude of each contact force; nan on a rigid stop.
-    loci
-        Exact borders: loci of grazing points at which a gap begins or ceases to rattle, and of points at which the
-        motion that was followed is lost.
-    checked, different
-        Number of cells whose gaps were observed with the exact flow, rare kinds first; one sentence for each that then
-        differed. The map holds what the exact flow found.
-    error
-        Error of the batch integrator over one forcing period, relative to the size of the motion.
-    complete
-        False if the computation was stopped before its end.
-    notes
-        Remarks, in sentences.
-
     Examples
     --------
     >>> import io
@@ -78,20 +49,28 @@ class RattleMap(Shown):
     {'open': 18, 'one side': 18}
     """
 
-    system: System
+    system: System  #: The system, with the values of the other parameters.
+    #: first, second: Names of the parameters: horizontal, and vertical.
     first: str
     second: str
-    within: Ranges
-    gaps: tuple[str, ...]
+    within: Ranges  #: The range of each parameter. A cell is evaluated at its centre.
+    gaps: tuple[str, ...]  #: Names of the contacts.
+    #: shape (rows, columns, gaps): `GapState.code` of each gap; -1 where the motion has diverged, -2 where nothing is
+    #: known yet.
     codes: NDArray[np.int_]
-    periods: NDArray[np.int_]
+    periods: NDArray[np.int_]  #: shape (rows, columns): Periods of the motions; 0 if they did not become periodic.
+    #: shape (rows, columns, gaps): Largest magnitude of each contact force; nan on a rigid stop.
     peak_force: NDArray[np.float64]
+    #: Exact borders: loci of grazing points at which a gap begins or ceases to rattle, and of points at which the
+    #: motion that was followed is lost.
     loci: tuple[Locus, ...] = ()
+    #: checked, different: Number of cells whose gaps were observed with the exact flow, rare kinds first; one sentence
+    #: for each that then differed. The map holds what the exact flow found.
     checked: int = 0
     different: tuple[str, ...] = ()
-    error: float = 0.0
-    complete: bool = True
-    notes: tuple[str, ...] = ()
+    error: float = 0.0  #: Error of the batch integrator over one forcing period, relative to the size of the motion.
+    complete: bool = True  #: False if the computation was stopped before its end.
+    notes: tuple[str, ...] = ()  #: Remarks, in sentences.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""

@@ -45,19 +45,6 @@ _TOPS = 6  # of the largest samples of a force, around each of which it is looke
 class ForcePeak(NamedTuple):
     """The largest magnitude of a contact's force in a run-up.
 
-    Attributes
-    ----------
-    contact
-        Name of the contact.
-    force
-        The force there, with its sign, in the unit of the force.
-    speed, time, theta
-        Instant of it.
-    impacts
-        Closures of the innermost stages during the run-up.
-    fastest
-        Largest approach velocity of them; 0 without any.
-
     Examples
     --------
     >>> peak = run.peaks[0]
@@ -65,37 +52,19 @@ class ForcePeak(NamedTuple):
     ('stop', 8.8825, 8)
     """
 
-    contact: str
-    force: float
+    contact: str  #: Name of the contact.
+    force: float  #: The force there, with its sign, in the unit of the force.
+    #: speed, time, theta: Instant of it.
     speed: float
     time: float
     theta: float
-    impacts: int
-    fastest: float
+    impacts: int  #: Closures of the innermost stages during the run-up.
+    fastest: float  #: Largest approach velocity of them; 0 without any.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunUp(Shown):
     """The motion during a run-up, sampled, exact at each sample.
-
-    Attributes
-    ----------
-    system
-        The system; its own speed plays no role.
-    course
-        Speed over time.
-    samples
-        Samples per forcing period; those at knots of the course and at the end are further ones.
-    theta : shape (samples,)
-        Angle of the excitation, in radians; it does not begin again with each period.
-    time, speed : shape (samples,)
-        Time, and the first parameter of the system, such as its speed in rpm.
-    states : shape (samples, 2n)
-        Positions, then velocities.
-    events
-        The crossings of breakpoints, in order.
-    peaks
-        The largest force of each contact.
 
     Examples
     --------
@@ -105,15 +74,17 @@ class RunUp(Shown):
     (8.8825, 1.4774)
     """
 
-    system: System
-    course: SpeedCourse
-    samples: int
+    system: System  #: The system; its own speed plays no role.
+    course: SpeedCourse  #: Speed over time.
+    samples: int  #: Samples per forcing period; those at knots of the course and at the end are further ones.
+    #: shape (samples,): Angle of the excitation, in radians; it does not begin again with each period.
     theta: NDArray[np.float64]
+    #: time, speed: shape (samples,): Time, and the first parameter of the system, such as its speed in rpm.
     time: NDArray[np.float64]
     speed: NDArray[np.float64]
-    states: NDArray[np.float64]
-    events: tuple[ContactEvent, ...]
-    peaks: tuple[ForcePeak, ...]
+    states: NDArray[np.float64]  #: shape (samples, 2n): Positions, then velocities.
+    events: tuple[ContactEvent, ...]  #: The crossings of breakpoints, in order.
+    peaks: tuple[ForcePeak, ...]  #: The largest force of each contact.
 
     def _check_read(self) -> None:
         """A ValueError if its parts do not fit together."""

@@ -45,33 +45,21 @@ _SPREAD = 3.0  # largest ratio of the durations of the run-ups of a block
 
 @dataclass(frozen=True, eq=False)
 class BatchedRunUps:
-    """Extremes, forces and impacts of many run-ups in bins of time.
+    """Extremes, forces and impacts of many run-ups in bins of time."""
 
-    Attributes
-    ----------
-    low, high : shape (runs, bins, n)
-        Smallest and largest value of each coordinate.
-    forces : shape (runs, bins, contacts)
-        Largest magnitude of each contact force.
-    impacts : shape (runs, bins, contacts, 2)
-        Closures of the innermost stages, on the positive and on the negative side.
-    states : shape (runs, bins + 1, 2n)
-        States at the ends of the bins; NaN once a motion has diverged.
-    error, worst, trials
-        As in `BatchRun`, over one forcing period or one bin, whichever is longer.
-    steps
-        Steps per unit of time.
-    """
-
+    #: low, high: shape (runs, bins, n): Smallest and largest value of each coordinate.
     low: NDArray[np.float64]
     high: NDArray[np.float64]
-    forces: NDArray[np.float64]
+    forces: NDArray[np.float64]  #: shape (runs, bins, contacts): Largest magnitude of each contact force.
+    #: shape (runs, bins, contacts, 2): Closures of the innermost stages, on the positive and on the negative side.
     impacts: NDArray[np.float64]
+    #: shape (runs, bins + 1, 2n): States at the ends of the bins; NaN once a motion has diverged.
     states: NDArray[np.float64]
+    #: error, worst, trials: As in `BatchRun`, over one forcing period or one bin, whichever is longer.
     error: float
     worst: float
     trials: int
-    steps: float
+    steps: float  #: Steps per unit of time.
 
 
 def run_batch(

@@ -33,37 +33,23 @@ _SAME = 1e-9  # relative difference of rates that are one
 class RunUps(Shown):
     """Extremes, contact forces and impacts of many run-ups, each divided into equal times (bins).
 
-    Attributes
-    ----------
-    system
-        The system; its own speed plays no role.
-    courses
-        Speed over time of each run-up.
-    phases : shape (runs,)
-        Angles of the excitation at the starts, in radians.
-    low, high : shape (runs, bins, n)
-        Smallest and largest value of each coordinate; NaN once a motion has diverged.
-    forces : shape (runs, bins, contacts)
-        Largest magnitude of each contact force.
-    impacts : shape (runs, bins, contacts, 2)
-        Closures of the innermost stages, on the positive and on the negative side.
-    error, worst, trials
-        Error over a forcing period or a bin, whichever is longer, from comparisons with the exact flow: the root mean
-        square and the largest of all; see `BatchOptions.error`.
-
     Examples
     --------
     >>> runs.contacts, runs.bins, runs.peaks("stop").shape
     (('stop',), 20, (2,))
     """
 
-    system: System
-    courses: tuple[SpeedCourse, ...]
-    phases: NDArray[np.float64]
+    system: System  #: The system; its own speed plays no role.
+    courses: tuple[SpeedCourse, ...]  #: Speed over time of each run-up.
+    phases: NDArray[np.float64]  #: shape (runs,): Angles of the excitation at the starts, in radians.
+    #: low, high: shape (runs, bins, n): Smallest and largest value of each coordinate; NaN once a motion has diverged.
     low: NDArray[np.float64]
     high: NDArray[np.float64]
-    forces: NDArray[np.float64]
+    forces: NDArray[np.float64]  #: shape (runs, bins, contacts): Largest magnitude of each contact force.
+    #: shape (runs, bins, contacts, 2): Closures of the innermost stages, on the positive and on the negative side.
     impacts: NDArray[np.float64]
+    #: error, worst, trials: Error over a forcing period or a bin, whichever is longer, from comparisons with the exact
+    #: flow: the root mean square and the largest of all; see `BatchOptions.error`.
     error: float
     worst: float
     trials: int

@@ -34,22 +34,6 @@ _MARKS = {HOLDS: "holds", FAILS: "no", UNKNOWN: "?"}
 class Luck(NamedTuple):
     """How likely it is that variations fulfil so many claims by chance.
 
-    Attributes
-    ----------
-    score
-        The number of claims.
-    hits, neighbours
-        Number of random neighbours that fulfil at least as many, and of all of them.
-    share
-        Their share; nan without neighbours.
-    upper
-        What the share of all such neighbours is at most, with 95 % confidence (Clopper and Pearson 1934, one-sided).
-    tried
-        Number of variations that were tried.
-    chance, at_most
-        The chance that at least one of so many variations would do as well if each were no better than a random
-        neighbour: by the share, and by its upper bound.
-
     Examples
     --------
     >>> luck = scan.luck(1)
@@ -57,12 +41,16 @@ class Luck(NamedTuple):
     (10, True)
     """
 
-    score: int
+    score: int  #: The number of claims.
+    #: hits, neighbours: Number of random neighbours that fulfil at least as many, and of all of them.
     hits: int
     neighbours: int
-    share: float
+    share: float  #: Their share; nan without neighbours.
+    #: What the share of all such neighbours is at most, with 95 % confidence (Clopper and Pearson 1934, one-sided).
     upper: float
-    tried: int
+    tried: int  #: Number of variations that were tried.
+    #: chance, at_most: The chance that at least one of so many variations would do as well if each were no better than
+    #: a random neighbour: by the share, and by its upper bound.
     chance: float
     at_most: float
 
@@ -82,47 +70,19 @@ class Luck(NamedTuple):
 class ScanCheck:
     """Comparison of the best variations with the exact flow.
 
-    Attributes
-    ----------
-    checked
-        Number of settled motions that were classified again with the exact flow.
-    different
-        One sentence for each of them that then got another kind or period.
-
     Examples
     --------
     >>> scan.check.checked >= len(scan.check.different)
     True
     """
 
-    checked: int = 0
-    different: tuple[str, ...] = ()
+    checked: int = 0  #: Number of settled motions that were classified again with the exact flow.
+    different: tuple[str, ...] = ()  #: One sentence for each of them that then got another kind or period.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scan(Shown):
     """Which claims hold for which variations of a system.
-
-    Attributes
-    ----------
-    system
-        The system.
-    claims
-        The claims.
-    variations
-        The variations; the first is the system itself.
-    holds : shape (variations, claims)
-        1 where a claim holds, 0 where it does not, -1 where it is unknown.
-    amounts : shape (variations, claims)
-        Share of starts that settle on the motion of a claim, or number of its special points.
-    check
-        Comparison of the best variations with the exact flow.
-    error
-        Error of the batch integrator over a forcing period, relative to the size of the motion.
-    complete
-        False if the scan was stopped before its end; the remaining entries are unknown.
-    notes
-        Remarks, in sentences.
 
     Examples
     --------
@@ -130,15 +90,18 @@ class Scan(Shown):
     ('harmonic1.amplitude = 0.25', 2)
     """
 
-    system: System
-    claims: tuple[AnyClaim, ...]
-    variations: Variations
+    system: System  #: The system.
+    claims: tuple[AnyClaim, ...]  #: The claims.
+    variations: Variations  #: The variations; the first is the system itself.
+    #: shape (variations, claims): 1 where a claim holds, 0 where it does not, -1 where it is unknown.
     holds: NDArray[np.int_]
+    #: shape (variations, claims): Share of starts that settle on the motion of a claim, or number of its special
+    #: points.
     amounts: NDArray[np.float64]
-    check: ScanCheck = ScanCheck()
-    error: float = 0.0
-    complete: bool = True
-    notes: tuple[str, ...] = ()
+    check: ScanCheck = ScanCheck()  #: Comparison of the best variations with the exact flow.
+    error: float = 0.0  #: Error of the batch integrator over a forcing period, relative to the size of the motion.
+    complete: bool = True  #: False if the scan was stopped before its end; the remaining entries are unknown.
+    notes: tuple[str, ...] = ()  #: Remarks, in sentences.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""

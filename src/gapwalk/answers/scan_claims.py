@@ -28,24 +28,17 @@ _KINDS = {"periodic": Regime.PERIODIC, "quasi-periodic": Regime.QUASI_PERIODIC, 
 class MotionClaim:
     """A claim that motions settle on a kind of motion.
 
-    Parameters
-    ----------
-    motion
-        ``"period 3"`` (of the excitation), ``"periodic"``, ``"quasi-periodic"`` or ``"chaotic"``.
-    at
-        Values of parameters, by name, at which it is said.
-    share
-        Least share of the starts that must settle on it; at 0, one start is enough, and 1 means that there is nothing
-        else.
-
     Examples
     --------
     >>> gw.ask.MotionClaim("period 3", {"frequency": 0.63}).words
     'period 3 at frequency = 0.63'
     """
 
-    motion: str
+    motion: str  #: ``"period 3"`` (of the excitation), ``"periodic"``, ``"quasi-periodic"`` or ``"chaotic"``.
+    #: Values of parameters, by name, at which it is said.
     at: Mapping[str, float] = field(default_factory=dict, hash=False)
+    #: Least share of the starts that must settle on it; at 0, one start is enough, and 1 means that there is nothing
+    #: else.
     share: float = 0.0
 
     def __post_init__(self) -> None:
@@ -106,43 +99,20 @@ class MotionClaim:
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """A walk that claims rest on.
+    """A walk that claims rest on."""
 
-    Parameters
-    ----------
-    parameter, begin, end
-        The parameter, and the range over which the branch is walked, from the first value to the second.
-    period
-        Number m of forcing periods after which its orbits repeat.
-    at
-        Values of other parameters, by name and in the order of their names.
-    """
-
+    #: parameter, begin, end: The parameter, and the range over which the branch is walked, from the first value to the
+    #: second.
     parameter: str
     begin: float
     end: float
-    period: int = 1
-    at: tuple[tuple[str, float], ...] = ()
+    period: int = 1  #: Number m of forcing periods after which its orbits repeat.
+    at: tuple[tuple[str, float], ...] = ()  #: Values of other parameters, by name and in the order of their names.
 
 
 @dataclass(frozen=True, slots=True)
 class PointClaim:
     """A claim that a branch has a special point in a range of a parameter, or has none there.
-
-    Parameters
-    ----------
-    kind
-        Kind of special point, such as ``"flip"``.
-    parameter, low, high
-        The parameter, and the range in which the point lies.
-    absent
-        True if there is no such point in the range.
-    over
-        Range over which the branch is walked, from the first value to the second; by default from `high` to `low`.
-    period
-        Number m of forcing periods after which the orbits of the branch repeat.
-    at
-        Values of other parameters, by name, at which it is said.
 
     Examples
     --------
@@ -150,13 +120,16 @@ class PointClaim:
     'flip at frequency from 0.62 to 0.85'
     """
 
-    kind: Kind
+    kind: Kind  #: Kind of special point, such as ``"flip"``.
+    #: parameter, low, high: The parameter, and the range in which the point lies.
     parameter: str
     low: float
     high: float
-    absent: bool = False
+    absent: bool = False  #: True if there is no such point in the range.
+    #: Range over which the branch is walked, from the first value to the second; by default from `high` to `low`.
     over: tuple[float, float] | None = None
-    period: int = 1
+    period: int = 1  #: Number m of forcing periods after which the orbits of the branch repeat.
+    #: Values of other parameters, by name, at which it is said.
     at: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:

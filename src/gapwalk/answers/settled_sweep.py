@@ -58,27 +58,17 @@ class Direction(StrEnum):
 class SlowSweepOptions:
     """Options of a slow sweep.
 
-    Parameters
-    ----------
-    steps
-        Steps of the range at which motions without a branch are sampled.
-    longest
-        Longest period, in forcing periods, of motions that are followed as branches; longer ones are sampled.
-    patience
-        The most forcing periods in which a sampled motion may become periodic.
-    walk
-        Options of the walks.
-
     Examples
     --------
     >>> gw.records.SlowSweepOptions(steps=50).steps
     50
     """
 
-    steps: int = 100
+    steps: int = 100  #: Steps of the range at which motions without a branch are sampled.
+    #: Longest period, in forcing periods, of motions that are followed as branches; longer ones are sampled.
     longest: int = 2
-    patience: int = 300
-    walk: WalkOptions = WalkOptions()
+    patience: int = 300  #: The most forcing periods in which a sampled motion may become periodic.
+    walk: WalkOptions = WalkOptions()  #: Options of the walks.
 
     def __post_init__(self) -> None:
         for name, least in (("steps", 2), ("longest", 1), ("patience", 16)):
@@ -91,17 +81,6 @@ class SlowSweepOptions:
 class Stretch:
     """Stable periodic motions over a stretch of the parameter.
 
-    Attributes
-    ----------
-    branch
-        The branch, in the direction of the sweep; its last point may lie beyond the loss of stability.
-    begin, end
-        Values of the parameter between which it is stable, in the direction of the sweep.
-    lost
-        Special point at which it loses its stability; None if it does not.
-    why
-        Reason why it ends, in words.
-
     Examples
     --------
     >>> stretch = bands.sweeps[0].stretches[0]
@@ -109,11 +88,12 @@ class Stretch:
     (1.1, 1.392109, 'fold')
     """
 
-    branch: Branch
+    branch: Branch  #: The branch, in the direction of the sweep; its last point may lie beyond the loss of stability.
+    #: begin, end: Values of the parameter between which it is stable, in the direction of the sweep.
     begin: float
     end: float
-    lost: SpecialPoint | None
-    why: str
+    lost: SpecialPoint | None  #: Special point at which it loses its stability; None if it does not.
+    why: str  #: Reason why it ends, in words.
 
     @property
     def points(self) -> tuple[BranchPoint, ...]:
@@ -132,41 +112,19 @@ class Stretch:
 class Sample:
     """A settled motion at one value of the parameter.
 
-    Attributes
-    ----------
-    value
-        Value of the parameter.
-    motion
-        The motion, with its orbit if it is periodic.
-
     Examples
     --------
     >>> gw.records.Sample(value=0.6, motion=settled).motion.period
     1
     """
 
-    value: float
-    motion: Settled
+    value: float  #: Value of the parameter.
+    motion: Settled  #: The motion, with its orbit if it is periodic.
 
 
 @dataclass(frozen=True, eq=False)
 class SettledSweep:
     """The motions met by a slow sweep.
-
-    Attributes
-    ----------
-    parameter
-        Name of the parameter.
-    within
-        Its range, the smaller end first.
-    direction
-        Direction of the sweep.
-    stretches, samples
-        Periodic motions that were followed, and motions that were sampled; both in the order of the sweep.
-    notes
-        Failures, in sentences.
-    name
-        How the motions are met if not by a sweep; empty for a sweep.
 
     Examples
     --------
@@ -175,13 +133,15 @@ class SettledSweep:
     (<Direction.UP: 'rising'>, 2)
     """
 
-    parameter: str
-    within: tuple[float, float]
-    direction: Direction
+    parameter: str  #: Name of the parameter.
+    within: tuple[float, float]  #: Its range, the smaller end first.
+    direction: Direction  #: Direction of the sweep.
+    #: stretches, samples: Periodic motions that were followed, and motions that were sampled; both in the order of the
+    #: sweep.
     stretches: tuple[Stretch, ...]
     samples: tuple[Sample, ...]
-    notes: tuple[str, ...] = ()
-    name: str = ""
+    notes: tuple[str, ...] = ()  #: Failures, in sentences.
+    name: str = ""  #: How the motions are met if not by a sweep; empty for a sweep.
 
     @property
     def met(self) -> str:

@@ -29,13 +29,6 @@ _MOST_SAMPLES = 20_000_000
 class SpeedCourse:
     """Speed over time, linear between points.
 
-    Parameters
-    ----------
-    time : shape (points,)
-        Increasing times from 0: in seconds if the system has units, otherwise non-dimensional.
-    speed : shape (points,)
-        Positive values of the system's first parameter: its ``speed`` (such as rpm) or its ``frequency``.
-
     Raises
     ------
     ModelError
@@ -47,7 +40,10 @@ class SpeedCourse:
     2.0
     """
 
+    #: shape (points,): Increasing times from 0: in seconds if the system has units, otherwise non-dimensional.
     time: NDArray[np.float64]
+    #: shape (points,): Positive values of the system's first parameter: its ``speed`` (such as rpm) or its
+    #: ``frequency``.
     speed: NDArray[np.float64]
 
     def __post_init__(self) -> None:
@@ -190,23 +186,13 @@ class SpeedCourse:
 
 
 class Piece(NamedTuple):
-    """A part of a forcing period with constant acceleration.
+    """A part of a forcing period with constant acceleration."""
 
-    Attributes
-    ----------
-    angles
-        Angles at which the motion is sampled, the first of them its start, less whole turns.
-    turn
-        The whole turns, in radians.
-    begun
-        Time at its start.
-    speed, acceleration
-        The speed W at its start, and its derivative by time, in consistent units.
-    """
-
+    #: Angles at which the motion is sampled, the first of them its start, less whole turns.
     angles: NDArray[np.float64]
-    turn: float
-    begun: float
+    turn: float  #: The whole turns, in radians.
+    begun: float  #: Time at its start.
+    #: speed, acceleration: The speed W at its start, and its derivative by time, in consistent units.
     speed: float
     acceleration: float
 

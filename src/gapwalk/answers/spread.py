@@ -54,19 +54,6 @@ class SpreadLaw(StrEnum):
 class Spread:
     """Distribution of one parameter.
 
-    Parameters
-    ----------
-    parameter
-        Name of the parameter.
-    law
-        Law of its values; a normal law with `low` or `high` is truncated there.
-    sd
-        Standard deviation of a normal law before truncation, in the unit of the parameter.
-    low, high
-        Ends of the distribution, in the unit of the parameter.
-    mean
-        Mean of a normal law before truncation, or peak of a triangular one; by default the value of the system.
-
     Raises
     ------
     ModelError
@@ -80,11 +67,13 @@ class Spread:
     array([0.95, 1.  ])
     """
 
-    parameter: str
-    law: SpreadLaw = SpreadLaw.NORMAL
-    sd: float | None = None
+    parameter: str  #: Name of the parameter.
+    law: SpreadLaw = SpreadLaw.NORMAL  #: Law of its values; a normal law with `low` or `high` is truncated there.
+    sd: float | None = None  #: Standard deviation of a normal law before truncation, in the unit of the parameter.
+    #: low, high: Ends of the distribution, in the unit of the parameter.
     low: float | None = None
     high: float | None = None
+    #: Mean of a normal law before truncation, or peak of a triangular one; by default the value of the system.
     mean: float | None = None
 
     def __post_init__(self) -> None:
@@ -174,17 +163,6 @@ class Spread:
 class Drawn:
     """Samples of some parameters.
 
-    Attributes
-    ----------
-    names
-        The parameters.
-    values : shape (samples, parameters)
-        The samples.
-    shares : shape (samples, parameters)
-        Share of all parts below each value, uniform between 0 and 1; for measured parts, from their ranks.
-    independent
-        True if no parameter says anything about another one: then Sobol indices are defined.
-
     Examples
     --------
     >>> drawn = gw.analysis.Spreads([gw.ask.Spread("stop.clearance", sd=0.05, mean=1.0)]).design(8, seed=0)
@@ -192,25 +170,17 @@ class Drawn:
     (('stop.clearance',), (8, 1))
     """
 
-    names: tuple[str, ...]
-    values: Array
+    names: tuple[str, ...]  #: The parameters.
+    values: Array  #: shape (samples, parameters): The samples.
+    #: shape (samples, parameters): Share of all parts below each value, uniform between 0 and 1; for measured parts,
+    #: from their ranks.
     shares: Array
-    independent: bool
+    independent: bool  #: True if no parameter says anything about another one: then Sobol indices are defined.
 
 
 @dataclass(frozen=True)
 class Spreads:
     """Joint distribution of some parameters: a law for each, or measured parts.
-
-    Parameters
-    ----------
-    laws
-        A distribution for each parameter.
-    correlation
-        Correlation matrix of the standard normal numbers behind the laws, in the order of `laws`; empty for
-        independent parameters.
-    names, parts
-        Parameters and their values, part by part, of measured parts; instead of `laws`.
 
     Raises
     ------
@@ -224,8 +194,11 @@ class Spreads:
     (4, 2)
     """
 
-    laws: tuple[Spread, ...] = ()
+    laws: tuple[Spread, ...] = ()  #: A distribution for each parameter.
+    #: Correlation matrix of the standard normal numbers behind the laws, in the order of `laws`; empty for independent
+    #: parameters.
     correlation: tuple[tuple[float, ...], ...] = ()
+    #: names, parts: Parameters and their values, part by part, of measured parts; instead of `laws`.
     names: tuple[str, ...] = ()
     parts: tuple[tuple[float, ...], ...] = ()
 

@@ -30,28 +30,15 @@ _NEAR = 1e-4  # share of the range within which two values are nearly one
 
 @dataclass(frozen=True, eq=False)
 class Mark:
-    """A special point that is known to lie on a branch.
+    """A special point that is known to lie on a branch."""
 
-    Attributes
-    ----------
-    form
-        Number of its form.
-    kind, contact
-        What it is.
-    value
-        Value of the parameter.
-    state : shape (state size,)
-        Initial state of its orbit.
-    way
-        Sign of the change of the parameter where the walk passes it.
-    """
-
-    form: int
+    form: int  #: Number of its form.
+    #: kind, contact: What it is.
     kind: str
     contact: str
-    value: float
-    state: Array
-    way: float
+    value: float  #: Value of the parameter.
+    state: Array  #: shape (state size,): Initial state of its orbit.
+    way: float  #: Sign of the change of the parameter where the walk passes it.
 
     def is_at(self, special: SpecialPoint, width: float) -> bool:
         """Return True if a special point of a walk is this one; `width` is that of the range."""

@@ -28,31 +28,19 @@ _SMOOTH = 1e-6  # error of a limit, relative to the range, above which its locus
 class ThresholdOptions:
     """Options of a threshold.
 
-    Parameters
-    ----------
-    values
-        Values of the other parameter at which motions are tried.
-    starts
-        Starts at each of them: rest, and states spread over a box.
-    periods
-        Number of forcing periods in which motions may become periodic. Those that have not are followed up to 60 times
-        as long.
-    rounds
-        The most borders that are followed one after the other.
-    seed
-        Seed of the starts.
-
     Examples
     --------
     >>> gw.ask.ThresholdOptions(values=12, starts=6).values
     12
     """
 
-    values: int = 24
-    starts: int = 10
+    values: int = 24  #: Values of the other parameter at which motions are tried.
+    starts: int = 10  #: Starts at each of them: rest, and states spread over a box.
+    #: Number of forcing periods in which motions may become periodic. Those that have not are followed up to 60 times
+    #: as long.
     periods: int = 600
-    rounds: int = 6
-    seed: int = 0
+    rounds: int = 6  #: The most borders that are followed one after the other.
+    seed: int = 0  #: Seed of the starts.
 
     def __post_init__(self) -> None:
         for name, least in (("values", 4), ("starts", 2), ("periods", 16), ("rounds", 1), ("seed", 0)):
@@ -64,23 +52,6 @@ class ThresholdOptions:
 class Confirmation(NamedTuple):
     """Motions that were tried, such as those just beyond a threshold.
 
-    Attributes
-    ----------
-    value
-        Value of the parameter; of several, the last one.
-    motions, starts
-        Number of motions, and of starts at each pair of values.
-    rattling
-        Number of those that rattle once they have settled.
-    restless, lost
-        Number of those that did not become periodic, and of those that diverge; the others are settled.
-    waited
-        Largest number of forcing periods of the transients, before the gaps were observed.
-    checked
-        Number of quiet motions that were confirmed by the exact flow too.
-    error
-        Error of the batch integrator over a forcing period of settled motions, relative to their size.
-
     Examples
     --------
     >>> tried = threshold.confirmation
@@ -88,15 +59,17 @@ class Confirmation(NamedTuple):
     (12, 0)
     """
 
-    value: float
+    value: float  #: Value of the parameter; of several, the last one.
+    #: motions, starts: Number of motions, and of starts at each pair of values.
     motions: int
     starts: int
-    rattling: int
+    rattling: int  #: Number of those that rattle once they have settled.
+    #: restless, lost: Number of those that did not become periodic, and of those that diverge; the others are settled.
     restless: int
     lost: int
-    waited: int
-    checked: int
-    error: float
+    waited: int  #: Largest number of forcing periods of the transients, before the gaps were observed.
+    checked: int  #: Number of quiet motions that were confirmed by the exact flow too.
+    error: float  #: Error of the batch integrator over a forcing period of settled motions, relative to their size.
 
     @property
     def settled(self) -> int:
@@ -120,31 +93,6 @@ class Confirmation(NamedTuple):
 class Threshold(Shown):
     """Value of a parameter beyond which gaps do not rattle over a range of another one.
 
-    Attributes
-    ----------
-    system
-        The system.
-    gaps
-        Names of the contacts concerned.
-    parameter, begin, end
-        The parameter and its range, from the side that rattles to the side that is quiet.
-    over, low, high
-        The other parameter, and its range.
-    limit
-        The special point at the threshold, of the branch along `parameter`; None if there is no threshold in the range.
-    at
-        Value of the other parameter at the limit.
-    uncertainty
-        Estimated error of the threshold.
-    is_edge
-        True if the limit lies at an end of the other parameter's range, beyond which it would be farther.
-    loci
-        Loci that were followed, the decisive one last.
-    confirmation
-        Motions that were tried just beyond it.
-    notes
-        Remarks, in sentences.
-
     Examples
     --------
     >>> round(threshold.value, 6), round(threshold.at, 6), str(threshold.limit.kind)
@@ -153,21 +101,24 @@ class Threshold(Shown):
     0
     """
 
-    system: System
-    gaps: tuple[str, ...]
+    system: System  #: The system.
+    gaps: tuple[str, ...]  #: Names of the contacts concerned.
+    #: parameter, begin, end: The parameter and its range, from the side that rattles to the side that is quiet.
     parameter: str
     begin: float
     end: float
+    #: over, low, high: The other parameter, and its range.
     over: str
     low: float
     high: float
+    #: The special point at the threshold, of the branch along `parameter`; None if there is no threshold in the range.
     limit: SpecialPoint | None
-    at: float
-    uncertainty: float
-    is_edge: bool
-    loci: tuple[Locus, ...]
-    confirmation: Confirmation | None
-    notes: tuple[str, ...] = ()
+    at: float  #: Value of the other parameter at the limit.
+    uncertainty: float  #: Estimated error of the threshold.
+    is_edge: bool  #: True if the limit lies at an end of the other parameter's range, beyond which it would be farther.
+    loci: tuple[Locus, ...]  #: Loci that were followed, the decisive one last.
+    confirmation: Confirmation | None  #: Motions that were tried just beyond it.
+    notes: tuple[str, ...] = ()  #: Remarks, in sentences.
 
     @property
     def value(self) -> float:

@@ -78,41 +78,22 @@ class Request(NamedTuple):
 
 
 class Hit(NamedTuple):
-    """A motion that rattles.
+    """A motion that rattles."""
 
-    Attributes
-    ----------
-    value, other
-        Values of both parameters.
-    state : shape (state_size,)
-        Its state at theta = 0.
-    """
-
+    #: value, other: Values of both parameters.
     value: float
     other: float
-    state: NDArray[np.float64]
+    state: NDArray[np.float64]  #: shape (state_size,): Its state at theta = 0.
 
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One round of a search for a threshold.
+    """One round of a search for a threshold."""
 
-    Attributes
-    ----------
-    tried
-        Motions that were tried: over the whole range first, then just beyond the best limit so far.
-    hit
-        The one that rattles farthest towards the quiet side; None if none does.
-    extrema
-        Extrema of the borders that were followed from it.
-    notes
-        Remarks, in sentences.
-    """
-
-    tried: Confirmation
-    hit: Hit | None
-    extrema: tuple[Extremum, ...]
-    notes: tuple[str, ...]
+    tried: Confirmation  #: Motions that were tried: over the whole range first, then just beyond the best limit so far.
+    hit: Hit | None  #: The one that rattles farthest towards the quiet side; None if none does.
+    extrema: tuple[Extremum, ...]  #: Extrema of the borders that were followed from it.
+    notes: tuple[str, ...]  #: Remarks, in sentences.
 
 
 class ThresholdSearch:

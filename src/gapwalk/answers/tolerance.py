@@ -41,13 +41,6 @@ _FAINT = 0.01  # index below which a parameter does not matter
 class Chance(NamedTuple):
     """Probability with its confidence interval.
 
-    Attributes
-    ----------
-    count, samples
-        Samples in which it happened, and all samples that count.
-    value, low, high
-        Share, and ends of the interval of Clopper and Pearson (1934), which contains the probability in 95 % of cases.
-
     Examples
     --------
     >>> chance = tolerance.chance(1.35, 1.4)
@@ -55,8 +48,11 @@ class Chance(NamedTuple):
     (8, 8, 1.0)
     """
 
+    #: count, samples: Samples in which it happened, and all samples that count.
     count: int  # pyright: ignore[reportIncompatibleMethodOverride] - a probability has no use for tuple.count
     samples: int
+    #: value, low, high: Share, and ends of the interval of Clopper and Pearson (1934), which contains the probability
+    #: in 95 % of cases.
     value: float
     low: float
     high: float
@@ -85,23 +81,15 @@ def chance_of(count: int, samples: int) -> Chance:
 class Influences:
     """Sobol indices of one special point.
 
-    Attributes
-    ----------
-    first : shape (parameters,)
-        Share of the variance that each parameter causes alone.
-    total : shape (parameters,)
-        The same with all its interactions; nan where it is not known.
-    unexplained
-        Share of the variance that the polynomial behind the indices does not explain: about their error.
-
     Examples
     --------
     >>> tolerance.influences[0].first
     array([1.])
     """
 
-    first: Array
-    total: Array
+    first: Array  #: shape (parameters,): Share of the variance that each parameter causes alone.
+    total: Array  #: shape (parameters,): The same with all its interactions; nan where it is not known.
+    #: Share of the variance that the polynomial behind the indices does not explain: about their error.
     unexplained: float
 
 
@@ -109,58 +97,20 @@ class Influences:
 class ToleranceCheck:
     """Comparison of tracked samples with walks of their branches.
 
-    Attributes
-    ----------
-    checked
-        Random tracked samples whose branches were walked.
-    largest
-        Largest difference of a tracked point from that of the walk.
-    different
-        A sentence for each sample in which the walk has other points, or failed.
-
     Examples
     --------
     >>> tolerance.check.checked, tolerance.check.different
     (0, ())
     """
 
-    checked: int = 0
-    largest: float = 0.0
-    different: tuple[str, ...] = ()
+    checked: int = 0  #: Random tracked samples whose branches were walked.
+    largest: float = 0.0  #: Largest difference of a tracked point from that of the walk.
+    different: tuple[str, ...] = ()  #: A sentence for each sample in which the walk has other points, or failed.
 
 
 @dataclass(frozen=True, eq=False)
 class Tolerance(Shown):
     """Distribution of the special points of a response, when parameters vary from part to part.
-
-    Attributes
-    ----------
-    branch
-        The nominal branch.
-    spreads
-        Distribution of the parameters.
-    points
-        The nominal special points.
-    samples : shape (samples, parameters)
-        Values of the parameters.
-    shares : shape (samples, parameters)
-        Share of all parts below each of these values.
-    values : shape (samples, points)
-        Value of the branch's parameter at each special point; nan where it does not exist.
-    how : shape (samples,)
-        How the points of a sample were found; values of `HowFound`.
-    further
-        Points of samples that have no nominal counterpart.
-    band
-        A band of the branch's parameter in which no point should lie; None if none was asked for.
-    check
-        Tracked samples that were walked for comparison.
-    complete
-        True if all samples were done.
-    notes, failures
-        Remarks and failures, in sentences.
-    errors : shape (samples, points), or empty
-        Bounds of the errors of the values.
 
     Examples
     --------
@@ -170,19 +120,23 @@ class Tolerance(Shown):
     (2, 3)
     """
 
-    branch: Branch
-    spreads: Spreads
-    points: tuple[SpecialPoint, ...]
-    samples: Array
-    shares: Array
+    branch: Branch  #: The nominal branch.
+    spreads: Spreads  #: Distribution of the parameters.
+    points: tuple[SpecialPoint, ...]  #: The nominal special points.
+    samples: Array  #: shape (samples, parameters): Values of the parameters.
+    shares: Array  #: shape (samples, parameters): Share of all parts below each of these values.
+    #: shape (samples, points): Value of the branch's parameter at each special point; nan where it does not exist.
     values: Array
-    how: NDArray[np.intp]
-    further: tuple[Further, ...] = ()
+    how: NDArray[np.intp]  #: shape (samples,): How the points of a sample were found; values of `HowFound`.
+    further: tuple[Further, ...] = ()  #: Points of samples that have no nominal counterpart.
+    #: A band of the branch's parameter in which no point should lie; None if none was asked for.
     band: tuple[float, float] | None = None
-    check: ToleranceCheck = ToleranceCheck()
-    complete: bool = True
+    check: ToleranceCheck = ToleranceCheck()  #: Tracked samples that were walked for comparison.
+    complete: bool = True  #: True if all samples were done.
+    #: notes, failures: Remarks and failures, in sentences.
     notes: tuple[str, ...] = ()
     failures: tuple[str, ...] = ()
+    #: shape (samples, points), or empty: Bounds of the errors of the values.
     errors: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def _check_read(self) -> None:

@@ -49,116 +49,57 @@ class HowFound(IntEnum):
 class Further:
     """A special point of a sample that has no nominal counterpart.
 
-    Attributes
-    ----------
-    sample
-        Number of the sample.
-    kind
-        Name of its kind.
-    value
-        Value of the parameter.
-
     Examples
     --------
     >>> gw.records.Further(sample=3, kind="fold", value=1.4).value
     1.4
     """
 
-    sample: int
-    kind: str
-    value: float
+    sample: int  #: Number of the sample.
+    kind: str  #: Name of its kind.
+    value: float  #: Value of the parameter.
 
 
 @dataclass(frozen=True, eq=False)
 class ToleranceWalks:
-    """Walked branches of some samples.
+    """Walked branches of some samples."""
 
-    Attributes
-    ----------
-    number
-        Number of the chunk.
-    walked
-        The samples.
-    """
-
-    number: int
-    walked: tuple[Walked, ...]
+    number: int  #: Number of the chunk.
+    walked: tuple[Walked, ...]  #: The samples.
 
 
 @dataclass(frozen=True, eq=False)
 class ToleranceChunk:
-    """Special points of some samples.
+    """Special points of some samples."""
 
-    Attributes
-    ----------
-    number
-        Number of the chunk.
-    rows
-        Numbers of the samples.
-    values : shape (samples, points)
-        Value of the parameter at each point; nan where it does not exist.
-    errors : shape (samples, points)
-        Bounds of their errors.
-    how : shape (samples,)
-        Values of `HowFound`.
-    further
-        Special points without nominal counterpart.
-    """
-
-    number: int
-    rows: NDArray[np.intp]
-    values: Array
-    errors: Array
-    how: NDArray[np.intp]
-    further: tuple[Further, ...] = ()
+    number: int  #: Number of the chunk.
+    rows: NDArray[np.intp]  #: Numbers of the samples.
+    values: Array  #: shape (samples, points): Value of the parameter at each point; nan where it does not exist.
+    errors: Array  #: shape (samples, points): Bounds of their errors.
+    how: NDArray[np.intp]  #: shape (samples,): Values of `HowFound`.
+    further: tuple[Further, ...] = ()  #: Special points without nominal counterpart.
 
 
 @dataclass(frozen=True, eq=False)
 class Tracking:
-    """The nominal special points, and how those of samples are found.
+    """The nominal special points, and how those of samples are found."""
 
-    Attributes
-    ----------
-    key
-        Text that no other tracking has: a process prepares the same points only once.
-    system
-        The nominal system.
-    names
-        The parameters that vary.
-    first
-        Nominal orbit from which the branch is walked.
-    parameter, begin, end
-        The branch.
-    specials
-        The nominal points that are tracked.
-    deviations
-        Standard deviations of the parameters.
-    walk
-        Options of the walks.
-    accuracy
-        Largest error of a value, as a share of it.
-    forms
-        Forms of all points; empty for the walks.
-    patterns
-        Which of the forms found in a sample lie on its branch; None for the first solutions.
-    watches
-        Where further points may be born.
-    """
-
-    key: str
-    system: System
-    names: tuple[str, ...]
-    first: Orbit
+    key: str  #: Text that no other tracking has: a process prepares the same points only once.
+    system: System  #: The nominal system.
+    names: tuple[str, ...]  #: The parameters that vary.
+    first: Orbit  #: Nominal orbit from which the branch is walked.
+    #: parameter, begin, end: The branch.
     parameter: str
     begin: float
     end: float
-    specials: tuple[SpecialPoint, ...]
-    deviations: Array
-    walk: WalkOptions
-    accuracy: float = 2.0 * ENOUGH
-    forms: tuple[Form, ...] = ()
+    specials: tuple[SpecialPoint, ...]  #: The nominal points that are tracked.
+    deviations: Array  #: Standard deviations of the parameters.
+    walk: WalkOptions  #: Options of the walks.
+    accuracy: float = 2.0 * ENOUGH  #: Largest error of a value, as a share of it.
+    forms: tuple[Form, ...] = ()  #: Forms of all points; empty for the walks.
+    #: Which of the forms found in a sample lie on its branch; None for the first solutions.
     patterns: Patterns | None = None
-    watches: tuple[Watch, ...] = ()
+    watches: tuple[Watch, ...] = ()  #: Where further points may be born.
 
     @property
     def width(self) -> float:

@@ -285,17 +285,10 @@ def track_chunk(asked: Tracking, piece: tuple[int, NDArray[np.intp], Array]) -> 
 
 
 class Compared(NamedTuple):
-    """Comparison of the points found in a sample with those of a walk of its branch.
+    """Comparison of the points found in a sample with those of a walk of its branch."""
 
-    Attributes
-    ----------
-    largest
-        Largest difference of a point that both have.
-    missed, invented
-        Points that only the walk has, and that it has not, as texts.
-    """
-
-    largest: float
+    largest: float  #: Largest difference of a point that both have.
+    #: missed, invented: Points that only the walk has, and that it has not, as texts.
     missed: tuple[str, ...]
     invented: tuple[str, ...]
 

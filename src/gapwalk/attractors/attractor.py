@@ -21,39 +21,23 @@ from gapwalk.orbit.orbit import Orbit
 class Attractor(Shown):
     """A motion on which others settle.
 
-    Attributes
-    ----------
-    kind
-        Kind of motion: periodic, quasi-periodic, chaotic, or undecided.
-    system
-        The system that moves.
-    period
-        Period m of a periodic motion; number of closed curves, visited in turn, of a quasi-periodic one; otherwise 0.
-    strobes : shape (count, state_size)
-        States at theta = 0, one forcing period apart: all m of an orbit, or a sample of another motion.
-    orbit
-        The orbit of a periodic motion; otherwise None.
-    lyapunov
-        The Lyapunov exponents; those of an orbit follow from its multipliers.
-    rotation
-        The rotation number of a quasi-periodic motion.
-    evidence
-        The evidence for the kind, in sentences.
-
     Examples
     --------
     >>> attractor.label, attractor.multipliers.shape
     ('P1', (2,))
     """
 
-    kind: AttractorKind
-    system: System
+    kind: AttractorKind  #: Kind of motion: periodic, quasi-periodic, chaotic, or undecided.
+    system: System  #: The system that moves.
+    #: Period m of a periodic motion; number of closed curves, visited in turn, of a quasi-periodic one; otherwise 0.
     period: int
+    #: shape (count, state_size): States at theta = 0, one forcing period apart: all m of an orbit, or a sample of
+    #: another motion.
     strobes: NDArray[np.float64]
-    orbit: Orbit | None
-    lyapunov: Lyapunov | None
-    rotation: Rotation | None
-    evidence: tuple[str, ...]
+    orbit: Orbit | None  #: The orbit of a periodic motion; otherwise None.
+    lyapunov: Lyapunov | None  #: The Lyapunov exponents; those of an orbit follow from its multipliers.
+    rotation: Rotation | None  #: The rotation number of a quasi-periodic motion.
+    evidence: tuple[str, ...]  #: The evidence for the kind, in sentences.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""
@@ -111,37 +95,24 @@ class AttractorKind(StrEnum):
 class Settled(Shown):
     """A motion after its transient.
 
-    Attributes
-    ----------
-    system
-        The system that moves.
-    strobes : shape (count, state_size)
-        The last states of the transient at theta = 0, one forcing period apart; positions, then velocities.
-    periods
-        Length of the transient in forcing periods.
-    converged
-        True if the motion has settled; if not, `evidence` gives the reason.
-    orbit
-        The stable orbit to which the motion converges, refined by Newton's method; None if the motion is not periodic.
-    residual
-        Distance from the orbit when it was recognised, or drift of the motion's averages between the last two
-        windows; relative to the size of the motion.
-    evidence
-        The evidence for the decision, in sentences.
-
     Examples
     --------
     >>> settled.converged, settled.period, settled.orbit.stable
     (True, 1, True)
     """
 
-    system: System
+    system: System  #: The system that moves.
+    #: shape (count, state_size): The last states of the transient at theta = 0, one forcing period apart; positions,
+    #: then velocities.
     strobes: NDArray[np.float64]
-    periods: int
-    converged: bool
+    periods: int  #: Length of the transient in forcing periods.
+    converged: bool  #: True if the motion has settled; if not, `evidence` gives the reason.
+    #: The stable orbit to which the motion converges, refined by Newton's method; None if the motion is not periodic.
     orbit: Orbit | None
+    #: Distance from the orbit when it was recognised, or drift of the motion's averages between the last two windows;
+    #: relative to the size of the motion.
     residual: float
-    evidence: tuple[str, ...]
+    evidence: tuple[str, ...]  #: The evidence for the decision, in sentences.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""

@@ -39,17 +39,10 @@ _COMPARED = 64  # strobes with which a motion is compared with the known attract
 
 @dataclass(frozen=True)
 class Catalogue:
-    """The known attractors of a system, each with a signature by which motions on it are recognised.
+    """The known attractors of a system, each with a signature by which motions on it are recognised."""
 
-    Attributes
-    ----------
-    system
-        The system.
-    attractors, signatures
-        The attractors in the order in which they were found, and the signature of each.
-    """
-
-    system: System
+    system: System  #: The system.
+    #: attractors, signatures: The attractors in the order in which they were found, and the signature of each.
     attractors: tuple[Attractor, ...] = ()
     signatures: tuple[AttractorSignature, ...] = ()
 
@@ -60,24 +53,13 @@ class Catalogue:
 
 @dataclass(frozen=True, eq=False)
 class AttractorSignature:
-    """The signature by which motions on an attractor are recognised.
+    """The signature by which motions on an attractor are recognised."""
 
-    Attributes
-    ----------
-    region
-        The trapping region of its orbit; None if the attractor is not periodic, or too weakly stable.
-    strobes : shape (count, state_size)
-        States of the attractor, one forcing period apart.
-    scale : shape (state_size,)
-        Size of the attractor.
-    reach
-        Distance from the strobes, relative to that size, up to which a state belongs to the attractor.
-    """
-
+    #: The trapping region of its orbit; None if the attractor is not periodic, or too weakly stable.
     region: TrappingRegion | None
-    strobes: NDArray[np.float64]
-    scale: NDArray[np.float64]
-    reach: float
+    strobes: NDArray[np.float64]  #: shape (count, state_size): States of the attractor, one forcing period apart.
+    scale: NDArray[np.float64]  #: shape (state_size,): Size of the attractor.
+    reach: float  #: Distance from the strobes, relative to that size, up to which a state belongs to the attractor.
 
     @property
     def wide(self) -> bool:
@@ -99,21 +81,12 @@ class AttractorSignature:
 
 
 class Sorted(NamedTuple):
-    """The attractors to which states lead.
+    """The attractors to which states lead."""
 
-    Attributes
-    ----------
-    labels : shape (count,)
-        Index of the attractor signature that each motion reaches; UNRESOLVED or RUNAWAY for none.
-    states : shape (count, state_size)
-        States of the motions when this was decided.
-    periods : shape (count,)
-        Number of forcing periods until then.
-    """
-
+    #: shape (count,): Index of the attractor signature that each motion reaches; UNRESOLVED or RUNAWAY for none.
     labels: NDArray[np.int_]
-    states: NDArray[np.float64]
-    periods: NDArray[np.int_]
+    states: NDArray[np.float64]  #: shape (count, state_size): States of the motions when this was decided.
+    periods: NDArray[np.int_]  #: shape (count,): Number of forcing periods until then.
 
 
 def explore(

@@ -29,31 +29,24 @@ _LETTERS = "abcdefghijklmnopqrstuvwxyz"
 class BasinCheck:
     """Accuracy of the labels: cells that were checked with the exact flow and corrected where they were wrong.
 
-    Attributes
-    ----------
-    cells, borders
-        Number of cells in the plane (or random starts); number of them whose label differs from that of a neighbour,
-        or that have a neighbour whose label was wrong.
-    border_checked, border_wrong
-        Border cells that were checked, and those of them whose label had been wrong.
-    inner_checked, inner_wrong
-        Random other cells that were checked, and those of them whose label had been wrong.
-    shifted, shifted_wrong
-        Checked cells that were followed again from a state shifted by 1e-15 of its size, and those of them that then
-        got another label: rounding decides their label.
-
     Examples
     --------
     >>> basins.check.cells, basins.check.share < 0.1
     (64, True)
     """
 
+    #: cells, borders: Number of cells in the plane (or random starts); number of them whose label differs from that of
+    #: a neighbour, or that have a neighbour whose label was wrong.
     cells: int
     borders: int = 0
+    #: border_checked, border_wrong: Border cells that were checked, and those of them whose label had been wrong.
     border_checked: int = 0
     border_wrong: int = 0
+    #: inner_checked, inner_wrong: Random other cells that were checked, and those of them whose label had been wrong.
     inner_checked: int = 0
     inner_wrong: int = 0
+    #: shifted, shifted_wrong: Checked cells that were followed again from a state shifted by 1e-15 of its size, and
+    #: those of them that then got another label: rounding decides their label.
     shifted: int = 0
     shifted_wrong: int = 0
 
@@ -95,27 +88,6 @@ class BasinCheck:
 class Basins(Shown):
     """Basins of attraction in a plane of initial states at theta = 0.
 
-    Attributes
-    ----------
-    system
-        The system.
-    window
-        The part of the plane.
-    labels : shape (rows, columns)
-        Label of each cell, from the state at its centre: an index into `attractors`, or -1 (unresolved), -2 (the
-        motion diverges) or -3 (the state is beyond a rigid stop). The first row is the lowest.
-    attractors
-        The attractors: periodic ones first, by period, then the others; those of equal kind by size of their basins.
-    check
-        Accuracy of the labels.
-    error
-        Error of the fast flow over one forcing period, relative to the size of the motion, measured against the exact
-        flow; 0 if only the exact flow was used.
-    complete
-        False if the computation was stopped before its end; the remaining cells are unresolved.
-    notes
-        Sentences on what could not be computed.
-
     Examples
     --------
     >>> basins.names, basins.labels.shape
@@ -124,14 +96,19 @@ class Basins(Shown):
     'P1'
     """
 
-    system: System
-    window: Window
+    system: System  #: The system.
+    window: Window  #: The part of the plane.
+    #: shape (rows, columns): Label of each cell, from the state at its centre: an index into `attractors`, or -1
+    #: (unresolved), -2 (the motion diverges) or -3 (the state is beyond a rigid stop). The first row is the lowest.
     labels: NDArray[np.int_]
+    #: The attractors: periodic ones first, by period, then the others; those of equal kind by size of their basins.
     attractors: tuple[Attractor, ...]
-    check: BasinCheck
+    check: BasinCheck  #: Accuracy of the labels.
+    #: Error of the fast flow over one forcing period, relative to the size of the motion, measured against the exact
+    #: flow; 0 if only the exact flow was used.
     error: float = 0.0
-    complete: bool = True
-    notes: tuple[str, ...] = ()
+    complete: bool = True  #: False if the computation was stopped before its end; the remaining cells are unresolved.
+    notes: tuple[str, ...] = ()  #: Sentences on what could not be computed.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""
@@ -231,17 +208,6 @@ class Basins(Shown):
 class Share:
     """The fraction of random starts that lead to one attractor.
 
-    Attributes
-    ----------
-    name
-        Name of the attractor.
-    starts
-        Number of starts that lead to it.
-    share
-        Fraction of the starts that lead to it.
-    low, high
-        Confidence limits of the fraction of the whole box (Clopper and Pearson 1934, Biometrika 26, 404-413).
-
     Examples
     --------
     >>> share = shares.shares[0]
@@ -249,9 +215,10 @@ class Share:
     ('period 1a', 0.5, 0.272, 0.728)
     """
 
-    name: str
-    starts: int
-    share: float
+    name: str  #: Name of the attractor.
+    starts: int  #: Number of starts that lead to it.
+    share: float  #: Fraction of the starts that lead to it.
+    #: low, high: Confidence limits of the fraction of the whole box (Clopper and Pearson 1934, Biometrika 26, 404-413).
     low: float
     high: float
 
@@ -260,43 +227,23 @@ class Share:
 class BasinShares:
     """Fractions of a box of initial states that lead to each attractor, estimated from random starts.
 
-    Attributes
-    ----------
-    system
-        The system.
-    box
-        The box.
-    starts : shape (count, state_size)
-        The random states.
-    labels : shape (count,)
-        As in `Basins`.
-    attractors
-        As in `Basins`.
-    confidence
-        Confidence level of the limits, for each fraction separately.
-    complete, notes
-        As in `Basins`.
-    check
-        Accuracy of the labels.
-    error
-        As in `Basins`.
-
     Examples
     --------
     >>> [(each.name, each.share) for each in shares.shares]
     [('period 1a', 0.5), ('period 1b', 0.5)]
     """
 
-    system: System
-    box: Box
-    starts: NDArray[np.float64]
-    labels: NDArray[np.int_]
-    attractors: tuple[Attractor, ...]
-    confidence: float
+    system: System  #: The system.
+    box: Box  #: The box.
+    starts: NDArray[np.float64]  #: shape (count, state_size): The random states.
+    labels: NDArray[np.int_]  #: shape (count,): As in `Basins`.
+    attractors: tuple[Attractor, ...]  #: As in `Basins`.
+    confidence: float  #: Confidence level of the limits, for each fraction separately.
+    #: complete, notes: As in `Basins`.
     complete: bool = True
     notes: tuple[str, ...] = ()
-    check: BasinCheck = BasinCheck(0)
-    error: float = 0.0
+    check: BasinCheck = BasinCheck(0)  #: Accuracy of the labels.
+    error: float = 0.0  #: As in `Basins`.
 
     @property
     def shares(self) -> tuple[Share, ...]:

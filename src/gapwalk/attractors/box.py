@@ -27,20 +27,14 @@ _NEAREST = 4  # as for a cell of a plane
 class Box:
     """Initial states at theta = 0, each component within a range; a component with equal ends is fixed.
 
-    Attributes
-    ----------
-    names
-        Names of the components: coordinates, velocities, then extensions, which are zero.
-    low, high
-        The ends of the ranges, in the order of the names.
-
     Examples
     --------
     >>> gw.records.Box.of(system, {"x": (-1, 1)}).draw(3, seed=0).shape
     (3, 2)
     """
 
-    names: tuple[str, ...]
+    names: tuple[str, ...]  #: Names of the components: coordinates, velocities, then extensions, which are zero.
+    #: low, high: The ends of the ranges, in the order of the names.
     low: tuple[float, ...]
     high: tuple[float, ...]
 
@@ -123,13 +117,6 @@ class Box:
 class Window:
     """A window on a plane of initial states: a box with two free components.
 
-    Attributes
-    ----------
-    box
-        The box.
-    across, up
-        Names of the components along the two axes.
-
     Examples
     --------
     >>> window = gw.records.Window.of(system, {"x": (-1, 1), "x'": (-2, 2)}, {})
@@ -137,7 +124,8 @@ class Window:
     (12, 2)
     """
 
-    box: Box
+    box: Box  #: The box.
+    #: across, up: Names of the components along the two axes.
     across: str
     up: str
 

@@ -36,25 +36,17 @@ Strobes = NDArray[np.float64]
 class ClassifyOptions:
     """Options of the classification of a motion.
 
-    Parameters
-    ----------
-    settle, lyapunov
-        Options of the transient and of the average of the exponents.
-    zero
-        Size of an exponent per forcing period below which it may be that of a torus.
-    errors
-        Number of standard errors by which an exponent must differ from zero to count as different.
-
     Examples
     --------
     >>> gw.classify(system, options=gw.ClassifyOptions(settle=gw.SettleOptions(max_period=4))).label
     'P1'
     """
 
+    #: settle, lyapunov: Options of the transient and of the average of the exponents.
     settle: SettleOptions = field(default_factory=SettleOptions)
     lyapunov: LyapunovOptions = field(default_factory=LyapunovOptions)
-    zero: float = 1e-5
-    errors: float = 5.0
+    zero: float = 1e-5  #: Size of an exponent per forcing period below which it may be that of a torus.
+    errors: float = 5.0  #: Number of standard errors by which an exponent must differ from zero to count as different.
 
     def __post_init__(self) -> None:
         if not 0.0 < self.zero <= 0.01:

@@ -31,24 +31,15 @@ _LINES = 20  # highest order of the lines that are compared
 class Contrast:
     """A comparison of two motions.
 
-    Attributes
-    ----------
-    names
-        Names of the two motions.
-    motions
-        The two motions.
-    pairs
-        Their signals, in pairs.
-
     Examples
     --------
     >>> gw.analysis.contrast(orbit, impacting, ["x"], names=("quiet", "rattling")).names
     ('quiet', 'rattling')
     """
 
-    names: tuple[str, str]
-    motions: tuple[Orbit | Settled, Orbit | Settled]
-    pairs: tuple[SignalPair, ...]
+    names: tuple[str, str]  #: Names of the two motions.
+    motions: tuple[Orbit | Settled, Orbit | Settled]  #: The two motions.
+    pairs: tuple[SignalPair, ...]  #: Their signals, in pairs.
 
     def plot(self, title: str | None = None, **options: Any):
         """Draw histories and spectra of all signals (paper, figures 3 and 5 to 7); see `gapwalk.plot.draw`.
@@ -77,15 +68,6 @@ class Contrast:
 class LinePair(NamedTuple):
     """One spectral line of two histories.
 
-    Attributes
-    ----------
-    order
-        Multiple of the excitation frequency, or per turn of the shaft whose speed is a parameter.
-    first, second
-        Amplitudes.
-    shift
-        Phase of the second line minus that of the first one, in radians between -pi and pi.
-
     Examples
     --------
     >>> line = gw.analysis.contrast(orbit, orbit, ["x"]).pairs[0].agreement.lines[1]
@@ -93,10 +75,11 @@ class LinePair(NamedTuple):
     (2.0, 0.0)
     """
 
-    order: float
+    order: float  #: Multiple of the excitation frequency, or per turn of the shaft whose speed is a parameter.
+    #: first, second: Amplitudes.
     first: float
     second: float
-    shift: float
+    shift: float  #: Phase of the second line minus that of the first one, in radians between -pi and pi.
 
     @property
     def difference(self) -> float:
@@ -108,17 +91,6 @@ class LinePair(NamedTuple):
 class Agreement:
     """Agreement of two histories after removal of their means, because an accelerometer does not measure the mean.
 
-    Attributes
-    ----------
-    rms
-        Root mean square of the difference, in the units of the signal.
-    relative
-        The rms difference divided by the root mean square of the first history.
-    correlation
-        Pearson's correlation coefficient: 1 if the histories are proportional.
-    lines
-        Spectral lines of both histories, by order.
-
     Examples
     --------
     >>> found = gw.analysis.contrast(orbit, orbit, ["x"]).pairs[0].agreement
@@ -126,28 +98,15 @@ class Agreement:
     (0.0, 1.0)
     """
 
-    rms: float
-    relative: float
-    correlation: float
-    lines: tuple[LinePair, ...]
+    rms: float  #: Root mean square of the difference, in the units of the signal.
+    relative: float  #: The rms difference divided by the root mean square of the first history.
+    correlation: float  #: Pearson's correlation coefficient: 1 if the histories are proportional.
+    lines: tuple[LinePair, ...]  #: Spectral lines of both histories, by order.
 
 
 @dataclass(frozen=True, eq=False)
 class SignalPair:
     """One signal of two motions.
-
-    Attributes
-    ----------
-    signal
-        Name of the signal.
-    theta : shape (samples,)
-        Angles of the excitation.
-    histories : shape (2, samples)
-        Histories of the first and of the second motion, at the same phases of the excitation.
-    spectra
-        Spectra of the first and of the second motion.
-    agreement
-        Agreement of the histories; None if a motion has no period.
 
     Examples
     --------
@@ -156,11 +115,12 @@ class SignalPair:
     ("x''", 2)
     """
 
-    signal: str
-    theta: NDArray[np.float64]
+    signal: str  #: Name of the signal.
+    theta: NDArray[np.float64]  #: shape (samples,): Angles of the excitation.
+    #: shape (2, samples): Histories of the first and of the second motion, at the same phases of the excitation.
     histories: NDArray[np.float64]
-    spectra: tuple[Spectrum, Spectrum]
-    agreement: Agreement | None
+    spectra: tuple[Spectrum, Spectrum]  #: Spectra of the first and of the second motion.
+    agreement: Agreement | None  #: Agreement of the histories; None if a motion has no period.
 
 
 def contrast(

@@ -43,20 +43,6 @@ _ALIGNING = 8  # the first 1/8 of the periods is omitted: the directions are sti
 class Lyapunov:
     """Lyapunov exponents of a motion.
 
-    Attributes
-    ----------
-    exponents, errors : shape (state_size,)
-        Exponents per unit of time, in descending order, and their standard errors. An exponent is minus infinity where
-        slip, stick or an impact without rebound makes neighbouring motions one.
-    periods
-        Number of forcing periods in the averages; 0 for an orbit, whose exponents follow from its multipliers.
-    frequency
-        Excitation frequency W, which converts them into rates per forcing period.
-    regular
-        True if the weighted averages converge as they do for periodic and quasi-periodic motion.
-    converged
-        True if the errors reached the required size.
-
     Examples
     --------
     >>> found = gw.analysis.lyapunov(system, orbit.state)
@@ -64,12 +50,16 @@ class Lyapunov:
     (array([-0.523599, -0.523599]), True)
     """
 
+    #: exponents, errors: shape (state_size,): Exponents per unit of time, in descending order, and their standard
+    #: errors. An exponent is minus infinity where slip, stick or an impact without rebound makes neighbouring motions
+    #: one.
     exponents: NDArray[np.float64]
     errors: NDArray[np.float64]
+    #: Number of forcing periods in the averages; 0 for an orbit, whose exponents follow from its multipliers.
     periods: int
-    frequency: float
-    regular: bool
-    converged: bool
+    frequency: float  #: Excitation frequency W, which converts them into rates per forcing period.
+    regular: bool  #: True if the weighted averages converge as they do for periodic and quasi-periodic motion.
+    converged: bool  #: True if the errors reached the required size.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""
@@ -106,18 +96,12 @@ class Lyapunov:
 
 
 class Average(NamedTuple):
-    """A mean and its error, for each column of a sequence.
+    """A mean and its error, for each column of a sequence."""
 
-    Attributes
-    ----------
-    mean, error : shape (columns,)
-        The better of the two estimates, and its standard error.
-    spread : shape (columns,)
-        Range of the weighted averages of four parts of the sequence: small only for regular motion.
-    """
-
+    #: mean, error: shape (columns,): The better of the two estimates, and its standard error.
     mean: NDArray[np.float64]
     error: NDArray[np.float64]
+    #: shape (columns,): Range of the weighted averages of four parts of the sequence: small only for regular motion.
     spread: NDArray[np.float64]
 
 
@@ -125,21 +109,15 @@ class Average(NamedTuple):
 class LyapunovOptions:
     """Options of the averages of Lyapunov exponents.
 
-    Parameters
-    ----------
-    max_periods
-        The most forcing periods.
-    relative, absolute
-        The averages end when the standard error of each exponent is below `relative` times the exponent, or below
-        `absolute` per forcing period.
-
     Examples
     --------
     >>> gw.analysis.lyapunov(system, orbit.state, gw.analysis.LyapunovOptions(relative=0.01)).converged
     True
     """
 
-    max_periods: int = 16_384
+    max_periods: int = 16_384  #: The most forcing periods.
+    #: relative, absolute: The averages end when the standard error of each exponent is below `relative` times the
+    #: exponent, or below `absolute` per forcing period.
     relative: float = 0.02
     absolute: float = 1e-6
 

@@ -84,27 +84,14 @@ def enough(motions: ManyMotions, work: Callable[[ManyMotions], _Done]) -> tuple[
 
 
 class ContactFigures(NamedTuple):
-    """Contact forces and impacts of many motions.
+    """Contact forces and impacts of many motions."""
 
-    Attributes
-    ----------
-    states : shape (count, state_size)
-        States at the end.
-    peaks : shape (count, contacts)
-        Largest magnitude of each contact force.
-    impacts : shape (count, contacts)
-        Closings of a contact per forcing period, on both sides together.
-    sides : shape (count, contacts, 2)
-        The same on the positive and on the negative side.
-    closed : shape (count, contacts), bool
-        True for a contact that is closed at the end.
-    """
-
-    states: NDArray[np.float64]
-    peaks: NDArray[np.float64]
+    states: NDArray[np.float64]  #: shape (count, state_size): States at the end.
+    peaks: NDArray[np.float64]  #: shape (count, contacts): Largest magnitude of each contact force.
+    #: shape (count, contacts): Closings of a contact per forcing period, on both sides together.
     impacts: NDArray[np.float64]
-    sides: NDArray[np.float64]
-    closed: NDArray[np.bool_]
+    sides: NDArray[np.float64]  #: shape (count, contacts, 2): The same on the positive and on the negative side.
+    closed: NDArray[np.bool_]  #: shape (count, contacts), bool: True for a contact that is closed at the end.
 
 
 def motions_of(

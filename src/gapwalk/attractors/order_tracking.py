@@ -24,21 +24,6 @@ _TURNS_BACK = 0.05  # share of the range of the speed by which it must come back
 class Tracked(Described):
     """A signal over the angle of the excitation.
 
-    Attributes
-    ----------
-    system
-        The system, whose signal it is.
-    signal
-        Name of the signal.
-    samples
-        Samples per forcing period; there may be further ones between them.
-    theta : shape (samples,)
-        Angle of the excitation, in radians.
-    time, speed : shape (samples,)
-        Time, and the first parameter of the system, such as its speed in rpm.
-    values : shape (samples,)
-        The signal.
-
     Examples
     --------
     >>> tracked = run.tracked("x")
@@ -46,13 +31,14 @@ class Tracked(Described):
     (True, 1)
     """
 
-    system: System
-    signal: str
-    samples: int
-    theta: NDArray[np.float64]
+    system: System  #: The system, whose signal it is.
+    signal: str  #: Name of the signal.
+    samples: int  #: Samples per forcing period; there may be further ones between them.
+    theta: NDArray[np.float64]  #: shape (samples,): Angle of the excitation, in radians.
+    #: time, speed: shape (samples,): Time, and the first parameter of the system, such as its speed in rpm.
     time: NDArray[np.float64]
     speed: NDArray[np.float64]
-    values: NDArray[np.float64]
+    values: NDArray[np.float64]  #: shape (samples,): The signal.
 
     @property
     def is_one_way(self) -> bool:

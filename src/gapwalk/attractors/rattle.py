@@ -35,21 +35,6 @@ _PERIODS = 256  # forcing periods over which a motion without period is evaluate
 class Rattle:
     """Impacts, contact forces, energy and impulsiveness of one settled motion. It prints as three tables.
 
-    Attributes
-    ----------
-    system
-        The system that moves.
-    periods
-        Number of forcing periods that were evaluated.
-    sides
-        Impacts by contact and side.
-    contacts
-        Forces by contact.
-    coordinates
-        Impulsiveness by coordinate. The kurtosis of the acceleration serves as the rattle index.
-    impacts
-        All impacts.
-
     Notes
     -----
     In a system with units, velocities are in the unit of angles per second, accelerations in rad/s^2, forces in N m,
@@ -62,12 +47,13 @@ class Rattle:
     (1, 8.662)
     """
 
-    system: System
-    periods: int
-    sides: tuple[SideRattle, ...]
-    contacts: tuple[ContactLoad, ...]
+    system: System  #: The system that moves.
+    periods: int  #: Number of forcing periods that were evaluated.
+    sides: tuple[SideRattle, ...]  #: Impacts by contact and side.
+    contacts: tuple[ContactLoad, ...]  #: Forces by contact.
+    #: Impulsiveness by coordinate. The kurtosis of the acceleration serves as the rattle index.
     coordinates: tuple[Impulsiveness, ...]
-    impacts: tuple[Impact, ...]
+    impacts: tuple[Impact, ...]  #: All impacts.
 
     @property
     def index(self) -> float:
@@ -102,24 +88,6 @@ class Rattle:
 class Impact:
     """One closure of the innermost stage of a contact, from closing to opening.
 
-    Attributes
-    ----------
-    contact, side
-        Name of the contact, and its side: +1 or -1.
-    theta
-        Angle of the excitation at closing, in radians.
-    duration
-        Duration of the closure, in units of time.
-    velocity
-        Approach velocity: magnitude of the rate of the deflection at closing.
-    peak
-        Largest magnitude of the contact force; nan on a rigid stop, where it is an impulse.
-    loss
-        Energy loss: on a rigid stop that of kinetic energy; otherwise the integral over the closure of the force of the
-        damping law times the rate of the deflection. In units of the contact force times the deflection.
-    impulse
-        Magnitude of the integral of the contact force over the time of the closure.
-
     Examples
     --------
     >>> impact = gw.analysis.rattle(impacting).impacts[0]
@@ -127,34 +95,22 @@ class Impact:
     (1.377284, 0.646867)
     """
 
+    #: contact, side: Name of the contact, and its side: +1 or -1.
     contact: str
     side: int
-    theta: float
-    duration: float
-    velocity: float
-    peak: float
+    theta: float  #: Angle of the excitation at closing, in radians.
+    duration: float  #: Duration of the closure, in units of time.
+    velocity: float  #: Approach velocity: magnitude of the rate of the deflection at closing.
+    peak: float  #: Largest magnitude of the contact force; nan on a rigid stop, where it is an impulse.
+    #: Energy loss: on a rigid stop that of kinetic energy; otherwise the integral over the closure of the force of the
+    #: damping law times the rate of the deflection. In units of the contact force times the deflection.
     loss: float
-    impulse: float = math.nan
+    impulse: float = math.nan  #: Magnitude of the integral of the contact force over the time of the closure.
 
 
 @dataclass(frozen=True, slots=True)
 class SideRattle:
     """The impacts of one contact on one side.
-
-    Attributes
-    ----------
-    contact, side
-        Name of the contact, and its side: +1 or -1.
-    impacts
-        Impacts per forcing period.
-    velocity, fastest
-        Mean and largest approach velocity.
-    peak
-        Largest magnitude of the contact force; nan on a rigid stop that is struck.
-    loss, costliest
-        Mean and largest energy loss of an impact, in units of the contact force times the deflection.
-    impulse
-        Mean magnitude of the impulse of an impact.
 
     Examples
     --------
@@ -163,31 +119,23 @@ class SideRattle:
     ('stop', 1, 1.0)
     """
 
+    #: contact, side: Name of the contact, and its side: +1 or -1.
     contact: str
     side: int
-    impacts: float
+    impacts: float  #: Impacts per forcing period.
+    #: velocity, fastest: Mean and largest approach velocity.
     velocity: float
     fastest: float
-    peak: float
+    peak: float  #: Largest magnitude of the contact force; nan on a rigid stop that is struck.
+    #: loss, costliest: Mean and largest energy loss of an impact, in units of the contact force times the deflection.
     loss: float
     costliest: float
-    impulse: float = math.nan
+    impulse: float = math.nan  #: Mean magnitude of the impulse of an impact.
 
 
 @dataclass(frozen=True, slots=True)
 class ContactLoad:
     """The force of one contact over the whole motion.
-
-    Attributes
-    ----------
-    contact
-        Name of the contact.
-    closed
-        Fraction of the time for which it is closed; nan for a force without stages, such as a formula.
-    peak, rms
-        Largest magnitude and root mean square of its force; nan on a rigid stop that is struck.
-    power
-        Mean power dissipated by its damping law.
 
     Examples
     --------
@@ -196,29 +144,17 @@ class ContactLoad:
     ('stop', 0.113247, 5.236497)
     """
 
-    contact: str
-    closed: float
+    contact: str  #: Name of the contact.
+    closed: float  #: Fraction of the time for which it is closed; nan for a force without stages, such as a formula.
+    #: peak, rms: Largest magnitude and root mean square of its force; nan on a rigid stop that is struck.
     peak: float
     rms: float
-    power: float
+    power: float  #: Mean power dissipated by its damping law.
 
 
 @dataclass(frozen=True, slots=True)
 class Impulsiveness:
     """The impulsiveness of the acceleration of one coordinate.
-
-    Attributes
-    ----------
-    coordinate
-        Name of the coordinate.
-    rms, peak
-        Root mean square and largest magnitude of its acceleration, about its mean (zero for a settled motion).
-    crest
-        Crest factor, peak over rms (ISO 2631-1:1997, there of the weighted acceleration): 1.41 for a harmonic motion.
-        All four are nan where a rigid stop gives it impulses.
-    kurtosis
-        Fourth moment over the square of the second (Dyer and Stewart 1978, J. Mech. Des. 100, 229-235): 1.5 for a
-        harmonic motion, 3 for Gaussian noise, more for rattle.
 
     Examples
     --------
@@ -227,10 +163,16 @@ class Impulsiveness:
     ('x', 3.765, 8.662)
     """
 
-    coordinate: str
+    coordinate: str  #: Name of the coordinate.
+    #: rms, peak: Root mean square and largest magnitude of its acceleration, about its mean (zero for a settled
+    #: motion).
     rms: float
     peak: float
+    #: Crest factor, peak over rms (ISO 2631-1:1997, there of the weighted acceleration): 1.41 for a harmonic motion.
+    #: All four are nan where a rigid stop gives it impulses.
     crest: float
+    #: Fourth moment over the square of the second (Dyer and Stewart 1978, J. Mech. Des. 100, 229-235): 1.5 for a
+    #: harmonic motion, 3 for Gaussian noise, more for rattle.
     kurtosis: float
 
 

@@ -45,24 +45,17 @@ _FORCES = 256  # forcing periods over which the contact forces of a motion that 
 class RegimeOptions:
     """Options of the classification of regimes.
 
-    Parameters
-    ----------
-    longest
-        The most forcing periods in which a motion may become periodic; after them it is classified by its exponent.
-    max_period
-        The longest period m that is searched for at once; longer ones are found only where the exponent is negative.
-    forces
-        True if peak forces and impacts are computed.
-
     Examples
     --------
     >>> gw.analysis.RegimeOptions(longest=500, forces=True).longest
     500
     """
 
+    #: The most forcing periods in which a motion may become periodic; after them it is classified by its exponent.
     longest: int = 3000
+    #: The longest period m that is searched for at once; longer ones are found only where the exponent is negative.
     max_period: int = 16
-    forces: bool = True
+    forces: bool = True  #: True if peak forces and impacts are computed.
 
     def __post_init__(self) -> None:
         check_count("longest", self.longest)
@@ -72,28 +65,17 @@ class RegimeOptions:
 
 
 class Verdicts(NamedTuple):
-    """The regimes of many motions.
+    """The regimes of many motions."""
 
-    Attributes
-    ----------
-    regimes : shape (count,)
-        Values of `Regime`.
-    periods : shape (count,)
-        m of the periodic ones; 0 for the others.
-    exponents : shape (count,)
-        The largest Lyapunov exponent per forcing period, if it was needed; otherwise nan.
-    peaks, impacts : shape (count, contacts)
-        Largest magnitude of each contact force, and impacts per forcing period; nan if they were not requested.
-    states : shape (count, state_size)
-        Last states of the motions.
-    """
-
-    regimes: NDArray[np.int_]
-    periods: NDArray[np.int_]
+    regimes: NDArray[np.int_]  #: shape (count,): Values of `Regime`.
+    periods: NDArray[np.int_]  #: shape (count,): m of the periodic ones; 0 for the others.
+    #: shape (count,): The largest Lyapunov exponent per forcing period, if it was needed; otherwise nan.
     exponents: NDArray[np.float64]
+    #: peaks, impacts: shape (count, contacts): Largest magnitude of each contact force, and impacts per forcing period;
+    #: nan if they were not requested.
     peaks: NDArray[np.float64]
     impacts: NDArray[np.float64]
-    states: NDArray[np.float64]
+    states: NDArray[np.float64]  #: shape (count, state_size): Last states of the motions.
 
     def copy(self) -> Verdicts:
         """Return a copy with its own arrays."""
@@ -106,21 +88,13 @@ class Verdicts(NamedTuple):
 
 
 class Waited(NamedTuple):
-    """Many motions that were followed until they are periodic.
+    """Many motions that were followed until they are periodic."""
 
-    Attributes
-    ----------
-    states : shape (count, state_size)
-        Their last states.
-    periods : shape (count,)
-        Their periods in forcing periods; 0 for those that did not become periodic, -1 for those that diverged.
-    longest
-        The most forcing periods over which any of them was followed.
-    """
-
-    states: NDArray[np.float64]
+    states: NDArray[np.float64]  #: shape (count, state_size): Their last states.
+    #: shape (count,): Their periods in forcing periods; 0 for those that did not become periodic, -1 for those that
+    #: diverged.
     periods: NDArray[np.int_]
-    longest: int
+    longest: int  #: The most forcing periods over which any of them was followed.
 
 
 def wait(

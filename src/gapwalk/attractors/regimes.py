@@ -29,20 +29,15 @@ _SHORT = 8  # longest period that a short summary lists separately
 class RegimeCheck:
     """Accuracy of the regimes of a map.
 
-    Attributes
-    ----------
-    checked
-        Number of cells whose motion was settled further and classified with the exact flow, rare kinds first.
-    different
-        One sentence for each of them that then got another regime or period, which the map holds now.
-
     Examples
     --------
     >>> regimes.check.checked >= len(regimes.check.different)
     True
     """
 
+    #: Number of cells whose motion was settled further and classified with the exact flow, rare kinds first.
     checked: int = 0
+    #: One sentence for each of them that then got another regime or period, which the map holds now.
     different: tuple[str, ...] = ()
 
 
@@ -50,55 +45,35 @@ class RegimeCheck:
 class Regimes(Shown):
     """The regimes in the plane of two parameters, cell by cell; the first row of each array is the lowest.
 
-    Attributes
-    ----------
-    system
-        The system, with the values of the other parameters.
-    first, second
-        Names of the parameters: horizontal, and vertical.
-    within
-        The range of each parameter. A cell is evaluated at its centre.
-    regimes : shape (rows, columns)
-        Values of `Regime`.
-    periods : shape (rows, columns)
-        Period m of the periodic motions; 0 for the others.
-    exponents : shape (rows, columns)
-        Largest Lyapunov exponent per forcing period of motions that were not found to be periodic at once; else nan.
-    peak_force, impacts : shape (rows, columns, contacts)
-        Largest magnitude of each contact force (nan of a rigid stop, whose impacts have no finite force), and impacts
-        per forcing period; shape (rows, columns, 0) if not requested.
-    states : shape (rows, columns, state_size)
-        A state of the motion at theta = 0.
-    check
-        Accuracy of the regimes.
-    error
-        Error of the fast flow over one forcing period, relative to the size of the motion, measured against the exact
-        flow; 0 if only the exact flow was used.
-    complete
-        False if the computation was stopped before its end; the remaining cells are undecided.
-    notes
-        Sentences on what could not be computed.
-
     Examples
     --------
     >>> regimes.at(0.65, 1.0), regimes.periods.shape
     ('period 1', (8, 8))
     """
 
-    system: System
+    system: System  #: The system, with the values of the other parameters.
+    #: first, second: Names of the parameters: horizontal, and vertical.
     first: str
     second: str
+    #: The range of each parameter. A cell is evaluated at its centre.
     within: tuple[tuple[float, float], tuple[float, float]]
-    regimes: NDArray[np.int_]
-    periods: NDArray[np.int_]
+    regimes: NDArray[np.int_]  #: shape (rows, columns): Values of `Regime`.
+    periods: NDArray[np.int_]  #: shape (rows, columns): Period m of the periodic motions; 0 for the others.
+    #: shape (rows, columns): Largest Lyapunov exponent per forcing period of motions that were not found to be periodic
+    #: at once; else nan.
     exponents: NDArray[np.float64]
+    #: peak_force, impacts: shape (rows, columns, contacts): Largest magnitude of each contact force (nan of a rigid
+    #: stop, whose impacts have no finite force), and impacts per forcing period; shape (rows, columns, 0) if not
+    #: requested.
     peak_force: NDArray[np.float64]
     impacts: NDArray[np.float64]
-    states: NDArray[np.float64]
-    check: RegimeCheck = RegimeCheck()
+    states: NDArray[np.float64]  #: shape (rows, columns, state_size): A state of the motion at theta = 0.
+    check: RegimeCheck = RegimeCheck()  #: Accuracy of the regimes.
+    #: Error of the fast flow over one forcing period, relative to the size of the motion, measured against the exact
+    #: flow; 0 if only the exact flow was used.
     error: float = 0.0
-    complete: bool = True
-    notes: tuple[str, ...] = ()
+    complete: bool = True  #: False if the computation was stopped before its end; the remaining cells are undecided.
+    notes: tuple[str, ...] = ()  #: Sentences on what could not be computed.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""

@@ -29,27 +29,18 @@ _MOST = 1024  # the most strobes with which curves are tested
 class Rotation:
     """The rotation number of strobes on closed curves.
 
-    Attributes
-    ----------
-    number
-        Turns per return to the same curve, between 0 and 1/2: a strobe map cannot distinguish rho from 1 - rho.
-    error
-        Estimated error of the number.
-    curves
-        Number of curves, visited in turn: the period of the orbit that the torus surrounds.
-    roughness
-        Length of the closed polygon through the strobes in the order of their phases, over the length of their minimum
-        spanning tree: 1 for a curve, much more if the order or the number of curves is wrong.
-
     Examples
     --------
     >>> gw.records.Rotation(number=0.313, error=1e-6, curves=1, roughness=1.0).number
     0.313
     """
 
+    #: Turns per return to the same curve, between 0 and 1/2: a strobe map cannot distinguish rho from 1 - rho.
     number: float
-    error: float
-    curves: int
+    error: float  #: Estimated error of the number.
+    curves: int  #: Number of curves, visited in turn: the period of the orbit that the torus surrounds.
+    #: Length of the closed polygon through the strobes in the order of their phases, over the length of their minimum
+    #: spanning tree: 1 for a curve, much more if the order or the number of curves is wrong.
     roughness: float
 
 

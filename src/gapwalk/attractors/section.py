@@ -30,17 +30,6 @@ _ROUNDING = 1e-13  # share of the size of a motion below which its height over a
 class Section:
     """States of one motion at one phase, or on one plane.
 
-    Attributes
-    ----------
-    system
-        The system that moves.
-    theta : shape (count,)
-        Angle of the excitation at each state, in radians.
-    states : shape (count, state_size)
-        Positions, velocities and extensions.
-    text
-        The plane or phase of the section, in words.
-
     Examples
     --------
     >>> points = gw.analysis.strobe(system, orbit.state, periods=3)
@@ -48,10 +37,10 @@ class Section:
     ((3, 2), 'phase 0 of the period')
     """
 
-    system: System
-    theta: NDArray[np.float64]
-    states: NDArray[np.float64]
-    text: str
+    system: System  #: The system that moves.
+    theta: NDArray[np.float64]  #: shape (count,): Angle of the excitation at each state, in radians.
+    states: NDArray[np.float64]  #: shape (count, state_size): Positions, velocities and extensions.
+    text: str  #: The plane or phase of the section, in words.
 
     def __len__(self) -> int:
         return len(self.theta)
@@ -99,15 +88,6 @@ class Crossing(StrEnum):
 class Plane:
     """All states at which a weighted sum of positions and velocities has a given value.
 
-    Parameters
-    ----------
-    normal
-        The weights by name: ``{"q1": 1.0}``, or ``{"q1": 1.0, "q3'": -0.5}`` with a velocity.
-    level
-        The value.
-    crossing
-        ``"upwards"``, ``"downwards"`` or ``"both"``.
-
     Examples
     --------
     >>> plane = gw.analysis.Plane({"x": 1.0}, level=0.5, crossing="downwards")
@@ -115,9 +95,10 @@ class Plane:
     (2, 2)
     """
 
+    #: The weights by name: ``{"q1": 1.0}``, or ``{"q1": 1.0, "q3'": -0.5}`` with a velocity.
     normal: Mapping[str, float] = field(hash=False)
-    level: float = 0.0
-    crossing: Crossing = Crossing.UPWARDS
+    level: float = 0.0  #: The value.
+    crossing: Crossing = Crossing.UPWARDS  #: ``"upwards"``, ``"downwards"`` or ``"both"``.
 
     def __post_init__(self) -> None:
         try:

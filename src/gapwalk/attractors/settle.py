@@ -34,24 +34,17 @@ _FAR = 0.01  # distance from an unstable orbit, relative to the motion, above wh
 class SettleOptions:
     """Options of the transient and of the test for settling.
 
-    Parameters
-    ----------
-    max_periods
-        The most forcing periods of the transient (some more may pass while it is compared with an orbit).
-    max_period
-        The longest period m of the orbits that are searched for.
-    tolerance
-        Drift of the motion's averages, relative to its size, below which a motion that is not periodic counts as
-        settled; a chaotic one may drift by four standard errors.
-
     Examples
     --------
     >>> gw.settle(system, options=gw.SettleOptions(tolerance=1e-3)).converged
     True
     """
 
+    #: The most forcing periods of the transient (some more may pass while it is compared with an orbit).
     max_periods: int = 20_000
-    max_period: int = 64
+    max_period: int = 64  #: The longest period m of the orbits that are searched for.
+    #: Drift of the motion's averages, relative to its size, below which a motion that is not periodic counts as
+    #: settled; a chaotic one may drift by four standard errors.
     tolerance: float = 1e-5
 
     def __post_init__(self) -> None:

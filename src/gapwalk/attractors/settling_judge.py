@@ -22,59 +22,40 @@ from gapwalk.model.system import System
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Tolerances of the judge. Distances are relative to the unit of the strobes, such as the size of the motion.
+    """Tolerances of the judge. Distances are relative to the unit of the strobes, such as the size of the motion."""
 
-    Attributes
-    ----------
-    arrived
-        Distance still to go, below which a motion counts as periodic; the strobes of a settled motion repeat within it.
-        It is the error of the batch integrator, and below what a figure shows.
-    returned
-        Change over one return, below which that return may give the period. A chaotic motion that passes an unstable
-        orbit shrinks towards it for a while; it seldom comes so near.
-    rounding
-        Change over one return, below which only rounding is left; the flow repeats to 1e-13.
-    clear
-        Ratio by which all shorter returns must exceed the distance still to go, or else the period may be shorter:
-        before it arrives, a spiral also returns by chance after longer times.
-    large
-        Size of a return, from which it may be that of a torus or of chaos. Smaller returns need no evidence against
-        their scatter before they count as shrinking.
-    decay
-        Decrease of the mean logarithm of large returns from one window to the next, from which they shrink.
-    scatter
-        Standard deviation of these logarithms, from which they are those of chaos: these vary by themselves, so the
-        decrease must exceed two standard errors.
-    evidence
-        Number of strobes above which a motion without period may have settled; averages are over their later half.
-    promising
-        Distance of return, below which an orbit of that period is searched for by Newton's method.
-    exact
-        Distance of return, relative to the spread of the strobes, that no torus and no chaos reaches.
-    better
-        A longer period counts only if its distance of return is smaller than those of shorter ones by this factor.
-    trends
-        Numbers of blocks, and the allowed trend over them in standard errors. Few long blocks show the slow decay of a
-        torus, because its weighted averages are then sharp; but errors from few blocks are themselves uncertain.
-    small
-        Weight of the remainder after a nearest return: it may change by a hundred times the tolerance.
-    irregular
-        Spread of weighted averages, relative to the signal's deviation, above which a motion is chaotic.
-    """
-
+    #: Distance still to go, below which a motion counts as periodic; the strobes of a settled motion repeat within it.
+    #: It is the error of the batch integrator, and below what a figure shows.
     arrived: float = 1e-4
+    #: Change over one return, below which that return may give the period. A chaotic motion that passes an unstable
+    #: orbit shrinks towards it for a while; it seldom comes so near.
     returned: float = 1e-6
-    rounding: float = 1e-11
+    rounding: float = 1e-11  #: Change over one return, below which only rounding is left; the flow repeats to 1e-13.
+    #: Ratio by which all shorter returns must exceed the distance still to go, or else the period may be shorter:
+    #: before it arrives, a spiral also returns by chance after longer times.
     clear: float = 1e3
+    #: Size of a return, from which it may be that of a torus or of chaos. Smaller returns need no evidence against
+    #: their scatter before they count as shrinking.
     large: float = 1e-3
+    #: Decrease of the mean logarithm of large returns from one window to the next, from which they shrink.
     decay: float = 0.1
+    #: Standard deviation of these logarithms, from which they are those of chaos: these vary by themselves, so the
+    #: decrease must exceed two standard errors.
     scatter: float = 0.6
+    #: Number of strobes above which a motion without period may have settled; averages are over their later half.
     evidence: int = 192
+    #: Distance of return, below which an orbit of that period is searched for by Newton's method.
     promising: float = 0.05
+    #: Distance of return, relative to the spread of the strobes, that no torus and no chaos reaches.
     exact: float = 1e-6
+    #: A longer period counts only if its distance of return is smaller than those of shorter ones by this factor.
     better: float = 0.5
+    #: Numbers of blocks, and the allowed trend over them in standard errors. Few long blocks show the slow decay of a
+    #: torus, because its weighted averages are then sharp; but errors from few blocks are themselves uncertain.
     trends: tuple[tuple[int, float], ...] = ((16, 4.5), (8, 6.0), (5, 12.0))
+    #: Weight of the remainder after a nearest return: it may change by a hundred times the tolerance.
     small: float = 0.01
+    #: Spread of weighted averages, relative to the signal's deviation, above which a motion is chaotic.
     irregular: float = 1e-3
 
 
@@ -85,21 +66,15 @@ _NOTHING = 1e-20  # square of a difference that is only rounding
 
 
 class Returns(NamedTuple):
-    """The convergence of many motions, from their returns.
+    """The convergence of many motions, from their returns."""
 
-    Attributes
-    ----------
-    missing : shape (count,)
-        Distance that each motion still has to go to the orbit that it approaches; inf if its returns do not shrink.
-    periods : shape (count,)
-        Number of forcing periods after which it repeats there; 0 if that is not certain yet.
-    steady : shape (count,), bool
-        True if the nearest returns neither shrink nor grow, and are as large as those of a torus or of chaos; or if
-        they are exact.
-    """
-
+    #: shape (count,): Distance that each motion still has to go to the orbit that it approaches; inf if its returns do
+    #: not shrink.
     missing: NDArray[np.float64]
+    #: shape (count,): Number of forcing periods after which it repeats there; 0 if that is not certain yet.
     periods: NDArray[np.int_]
+    #: shape (count,), bool: True if the nearest returns neither shrink nor grow, and are as large as those of a torus
+    #: or of chaos; or if they are exact.
     steady: NDArray[np.bool_]
 
 
@@ -213,25 +188,15 @@ def exact_returns(system: System, states: NDArray[np.float64]) -> list[Recurrenc
 
 
 class Drift(NamedTuple):
-    """The change of the averages of a motion along part of it.
+    """The change of the averages of a motion along part of it."""
 
-    Attributes
-    ----------
-    change
-        The largest change, between the halves, of the weighted average of a scaled state or of a product of two.
-    trend
-        The largest linear trend of averages over blocks, in its standard errors, relative to the allowed one. The
-        errors come from the residual of the trend, so a slow decay cannot hide by increasing its own error.
-    irregular
-        True if weighted averages converge as slowly as those of chaotic motion.
-    steady
-        True if the nearest returns neither shrink nor grow; see `Returns`.
-    """
-
+    #: The largest change, between the halves, of the weighted average of a scaled state or of a product of two.
     change: float
+    #: The largest linear trend of averages over blocks, in its standard errors, relative to the allowed one. The errors
+    #: come from the residual of the trend, so a slow decay cannot hide by increasing its own error.
     trend: float
-    irregular: bool
-    steady: bool
+    irregular: bool  #: True if weighted averages converge as slowly as those of chaotic motion.
+    steady: bool  #: True if the nearest returns neither shrink nor grow; see `Returns`.
 
     def is_settled(self, tolerance: float) -> bool:
         """Return True if the change is within the tolerance, or, for irregular motion, the trend within its errors."""

@@ -42,17 +42,6 @@ _LOG_SAMPLES = 64  # per period, of the motion from which impulses are taken
 class Sound(Described):
     """A signal over true time.
 
-    Attributes
-    ----------
-    signal, unit
-        Name of the signal, and its unit; empty without units.
-    rate
-        Samples per second.
-    values : shape (samples,)
-        The signal, in its unit.
-    second
-        Units of the model's time that a second lasts: 1 for a model with units.
-
     Examples
     --------
     >>> tone = gw.analysis.sound(orbit, "x", 0.1)
@@ -60,11 +49,12 @@ class Sound(Described):
     (48000, True)
     """
 
+    #: signal, unit: Name of the signal, and its unit; empty without units.
     signal: str
     unit: str
-    rate: int
-    values: NDArray[np.float64]
-    second: float = 1.0
+    rate: int  #: Samples per second.
+    values: NDArray[np.float64]  #: shape (samples,): The signal, in its unit.
+    second: float = 1.0  #: Units of the model's time that a second lasts: 1 for a model with units.
 
     @property
     def duration(self) -> float:

@@ -35,25 +35,6 @@ _CLEAN = 4  # lines above a quarter of the sampling rate are omitted: aliasing a
 class Spectrum(Described):
     """The spectrum of one signal.
 
-    Attributes
-    ----------
-    system
-        The system that moves.
-    signal
-        Name of the signal.
-    orders : shape (lines,)
-        Orders from 0 upwards: multiples of W, or orders per turn of a shaft if its speed is a parameter (theta below is
-        then the angle of that shaft).
-    values : shape (lines,)
-        Complex amplitudes c in the units of the signal, which is the sum of ``Re(c exp(i order theta))``. For a motion
-        without period a line of amplitude A appears as a peak of height A, slightly wider than `resolution`.
-    period
-        Period m of a periodic motion, whose lines are exact; 0 for a windowed motion.
-    resolution
-        Width of a line, as an order: 0 for a periodic motion.
-    folding
-        Bound on the contribution of aliasing to any line, in the units of the signal.
-
     Examples
     --------
     >>> lines = gw.analysis.spectrum(impacting, "x")
@@ -61,13 +42,18 @@ class Spectrum(Described):
     (array([0., 1., 2.]), 1.302088)
     """
 
-    system: System
-    signal: str
+    system: System  #: The system that moves.
+    signal: str  #: Name of the signal.
+    #: shape (lines,): Orders from 0 upwards: multiples of W, or orders per turn of a shaft if its speed is a parameter
+    #: (theta below is then the angle of that shaft).
     orders: NDArray[np.float64]
+    #: shape (lines,): Complex amplitudes c in the units of the signal, which is the sum of ``Re(c exp(i order
+    #: theta))``. For a motion without period a line of amplitude A appears as a peak of height A, slightly wider than
+    #: `resolution`.
     values: NDArray[np.complex128]
-    period: int
-    resolution: float
-    folding: float
+    period: int  #: Period m of a periodic motion, whose lines are exact; 0 for a windowed motion.
+    resolution: float  #: Width of a line, as an order: 0 for a periodic motion.
+    folding: float  #: Bound on the contribution of aliasing to any line, in the units of the signal.
 
     @property
     def amplitudes(self) -> NDArray[np.float64]:
@@ -138,24 +124,17 @@ class Spectrum(Described):
 class SpectrumOptions:
     """Options of a spectrum.
 
-    Parameters
-    ----------
-    periods
-        Number of forcing periods in the window, for a motion without period.
-    window
-        A window of `scipy.signal.get_window`, for a motion without period. ``"flattop"`` gives amplitudes to 0.1 %,
-        ``"hann"`` separates neighbouring lines better.
-    tolerance
-        The sampling is refined until aliasing changes no line by more than this, relative to the largest line.
-
     Examples
     --------
     >>> gw.analysis.SpectrumOptions(periods=128, window="hann").window
     'hann'
     """
 
-    periods: int = 256
+    periods: int = 256  #: Number of forcing periods in the window, for a motion without period.
+    #: A window of `scipy.signal.get_window`, for a motion without period. ``"flattop"`` gives amplitudes to 0.1 %,
+    #: ``"hann"`` separates neighbouring lines better.
     window: str = "flattop"
+    #: The sampling is refined until aliasing changes no line by more than this, relative to the largest line.
     tolerance: float = 1e-6
 
     def __post_init__(self) -> None:
@@ -175,15 +154,6 @@ class SpectrumOptions:
 class Peak(NamedTuple):
     """A line of a spectrum: its name, its order (see `Spectrum`) and its amplitude.
 
-    Attributes
-    ----------
-    name
-        Name of the line.
-    order
-        Its order.
-    amplitude
-        Its amplitude, in the unit of the signal.
-
     Examples
     --------
     >>> peak = gw.analysis.spectrum(impacting, "x").peaks(1)[0]
@@ -191,33 +161,14 @@ class Peak(NamedTuple):
     (1.0, 1.302088)
     """
 
-    name: str
-    order: float
-    amplitude: float
+    name: str  #: Name of the line.
+    order: float  #: Its order.
+    amplitude: float  #: Its amplitude, in the unit of the signal.
 
 
 @dataclass(frozen=True, eq=False)
 class Waterfall(Described):
     """Spectra over orders, orbit by orbit: multiples of W, or orders per turn of the shaft whose speed is a parameter.
-
-    Attributes
-    ----------
-    parameter
-        Name of the parameter that changes from orbit to orbit.
-    signal
-        Name of the signal.
-    values : shape (orbits,)
-        The parameter at each orbit, in the order along the branch: it reverses at folds.
-    orders : shape (lines,)
-        Orders, evenly spaced from 0; see `Spectrum`.
-    amplitudes : shape (orbits, lines)
-        Amplitudes in the units of the signal; the first column is the mean.
-    stable : shape (orbits,)
-        True for stable orbits.
-    turns
-        See `System.turns`.
-    units
-        Units of the system.
 
     Examples
     --------
@@ -226,14 +177,16 @@ class Waterfall(Described):
     (array([0.6, 1.1]), (2, 5))
     """
 
-    parameter: str
-    signal: str
+    parameter: str  #: Name of the parameter that changes from orbit to orbit.
+    signal: str  #: Name of the signal.
+    #: shape (orbits,): The parameter at each orbit, in the order along the branch: it reverses at folds.
     values: NDArray[np.float64]
-    orders: NDArray[np.float64]
+    orders: NDArray[np.float64]  #: shape (lines,): Orders, evenly spaced from 0; see `Spectrum`.
+    #: shape (orbits, lines): Amplitudes in the units of the signal; the first column is the mean.
     amplitudes: NDArray[np.float64]
-    stable: NDArray[np.bool_]
-    turns: int | Fraction | None = None
-    units: Units | None = None
+    stable: NDArray[np.bool_]  #: shape (orbits,): True for stable orbits.
+    turns: int | Fraction | None = None  #: See `System.turns`.
+    units: Units | None = None  #: Units of the system.
 
     def tables(self) -> Tables:
         """Return the table of amplitudes: a row for each orbit, a column for each order."""

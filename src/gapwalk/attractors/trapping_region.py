@@ -54,17 +54,11 @@ _NEWTON = Newton(iterations=8, halvings=1)
 
 @dataclass(frozen=True, eq=False)
 class TrappingRegion:
-    """Ellipsoids about the m strobes of a stable orbit.
+    """Ellipsoids about the m strobes of a stable orbit."""
 
-    Attributes
-    ----------
-    strobes : shape (m, state_size)
-        The states of the orbit, one forcing period apart.
-    shapes : shape (m, state_size, state_size)
-        A state x is inside the ellipsoid about strobe j where ``|shapes[j] @ (x - strobes[j])| <= 1``.
-    """
-
-    strobes: NDArray[np.float64]
+    strobes: NDArray[np.float64]  #: shape (m, state_size): The states of the orbit, one forcing period apart.
+    #: shape (m, state_size, state_size): A state x is inside the ellipsoid about strobe j where ``|shapes[j] @ (x -
+    #: strobes[j])| <= 1``.
     shapes: NDArray[np.float64]
 
     def holds(self, states: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -78,27 +72,16 @@ class TrappingRegion:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Approach:
-    """An orbit near a motion, and the behaviour of the motion next to it.
+    """An orbit near a motion, and the behaviour of the motion next to it."""
 
-    Attributes
-    ----------
-    orbit
-        The orbit, of its smallest period; its state is the one next to the motion.
-    converging
-        True if the orbit is stable and the motion converges to it or has reached it.
-    leaving
-        True if the orbit is unstable and the motion leaves it as the linearised return map predicts. So near to the
-        orbit this may take arbitrarily long.
-    distance
-        Distance of the motion from the orbit, relative to the size of the motion.
-    strobes : shape (periods, state_size)
-        Strobes of the motion while it was compared with the orbit, one forcing period apart; may be empty.
-    """
-
-    orbit: Orbit
-    converging: bool
+    orbit: Orbit  #: The orbit, of its smallest period; its state is the one next to the motion.
+    converging: bool  #: True if the orbit is stable and the motion converges to it or has reached it.
+    #: True if the orbit is unstable and the motion leaves it as the linearised return map predicts. So near to the
+    #: orbit this may take arbitrarily long.
     leaving: bool
-    distance: float
+    distance: float  #: Distance of the motion from the orbit, relative to the size of the motion.
+    #: shape (periods, state_size): Strobes of the motion while it was compared with the orbit, one forcing period
+    #: apart; may be empty.
     strobes: NDArray[np.float64]
 
 

@@ -27,22 +27,16 @@ if TYPE_CHECKING:
 class Unexplained:
     """Step of a branch whose changes are not accounted for by its special points: one was missed there.
 
-    Attributes
-    ----------
-    first, last
-        Values of the parameter at the points before and after it.
-    text
-        Description of the change, as a sentence.
-
     Examples
     --------
     >>> gw.records.Unexplained(first=0.7, last=0.8, text="the motion became unstable").text
     'the motion became unstable'
     """
 
+    #: first, last: Values of the parameter at the points before and after it.
     first: float
     last: float
-    text: str
+    text: str  #: Description of the change, as a sentence.
 
     def __str__(self) -> str:
         return f"between {self.first:.10g} and {self.last:.10g}: {self.text}"
@@ -52,19 +46,6 @@ class Unexplained:
 class Branch(Shown):
     """Branch of orbits along one parameter.
 
-    Attributes
-    ----------
-    parameter
-        Name of the parameter that varies.
-    period
-        m, number of forcing periods of the orbits.
-    points
-        The orbits in the order of the walk.
-    special_points
-        Special points in the order of the walk.
-    ends
-        Ends of the branch with their reasons, at its first and at its last point.
-
     Examples
     --------
     >>> branch.values[[0, -1]], len(branch.special("fold"))
@@ -73,11 +54,11 @@ class Branch(Shown):
     True
     """
 
-    parameter: str
-    period: int
-    points: tuple[BranchPoint, ...]
-    special_points: tuple[SpecialPoint, ...]
-    ends: tuple[End, ...]
+    parameter: str  #: Name of the parameter that varies.
+    period: int  #: m, number of forcing periods of the orbits.
+    points: tuple[BranchPoint, ...]  #: The orbits in the order of the walk.
+    special_points: tuple[SpecialPoint, ...]  #: Special points in the order of the walk.
+    ends: tuple[End, ...]  #: Ends of the branch with their reasons, at its first and at its last point.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""

@@ -29,11 +29,6 @@ _NOTHING = 1e-12  # size of a signal, relative to the largest, below which it is
 class Match:
     """Special point that both branches have.
 
-    Attributes
-    ----------
-    first, second
-        The point of either branch.
-
     Examples
     --------
     >>> match = gw.compare(branch, branch).matches[0]
@@ -41,6 +36,7 @@ class Match:
     0.0
     """
 
+    #: first, second: The point of either branch.
     first: SpecialPoint
     second: SpecialPoint
 
@@ -56,21 +52,6 @@ class Comparison(Shown):
 
     Lengths are relative to the range of the parameter and to the range of each measure.
 
-    Attributes
-    ----------
-    parameter, measures
-        Quantities that are compared: each branch is a curve over the parameter, in the space of these measures.
-    width
-        Range of the parameter, in its units.
-    values, distances : shape (points,)
-        For each point of the first branch within that range: its parameter, and its distance from the second branch.
-    resolution
-        Rough upper bound of the error of a distance due to interpolation between the points of the second branch.
-    matches
-        Special points that both have.
-    only_first, only_second
-        Special points that only one of them has, within the common range.
-
     Examples
     --------
     >>> found = gw.compare(branch, branch)
@@ -78,13 +59,19 @@ class Comparison(Shown):
     (True, 6)
     """
 
+    #: parameter, measures: Quantities that are compared: each branch is a curve over the parameter, in the space of
+    #: these measures.
     parameter: str
     measures: tuple[str, ...]
-    width: float
+    width: float  #: Range of the parameter, in its units.
+    #: values, distances: shape (points,): For each point of the first branch within that range: its parameter, and its
+    #: distance from the second branch.
     values: NDArray[np.float64]
     distances: NDArray[np.float64]
+    #: Rough upper bound of the error of a distance due to interpolation between the points of the second branch.
     resolution: float
-    matches: tuple[Match, ...]
+    matches: tuple[Match, ...]  #: Special points that both have.
+    #: only_first, only_second: Special points that only one of them has, within the common range.
     only_first: tuple[SpecialPoint, ...]
     only_second: tuple[SpecialPoint, ...]
 

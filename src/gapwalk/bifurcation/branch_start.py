@@ -34,24 +34,12 @@ _PARENT = 2.0  # distance of the parent from the mean of the halves, in their di
 
 @dataclass(frozen=True)
 class BranchStart:
-    """Point and direction from which a branch can be walked.
+    """Point and direction from which a branch can be walked."""
 
-    Attributes
-    ----------
-    corrector
-        Corrector for the branch; it holds the equation and the scales.
-    first
-        The point; its tangent gives the direction.
-    within
-        Range of the parameter.
-    singular
-        True if the branch begins here, at a bifurcation of another one.
-    """
-
-    corrector: Corrector
-    first: BranchPoint
-    within: Range
-    singular: bool = False
+    corrector: Corrector  #: Corrector for the branch; it holds the equation and the scales.
+    first: BranchPoint  #: The point; its tangent gives the direction.
+    within: Range  #: Range of the parameter.
+    singular: bool = False  #: True if the branch begins here, at a bifurcation of another one.
 
     @property
     def equation(self) -> OrbitEquation:

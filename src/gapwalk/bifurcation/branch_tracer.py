@@ -259,7 +259,7 @@ class BranchTracer(Iterator[Step]):
     def _examined(
         self, first: BranchPoint, point: BranchPoint, before: BranchPoint | None
     ) -> tuple[Step, HeldChange | None, HeldChange | None]:
-        """Return the step to a point, or to where the first spring changes, with that change, or the end of its slip.
+        """Return the step to a point, or to where a spring changes first, with that change or the end of its slip.
 
         Raises
         ------

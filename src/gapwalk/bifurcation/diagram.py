@@ -29,37 +29,19 @@ from gapwalk.summary import SummaryParts, Tree, remarks, summarizes
 class Origin:
     """Special point at which a branch begins on another: the name of that branch, and the index of the point.
 
-    Attributes
-    ----------
-    parent
-        Name of that branch.
-    special
-        Index of the special point, from 0.
-
     Examples
     --------
     >>> diagram.members[1].begins
     Origin(parent='P1-1', special=1)
     """
 
-    parent: str
-    special: int
+    parent: str  #: Name of that branch.
+    special: int  #: Index of the special point, from 0.
 
 
 @dataclass(frozen=True)
 class DiagramBranch:
     """Member of a diagram: one branch and its place in the tree.
-
-    Attributes
-    ----------
-    name
-        Name such as ``P2-3``: the third branch of period 2.
-    branch
-        The branch.
-    begins
-        Its beginning on another branch; None for a branch that was found independently.
-    joins
-        Its end on another branch; None if it ends otherwise.
 
     Examples
     --------
@@ -68,10 +50,10 @@ class DiagramBranch:
     ('P2-1', 2, 'P1-1')
     """
 
-    name: str
-    branch: Branch
-    begins: Origin | None = None
-    joins: Origin | None = None
+    name: str  #: Name such as ``P2-3``: the third branch of period 2.
+    branch: Branch  #: The branch.
+    begins: Origin | None = None  #: Its beginning on another branch; None for a branch that was found independently.
+    joins: Origin | None = None  #: Its end on another branch; None if it ends otherwise.
 
     @property
     def period(self) -> int:
@@ -92,21 +74,14 @@ class Cascade:
     next flip lies in the opposite direction, the child has turned back before reaching it. There the cascade ends, and
     another may begin. Only with this rule can the intervals between the flips shrink by a constant ratio.
 
-    Attributes
-    ----------
-    members
-        Names of the branches on which the flips lie.
-    values
-        The parameter at each flip.
-
     Examples
     --------
     >>> diagram.cascades
     ()
     """
 
-    members: tuple[str, ...]
-    values: tuple[float, ...]
+    members: tuple[str, ...]  #: Names of the branches on which the flips lie.
+    values: tuple[float, ...]  #: The parameter at each flip.
 
     @property
     def ratios(self) -> tuple[float, ...]:
@@ -119,38 +94,20 @@ class Cascade:
 class Diagram(Shown):
     """All branches that were found over a range of one parameter.
 
-    Attributes
-    ----------
-    parameter
-        Name of the parameter.
-    within
-        Limits of the range.
-    members
-        Members of the diagram, in the order in which they were accepted.
-    complete
-        False if the computation was stopped before its end.
-    notes
-        Remarks, as sentences: what the search covered, which limit was reached.
-    failures
-        Branches that could not be walked, as sentences.
-    search
-        Result of the search for isolated branches; None if there was none.
-    max_period
-        The longest period of branches that was requested; None if it does not apply, as for a single branch.
-
     Examples
     --------
     >>> [(member.name, str(member.begins)) for member in diagram.members]
     [('P1-1', 'None'), ('P2-1', "Origin(parent='P1-1', special=1)")]
     """
 
-    parameter: str
-    within: tuple[float, float]
-    members: tuple[DiagramBranch, ...] = ()
-    complete: bool = False
-    notes: tuple[str, ...] = ()
-    failures: tuple[str, ...] = ()
-    search: SearchResult | None = None
+    parameter: str  #: Name of the parameter.
+    within: tuple[float, float]  #: Limits of the range.
+    members: tuple[DiagramBranch, ...] = ()  #: Members of the diagram, in the order in which they were accepted.
+    complete: bool = False  #: False if the computation was stopped before its end.
+    notes: tuple[str, ...] = ()  #: Remarks, as sentences: what the search covered, which limit was reached.
+    failures: tuple[str, ...] = ()  #: Branches that could not be walked, as sentences.
+    search: SearchResult | None = None  #: Result of the search for isolated branches; None if there was none.
+    #: The longest period of branches that was requested; None if it does not apply, as for a single branch.
     max_period: int | None = None
 
     @property

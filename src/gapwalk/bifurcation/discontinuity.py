@@ -42,18 +42,10 @@ _AT_ONCE = 1e-7  # radians within which events count as one
 
 
 class Discontinuity(NamedTuple):
-    """Discontinuity ahead of a point of a branch.
+    """Discontinuity ahead of a point of a branch."""
 
-    Attributes
-    ----------
-    value
-        Value of the parameter.
-    words
-        Sentence part that says what changes, and by how much.
-    """
-
-    value: float
-    words: str
+    value: float  #: Value of the parameter.
+    words: str  #: Sentence part that says what changes, and by how much.
 
 
 def discontinuity_ahead(corrector: Corrector, point: BranchPoint) -> Discontinuity | None:

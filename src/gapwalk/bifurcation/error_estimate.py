@@ -62,7 +62,7 @@ class ErrorEstimator:
         return self._corrector
 
     def at(self, point: BranchPoint, shift: float = 0.0) -> BranchPoint:
-        """Return the point of the second computation in a plane normal to a point's tangent, `shift` further along it.
+        """Return the point of the second computation in the plane normal to a point's tangent, `shift` along it.
 
         Raises
         ------
@@ -161,42 +161,20 @@ class ErrorEstimator:
 
 
 class _Blur(NamedTuple):
-    """Effect of rounding on a point of a branch.
+    """Effect of rounding on a point of a branch."""
 
-    Attributes
-    ----------
-    off
-        Largest change of the scaled parameter.
-    asides
-        The point displaced farthest; to both sides, if that is farther than derivatives tell.
-    rounding : shape (samples, N)
-        Samples of the rounding errors of the residual.
-    """
-
-    off: float
-    asides: list[BranchPoint]
-    rounding: NDArray[np.float64]
+    off: float  #: Largest change of the scaled parameter.
+    asides: list[BranchPoint]  #: The point displaced farthest; to both sides, if that is farther than derivatives tell.
+    rounding: NDArray[np.float64]  #: shape (samples, N): Samples of the rounding errors of the residual.
 
 
 class _Seen(NamedTuple):
-    """Point, the test function there, and what rounding makes of both.
+    """Point, the test function there, and what rounding makes of both."""
 
-    Attributes
-    ----------
-    point
-        The point.
-    zero
-        The test function.
-    off
-        Change of the scaled parameter across the branch by rounding.
-    blur
-        Change of the test function by rounding.
-    """
-
-    point: BranchPoint
-    zero: float
-    off: float = 0.0
-    blur: float = 0.0
+    point: BranchPoint  #: The point.
+    zero: float  #: The test function.
+    off: float = 0.0  #: Change of the scaled parameter across the branch by rounding.
+    blur: float = 0.0  #: Change of the test function by rounding.
 
 
 def location_error(

@@ -26,29 +26,16 @@ _AT_START = 1e-6  # radians from the start of the period within which an instant
 
 
 class Change(NamedTuple):
-    """A phase of friction that appears or vanishes.
+    """A phase of friction that appears or vanishes."""
 
-    Attributes
-    ----------
-    contact
-        Number of the contact.
-    before, mode, after
-        Mode of the phase before it, its own, and that of the phase after it.
-    theta
-        The angle at which it begins.
-    alone
-        True if friction never slips without it.
-    others
-        Number of the other phases of the same mode between phases of the same modes.
-    """
-
-    contact: int
+    contact: int  #: Number of the contact.
+    #: before, mode, after: Mode of the phase before it, its own, and that of the phase after it.
     before: int
     mode: int
     after: int
-    theta: float
-    alone: bool
-    others: int = 0
+    theta: float  #: The angle at which it begins.
+    alone: bool  #: True if friction never slips without it.
+    others: int = 0  #: Number of the other phases of the same mode between phases of the same modes.
 
     @property
     def side(self) -> int:

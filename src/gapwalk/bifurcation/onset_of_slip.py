@@ -36,24 +36,13 @@ _HALVINGS = 20  # of a step towards it that leads to slip
 
 
 class Located(NamedTuple):
-    """A located change.
+    """A located change."""
 
-    Attributes
-    ----------
-    point
-        The point of the branch.
-    change
-        The change.
-    spread
-        Arclength of its bracket.
-    before
-        If it was located by halving the step, since its margin has no zero there: the point before it. The margin jumps
-        where another event comes to the instant of the change, such as the opening of a stage whose force jumps.
-    """
-
-    point: BranchPoint
-    change: Change
-    spread: float
+    point: BranchPoint  #: The point of the branch.
+    change: Change  #: The change.
+    spread: float  #: Arclength of its bracket.
+    #: If it was located by halving the step, since its margin has no zero there: the point before it. The margin jumps
+    #: where another event comes to the instant of the change, such as the opening of a stage whose force jumps.
     before: BranchPoint | None = None
 
 
@@ -156,24 +145,14 @@ def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, 
 
 
 class Rest(NamedTuple):
-    """Place at which slip ends in both directions at once.
+    """Place at which slip ends in both directions at once."""
 
-    Attributes
-    ----------
-    point
-        The point there, at which friction sticks with its force at both bounds.
-    thetas
-        For each direction, the angle at which the force reaches its bound.
-    shift : shape (N + 1,)
-        Change of the scaled variables of the point at which friction sticks, to the position that it has there.
-    spread
-        Arclength to which the place is known.
-    """
-
-    point: BranchPoint
-    thetas: dict[int, float]
+    point: BranchPoint  #: The point there, at which friction sticks with its force at both bounds.
+    thetas: dict[int, float]  #: For each direction, the angle at which the force reaches its bound.
+    #: shape (N + 1,): Change of the scaled variables of the point at which friction sticks, to the position that it has
+    #: there.
     shift: NDArray[np.float64]
-    spread: float
+    spread: float  #: Arclength to which the place is known.
 
 
 def find_rest(corrector: Corrector, stuck: BranchPoint, far: BranchPoint, contact: int) -> Rest:

@@ -36,33 +36,6 @@ VERTEX = 1e-3
 class SpecialPoint(Shown):
     """Point at which orbits appear, vanish, bifurcate, or touch a stop.
 
-    Attributes
-    ----------
-    kind
-        Kind of the special point.
-    point
-        The located point of the branch.
-    before, after
-        Unstable multipliers on either side, in the direction of the walk.
-    uncertainty
-        Estimated error of its parameter value. It is four times the difference from the same point computed with
-        another discretisation (by shooting with another number of segments, by harmonic balance with more harmonics,
-        so that truncation is included), plus four times the effect of rounding of the equations, plus the bracket in
-        which the point was located. Infinite if unknown.
-    contact
-        For a grazing point: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
-    nature
-        Criticality: ``opens to lower values`` or ``opens to higher values`` for a fold, ``supercritical`` or
-        ``subcritical`` for a flip, in the limit towards the point; empty for other kinds, or if it is unknown.
-    judged
-        Amplitude of the doubled motion, in units of the state, up to which the doubled branch stays on the side that
-        the criticality of a flip predicts. The branch is examined up to 1 % of the motion, or to where it turns back.
-    parameter
-        Name of the parameter along which its branch was followed.
-    multiplicity
-        Number of multipliers, or of pairs, that become critical at once: 2 at a double flip, where the parts of a
-        machine are equal. At a double fold both turn back, and branches on which only one has turned cross there.
-
     Examples
     --------
     >>> str(fold.kind), round(fold.value, 9), fold.uncertainty < 1e-10
@@ -88,15 +61,27 @@ class SpecialPoint(Shown):
         "contacts": "orbit.pattern",
     }
 
-    kind: Kind
-    point: BranchPoint
+    kind: Kind  #: Kind of the special point.
+    point: BranchPoint  #: The located point of the branch.
+    #: before, after: Unstable multipliers on either side, in the direction of the walk.
     before: Instability
     after: Instability
+    #: Estimated error of its parameter value. It is four times the difference from the same point computed with another
+    #: discretisation (by shooting with another number of segments, by harmonic balance with more harmonics, so that
+    #: truncation is included), plus four times the effect of rounding of the equations, plus the bracket in which the
+    #: point was located. Infinite if unknown.
     uncertainty: float
+    #: For a grazing point: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
     contact: str = ""
+    #: Criticality: ``opens to lower values`` or ``opens to higher values`` for a fold, ``supercritical`` or
+    #: ``subcritical`` for a flip, in the limit towards the point; empty for other kinds, or if it is unknown.
     nature: str = ""
+    #: Amplitude of the doubled motion, in units of the state, up to which the doubled branch stays on the side that the
+    #: criticality of a flip predicts. The branch is examined up to 1 % of the motion, or to where it turns back.
     judged: float = 0.0
-    parameter: str = ""
+    parameter: str = ""  #: Name of the parameter along which its branch was followed.
+    #: Number of multipliers, or of pairs, that become critical at once: 2 at a double flip, where the parts of a
+    #: machine are equal. At a double fold both turn back, and branches on which only one has turned cross there.
     multiplicity: int = 1
 
     @property

@@ -34,34 +34,21 @@ if TYPE_CHECKING:
 class Symbol:
     """Style in which special points of a kind are drawn.
 
-    Attributes
-    ----------
-    label
-        Text of the legend.
-    letters
-        Text next to a point; may be empty.
-    marker, size
-        The matplotlib marker, and its size in points.
-    color
-        Name of a colour of the palette.
-    dashes
-        Matplotlib dashes of its locus in a map; None if it has no locus.
-    width
-        Width of that line, in points.
-
     Examples
     --------
     >>> gw.Kind.named("fold").symbol.letters
     'LP'
     """
 
-    label: str
-    letters: str
+    label: str  #: Text of the legend.
+    letters: str  #: Text next to a point; may be empty.
+    #: marker, size: The matplotlib marker, and its size in points.
     marker: str
     size: float
-    color: str
+    color: str  #: Name of a colour of the palette.
+    #: Matplotlib dashes of its locus in a map; None if it has no locus.
     dashes: str | tuple[float, tuple[float, ...]] | None = None
-    width: float = 1.6
+    width: float = 1.6  #: Width of that line, in points.
 
 
 class Kind(str):

@@ -41,24 +41,12 @@ Vector = NDArray[np.float64]
 
 
 class Passage(NamedTuple):
-    """Result of the steps with another section.
+    """Result of the steps with another section."""
 
-    Attributes
-    ----------
-    point
-        The last point.
-    special
-        The special points before it.
-    step
-        Length of the next step.
-    end
-        End of the branch at the point; None if it continues.
-    """
-
-    point: BranchPoint
-    special: list[SpecialPoint]
-    step: float
-    end: End | None
+    point: BranchPoint  #: The last point.
+    special: list[SpecialPoint]  #: The special points before it.
+    step: float  #: Length of the next step.
+    end: End | None  #: End of the branch at the point; None if it continues.
 
 
 def starts_among_impacts(orbit: Orbit) -> bool:

@@ -46,33 +46,15 @@ _AT_CORNER = 1e-10  # arclength within which a change of sign is at a corner
 
 @dataclass(frozen=True)
 class Zero:
-    """Special point as it was located.
+    """Special point as it was located."""
 
-    Attributes
-    ----------
-    kind
-        Its kind.
-    point
-        The point of the branch.
-    spread
-        Width of its bracket in arclength.
-    function
-        The function that is zero there, with a change of sign.
-    contact
-        For a grazing point: contact, stage and side that grazes; otherwise empty.
-    noise
-        Absolute value of the function that is only rounding.
-    multiplicity
-        Number of multipliers, or of pairs, that become critical at once.
-    """
-
-    kind: Kind
-    point: BranchPoint
-    spread: float
-    function: Callable[[BranchPoint], float]
-    contact: str = ""
-    noise: float = 0.0
-    multiplicity: int = 1
+    kind: Kind  #: Its kind.
+    point: BranchPoint  #: The point of the branch.
+    spread: float  #: Width of its bracket in arclength.
+    function: Callable[[BranchPoint], float]  #: The function that is zero there, with a change of sign.
+    contact: str = ""  #: For a grazing point: contact, stage and side that grazes; otherwise empty.
+    noise: float = 0.0  #: Absolute value of the function that is only rounding.
+    multiplicity: int = 1  #: Number of multipliers, or of pairs, that become critical at once.
 
 
 class StepInterval:
@@ -238,7 +220,7 @@ class Search:
         return self._several_between(kind, a, middle) + self._several_between(kind, middle, b)
 
     def bracketed_mean(self, kind: Kind, a: BranchPoint, b: BranchPoint, ranks: tuple[int, int]) -> Zero | None:
-        """Return the zero of the mean offset of several multipliers between two points; None if they do not coincide.
+        """Return the zero of the mean offset of several multipliers between two points; None if they differ.
 
         Raises
         ------

@@ -55,21 +55,11 @@ _NEAR = 0.01  # share of the depth over which a test function is linear
 
 
 class Passage(NamedTuple):
-    """Result of a step over a graze.
+    """Result of a step over a graze."""
 
-    Attributes
-    ----------
-    point
-        The point beyond the graze.
-    special
-        The special points before it, including the graze.
-    distance
-        Arclength from the graze to the point.
-    """
-
-    point: BranchPoint
-    special: list[SpecialPoint]
-    distance: float
+    point: BranchPoint  #: The point beyond the graze.
+    special: list[SpecialPoint]  #: The special points before it, including the graze.
+    distance: float  #: Arclength from the graze to the point.
 
 
 def pass_graze(corrector: Corrector, point: BranchPoint) -> Passage | None:

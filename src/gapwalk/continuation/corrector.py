@@ -37,46 +37,23 @@ _TRUSTED = 1e-7  # longest step if only `trust` is met: by a crossing the tangen
 
 
 class Course(NamedTuple):
-    """Direction in which a branch continues.
+    """Direction in which a branch continues."""
 
-    Attributes
-    ----------
-    tangent : shape (N + 1,)
-        Unit tangent of the branch, in scaled variables.
-    determinant
-        Determinant of the Jacobian bordered by the tangent, for unscaled unknowns. With scaled unknowns it would depend
-        on the units, and it would overflow when there are many unknowns.
-    """
-
-    tangent: NDArray[np.float64]
+    tangent: NDArray[np.float64]  #: shape (N + 1,): Unit tangent of the branch, in scaled variables.
+    #: Determinant of the Jacobian bordered by the tangent, for unscaled unknowns. With scaled unknowns it would depend
+    #: on the units, and it would overflow when there are many unknowns.
     determinant: float
 
 
 class Correction(NamedTuple):
-    """Corrected point, and how it was reached.
+    """Corrected point, and how it was reached."""
 
-    Attributes
-    ----------
-    x : shape (N + 1,)
-        The point, in scaled variables.
-    evaluation
-        The equation evaluated there.
-    iterations
-        Newton steps taken.
-    distance
-        Distance from the predicted to the corrected point.
-    last
-        Length of the last Newton step.
-    course
-        Direction in which the branch continues there; None if it was not computed.
-    """
-
-    x: NDArray[np.float64]
-    evaluation: Evaluation
-    iterations: int
-    distance: float
-    last: float
-    course: Course | None = None
+    x: NDArray[np.float64]  #: shape (N + 1,): The point, in scaled variables.
+    evaluation: Evaluation  #: The equation evaluated there.
+    iterations: int  #: Newton steps taken.
+    distance: float  #: Distance from the predicted to the corrected point.
+    last: float  #: Length of the last Newton step.
+    course: Course | None = None  #: Direction in which the branch continues there; None if it was not computed.
 
 
 class Corrector:

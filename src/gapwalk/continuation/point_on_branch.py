@@ -18,23 +18,6 @@ from gapwalk.summary import row_of
 class BranchPoint:
     """One orbit on a branch.
 
-    Attributes
-    ----------
-    value
-        Value of the parameter that is followed.
-    orbit
-        The orbit; its system carries all parameter values.
-    x : shape (N + 1,)
-        Unknowns of the equation, then the parameter, in scaled variables.
-    tangent : shape (N + 1,)
-        Unit tangent of the branch there, in scaled variables, in the direction of the walk.
-    determinant
-        Determinant of the Jacobian bordered by the tangent (see `Course`); its sign changes where branches cross.
-    arclength
-        Scaled arclength from the start of the walk.
-    memo
-        Cache of values derived from the point that are needed repeatedly.
-
     Examples
     --------
     >>> point = branch.points[0]
@@ -49,12 +32,15 @@ class BranchPoint:
         "contacts": "orbit.pattern",
     }
 
-    value: float
-    orbit: Orbit
-    x: NDArray[np.float64]
+    value: float  #: Value of the parameter that is followed.
+    orbit: Orbit  #: The orbit; its system carries all parameter values.
+    x: NDArray[np.float64]  #: shape (N + 1,): Unknowns of the equation, then the parameter, in scaled variables.
+    #: shape (N + 1,): Unit tangent of the branch there, in scaled variables, in the direction of the walk.
     tangent: NDArray[np.float64]
+    #: Determinant of the Jacobian bordered by the tangent (see `Course`); its sign changes where branches cross.
     determinant: float
-    arclength: float
+    arclength: float  #: Scaled arclength from the start of the walk.
+    #: Cache of values derived from the point that are needed repeatedly.
     memo: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False, metadata={"stored": False})
 
     def _check_read(self) -> None:

@@ -27,21 +27,6 @@ _AtLeastTwo = Annotated[int, Ge(2)]
 class WalkOptions:
     """Options of a walk. Steps are arclengths in scaled variables (see `scales_of`), in which the range has width 1.
 
-    Parameters
-    ----------
-    initial_step
-        The first step; it is clipped to the two limits below.
-    smallest_step
-        The step at which the walk gives up.
-    largest_step
-        The longest step.
-    largest_turn
-        The largest angle between the tangents at both ends of a step, in radians.
-    iterations
-        Newton iterations per step that the step-size control aims at.
-    max_points
-        Number of points after which the walk stops and reports that limit.
-
     Examples
     --------
     >>> short = gw.follow(orbit, "frequency", 1.6, walk=gw.WalkOptions(max_points=10))
@@ -49,13 +34,13 @@ class WalkOptions:
     'the largest number of points was reached (max_points = 10)'
     """
 
-    initial_step: _Positive = 0.002
+    initial_step: _Positive = 0.002  #: The first step; it is clipped to the two limits below.
     # not compared: it changes no point of a walk, so a walk begun with another value can be resumed
-    smallest_step: _Positive = field(default=1e-13, compare=False)
-    largest_step: _Positive = 0.01
-    largest_turn: _Positive = 0.35
-    iterations: _AtLeastTwo = 3
-    max_points: _AtLeastTwo = 20_000
+    smallest_step: _Positive = field(default=1e-13, compare=False)  #: The step at which the walk gives up.
+    largest_step: _Positive = 0.01  #: The longest step.
+    largest_turn: _Positive = 0.35  #: The largest angle between the tangents at both ends of a step, in radians.
+    iterations: _AtLeastTwo = 3  #: Newton iterations per step that the step-size control aims at.
+    max_points: _AtLeastTwo = 20_000  #: Number of points after which the walk stops and reports that limit.
 
     def __post_init__(self) -> None:
         for name in ("initial_step", "smallest_step", "largest_step", "largest_turn"):

@@ -76,24 +76,15 @@ class EndReason(Enum):
 class End:
     """Place and reason of the end of a branch.
 
-    Attributes
-    ----------
-    reason
-        The reason.
-    value
-        Value of the parameter there.
-    detail
-        Further explanation; may be empty.
-
     Examples
     --------
     >>> branch.ends[1].reason_words
     'the end of the range was reached'
     """
 
-    reason: EndReason
-    value: float
-    detail: str = ""
+    reason: EndReason  #: The reason.
+    value: float  #: Value of the parameter there.
+    detail: str = ""  #: Further explanation; may be empty.
 
     @property
     def reason_words(self) -> str:

@@ -33,26 +33,18 @@ _SHARP = 1e-3  # accuracy of a peak, as a share of the interval between two valu
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Range of a parameter.
+    """Range of a parameter."""
 
-    Attributes
-    ----------
-    low, high
-        Its limits.
-    is_relative
-        True if the parameter is the frequency. Frequencies are compared by ratio: the response at a hundredth of the
-        frequency is no less rich, and half the frequency is equally far away everywhere.
-    natural
-        Change of any other parameter that changes the motion considerably, if known; infinite otherwise.
-    tables
-        The limits beyond which a load is not known, and the tables over the speed that end there; see
-        `Structure.pace_limits`. None if there are none.
-    """
-
+    #: low, high: Its limits.
     low: float
     high: float
+    #: True if the parameter is the frequency. Frequencies are compared by ratio: the response at a hundredth of the
+    #: frequency is no less rich, and half the frequency is equally far away everywhere.
     is_relative: bool = False
+    #: Change of any other parameter that changes the motion considerably, if known; infinite otherwise.
     natural: float = math.inf
+    #: The limits beyond which a load is not known, and the tables over the speed that end there; see
+    #: `Structure.pace_limits`. None if there are none.
     tables: PaceLimits | None = None
 
     def __contains__(self, value: object) -> bool:

@@ -15,20 +15,11 @@ _ATTEMPTS = 40  # evaluations
 
 
 class Zero(NamedTuple):
-    """Place of a zero in a step.
+    """Place of a zero in a step."""
 
-    Attributes
-    ----------
-    share
-        Share of the step.
-    point
-        The point there.
-    width
-        Change of the parameter in the last iteration; the length of the step where Newton's method failed on the way.
-    """
-
-    share: float
-    point: BranchPoint
+    share: float  #: Share of the step.
+    point: BranchPoint  #: The point there.
+    #: Change of the parameter in the last iteration; the length of the step where Newton's method failed on the way.
     width: float
 
 

@@ -22,21 +22,12 @@ MOST_STEPS = 20_000
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """A batch of states, each with its system.
+    """A batch of states, each with its system."""
 
-    Parameters
-    ----------
-    states : shape (N, state size)
-        Positions, then velocities, then extensions of Jenkins elements.
-    systems
-        The different systems, of equal structure.
-    places : shape (N,)
-        Index of the system of each state.
-    """
-
+    #: shape (N, state size): Positions, then velocities, then extensions of Jenkins elements.
     states: NDArray[np.float64]
-    systems: tuple[System, ...]
-    places: NDArray[np.intp]
+    systems: tuple[System, ...]  #: The different systems, of equal structure.
+    places: NDArray[np.intp]  #: shape (N,): Index of the system of each state.
 
     @property
     def count(self) -> int:
@@ -73,29 +64,20 @@ class Batch:
 class BatchOptions:
     """Accuracy and threads of the batch integrator.
 
-    Parameters
-    ----------
-    error
-        The allowed error over one forcing period: the root mean square, over the trajectories and periods that are
-        compared with the exact flow, of the largest difference in any component of the state, in units of the largest
-        value of that component.
-    steps
-        Steps per forcing period. By default they are chosen for `error`; if given, the error is only reported.
-    sample
-        Number of trajectories that are compared with the exact flow, at several times of each run.
-    threads
-        Number of threads; by default all local cores. The result does not depend on it.
-
     Examples
     --------
     >>> gw.analysis.BatchOptions(error=1e-6, threads=1).thread_count
     1
     """
 
+    #: The allowed error over one forcing period: the root mean square, over the trajectories and periods that are
+    #: compared with the exact flow, of the largest difference in any component of the state, in units of the largest
+    #: value of that component.
     error: float = 1e-4
+    #: Steps per forcing period. By default they are chosen for `error`; if given, the error is only reported.
     steps: int | None = None
-    sample: int = 16
-    threads: int | None = None
+    sample: int = 16  #: Number of trajectories that are compared with the exact flow, at several times of each run.
+    threads: int | None = None  #: Number of threads; by default all local cores. The result does not depend on it.
 
     def __post_init__(self) -> None:
         if not 1e-10 <= self.error <= 0.1:
@@ -124,19 +106,6 @@ class BatchOptions:
 class BatchSurvey:
     """Extremes, forces and impacts of trajectories over the last forcing periods of a run; NaN if one diverged.
 
-    Attributes
-    ----------
-    periods
-        Number of surveyed forcing periods.
-    low, high : shape (N, n)
-        Smallest and largest value of each coordinate.
-    peak_force : shape (N, contacts)
-        Largest magnitude of each contact force; 0 for a rigid stop, whose impacts have no force.
-    impacts : shape (N, contacts, 2)
-        Contacts per forcing period: entries into the innermost stage of each contact on the positive and on the
-        negative side. A contact that lasts less than a step may be missed. Of the impacts of a rigid stop that follow
-        each other within a step, the first is counted.
-
     Examples
     --------
     >>> flow = gw.parallel.batch_flow_of(system.at(frequency=1.1))
@@ -144,36 +113,21 @@ class BatchSurvey:
     array([1., 0.])
     """
 
-    periods: int
+    periods: int  #: Number of surveyed forcing periods.
+    #: low, high: shape (N, n): Smallest and largest value of each coordinate.
     low: NDArray[np.float64]
     high: NDArray[np.float64]
+    #: shape (N, contacts): Largest magnitude of each contact force; 0 for a rigid stop, whose impacts have no force.
     peak_force: NDArray[np.float64]
+    #: shape (N, contacts, 2): Contacts per forcing period: entries into the innermost stage of each contact on the
+    #: positive and on the negative side. A contact that lasts less than a step may be missed. Of the impacts of a rigid
+    #: stop that follow each other within a step, the first is counted.
     impacts: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class BatchRun:
     """Many trajectories after some forcing periods, at a stated accuracy.
-
-    Attributes
-    ----------
-    states : shape (N, state size)
-        Positions, then velocities, then extensions of Jenkins elements, at the end; NaN for trajectories that diverged.
-    ran_away : shape (N,), bool
-        True for trajectories that diverged.
-    strobes : shape (noted, N, state size), or None
-        States every so many forcing periods, if requested.
-    survey
-        Extremes, contacts and largest forces, if requested.
-    error
-        Error over one forcing period, from comparison with the exact flow on trajectories of this run; see
-        `BatchOptions`.
-    worst
-        The largest error of a compared trajectory and period: near-grazing and unstable motions amplify it.
-    trials
-        Number of comparisons (one trajectory over one period each).
-    steps
-        Steps per forcing period.
 
     Examples
     --------
@@ -182,14 +136,20 @@ class BatchRun:
     ((2, 3, 2), True)
     """
 
+    #: shape (N, state size): Positions, then velocities, then extensions of Jenkins elements, at the end; NaN for
+    #: trajectories that diverged.
     states: NDArray[np.float64]
-    ran_away: NDArray[np.bool_]
+    ran_away: NDArray[np.bool_]  #: shape (N,), bool: True for trajectories that diverged.
+    #: shape (noted, N, state size), or None: States every so many forcing periods, if requested.
     strobes: NDArray[np.float64] | None
-    survey: BatchSurvey | None
+    survey: BatchSurvey | None  #: Extremes, contacts and largest forces, if requested.
+    #: Error over one forcing period, from comparison with the exact flow on trajectories of this run; see
+    #: `BatchOptions`.
     error: float
+    #: The largest error of a compared trajectory and period: near-grazing and unstable motions amplify it.
     worst: float
-    trials: int
-    steps: int
+    trials: int  #: Number of comparisons (one trajectory over one period each).
+    steps: int  #: Steps per forcing period.
 
 
 def batch_of(system: System, states: ArrayLike, parameters: Mapping[str, ArrayLike]) -> Batch:

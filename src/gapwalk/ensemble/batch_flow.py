@@ -53,13 +53,6 @@ _STEPS_AT_ONCE = 50_000  # of a block, between two looks for Ctrl-C: some millis
 class BatchFlow:
     """Integrator of many trajectories of one system, or of several systems of its structure; see `batch_flow_of`.
 
-    Attributes
-    ----------
-    system
-        The system.
-    options
-        Accuracy and threads.
-
     Examples
     --------
     >>> flow = gw.parallel.batch_flow_of(system)
@@ -67,8 +60,8 @@ class BatchFlow:
     (3, 2)
     """
 
-    system: System
-    options: BatchOptions = BatchOptions()
+    system: System  #: The system.
+    options: BatchOptions = BatchOptions()  #: Accuracy and threads.
 
     def run(
         self,
@@ -201,23 +194,12 @@ class BatchFlow:
 
 @dataclass(frozen=True)
 class BlockPlan:
-    """Systems of equal structure and the number of steps for their trajectories: the input of a kernel.
+    """Systems of equal structure and the number of steps for their trajectories: the input of a kernel."""
 
-    Parameters
-    ----------
-    linear
-        The systems: one for each trajectory, or one for all.
-    pattern
-        Coefficients that may differ from zero.
-    steps
-        Number of steps per forcing period.
-    begins_often
-        True to take less time for the start of a run; see `gapwalk.ensemble.start.extrapolated_history`.
-    """
-
-    linear: Linear
-    pattern: bytes
-    steps: int
+    linear: Linear  #: The systems: one for each trajectory, or one for all.
+    pattern: bytes  #: Coefficients that may differ from zero.
+    steps: int  #: Number of steps per forcing period.
+    #: True to take less time for the start of a run; see `gapwalk.ensemble.start.extrapolated_history`.
     begins_often: bool = False
 
     @property
@@ -275,14 +257,9 @@ def batch_flow_of(system: System, options: BatchOptions = BatchOptions()) -> Bat
 
 @dataclass(frozen=True)
 class _Plan:
-    """The schedule of a run.
+    """The schedule of a run."""
 
-    Parameters
-    ----------
-    periods, every, survey
-        See `BatchFlow.run`.
-    """
-
+    #: periods, every, survey: See `BatchFlow.run`.
     periods: int
     every: int = 0
     survey: int = 0
@@ -445,38 +422,21 @@ class Blocks:
 
 
 class Trial(NamedTuple):
-    """One trajectory over one forcing period.
+    """One trajectory over one forcing period."""
 
-    Attributes
-    ----------
-    lane
-        Index of the trajectory.
-    before, after : shape (state size,)
-        Its states at the start and at the end; NaN at the end if it diverged.
-    """
-
-    lane: int
+    lane: int  #: Index of the trajectory.
+    #: before, after: shape (state size,): Its states at the start and at the end; NaN at the end if it diverged.
     before: NDArray[np.float64]
     after: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The comparison of the batch integrator with the exact flow.
+    """The comparison of the batch integrator with the exact flow."""
 
-    Attributes
-    ----------
-    error
-        Root mean square of the errors of all trials; see `BatchOptions.error`.
-    worst
-        The largest of them.
-    trials
-        Number of forcing periods that were compared.
-    """
-
-    error: float
-    worst: float
-    trials: int
+    error: float  #: Root mean square of the errors of all trials; see `BatchOptions.error`.
+    worst: float  #: The largest of them.
+    trials: int  #: Number of forcing periods that were compared.
 
 
 def judge(trials: Sequence[Trial], system_of: Callable[[int], System], limit: float) -> Verdict:

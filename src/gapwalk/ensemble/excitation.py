@@ -60,7 +60,7 @@ class Excitation:
         return f"t{int(self._loaded[:component].sum())}"
 
     def sway(self, sheet: Sheet, contact: int, argument: int, derivative: int = 0, *, start: bool = False) -> Any:
-        """Write the displacement of a deflection, or its rate over time, at the end (or the start) of a step; else 0.
+        """Write the displacement of a deflection, or its rate over time, at the end (or start) of a step; else 0.
 
         Parameters
         ----------

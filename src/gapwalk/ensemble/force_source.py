@@ -64,24 +64,13 @@ _TARGET = re.compile(r"^([zufy]\d+|[hj]\d+_\d+) = ")
 
 @dataclass
 class Chunk:
-    """Atoms that share a loop over the lanes.
+    """Atoms that share a loop over the lanes."""
 
-    Attributes
-    ----------
-    lines
-        Lines of the atoms.
-    needs
-        Names that the lines use and do not define, in order of appearance.
-    gives
-        Names that the lines define.
-    keeps
-        Defined names that later chunks need.
-    """
-
-    lines: list[str] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)  #: Lines of the atoms.
+    #: Names that the lines use and do not define, in order of appearance.
     needs: dict[str, None] = field(default_factory=dict)
-    gives: dict[str, None] = field(default_factory=dict)
-    keeps: list[str] = field(default_factory=list)
+    gives: dict[str, None] = field(default_factory=dict)  #: Names that the lines define.
+    keeps: list[str] = field(default_factory=list)  #: Defined names that later chunks need.
 
     def add(self, atom: Atom) -> None:
         """Append an atom."""
@@ -219,24 +208,12 @@ def total(terms: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class _Piece:
-    """A stage on one side; or on both sides, folded into one, where its force is even or odd.
+    """A stage on one side; or on both sides, folded into one, where its force is even or odd."""
 
-    Attributes
-    ----------
-    stage
-        Positions of its coefficients.
-    folded
-        True if it represents both sides.
-    polynomials
-        Polynomials of the penetration, by their factors.
-    odd
-        Factors of a folded stage that change sign with the deflection.
-    """
-
-    stage: StageSlots
-    folded: bool
-    polynomials: dict[_Factor, _Polynomial]
-    odd: frozenset[_Factor] = frozenset()
+    stage: StageSlots  #: Positions of its coefficients.
+    folded: bool  #: True if it represents both sides.
+    polynomials: dict[_Factor, _Polynomial]  #: Polynomials of the penetration, by their factors.
+    odd: frozenset[_Factor] = frozenset()  #: Factors of a folded stage that change sign with the deflection.
 
 
 def chunks_of(atoms: Sequence[Atom]) -> list[Chunk]:

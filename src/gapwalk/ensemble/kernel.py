@@ -31,18 +31,11 @@ _compiling = Lock()
 
 @dataclass(frozen=True)
 class Kernel:
-    """Compiled code that advances a block of lanes over forcing periods; see `Source` for its arrays.
+    """Compiled code that advances a block of lanes over forcing periods; see `Source` for its arrays."""
 
-    Attributes
-    ----------
-    source
-        Its source text, and the layout of its arrays.
-    advance
-        ``advance(S, C, T, first, periods, steps, every, record, left, last, limit, stop)``; it releases the
-        interpreter lock. It returns False if it was stopped.
-    """
-
-    source: Source
+    source: Source  #: Its source text, and the layout of its arrays.
+    #: ``advance(S, C, T, first, periods, steps, every, record, left, last, limit, stop)``; it releases the interpreter
+    #: lock. It returns False if it was stopped.
     advance: Callable[..., bool]
 
 

@@ -32,30 +32,15 @@ _DRIVING = re.compile(r"\bt\d+\b")
 
 @dataclass(frozen=True)
 class Form:
-    """The data on which the source text of a kernel depends.
+    """The data on which the source text of a kernel depends."""
 
-    Parameters
-    ----------
-    structure
-        Structure of the system.
-    pattern
-        Coefficients of the flow that may differ from zero: bytes of an array of bool.
-    modal
-        True if the lanes hold modal coordinates, in pairs.
-    shared
-        True if all lanes have the same coefficients.
-    survey
-        True if extremes, contacts and largest forces are recorded.
-    driven
-        True if the table of the excitation holds what the loads contribute to the state of each lane over each step,
-        because the lanes run at different speeds. Then nothing else may vary over the angle.
-    """
-
-    structure: Structure
-    pattern: bytes
-    modal: bool
-    shared: bool
-    survey: bool
+    structure: Structure  #: Structure of the system.
+    pattern: bytes  #: Coefficients of the flow that may differ from zero: bytes of an array of bool.
+    modal: bool  #: True if the lanes hold modal coordinates, in pairs.
+    shared: bool  #: True if all lanes have the same coefficients.
+    survey: bool  #: True if extremes, contacts and largest forces are recorded.
+    #: True if the table of the excitation holds what the loads contribute to the state of each lane over each step,
+    #: because the lanes run at different speeds. Then nothing else may vary over the angle.
     driven: bool = False
 
 

@@ -18,25 +18,15 @@ _ITERATIONS = 3  # of Newton's method, from the zero of a parabola
 
 
 class Impact(NamedTuple):
-    """Impact and hold of a stop in a step, in terms, each times the side of the stop: +1 or -1.
+    """Impact and hold of a stop in a step, in terms, each times the side of the stop: +1 or -1."""
 
-    Attributes
-    ----------
-    impulse
-        Change of the rate of the deflection by the impact; 0 if there is none.
-    rest
-        Part of the step after the impact.
-    depth, rate
-        Deflection past the clearance, and rate, which a reaction removes at the end of the step; 0 if it is not held.
-    held
-        1 or -1 if it is held from now on, otherwise 0.
-    """
-
-    impulse: Any
-    rest: Any
+    impulse: Any  #: Change of the rate of the deflection by the impact; 0 if there is none.
+    rest: Any  #: Part of the step after the impact.
+    #: depth, rate: Deflection past the clearance, and rate, which a reaction removes at the end of the step; 0 if it is
+    #: not held.
     depth: Any
     rate: Any
-    held: Any
+    held: Any  #: 1 or -1 if it is held from now on, otherwise 0.
 
 
 class RigidSource:

@@ -46,18 +46,10 @@ def deflections_of(layout: CoefficientLayout) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """The linear part of one or many systems of equal structure, in matrices over time (not theta).
+    """The linear part of one or many systems of equal structure, in matrices over time (not theta)."""
 
-    Parameters
-    ----------
-    layout
-        Positions of the coefficients in an array.
-    coefficients : shape (lanes, number of coefficients)
-        Coefficients of each system.
-    """
-
-    layout: CoefficientLayout
-    coefficients: NDArray[np.float64]
+    layout: CoefficientLayout  #: Positions of the coefficients in an array.
+    coefficients: NDArray[np.float64]  #: shape (lanes, number of coefficients): Coefficients of each system.
 
     @property
     def n(self) -> int:
@@ -145,39 +137,26 @@ class Linear:
 
 @dataclass(frozen=True, eq=False)
 class Scheme:
-    """The matrices of one step of a given length, for each lane.
+    """The matrices of one step of a given length, for each lane."""
 
-    Attributes
-    ----------
-    transition : shape (lanes, 2n, 2n)
-        Propagates the state over the step.
-    loads : shape (lanes, 2n, 1 + 2 orders)
-        Contribution of ``1, cos h theta, sin h theta, ...`` at the start of the step.
-    weights : shape (lanes, 1 + HISTORY, 2n, contacts)
-        Contribution of the contact forces: at the end of the step, at its start, and at earlier steps.
-    rows : shape (lanes, 2, deflections, 2n)
-        Maps the state to deflections and their rates.
-    forecast : shape (lanes, HISTORY, 2, deflections, contacts)
-        Contribution of earlier contact forces to the deflections and rates at the end of the step.
-    span : shape (lanes,)
-        Length of the step, in time.
-    impulse : shape (lanes, degree + 1, 2n, stops)
-        Contribution of an impact that changes the rate of a rigid stop by 1: a polynomial of the rest of the step.
-    echo : shape (lanes, degree + 1, 2, stops)
-        That polynomial for the deflection of the stop itself, and for its rate.
-    hold : shape (lanes, 2, 2n, stops)
-        Contribution of the reaction, linear over the step, that changes the deflection at its end by 1 and not the
-        rate; and of the one that changes the rate by 1 and not the deflection.
-    """
-
-    transition: NDArray[np.float64]
+    transition: NDArray[np.float64]  #: shape (lanes, 2n, 2n): Propagates the state over the step.
+    #: shape (lanes, 2n, 1 + 2 orders): Contribution of ``1, cos h theta, sin h theta, ...`` at the start of the step.
     loads: NDArray[np.float64]
+    #: shape (lanes, 1 + HISTORY, 2n, contacts): Contribution of the contact forces: at the end of the step, at its
+    #: start, and at earlier steps.
     weights: NDArray[np.float64]
-    rows: NDArray[np.float64]
+    rows: NDArray[np.float64]  #: shape (lanes, 2, deflections, 2n): Maps the state to deflections and their rates.
+    #: shape (lanes, HISTORY, 2, deflections, contacts): Contribution of earlier contact forces to the deflections and
+    #: rates at the end of the step.
     forecast: NDArray[np.float64]
-    span: NDArray[np.float64]
+    span: NDArray[np.float64]  #: shape (lanes,): Length of the step, in time.
+    #: shape (lanes, degree + 1, 2n, stops): Contribution of an impact that changes the rate of a rigid stop by 1: a
+    #: polynomial of the rest of the step.
     impulse: NDArray[np.float64]
+    #: shape (lanes, degree + 1, 2, stops): That polynomial for the deflection of the stop itself, and for its rate.
     echo: NDArray[np.float64]
+    #: shape (lanes, 2, 2n, stops): Contribution of the reaction, linear over the step, that changes the deflection at
+    #: its end by 1 and not the rate; and of the one that changes the rate by 1 and not the deflection.
     hold: NDArray[np.float64]
 
     def some(self, lanes: NDArray[np.intp]) -> Scheme:

@@ -16,24 +16,12 @@ _DPI = 110  # of pictures of surfaces, whose facets would be megabytes as vector
 
 @dataclass(frozen=True)
 class AnswerPicture:
-    """Picture of a record, which is drawn when it is asked for.
+    """Picture of a record, which is drawn when it is asked for."""
 
-    Parameters
-    ----------
-    text
-        What it shows, in words.
-    record
-        The record.
-    form
-        ``svg``, or ``png`` for surfaces.
-    options
-        Options of its drawing.
-    """
-
-    text: str
-    record: Any
-    form: Literal["svg", "png"] = "svg"
-    options: Mapping[str, Any] = field(default_factory=dict)
+    text: str  #: What it shows, in words.
+    record: Any  #: The record.
+    form: Literal["svg", "png"] = "svg"  #: ``svg``, or ``png`` for surfaces.
+    options: Mapping[str, Any] = field(default_factory=dict)  #: Options of its drawing.
 
     def content(self) -> dict[str, str]:
         """Draw it; return its words, its form and its content as a text: that of an SVG, or of a PNG in base64."""

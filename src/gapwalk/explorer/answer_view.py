@@ -224,31 +224,16 @@ class Alone(Finding):
 
 
 class Series(NamedTuple):
-    """Points or a line in a picture.
+    """Points or a line in a picture."""
 
-    Attributes
-    ----------
-    x, y
-        Coordinates.
-    mark
-        ``line``, ``dots``, ``crosses``, ``stars``, or ``area`` down to zero.
-    look
-        Style: a class of the style sheet of the page.
-    text
-        Legend; empty for none.
-    of
-        Contact; empty for all.
-    axes
-        Names of the quantities over which it is drawn; empty in a panel of its own.
-    """
-
+    #: x, y: Coordinates.
     x: ArrayLike
     y: ArrayLike
-    mark: str = "line"
-    look: str = "main"
-    text: str = ""
-    of: str = ""
-    axes: tuple[str, ...] = ()
+    mark: str = "line"  #: ``line``, ``dots``, ``crosses``, ``stars``, or ``area`` down to zero.
+    look: str = "main"  #: Style: a class of the style sheet of the page.
+    text: str = ""  #: Legend; empty for none.
+    of: str = ""  #: Contact; empty for all.
+    axes: tuple[str, ...] = ()  #: Names of the quantities over which it is drawn; empty in a panel of its own.
 
     @property
     def plain(self) -> Json:

@@ -58,78 +58,36 @@ class State(StrEnum):
 
 
 class Line(NamedTuple):
-    """A branch or a locus, as the page shows it.
+    """A branch or a locus, as the page shows it."""
 
-    Attributes
-    ----------
-    name
-        Its name.
-    parameter
-        Parameter of the branch; of a locus, the first one.
-    within
-        Range of the parameter.
-    period
-        m, forcing periods of its orbits.
-    points, special_points
-        Its points so far, and its special points; of a locus, the points of codimension two.
-    kind
-        Kind of the special points of a locus; None for a branch.
-    second
-        The second parameter of a locus; otherwise empty.
-    is_earlier
-        True for a branch of the system before the change that an answer proposes.
-    """
-
-    name: str
-    parameter: str
-    within: tuple[float, float]
-    period: int
+    name: str  #: Its name.
+    parameter: str  #: Parameter of the branch; of a locus, the first one.
+    within: tuple[float, float]  #: Range of the parameter.
+    period: int  #: m, forcing periods of its orbits.
+    #: points, special_points: Its points so far, and its special points; of a locus, the points of codimension two.
     points: Sequence[BranchPoint | LocusPoint]
     special_points: Sequence[SpecialPoint | Codim2Point]
-    kind: Kind | None = None
-    second: str = ""
-    is_earlier: bool = False
+    kind: Kind | None = None  #: Kind of the special points of a locus; None for a branch.
+    second: str = ""  #: The second parameter of a locus; otherwise empty.
+    is_earlier: bool = False  #: True for a branch of the system before the change that an answer proposes.
 
 
 @dataclass
 class Entry:
-    """A result, while it is computed and afterwards.
+    """A result, while it is computed and afterwards."""
 
-    Attributes
-    ----------
-    key
-        Its name in requests: the name of its file without the ending; empty for the file that was opened.
-    title
-        Its title on the page.
-    path
-        The result file.
-    action
-        The request; None for a result that was opened.
-    state, message
-        State of its job, and a remark.
-    result
-        Content of the file, after the end of the job.
-    live
-        Progress reported so far.
-    version
-        Counter of changes.
-    model
-        The mark of the model file that it was computed from; see `gapwalk.explorer.workspace`.
-    look
-        What a user has chosen for it: a name, a colour, and whether it is shown.
-    """
-
-    key: str
-    title: str
-    path: Path
-    action: Action | None = None
+    key: str  #: Its name in requests: the name of its file without the ending; empty for the file that was opened.
+    title: str  #: Its title on the page.
+    path: Path  #: The result file.
+    action: Action | None = None  #: The request; None for a result that was opened.
+    #: state, message: State of its job, and a remark.
     state: State = State.DONE
     message: str = ""
-    result: Result | None = None
-    live: Progress = field(default_factory=Progress)
-    version: int = 0
-    model: str = ""
-    look: Look = Look()
+    result: Result | None = None  #: Content of the file, after the end of the job.
+    live: Progress = field(default_factory=Progress)  #: Progress reported so far.
+    version: int = 0  #: Counter of changes.
+    model: str = ""  #: The mark of the model file that it was computed from; see `gapwalk.explorer.workspace`.
+    look: Look = Look()  #: What a user has chosen for it: a name, a colour, and whether it is shown.
     _viewed: tuple[Result | None, AnswerView | None] = (None, None)
     _answer_lines: list[Line] = field(default_factory=list)
 

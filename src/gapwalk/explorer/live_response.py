@@ -48,17 +48,10 @@ _LABELS = ("stable", "below", "above", "pair", "neutral")
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A text whose response is wanted.
+    """A text whose response is wanted."""
 
-    Parameters
-    ----------
-    number
-        Number of the request.
-    text, name, root
-        The text of the model file, its name, and the folder outside of which no file is read.
-    """
-
-    number: int
+    number: int  #: Number of the request.
+    #: text, name, root: The text of the model file, its name, and the folder outside of which no file is read.
     text: str
     name: str = ""
     root: str = ""

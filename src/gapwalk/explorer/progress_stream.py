@@ -29,24 +29,16 @@ Step = tuple[BranchPoint | LocusPoint, Sequence[SpecialPoint | Codim2Point]]
 
 @dataclass
 class Progress:
-    """Progress since the last report.
+    """Progress since the last report."""
 
-    Parameters
-    ----------
-    steps
-        Points of the branch or the locus in progress, each with the special points before it.
-    kind, second
-        Kind of the locus in progress, and its second parameter; None and empty for a branch.
-    finished
-        Finished branches and loci with their names.
-    done, total
-        Finished parts of work without branches, such as a search, and all parts.
-    """
-
+    #: Points of the branch or the locus in progress, each with the special points before it.
     steps: list[Step] = field(default_factory=list)
+    #: kind, second: Kind of the locus in progress, and its second parameter; None and empty for a branch.
     kind: Kind | None = None
     second: str = ""
+    #: Finished branches and loci with their names.
     finished: list[tuple[str, Branch | Locus]] = field(default_factory=list)
+    #: done, total: Finished parts of work without branches, such as a search, and all parts.
     done: int = 0
     total: int = 0
 
@@ -137,7 +129,7 @@ class Events:
             loop.call_soon_threadsafe(self._wake)
 
     def join(self) -> asyncio.Event:
-        """Reserve a connection for one more page, at once, so that pages that connect together do not exceed the limit.
+        """Reserve a connection for one more page, at once: pages that connect together do not exceed the limit.
 
         Raises
         ------

@@ -36,24 +36,12 @@ earlier result. It returns True if it was completed, False after Ctrl-C."""
 
 @dataclass(frozen=True)
 class Task:
-    """One task.
+    """One task."""
 
-    Parameters
-    ----------
-    study
-        The study; with a follow-up, the study under which its result is stored.
-    output
-        The result file.
-    follow_up
-        Work to do in place of the study.
-    resume
-        True to continue an interrupted run, or to begin it if it has left no result file.
-    """
-
-    study: Study
-    output: Path
-    follow_up: FollowUp | None = None
-    resume: bool = False
+    study: Study  #: The study; with a follow-up, the study under which its result is stored.
+    output: Path  #: The result file.
+    follow_up: FollowUp | None = None  #: Work to do in place of the study.
+    resume: bool = False  #: True to continue an interrupted run, or to begin it if it has left no result file.
 
 
 def do(task: Task, report: Callable[[Progress], object]) -> bool:

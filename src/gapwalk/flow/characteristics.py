@@ -34,35 +34,20 @@ _ONE_SIDED = 0.35  # range on the side on which nothing acts, as a share of the 
 
 @dataclass(frozen=True, eq=False)
 class ForceCurve:
-    """The force of a contact over its deflection at rest; or over the rate, if it depends on that alone.
+    """The force of a contact over its deflection at rest; or over the rate, if it depends on that alone."""
 
-    Attributes
-    ----------
-    names
-        Names of the contacts that have this force.
-    law
-        Its law in words, or its formula.
-    over_rate
-        True if `x` is the rate of the deflection, at the deflection 0.
-    x, force : shape (samples,)
-        The deflection and the force; numbers that vary over the angle have their mean values.
-    band : (array, array) or None
-        Smallest and largest force over the angle of the excitation, if a number of it varies.
-    breakpoints
-        Deflections at which a stage begins, increasing.
-    is_at_zero
-        True if it also depends on the deflection, which is 0.
-    """
-
-    names: tuple[str, ...]
-    law: str
-    over_rate: bool
+    names: tuple[str, ...]  #: Names of the contacts that have this force.
+    law: str  #: Its law in words, or its formula.
+    over_rate: bool  #: True if `x` is the rate of the deflection, at the deflection 0.
+    #: x, force: shape (samples,): The deflection and the force; numbers that vary over the angle have their mean
+    #: values.
     x: Array
     force: Array
+    #: (array, array) or None: Smallest and largest force over the angle of the excitation, if a number of it varies.
     band: tuple[Array, Array] | None = None
-    breakpoints: tuple[float, ...] = ()
+    breakpoints: tuple[float, ...] = ()  #: Deflections at which a stage begins, increasing.
 
-    is_at_zero: bool = False
+    is_at_zero: bool = False  #: True if it also depends on the deflection, which is 0.
 
     @property
     def name(self) -> str:
@@ -73,58 +58,27 @@ class ForceCurve:
 
 @dataclass(frozen=True, eq=False)
 class AngleCurve:
-    """Numbers over the angle of the excitation.
+    """Numbers over the angle of the excitation."""
 
-    Attributes
-    ----------
-    parameter
-        Name of the number that varies; ``"load"`` for loads.
-    names
-        Names of the curves: of stages, coordinates or inertias.
-    repeats
-        Times that all of them repeat within a period of the excitation.
-    theta : shape (samples,)
-        The angle, from 0 to ``2 pi / repeats``.
-    values : shape (curves, samples)
-        The numbers.
-    means : shape (curves,)
-        Their means.
-    is_relative
-        True if they are fractions of a mean that is no parameter of its own.
-    """
-
-    parameter: str
-    names: tuple[str, ...]
-    repeats: int
-    theta: Array
-    values: Array
-    means: Array
-    is_relative: bool = False
+    parameter: str  #: Name of the number that varies; ``"load"`` for loads.
+    names: tuple[str, ...]  #: Names of the curves: of stages, coordinates or inertias.
+    repeats: int  #: Times that all of them repeat within a period of the excitation.
+    theta: Array  #: shape (samples,): The angle, from 0 to ``2 pi / repeats``.
+    values: Array  #: shape (curves, samples): The numbers.
+    means: Array  #: shape (curves,): Their means.
+    is_relative: bool = False  #: True if they are fractions of a mean that is no parameter of its own.
 
 
 @dataclass(frozen=True, eq=False)
 class Characteristics:
-    """Forces over deflections, and numbers and loads over the angle of the excitation.
+    """Forces over deflections, and numbers and loads over the angle of the excitation."""
 
-    Attributes
-    ----------
-    system
-        The system.
-    forces
-        The forces that depend on one deflection.
-    variations
-        The numbers that vary over the angle.
-    loads
-        The loads that vary over the angle, with the mean load; None if there are none.
-    others
-        Names of the forces of several deflections with their formulas, and of those that vanish at rest; and of dry
-        friction and rigid stops, whose forces are no functions.
-    """
-
-    system: System
-    forces: tuple[ForceCurve, ...]
-    variations: tuple[AngleCurve, ...]
-    loads: AngleCurve | None
+    system: System  #: The system.
+    forces: tuple[ForceCurve, ...]  #: The forces that depend on one deflection.
+    variations: tuple[AngleCurve, ...]  #: The numbers that vary over the angle.
+    loads: AngleCurve | None  #: The loads that vary over the angle, with the mean load; None if there are none.
+    #: Names of the forces of several deflections with their formulas, and of those that vanish at rest; and of dry
+    #: friction and rigid stops, whose forces are no functions.
     others: tuple[tuple[str, str], ...] = field(default=())
 
 

@@ -37,46 +37,27 @@ Array = NDArray[Any]
 
 
 class Stop(NamedTuple):
-    """A stop, with the motion between two impacts on it.
+    """A stop, with the motion between two impacts on it."""
 
-    Attributes
-    ----------
-    vector, push
-        Its deflection vector, and the accelerations by that force which accelerates the deflection by 1.
-    side
-        1 or -1.
-    restitution
-        Share of the rate of its deflection that is left after an impact.
-    sway
-        Function of the angle: the first and second derivative over time of what is added to its deflection.
-    turning
-        Function of angles, positions and velocities: the accelerations.
-    pace
-        Time of a radian.
-    """
-
+    #: vector, push: Its deflection vector, and the accelerations by that force which accelerates the deflection by 1.
     vector: Array
     push: Array
-    side: int
-    restitution: Any
+    side: int  #: 1 or -1.
+    restitution: Any  #: Share of the rate of its deflection that is left after an impact.
+    #: Function of the angle: the first and second derivative over time of what is added to its deflection.
     sway: Callable[[Array], tuple[Any, Any]]
-    turning: Callable[[Array, Array, Array], Array]
-    pace: Any
+    turning: Callable[[Array, Array, Array], Array]  #: Function of angles, positions and velocities: the accelerations.
+    pace: Any  #: Time of a radian.
 
 
 class Chatter(NamedTuple):
-    """The chatter after an impact, of one motion or of many (...).
+    """The chatter after an impact, of one motion or of many (...)."""
 
-    Attributes
-    ----------
-    curve : shape (..., along, 4n + 2)
-        At the nodes of the curve: angle, positions, rates along the stop, rate away from it over m, and integrals over
-        the angle, since the impact, of each position and of its square.
-    angles, positions, velocities : shape (..., along, within), (..., along, within, n)
-        The flights that begin at the nodes.
-    """
-
+    #: shape (..., along, 4n + 2): At the nodes of the curve: angle, positions, rates along the stop, rate away from it
+    #: over m, and integrals over the angle, since the impact, of each position and of its square.
     curve: Array
+    #: angles, positions, velocities: shape (..., along, within), (..., along, within, n): The flights that begin at the
+    #: nodes.
     angles: Array
     positions: Array
     velocities: Array

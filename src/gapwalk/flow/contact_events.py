@@ -51,17 +51,6 @@ class RestOnJumpError(FlowError):
 class ContactEvent(NamedTuple):
     """One crossing of a breakpoint.
 
-    Attributes
-    ----------
-    theta
-        Angle of the event, in radians of the fundamental excitation.
-    switch
-        The stage and its side: index into `Equations.switches`.
-    enters
-        True if the contact closes, False if it opens.
-    velocity
-        Rate of the deflection over time; its absolute value is the approach velocity.
-
     Examples
     --------
     >>> event = impacting.events[0]
@@ -69,10 +58,10 @@ class ContactEvent(NamedTuple):
     (True, 1.377284)
     """
 
-    theta: float
-    switch: int
-    enters: bool
-    velocity: float
+    theta: float  #: Angle of the event, in radians of the fundamental excitation.
+    switch: int  #: The stage and its side: index into `Equations.switches`.
+    enters: bool  #: True if the contact closes, False if it opens.
+    velocity: float  #: Rate of the deflection over time; its absolute value is the approach velocity.
 
 
 class EventCall:

@@ -27,20 +27,17 @@ _AT = 1e-9  # radians within which an event is at an instant
 class DryModes(NamedTuple):
     """Modes of dry friction and of rigid stops, at one instant or at some.
 
-    Attributes
-    ----------
-    slips : shape (..., contacts that are friction)
-        1 or -1 in slip, by its direction; 0 in stick. The order is that of `Structure.friction`.
-    held : shape (..., reactions)
-        True for each reaction of `Structure.reactions` that is held: rigid friction in stick, and stops.
-
     Examples
     --------
     >>> gw.records.DryModes(slips=np.array([1]), held=np.array([False])).slips
     array([1])
     """
 
+    #: shape (..., contacts that are friction): 1 or -1 in slip, by its direction; 0 in stick. The order is that of
+    #: `Structure.friction`.
     slips: NDArray[np.int8]
+    #: shape (..., reactions): True for each reaction of `Structure.reactions` that is held: rigid friction in stick,
+    #: and stops.
     held: NDArray[np.bool_]
 
     def at(self, sample: int) -> DryModes:

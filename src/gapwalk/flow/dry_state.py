@@ -22,15 +22,6 @@ Array = NDArray[np.float64]
 class SlipEvent(NamedTuple):
     """Dry friction begins to slip or to stick.
 
-    Attributes
-    ----------
-    theta
-        Angle of the event, in radians of the fundamental excitation.
-    contact
-        Number of the contact in the structure.
-    slip
-        Its mode from there on: 1 or -1 in slip, by the direction, 0 in stick.
-
     Examples
     --------
     >>> event = slipping.slips[1]
@@ -38,20 +29,13 @@ class SlipEvent(NamedTuple):
     (0.49058, 0)
     """
 
-    theta: float
-    contact: int
-    slip: int
+    theta: float  #: Angle of the event, in radians of the fundamental excitation.
+    contact: int  #: Number of the contact in the structure.
+    slip: int  #: Its mode from there on: 1 or -1 in slip, by the direction, 0 in stick.
 
 
 class Hold(NamedTuple):
     """Contacts begin or cease to be held: rigid friction that sticks, and rigid stops.
-
-    Attributes
-    ----------
-    theta
-        Angle of the event, in radians of the fundamental excitation.
-    reactions
-        The numbers in `Structure.reactions` of all that are held from there on.
 
     Examples
     --------
@@ -59,23 +43,12 @@ class Hold(NamedTuple):
     (0,)
     """
 
-    theta: float
-    reactions: tuple[int, ...]
+    theta: float  #: Angle of the event, in radians of the fundamental excitation.
+    reactions: tuple[int, ...]  #: The numbers in `Structure.reactions` of all that are held from there on.
 
 
 class Kink(NamedTuple):
     """An instant at which velocities or accelerations jump: positions, and both of them before and after.
-
-    Attributes
-    ----------
-    theta
-        Angle of the excitation, in radians.
-    positions
-        Positions at that instant.
-    velocities
-        Velocities before and after.
-    accelerations
-        Accelerations before and after.
 
     Examples
     --------
@@ -85,10 +58,10 @@ class Kink(NamedTuple):
     [1.732051, -1.385641]
     """
 
-    theta: float
-    positions: Array
-    velocities: tuple[Array, Array]
-    accelerations: tuple[Array, Array]
+    theta: float  #: Angle of the excitation, in radians.
+    positions: Array  #: Positions at that instant.
+    velocities: tuple[Array, Array]  #: Velocities before and after.
+    accelerations: tuple[Array, Array]  #: Accelerations before and after.
 
     @property
     def is_impact(self) -> bool:
@@ -114,27 +87,16 @@ class Kink(NamedTuple):
 
 
 class Readings(NamedTuple):
-    """Values at one state, under the present modes.
+    """Values at one state, under the present modes."""
 
-    Attributes
-    ----------
-    velocities, accelerations : shape (n,)
-        Derivatives of the state over time.
-    extending : shape (contacts with a memory,)
-        Rates of the extensions.
-    reactions : shape (reactions,)
-        The reactions; 0 of those that are not held.
-    friction
-        Slip rate, force in slip, and force at which slip begins, of each contact that is friction.
-    columns
-        What the columns of the accelerations multiply: positions, velocities, forces of all contacts, 1, waves.
-    """
-
+    #: velocities, accelerations: shape (n,): Derivatives of the state over time.
     velocities: Array
     accelerations: Array
-    extending: Array
-    reactions: Array
+    extending: Array  #: shape (contacts with a memory,): Rates of the extensions.
+    reactions: Array  #: shape (reactions,): The reactions; 0 of those that are not held.
+    #: Slip rate, force in slip, and force at which slip begins, of each contact that is friction.
     friction: list[list[float]]
+    #: What the columns of the accelerations multiply: positions, velocities, forces of all contacts, 1, waves.
     columns: Array
 
 

@@ -64,59 +64,33 @@ Restarts = Sequence[tuple[float, NDArray[np.float64]]]
 
 
 class Arc(NamedTuple):
-    """Result of the flow for one interval of theta.
+    """Result of the flow for one interval of theta."""
 
-    Attributes
-    ----------
-    state : shape (state size,)
-        Positions, then velocities, then the extensions of contacts with a memory, at the end.
-    transition : shape (2n, 2n), or None
-        Derivative of the final state by the initial one.
-    sensitivity : shape (2n,), or (2n, k), or None
-        Derivative of the final state along the direction of coefficients, or along each of k > 1 directions.
-    contacts : list of ContactEvent
-        The crossings of breakpoints, in order.
-    steps : int
-        Taylor steps taken: a measure of how fast the motion varies.
-    slips : sequence of SlipEvent
-        The modes of dry friction at the start, then their changes, in order.
-    holds : sequence of Hold
-        What sticks rigidly, or is held at a stop, at the start; then its changes, in order.
-    impacts : sequence of Kink
-        The instants at which velocities jump, in order.
-    """
-
+    #: shape (state size,): Positions, then velocities, then the extensions of contacts with a memory, at the end.
     state: NDArray[np.float64]
+    #: shape (2n, 2n), or None: Derivative of the final state by the initial one.
     transition: NDArray[np.float64] | None
+    #: shape (2n,), or (2n, k), or None: Derivative of the final state along the direction of coefficients, or along
+    #: each of k > 1 directions.
     sensitivity: NDArray[np.float64] | None
-    contacts: list[ContactEvent]
-    steps: int
+    contacts: list[ContactEvent]  #: list of ContactEvent: The crossings of breakpoints, in order.
+    steps: int  #: int: Taylor steps taken: a measure of how fast the motion varies.
+    #: sequence of SlipEvent: The modes of dry friction at the start, then their changes, in order.
     slips: Sequence[SlipEvent] = ()
+    #: sequence of Hold: What sticks rigidly, or is held at a stop, at the start; then its changes, in order.
     holds: Sequence[Hold] = ()
-    impacts: Sequence[Kink] = ()
+    impacts: Sequence[Kink] = ()  #: sequence of Kink: The instants at which velocities jump, in order.
 
 
 class Variations(NamedTuple):
-    """A sampled motion with its derivatives.
+    """A sampled motion with its derivatives."""
 
-    Attributes
-    ----------
-    states : shape (samples, 2n)
-        Positions, then velocities.
-    transitions : shape (samples, 2n, 2n)
-        Derivative of each by the state at the first sample.
-    sensitivities : shape (samples, 2n, k)
-        Derivative of each along k directions of coefficients.
-    contacts : list of ContactEvent
-        The crossings of breakpoints, in order.
-    slips, holds, impacts
-        As in `Arc`.
-    """
-
-    states: NDArray[np.float64]
-    transitions: NDArray[np.float64]
+    states: NDArray[np.float64]  #: shape (samples, 2n): Positions, then velocities.
+    transitions: NDArray[np.float64]  #: shape (samples, 2n, 2n): Derivative of each by the state at the first sample.
+    #: shape (samples, 2n, k): Derivative of each along k directions of coefficients.
     sensitivities: NDArray[np.float64]
-    contacts: list[ContactEvent]
+    contacts: list[ContactEvent]  #: list of ContactEvent: The crossings of breakpoints, in order.
+    #: slips, holds, impacts: As in `Arc`.
     slips: Sequence[SlipEvent] = ()
     holds: Sequence[Hold] = ()
     impacts: Sequence[Kink] = ()

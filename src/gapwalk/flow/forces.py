@@ -86,18 +86,12 @@ class Angles:
 
 
 class Dry(NamedTuple):
-    """Modes and states of dry friction, of one motion or of many instants.
+    """Modes and states of dry friction, of one motion or of many instants."""
 
-    Attributes
-    ----------
-    slips : shape (..., contacts that are friction)
-        1 or -1 in slip, 0 in stick; None: friction slips by the sign of its rate.
-    extensions : shape (..., contacts with a memory)
-        Their own states.
-    """
-
+    #: shape (..., contacts that are friction): 1 or -1 in slip, 0 in stick; None: friction slips by the sign of its
+    #: rate.
     slips: NDArray | None
-    extensions: NDArray
+    extensions: NDArray  #: shape (..., contacts with a memory): Their own states.
 
 
 def is_at_high(cycle: CycleSlots, coefficients: NDArray, theta: NDArray | float) -> NDArray[np.bool_]:

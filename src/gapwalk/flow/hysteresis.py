@@ -30,19 +30,6 @@ _JUMP = 1e-9  # rad: distance from a breakpoint of the samples on both sides, wh
 class Hysteresis:
     """The force of a contact while its deflection is ``mean + amplitude * cos(theta)``, over one cycle.
 
-    Attributes
-    ----------
-    contact, law
-        Name of the contact, and its force law.
-    amplitude, mean, frequency
-        Amplitude, mean and angular frequency of the deflection.
-    breakpoints
-        Deflections at which a stage opens or closes, increasing.
-    theta, deflection, rate, force : shape (samples,)
-        Phase in radians, deflection, its rate, and the force.
-    loss
-        Energy dissipated per cycle, the area of the loop: ``integral of f dx``. Negative if the law feeds energy in.
-
     Examples
     --------
     >>> loop = gw.analysis.hysteresis(system, amplitude=1.2, frequency=1.0)
@@ -50,16 +37,20 @@ class Hysteresis:
     ('stop', (725,), (1.0,))
     """
 
+    #: contact, law: Name of the contact, and its force law.
     contact: str
     law: Law
+    #: amplitude, mean, frequency: Amplitude, mean and angular frequency of the deflection.
     amplitude: float
     mean: float
     frequency: float
-    breakpoints: tuple[float, ...]
+    breakpoints: tuple[float, ...]  #: Deflections at which a stage opens or closes, increasing.
+    #: theta, deflection, rate, force: shape (samples,): Phase in radians, deflection, its rate, and the force.
     theta: NDArray[np.float64]
     deflection: NDArray[np.float64]
     rate: NDArray[np.float64]
     force: NDArray[np.float64]
+    #: Energy dissipated per cycle, the area of the loop: ``integral of f dx``. Negative if the law feeds energy in.
     loss: float
 
     @property

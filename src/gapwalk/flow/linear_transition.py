@@ -32,23 +32,16 @@ Array = NDArray[np.float64]
 
 
 class _Spectrum(NamedTuple):
-    """A matrix in the basis of its eigenvectors, whose complex pairs are replaced by real and imaginary parts.
+    """A matrix in the basis of its eigenvectors, whose complex pairs are replaced by real and imaginary parts."""
 
-    Attributes
-    ----------
-    basis, inverse : shape (2n, 2n)
-        The basis, in columns, and its inverse.
-    growth, turn : shape (2n, 1)
-        Real part of each eigenvalue; its imaginary part, with the sign by which the partner enters.
-    partner : shape (2n,)
-        The other one of a pair; of a real eigenvalue itself.
-    """
-
+    #: basis, inverse: shape (2n, 2n): The basis, in columns, and its inverse.
     basis: Array
     inverse: Array
+    #: growth, turn: shape (2n, 1): Real part of each eigenvalue; its imaginary part, with the sign by which the partner
+    #: enters.
     growth: Array
     turn: Array
-    partner: NDArray[np.intp]
+    partner: NDArray[np.intp]  #: shape (2n,): The other one of a pair; of a real eigenvalue itself.
 
     @classmethod
     def of(cls, matrix: Array) -> _Spectrum | None:

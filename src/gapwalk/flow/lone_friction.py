@@ -43,23 +43,13 @@ Array = NDArray[np.float64]
 
 
 class Push(NamedTuple):
-    """Effects of a unit of the force of rigid friction.
+    """Effects of a unit of the force of rigid friction."""
 
-    Attributes
-    ----------
-    moved : shape (n,)
-        Accelerations against which it acts.
-    on_itself
-        That of its own deflection.
-    stopping : shape (n,)
-        Change of the velocities by which the rate of its deflection changes by 1.
-    turns, stops : shape (n, n)
-        For changes of the velocities, that of the slip rate times what a unit of the force moves, or times `stopping`.
-    """
-
-    moved: Array
-    on_itself: float
-    stopping: Array
+    moved: Array  #: shape (n,): Accelerations against which it acts.
+    on_itself: float  #: That of its own deflection.
+    stopping: Array  #: shape (n,): Change of the velocities by which the rate of its deflection changes by 1.
+    #: turns, stops: shape (n, n): For changes of the velocities, that of the slip rate times what a unit of the force
+    #: moves, or times `stopping`.
     turns: Array
     stops: Array
 

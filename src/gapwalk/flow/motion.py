@@ -37,26 +37,6 @@ from gapwalk.model.system import System
 class Motion:
     """A motion of `system`, sampled at `theta` and exact at each sample.
 
-    Attributes
-    ----------
-    system
-        The system that moves.
-    theta : shape (samples,)
-        Angle of the fundamental excitation, ``W t``, in radians.
-    q, v : shape (samples, n)
-        Positions and velocities (over time).
-    events
-        The crossings of breakpoints, in order.
-    z : shape (samples, memories)
-        Extensions of the contacts with a state of their own, in the order of `Structure.memories`; by default zero.
-    slips
-        The modes of dry friction at the first sample, then their changes, in order.
-    holds
-        What sticks rigidly, or is held at a stop, at the first sample; then its changes, in order. Without them, the
-        modes at each sample are those with which a motion begins there.
-    impacts
-        The impacts on rigid stops, in order, with the velocities before and after.
-
     Examples
     --------
     >>> motion = impacting.motion(64)
@@ -64,15 +44,20 @@ class Motion:
     ((65, 1), True)
     """
 
-    system: System
-    theta: NDArray[np.float64]
+    system: System  #: The system that moves.
+    theta: NDArray[np.float64]  #: shape (samples,): Angle of the fundamental excitation, ``W t``, in radians.
+    #: q, v: shape (samples, n): Positions and velocities (over time).
     q: NDArray[np.float64]
     v: NDArray[np.float64]
-    events: tuple[ContactEvent, ...]
+    events: tuple[ContactEvent, ...]  #: The crossings of breakpoints, in order.
+    #: shape (samples, memories): Extensions of the contacts with a state of their own, in the order of
+    #: `Structure.memories`; by default zero.
     z: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
-    slips: tuple[SlipEvent, ...] = ()
+    slips: tuple[SlipEvent, ...] = ()  #: The modes of dry friction at the first sample, then their changes, in order.
+    #: What sticks rigidly, or is held at a stop, at the first sample; then its changes, in order. Without them, the
+    #: modes at each sample are those with which a motion begins there.
     holds: tuple[Hold, ...] = ()
-    impacts: tuple[Kink, ...] = ()
+    impacts: tuple[Kink, ...] = ()  #: The impacts on rigid stops, in order, with the velocities before and after.
 
     def __post_init__(self) -> None:
         if not self.z.size:
@@ -281,17 +266,6 @@ class Motion:
 class ContactRecord:
     """One entry of the contact log, with the names of the model.
 
-    Attributes
-    ----------
-    theta, time
-        Instant of the event: in radians of the fundamental excitation, and in units of time.
-    contact, stage, side
-        Name of the contact, name of the stage ("" if there is only one), +1 or -1.
-    closes
-        True where the stage closes, False where it opens.
-    velocity
-        Rate of the deflection over time; where the stage closes, its size is the approach velocity.
-
     Examples
     --------
     >>> entry = impacting.motion().contacts[0]
@@ -299,13 +273,15 @@ class ContactRecord:
     ('stop', 1, True, 1.377284)
     """
 
+    #: theta, time: Instant of the event: in radians of the fundamental excitation, and in units of time.
     theta: float
     time: float
+    #: contact, stage, side: Name of the contact, name of the stage ("" if there is only one), +1 or -1.
     contact: str
     stage: str
     side: int
-    closes: bool
-    velocity: float
+    closes: bool  #: True where the stage closes, False where it opens.
+    velocity: float  #: Rate of the deflection over time; where the stage closes, its size is the approach velocity.
 
 
 def integrate(

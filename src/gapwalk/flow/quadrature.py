@@ -27,17 +27,10 @@ _NARROWEST = 1e-9  # narrower intervals between events are omitted
 
 
 class Quadrature(NamedTuple):
-    """A motion at the nodes of Gauss's rule.
+    """A motion at the nodes of Gauss's rule."""
 
-    Attributes
-    ----------
-    motion
-        The motion; its samples are the nodes, and its events the crossings of breakpoints.
-    weights : shape (nodes,)
-        Weights of the nodes over time (not theta); their sum is the duration of the motion.
-    """
-
-    motion: Motion
+    motion: Motion  #: The motion; its samples are the nodes, and its events the crossings of breakpoints.
+    #: shape (nodes,): Weights of the nodes over time (not theta); their sum is the duration of the motion.
     weights: NDArray[np.float64]
 
 

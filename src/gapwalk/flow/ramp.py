@@ -39,11 +39,6 @@ _EXACT = 1e-11  # relative difference above which a coefficient is no parabola o
 class Ramped:
     """Coefficients of a system as functions of the speed, and its exact flow at a constant acceleration.
 
-    Parameters
-    ----------
-    system
-        The system; its own speed does not matter.
-
     Raises
     ------
     ModelError
@@ -51,7 +46,7 @@ class Ramped:
         grow with its first or second power.
     """
 
-    system: System
+    system: System  #: The system; its own speed does not matter.
 
     def __post_init__(self) -> None:
         for problem in _problems(self.system):

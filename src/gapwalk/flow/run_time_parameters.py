@@ -17,24 +17,18 @@ class RunTimeParameters:
 
     Parameters
     ----------
-    layout
-        Positions of the coefficients in an array.
-    pattern : shape (number of coefficients,), bool
-        True for each coefficient that is included; the others are zero.
-    varying
-        For each sensitivity, the slots of the coefficients that vary along its direction.
-    ramp
-        True if the speed changes with the angle. Then the pattern covers the slots of a ramp (`gapwalk.flow.ramp`).
-
     The run-time parameters are the components of the directions, one direction after the other, then the switches,
     then the weights of the event functions, the modes, those that wait, the levels of the cycles, the slips and sticks
     of friction, the stops that are held, the unit of length, then the coefficients. The last one, `1/W`, occurs in
     every equation, so heyoka allocates room for all of them.
     """
 
-    layout: CoefficientLayout
+    layout: CoefficientLayout  #: Positions of the coefficients in an array.
+    #: shape (number of coefficients,), bool: True for each coefficient that is included; the others are zero.
     pattern: NDArray[np.bool_]
+    #: For each sensitivity, the slots of the coefficients that vary along its direction.
     varying: tuple[NDArray[np.intp], ...] = ()
+    #: True if the speed changes with the angle. Then the pattern covers the slots of a ramp (`gapwalk.flow.ramp`).
     ramp: bool = False
 
     @cached_property

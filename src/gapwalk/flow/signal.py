@@ -22,21 +22,14 @@ _STEP = 1e-150  # of the complex step, as in `gapwalk.model.coefficients`
 class Signal:
     """A sum of signals with factors, as a sensor measures it.
 
-    Parameters
-    ----------
-    terms
-        Names as in `Motion.signal`, each with its factor.
-    label
-        Label of the signal; by default the sum as a text.
-
     Examples
     --------
     >>> gw.measure.Signal((("x''", 1.0), ("x", -2.0))).of(orbit.motion(8)).shape
     (9,)
     """
 
-    terms: tuple[tuple[str, float], ...]
-    label: str = ""
+    terms: tuple[tuple[str, float], ...]  #: Names as in `Motion.signal`, each with its factor.
+    label: str = ""  #: Label of the signal; by default the sum as a text.
 
     @property
     def name(self) -> str:

@@ -33,15 +33,6 @@ class Moves(Protocol):
 class Phase:
     """An interval in which a contact has one mode.
 
-    Attributes
-    ----------
-    element
-        Name of the contact.
-    mode
-        ``slip +``, ``slip -``, ``stick``, or ``held`` for a rigid stop.
-    start, end
-        Angles of the excitation, in radians.
-
     Examples
     --------
     >>> phase = gw.analysis.stick_slip(slipping).phases[1]
@@ -49,8 +40,9 @@ class Phase:
     ('brake', 'stick', 0.49058)
     """
 
-    element: str
-    mode: str
+    element: str  #: Name of the contact.
+    mode: str  #: ``slip +``, ``slip -``, ``stick``, or ``held`` for a rigid stop.
+    #: start, end: Angles of the excitation, in radians.
     start: float
     end: float
 
@@ -58,15 +50,6 @@ class Phase:
 @dataclass(frozen=True, slots=True)
 class Strike:
     """An impact on a rigid stop.
-
-    Attributes
-    ----------
-    element
-        Name of the contact.
-    theta
-        Angle of the excitation, in radians.
-    velocity
-        Rate of the deflection just before it.
 
     Examples
     --------
@@ -76,23 +59,14 @@ class Strike:
     ('wall', 1.732051)
     """
 
-    element: str
-    theta: float
-    velocity: float
+    element: str  #: Name of the contact.
+    theta: float  #: Angle of the excitation, in radians.
+    velocity: float  #: Rate of the deflection just before it.
 
 
 @dataclass(frozen=True, eq=False)
 class StickSlip(Shown):
     """The phases of dry friction and rigid stops along a motion.
-
-    Attributes
-    ----------
-    motion
-        The motion.
-    phases
-        All phases, contact by contact, in their order.
-    strikes
-        The impacts on rigid stops.
 
     Examples
     --------
@@ -101,9 +75,9 @@ class StickSlip(Shown):
     (('brake',), ['slip +', 'stick', 'slip -', 'stick', 'slip +'])
     """
 
-    motion: Motion
-    phases: tuple[Phase, ...]
-    strikes: tuple[Strike, ...]
+    motion: Motion  #: The motion.
+    phases: tuple[Phase, ...]  #: All phases, contact by contact, in their order.
+    strikes: tuple[Strike, ...]  #: The impacts on rigid stops.
 
     @property
     def elements(self) -> tuple[str, ...]:

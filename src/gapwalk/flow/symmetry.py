@@ -28,21 +28,11 @@ _EQUAL = 1e-9  # difference of accelerations, relative to the largest, that coun
 
 @dataclass(frozen=True)
 class Symmetry:
-    """A symmetry: coordinate i moves as ``signs[i]`` times coordinate ``order[i]`` did.
+    """A symmetry: coordinate i moves as ``signs[i]`` times coordinate ``order[i]`` did."""
 
-    Attributes
-    ----------
-    order
-        For each coordinate, the one whose place it takes.
-    signs
-        For each coordinate, +1 or -1.
-    shift
-        Forcing periods by which the motion is shifted: 0 or 1/2.
-    """
-
-    order: tuple[int, ...]
-    signs: tuple[int, ...]
-    shift: float
+    order: tuple[int, ...]  #: For each coordinate, the one whose place it takes.
+    signs: tuple[int, ...]  #: For each coordinate, +1 or -1.
+    shift: float  #: Forcing periods by which the motion is shifted: 0 or 1/2.
 
     def defect(self, extremes: NDArray[np.float64], floor: float = 0.0) -> float:
         """Return the asymmetry of an orbit by its `Orbit.extremes`, as a share of its largest amplitude.

@@ -39,17 +39,10 @@ class BackboneEquation:
     """Equations of free vibrations in n positions at rest, along the frequency.
 
     The residual is the velocity after half a period, divided by the frequency.
-
-    Parameters
-    ----------
-    system
-        A system without losses, from `without_losses`.
-    tolerance
-        Largest residual of a free vibration, relative to its positions.
     """
 
-    system: System
-    tolerance: float = 1e-12
+    system: System  #: A system without losses, from `without_losses`.
+    tolerance: float = 1e-12  #: Largest residual of a free vibration, relative to its positions.
 
     @property
     def parameter(self) -> str:
@@ -65,7 +58,7 @@ class BackboneEquation:
         return flow_of(self.system, self.parameter, transition=True)
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Return residual and derivatives at positions of rest and a frequency; the evidence is the half of the motion.
+        """Return residual and derivatives at positions of rest and a frequency; the evidence is half of the motion.
 
         Raises
         ------
@@ -110,21 +103,11 @@ class BackboneEquation:
 
 @dataclass(frozen=True, eq=False)
 class WhirlEquation:
-    """Equations of free vibrations with gyroscopic terms, in their states and a damping, along the frequency.
+    """Equations of free vibrations with gyroscopic terms, in their states and a damping, along the frequency."""
 
-    Parameters
-    ----------
-    system
-        A system without losses, from `without_losses`.
-    coordinate
-        Number of the coordinate that is at rest at the start.
-    tolerance
-        Largest residual of a free vibration, relative to its state.
-    """
-
-    system: System
-    coordinate: int
-    tolerance: float = 1e-11
+    system: System  #: A system without losses, from `without_losses`.
+    coordinate: int  #: Number of the coordinate that is at rest at the start.
+    tolerance: float = 1e-11  #: Largest residual of a free vibration, relative to its state.
 
     @property
     def parameter(self) -> str:

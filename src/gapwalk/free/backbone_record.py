@@ -22,21 +22,6 @@ _GROWS = 1e-5  # modulus of a multiplier beyond 1 that is not rounding: two of t
 class BackbonePoint:
     """One free vibration.
 
-    Attributes
-    ----------
-    value
-        The frequency, in the unit of the model.
-    start, rates : shape (n,)
-        Positions and velocities at the start: at rest, if there are no gyroscopic terms.
-    half : shape (n,)
-        Half the distance between the places of rest for each coordinate; half its peak to peak where a motion whirls.
-    energy
-        Energy, without that at zero positions; nan if the equations do not show it (see `potential_of`).
-    multipliers : shape (2n,)
-        Floquet multipliers, largest modulus first; two of them are 1.
-    touches
-        Number of contact events in a period.
-
     Examples
     --------
     >>> point = backbone.points[-1]
@@ -52,13 +37,16 @@ class BackbonePoint:
         "touches": "touches",
     }
 
-    value: float
+    value: float  #: The frequency, in the unit of the model.
+    #: start, rates: shape (n,): Positions and velocities at the start: at rest, if there are no gyroscopic terms.
     start: NDArray[np.float64]
     rates: NDArray[np.float64]
+    #: shape (n,): Half the distance between the places of rest for each coordinate; half its peak to peak where a
+    #: motion whirls.
     half: NDArray[np.float64]
-    energy: float
-    multipliers: NDArray[np.complex128]
-    touches: int
+    energy: float  #: Energy, without that at zero positions; nan if the equations do not show it (see `potential_of`).
+    multipliers: NDArray[np.complex128]  #: shape (2n,): Floquet multipliers, largest modulus first; two of them are 1.
+    touches: int  #: Number of contact events in a period.
 
     @property
     def stuck(self) -> tuple[int, ...]:
@@ -101,15 +89,6 @@ class BackboneEventKind(StrEnum):
 class BackboneEvent:
     """Free vibration at which a backbone turns, as near an internal resonance, or at which another one crosses.
 
-    Attributes
-    ----------
-    kind
-        What happens.
-    point
-        The free vibration.
-    uncertainty
-        Estimated error of its frequency.
-
     Examples
     --------
     >>> len(backbone.events)
@@ -124,9 +103,9 @@ class BackboneEvent:
         "amplitude": "point.amplitude",
     }
 
-    kind: BackboneEventKind
-    point: BackbonePoint
-    uncertainty: float
+    kind: BackboneEventKind  #: What happens.
+    point: BackbonePoint  #: The free vibration.
+    uncertainty: float  #: Estimated error of its frequency.
 
     @property
     def value(self) -> float:
@@ -141,24 +120,15 @@ class BackboneEvent:
 class BackboneEnd:
     """Place and reason of the end of a backbone.
 
-    Attributes
-    ----------
-    reason
-        The reason, as a sentence.
-    value
-        The frequency there.
-    is_failure
-        True if the numerics gave up.
-
     Examples
     --------
     >>> print(backbone.ends[0])
     the backbone begins here, at 1
     """
 
-    reason: str
-    value: float
-    is_failure: bool = False
+    reason: str  #: The reason, as a sentence.
+    value: float  #: The frequency there.
+    is_failure: bool = False  #: True if the numerics gave up.
 
     def __str__(self) -> str:
         return f"{self.reason}, at {self.value:.8g}"
@@ -168,19 +138,6 @@ class BackboneEnd:
 class Backbone(Shown):
     """Free vibrations of one family: how frequency and amplitude belong together without damping and excitation.
 
-    Attributes
-    ----------
-    system
-        The system without losses.
-    mode
-        Number of the linear mode from which it begins, from 1; 0 if it began at a given release.
-    points
-        The free vibrations, from the beginning on.
-    events
-        Turns of the frequency, and crossings.
-    ends
-        Its two ends.
-
     Examples
     --------
     >>> backbone.mode, len(backbone.points) > 20
@@ -189,11 +146,11 @@ class Backbone(Shown):
     True
     """
 
-    system: System
-    mode: int
-    points: tuple[BackbonePoint, ...]
-    events: tuple[BackboneEvent, ...]
-    ends: tuple[BackboneEnd, BackboneEnd]
+    system: System  #: The system without losses.
+    mode: int  #: Number of the linear mode from which it begins, from 1; 0 if it began at a given release.
+    points: tuple[BackbonePoint, ...]  #: The free vibrations, from the beginning on.
+    events: tuple[BackboneEvent, ...]  #: Turns of the frequency, and crossings.
+    ends: tuple[BackboneEnd, BackboneEnd]  #: Its two ends.
 
     @property
     def values(self) -> NDArray[np.float64]:

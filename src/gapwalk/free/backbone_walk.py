@@ -45,20 +45,15 @@ _LENGTHS = 10.0  # change of the positions, in clearances, that weighs as much a
 class BackboneOptions:
     """Options of a backbone.
 
-    Parameters
-    ----------
-    largest_amplitude
-        Amplitude at which it ends, in clearances (in units of length for a system without gaps).
-    walk
-        Options of the steps.
-
     Examples
     --------
     >>> gw.free.BackboneOptions(largest_amplitude=5.0).largest_amplitude
     5.0
     """
 
+    #: Amplitude at which it ends, in clearances (in units of length for a system without gaps).
     largest_amplitude: Annotated[float, Gt(0)] = 20.0
+    #: Options of the steps.
     walk: WalkOptions = field(default_factory=lambda: WalkOptions(largest_step=0.02, max_points=2000))
 
     def __post_init__(self) -> None:

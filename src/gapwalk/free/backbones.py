@@ -16,17 +16,6 @@ from gapwalk.summary import Rows, SummaryParts, remarks, row_of, rows_of, summar
 class Backbones(Shown):
     """Backbones of one system, one for each linear mode or release.
 
-    Attributes
-    ----------
-    lines
-        The backbones.
-    failures
-        Modes without a backbone, with the reasons, in sentences.
-    births
-        What the backbones foretell for a load, if that was asked: where isolated branches are born, or join.
-    complete
-        True if all were followed.
-
     Examples
     --------
     >>> lines = gw.free.Backbones((backbone,))
@@ -34,9 +23,10 @@ class Backbones(Shown):
     (True, ())
     """
 
-    lines: tuple[Backbone, ...]
-    failures: tuple[str, ...] = ()
-    complete: bool = True
+    lines: tuple[Backbone, ...]  #: The backbones.
+    failures: tuple[str, ...] = ()  #: Modes without a backbone, with the reasons, in sentences.
+    complete: bool = True  #: True if all were followed.
+    #: What the backbones foretell for a load, if that was asked: where isolated branches are born, or join.
     births: tuple[IslandBirth, ...] = ()
 
     @property

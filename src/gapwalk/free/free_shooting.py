@@ -47,15 +47,6 @@ _LOWEST = 1e-6  # share of the frequency of the start below which a motion is no
 class FreeShooting(Method):
     """Shooting for free motions, whose frequency is unknown.
 
-    Parameters
-    ----------
-    coordinate
-        Name of the coordinate that is at rest at theta = 0; empty for the one that swings most.
-    segments
-        Number of segments into which the period is divided: more help if the motion is strongly unstable.
-    tolerance
-        Largest residual of an orbit, relative to the size of its state.
-
     Examples
     --------
     >>> gw.free.FreeShooting("x").coordinate
@@ -64,9 +55,10 @@ class FreeShooting(Method):
 
     name: ClassVar[str] = "free shooting"
 
-    coordinate: str = ""
+    coordinate: str = ""  #: Name of the coordinate that is at rest at theta = 0; empty for the one that swings most.
+    #: Number of segments into which the period is divided: more help if the motion is strongly unstable.
     segments: int = 1
-    tolerance: float = 1e-10
+    tolerance: float = 1e-10  #: Largest residual of an orbit, relative to the size of its state.
 
     def __post_init__(self) -> None:
         if isinstance(self.segments, bool) or not isinstance(self.segments, int) or not 1 <= self.segments <= 1000:
@@ -99,11 +91,6 @@ class FreeOrbit(Orbit):
     Its multipliers include the trivial one, which is exactly 1: a shift along the motion. `free_multipliers`, which
     decide on stability, have 0 in its place: they are those of the return map to the section on which it begins.
 
-    Attributes
-    ----------
-    coordinate
-        Name of the coordinate that is at rest at theta = 0.
-
     Examples
     --------
     >>> orbit = cycle.points[-1].orbit
@@ -113,7 +100,7 @@ class FreeOrbit(Orbit):
 
     found_by: ClassVar[str] = "free shooting"
 
-    coordinate: str
+    coordinate: str  #: Name of the coordinate that is at rest at theta = 0.
 
     @property
     def method(self) -> type[Method]:

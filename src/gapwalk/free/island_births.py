@@ -40,25 +40,6 @@ _FLAT = 1e-6  # relative change of the amplitude within which a minimum is round
 class IslandBirth:
     """Place at which an isolated branch is born, or joins another one, as a backbone foretells it.
 
-    Attributes
-    ----------
-    harmonic
-        Harmonic of the free vibration that the load drives.
-    period
-        Forcing periods after which the motion repeats.
-    amplitude
-        Amplitude of the load.
-    frequency
-        Frequency of the excitation, in the unit of the model.
-    uncertainty
-        Error of the amplitude by the distance of the points of the backbone; that of the method grows with the damping.
-    joins
-        True where branches join; False where one is born.
-    point
-        The free vibration nearest to it.
-    mode
-        Number of the linear mode at which its backbone begins; 0 if it began at a release.
-
     Examples
     --------
     >>> birth = foretold.births[0]
@@ -77,14 +58,15 @@ class IslandBirth:
         "swing": "point.amplitude",
     }
 
-    harmonic: int
-    period: int
-    amplitude: float
-    frequency: float
+    harmonic: int  #: Harmonic of the free vibration that the load drives.
+    period: int  #: Forcing periods after which the motion repeats.
+    amplitude: float  #: Amplitude of the load.
+    frequency: float  #: Frequency of the excitation, in the unit of the model.
+    #: Error of the amplitude by the distance of the points of the backbone; that of the method grows with the damping.
     uncertainty: float
-    joins: bool
-    point: BackbonePoint
-    mode: int = 0
+    joins: bool  #: True where branches join; False where one is born.
+    point: BackbonePoint  #: The free vibration nearest to it.
+    mode: int = 0  #: Number of the linear mode at which its backbone begins; 0 if it began at a release.
 
     @property
     def what(self) -> str:
@@ -102,33 +84,20 @@ class IslandBirth:
 class Foretold(Shown):
     """What a backbone foretells for one load.
 
-    Attributes
-    ----------
-    system
-        The system with its damping.
-    line
-        Its backbone.
-    load
-        Name of the load.
-    harmonics
-        The harmonics of the free vibration that it may drive.
-    amplitudes : shape (points, harmonics)
-        Amplitude of the load at which its work balances the losses at each point; infinite where it does none.
-    births
-        Minima and maxima of it along the backbone, in the order of the harmonics.
-
     Examples
     --------
     >>> foretold.load, foretold.harmonics, foretold.amplitudes.shape[1]
     ('harmonic1', (1, 3), 2)
     """
 
-    system: System
-    line: Backbone
-    load: str
-    harmonics: tuple[int, ...]
+    system: System  #: The system with its damping.
+    line: Backbone  #: Its backbone.
+    load: str  #: Name of the load.
+    harmonics: tuple[int, ...]  #: The harmonics of the free vibration that it may drive.
+    #: shape (points, harmonics): Amplitude of the load at which its work balances the losses at each point; infinite
+    #: where it does none.
     amplitudes: NDArray[np.float64]
-    births: tuple[IslandBirth, ...]
+    births: tuple[IslandBirth, ...]  #: Minima and maxima of it along the backbone, in the order of the harmonics.
 
     def needed(self, frequency: float, harmonic: int) -> tuple[float, ...]:
         """Return the amplitudes of the load at which responses at a frequency reach the backbone.

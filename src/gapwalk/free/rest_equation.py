@@ -33,23 +33,12 @@ class RestEquation:
     """Equations of the equilibria of a system without excitation, along a parameter.
 
     The residual is the acceleration at rest over the square of a frequency of the system, a length.
-
-    Parameters
-    ----------
-    system
-        The system.
-    parameter
-        Name of the parameter.
-    start : shape (n,)
-        Positions at which that frequency is taken.
-    tolerance
-        Largest residual, relative to the positions.
     """
 
-    system: System
-    parameter: str
-    start: NDArray[np.float64]
-    tolerance: float = 1e-12
+    system: System  #: The system.
+    parameter: str  #: Name of the parameter.
+    start: NDArray[np.float64]  #: shape (n,): Positions at which that frequency is taken.
+    tolerance: float = 1e-12  #: Largest residual, relative to the positions.
 
     @cached_property
     def line(self) -> ParameterLine:

@@ -23,17 +23,6 @@ _ROUNDING = 1e-9  # real part of an eigenvalue that is rounding, as a share of t
 class RestPoint:
     """One equilibrium.
 
-    Attributes
-    ----------
-    value
-        Value of the parameter.
-    position : shape (n,)
-        The coordinates.
-    eigenvalues : shape (2n,)
-        Eigenvalues of small motions about it, largest real part first, per unit of time.
-    pattern
-        Which contacts are closed, in words.
-
     Examples
     --------
     >>> point = rests.points[0]
@@ -50,10 +39,11 @@ class RestPoint:
         "contacts": "pattern",
     }
 
-    value: float
-    position: NDArray[np.float64]
+    value: float  #: Value of the parameter.
+    position: NDArray[np.float64]  #: shape (n,): The coordinates.
+    #: shape (2n,): Eigenvalues of small motions about it, largest real part first, per unit of time.
     eigenvalues: NDArray[np.complex128]
-    pattern: str
+    pattern: str  #: Which contacts are closed, in words.
 
     @property
     def stuck(self) -> tuple[int, ...]:
@@ -110,25 +100,6 @@ class RestEventKind(StrEnum):
 class RestEvent:
     """Equilibrium at which something changes.
 
-    Attributes
-    ----------
-    kind
-        What changes.
-    point
-        The equilibrium.
-    uncertainty
-        Estimated error of its value of the parameter.
-    before, after
-        Numbers of unstable eigenvalues before and after it, in the direction of the walk.
-    frequency
-        At a Hopf point, the angular frequency of the motions that begin there; otherwise 0.
-    contact
-        Where a contact changes, its name with the stage and side; otherwise empty.
-    closes
-        True where that contact closes, in the direction of the walk.
-    turns
-        True where the parameter turns back.
-
     Examples
     --------
     >>> event = rests.events[0]
@@ -148,15 +119,16 @@ class RestEvent:
         "turns": "turns",
     }
 
-    kind: RestEventKind
-    point: RestPoint
-    uncertainty: float
+    kind: RestEventKind  #: What changes.
+    point: RestPoint  #: The equilibrium.
+    uncertainty: float  #: Estimated error of its value of the parameter.
+    #: before, after: Numbers of unstable eigenvalues before and after it, in the direction of the walk.
     before: int
     after: int
-    frequency: float = 0.0
-    contact: str = ""
-    closes: bool = False
-    turns: bool = False
+    frequency: float = 0.0  #: At a Hopf point, the angular frequency of the motions that begin there; otherwise 0.
+    contact: str = ""  #: Where a contact changes, its name with the stage and side; otherwise empty.
+    closes: bool = False  #: True where that contact closes, in the direction of the walk.
+    turns: bool = False  #: True where the parameter turns back.
 
     @property
     def value(self) -> float:
@@ -185,30 +157,18 @@ RestEnd = BackboneEnd
 class Rests(Shown):
     """Equilibria along one parameter.
 
-    Attributes
-    ----------
-    system
-        The system without excitation.
-    parameter
-        Name of the parameter.
-    points
-        The equilibria in the order of the walk.
-    events
-        Hopf points, folds, crossings, and contacts that close or open, in the order of the walk.
-    ends
-        Both ends.
-
     Examples
     --------
     >>> rests.parameter, len(rests.hopf_points)
     ('damper.mu', 1)
     """
 
-    system: System
-    parameter: str
-    points: tuple[RestPoint, ...]
+    system: System  #: The system without excitation.
+    parameter: str  #: Name of the parameter.
+    points: tuple[RestPoint, ...]  #: The equilibria in the order of the walk.
+    #: Hopf points, folds, crossings, and contacts that close or open, in the order of the walk.
     events: tuple[RestEvent, ...]
-    ends: tuple[RestEnd, RestEnd]
+    ends: tuple[RestEnd, RestEnd]  #: Both ends.
 
     @property
     def values(self) -> NDArray[np.float64]:

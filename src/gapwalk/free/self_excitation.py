@@ -33,22 +33,6 @@ _NEAR = 0.02  # share of the range within which a motion that shrinks to an equi
 class SelfExcited(Shown):
     """Equilibria over a parameter, and the periodic motions without excitation that begin at their Hopf points.
 
-    Attributes
-    ----------
-    parameter
-        Name of the parameter.
-    within
-        Its range.
-    rests
-        The equilibria.
-    cycles
-        Branches of periodic motions, from Hopf points and their centres; the frequency of each motion is that of its
-        system.
-    failures
-        What was not found, with the reasons, in sentences.
-    complete
-        True if all were followed.
-
     Examples
     --------
     >>> found = gw.free.SelfExcited("damper.mu", (-0.5, 1.0), (rests,), (cycle,))
@@ -56,12 +40,14 @@ class SelfExcited(Shown):
     (1, True)
     """
 
-    parameter: str
-    within: tuple[float, float]
-    rests: tuple[Rests, ...]
+    parameter: str  #: Name of the parameter.
+    within: tuple[float, float]  #: Its range.
+    rests: tuple[Rests, ...]  #: The equilibria.
+    #: Branches of periodic motions, from Hopf points and their centres; the frequency of each motion is that of its
+    #: system.
     cycles: tuple[Branch, ...] = ()
-    failures: tuple[str, ...] = ()
-    complete: bool = True
+    failures: tuple[str, ...] = ()  #: What was not found, with the reasons, in sentences.
+    complete: bool = True  #: True if all were followed.
 
     @property
     def system(self) -> System:

@@ -30,21 +30,11 @@ _NONE = 1e-12  # work of a load, as a share of the largest possible, that is rou
 
 @dataclass(frozen=True, eq=False)
 class WorkBalance:
-    """Work of the losses of a system and of one of its loads over free vibrations of its backbone.
+    """Work of the losses of a system and of one of its loads over free vibrations of its backbone."""
 
-    Parameters
-    ----------
-    system
-        The system with its damping.
-    line
-        Its backbone.
-    load
-        Name of a load with one order, such as ``harmonic1``.
-    """
-
-    system: System
-    line: Backbone
-    load: str
+    system: System  #: The system with its damping.
+    line: Backbone  #: Its backbone.
+    load: str  #: Name of a load with one order, such as ``harmonic1``.
 
     def amplitudes(self, point: BackbonePoint, harmonics: tuple[int, ...]) -> list[float]:
         """Return the amplitude of the load that balances the losses if it drives each of some harmonics.

@@ -36,21 +36,6 @@ _ALIKE = 0.8  # correlation below which the two are probably different motions
 class Alignment:
     """A record and a computed orbit, at the phase at which they agree best.
 
-    Attributes
-    ----------
-    orbit, record, signal
-        The orbit, the record, and the signal of the orbit that is compared with the record.
-    phase
-        Phase of the excitation at the first sample of the record, in radians.
-    periods
-        Number of periods of the orbit in the record.
-    theta : shape (samples,)
-        Angle of the excitation at the samples that were used.
-    measured, computed : shape (samples,)
-        The two histories without their means.
-    agreement
-        Rms error, correlation, and spectral lines; the record is the first of the two.
-
     Examples
     --------
     >>> found = gw.measure.align(orbit, record, "x''")
@@ -58,15 +43,17 @@ class Alignment:
     (1, 1.0)
     """
 
+    #: orbit, record, signal: The orbit, the record, and the signal of the orbit that is compared with the record.
     orbit: Orbit
     record: Record
     signal: Signal
-    phase: float
-    periods: int
-    theta: NDArray[np.float64]
+    phase: float  #: Phase of the excitation at the first sample of the record, in radians.
+    periods: int  #: Number of periods of the orbit in the record.
+    theta: NDArray[np.float64]  #: shape (samples,): Angle of the excitation at the samples that were used.
+    #: measured, computed: shape (samples,): The two histories without their means.
     measured: NDArray[np.float64]
     computed: NDArray[np.float64]
-    agreement: Agreement
+    agreement: Agreement  #: Rms error, correlation, and spectral lines; the record is the first of the two.
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -194,18 +181,10 @@ class Misfit:
 
 
 class Slopes(NamedTuple):
-    """Derivatives of the residual.
+    """Derivatives of the residual."""
 
-    Attributes
-    ----------
-    table : shape (samples, k)
-        Derivatives by each parameter, and by the phase.
-    moving : shape (k,)
-        True for derivatives larger than rounding.
-    """
-
-    table: NDArray[np.float64]
-    moving: NDArray[np.bool_]
+    table: NDArray[np.float64]  #: shape (samples, k): Derivatives by each parameter, and by the phase.
+    moving: NDArray[np.bool_]  #: shape (k,): True for derivatives larger than rounding.
 
     def first(self, count: int) -> Slopes:
         """Return the derivatives by the first parameters."""

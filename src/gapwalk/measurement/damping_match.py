@@ -33,28 +33,6 @@ _SAMPLES = 512  # samples per forcing period at which the motions are matched
 class DampingMatch:
     """The impact damping of a contact that is equivalent to viscous dampers, computed in two ways.
 
-    Attributes
-    ----------
-    contact
-        Name of the contact.
-    viscous_damping
-        Coefficient of one damper parallel to the contact that is equivalent to the viscous dampers of the first system.
-    astray
-        Fraction of those dampers that one damper parallel to the contact does not represent: 0 if it is exact.
-    amplitude, mean
-        First harmonic and mean of the deflection of the viscously damped motion.
-    one_harmonic_share
-        Fraction of the variance of the deflection in that harmonic: near 1 if one harmonic suffices.
-    one_harmonic
-        The impact damping that dissipates the same energy per cycle under that harmonic: the closed formula.
-    impact_damping
-        The impact damping for which the acceleration of the deflection is nearest to that of the viscously damped
-        motion: from computed motions, with all their harmonics, in the least-squares sense.
-    difference
-        Rms difference of the two accelerations with this damping, relative to that of the viscously damped motion.
-    viscous, impact
-        The two motions.
-
     Examples
     --------
     >>> stages = [gw.Stage(1.0, 20.0, side="positive")]
@@ -67,15 +45,24 @@ class DampingMatch:
     0.991
     """
 
-    contact: str
+    contact: str  #: Name of the contact.
+    #: Coefficient of one damper parallel to the contact that is equivalent to the viscous dampers of the first system.
     viscous_damping: float
+    #: Fraction of those dampers that one damper parallel to the contact does not represent: 0 if it is exact.
     astray: float
+    #: amplitude, mean: First harmonic and mean of the deflection of the viscously damped motion.
     amplitude: float
     mean: float
+    #: Fraction of the variance of the deflection in that harmonic: near 1 if one harmonic suffices.
     one_harmonic_share: float
+    #: The impact damping that dissipates the same energy per cycle under that harmonic: the closed formula.
     one_harmonic: float
+    #: The impact damping for which the acceleration of the deflection is nearest to that of the viscously damped
+    #: motion: from computed motions, with all their harmonics, in the least-squares sense.
     impact_damping: float
+    #: Rms difference of the two accelerations with this damping, relative to that of the viscously damped motion.
     difference: float
+    #: viscous, impact: The two motions.
     viscous: Orbit
     impact: Orbit
 

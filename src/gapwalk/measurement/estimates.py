@@ -27,15 +27,6 @@ _BOUND = 1e-4  # distance from a bound, relative to the parameter, below which i
 class Estimate(NamedTuple):
     """One fitted parameter.
 
-    Attributes
-    ----------
-    name
-        Its name.
-    start, value
-        The first guess, and the fitted value.
-    error
-        Standard error; infinite if the data do not determine the parameter, nan if it ended at a bound.
-
     Examples
     --------
     >>> fitted = gw.measure.fit_points(branch, [("fold", 1.39, 0.001)], ["stop.clearance"])
@@ -43,10 +34,11 @@ class Estimate(NamedTuple):
     ('stop.clearance', 0.0049)
     """
 
-    name: str
+    name: str  #: Its name.
+    #: start, value: The first guess, and the fitted value.
     start: float
     value: float
-    error: float
+    error: float  #: Standard error; infinite if the data do not determine the parameter, nan if it ended at a bound.
 
     def __str__(self) -> str:
         if np.isnan(self.error):
@@ -55,21 +47,11 @@ class Estimate(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """Words of the data to which parameters are fitted.
+    """Words of the data to which parameters are fitted."""
 
-    Attributes
-    ----------
-    fails
-        Begins a sentence: ``the record does not determine``.
-    idle
-        Says that a parameter has no effect.
-    same
-        Says that some parameters together have no effect.
-    """
-
-    fails: str
-    idle: str
-    same: str
+    fails: str  #: Begins a sentence: ``the record does not determine``.
+    idle: str  #: Says that a parameter has no effect.
+    same: str  #: Says that some parameters together have no effect.
 
 
 RECORD = Evidence("the record does not determine", "it changes nothing in this signal", "leaves the signal unchanged")

@@ -37,23 +37,6 @@ _EDGE = 1e-3  # cosine between residual and slopes above which a minimum was not
 class Fit(Shown):
     """Parameters fitted to a record.
 
-    Attributes
-    ----------
-    estimates
-        The parameters, each with its standard error.
-    phase
-        The estimate of the phase at the record's first sample, in radians; its error is 0 if it was given.
-    correlation : shape (k, k)
-        Correlations of the estimates' errors.
-    before, after
-        The alignments of the orbit at the start, and of the fitted one.
-    evaluations
-        Number of orbits that were compared with the record.
-    notes
-        Further information, in sentences.
-    failures
-        Reasons to distrust the result: parameters that the record does not determine, or a branch that ended.
-
     Examples
     --------
     >>> found = gw.measure.fit(orbit, record, ["damping.x.x"], "x''")
@@ -61,13 +44,16 @@ class Fit(Shown):
     (0.1, 0.1)
     """
 
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[Estimate, ...]  #: The parameters, each with its standard error.
+    #: The estimate of the phase at the record's first sample, in radians; its error is 0 if it was given.
     phase: Estimate
-    correlation: NDArray[np.float64]
+    correlation: NDArray[np.float64]  #: shape (k, k): Correlations of the estimates' errors.
+    #: before, after: The alignments of the orbit at the start, and of the fitted one.
     before: Alignment
     after: Alignment
-    evaluations: int
-    notes: tuple[str, ...]
+    evaluations: int  #: Number of orbits that were compared with the record.
+    notes: tuple[str, ...]  #: Further information, in sentences.
+    #: Reasons to distrust the result: parameters that the record does not determine, or a branch that ended.
     failures: tuple[str, ...]
 
     @property
@@ -104,48 +90,29 @@ class Fit(Shown):
 class FitOptions:
     """Options of a fit.
 
-    Parameters
-    ----------
-    max_evaluations
-        The most orbits that are compared with the record.
-
     Examples
     --------
     >>> gw.measure.FitOptions(max_evaluations=20).max_evaluations
     20
     """
 
-    max_evaluations: int = 200
+    max_evaluations: int = 200  #: The most orbits that are compared with the record.
 
     def __post_init__(self) -> None:
         check_count("max_evaluations", self.max_evaluations)
 
 
 class Descent(NamedTuple):
-    """The end of a minimisation.
+    """The end of a minimisation."""
 
-    Attributes
-    ----------
-    values : shape (k,)
-        The parameters, and the phase if it is fitted too.
-    orbit
-        The orbit at these values.
-    slopes
-        Derivatives of the residual at these values.
-    free : shape (k,)
-        True for values that were changed; the others cannot be distinguished from them and have their first values.
-    evaluations
-        Number of orbits that were compared with the record.
-    lost
-        A sentence on the values that the branch does not reach; empty if it reached all of them.
-    """
-
-    values: NDArray[np.float64]
-    orbit: Orbit
-    slopes: Slopes
+    values: NDArray[np.float64]  #: shape (k,): The parameters, and the phase if it is fitted too.
+    orbit: Orbit  #: The orbit at these values.
+    slopes: Slopes  #: Derivatives of the residual at these values.
+    #: shape (k,): True for values that were changed; the others cannot be distinguished from them and have their first
+    #: values.
     free: NDArray[np.bool_]
-    evaluations: int
-    lost: str
+    evaluations: int  #: Number of orbits that were compared with the record.
+    lost: str  #: A sentence on the values that the branch does not reach; empty if it reached all of them.
 
 
 def fit(
@@ -326,23 +293,12 @@ def _edge(found: Descent, after: Alignment, verdict: Verdict) -> tuple[str, ...]
 
 
 class Verdict(NamedTuple):
-    """The information of a record about all parameters of a fit.
+    """The information of a record about all parameters of a fit."""
 
-    Attributes
-    ----------
-    estimates
-        The estimates of the parameters.
-    correlation : shape (k, k)
-        Correlations of the errors; nan where there are none.
-    held : shape (k,)
-        True for parameters that ended at a bound.
-    notes, failures
-        Notes and failures, in sentences.
-    """
-
-    estimates: tuple[Estimate, ...]
-    correlation: NDArray[np.float64]
-    held: NDArray[np.bool_]
+    estimates: tuple[Estimate, ...]  #: The estimates of the parameters.
+    correlation: NDArray[np.float64]  #: shape (k, k): Correlations of the errors; nan where there are none.
+    held: NDArray[np.bool_]  #: shape (k,): True for parameters that ended at a bound.
+    #: notes, failures: Notes and failures, in sentences.
     notes: tuple[str, ...]
     failures: tuple[str, ...]
 

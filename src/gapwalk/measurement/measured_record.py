@@ -22,17 +22,6 @@ _CLOSE = 0.01  # largest relative difference between the measured speed and the 
 class Record:
     """A measured time history.
 
-    Parameters
-    ----------
-    time : shape (samples,)
-        Times in increasing, even steps, in units of the model's time.
-    acceleration : shape (samples,)
-        The measured signal, in units of the model. It may be any signal of the model, not only an acceleration.
-    speed : shape (samples,), or None
-        Angular speed of the shaft, in radians per unit of time.
-    name
-        Name of the record in messages and pictures.
-
     Raises
     ------
     ModelError
@@ -45,10 +34,13 @@ class Record:
     ((64,), (64,))
     """
 
-    time: NDArray[np.float64]
+    time: NDArray[np.float64]  #: shape (samples,): Times in increasing, even steps, in units of the model's time.
+    #: shape (samples,): The measured signal, in units of the model. It may be any signal of the model, not only an
+    #: acceleration.
     acceleration: NDArray[np.float64]
+    #: shape (samples,), or None: Angular speed of the shaft, in radians per unit of time.
     speed: NDArray[np.float64] | None = None
-    name: str = "measured"
+    name: str = "measured"  #: Name of the record in messages and pictures.
 
     def __post_init__(self) -> None:
         for field in ("time", "acceleration", "speed"):

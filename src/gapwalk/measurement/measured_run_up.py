@@ -120,7 +120,7 @@ def _tracked(
 
 
 def value_columns(source: NamedFile, system: System, signal: str) -> list[str]:
-    """Return the names of the columns of a file that may be a signal: those of its unit, and without units all others.
+    """Return the names of the columns of a file that may be a signal: those of its unit; without units all others.
 
     Raises
     ------

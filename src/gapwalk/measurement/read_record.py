@@ -46,21 +46,11 @@ FIELDS = ("time", "acceleration", "speed")
 
 @dataclass(frozen=True)
 class MatVariable:
-    """A variable of a MAT file; its numbers are read on request.
+    """A variable of a MAT file; its numbers are read on request."""
 
-    Attributes
-    ----------
-    kind
-        Its class, as named by MATLAB.
-    shape
-        Its dimensions.
-    is_complex
-        True if it has imaginary parts.
-    """
-
-    kind: str
-    shape: tuple[int, ...]
-    is_complex: bool
+    kind: str  #: Its class, as named by MATLAB.
+    shape: tuple[int, ...]  #: Its dimensions.
+    is_complex: bool  #: True if it has imaginary parts.
     order: str
     payload: bytes
     compressed: bool

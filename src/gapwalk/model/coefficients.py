@@ -33,17 +33,10 @@ _STEP = 1e-150  # complex step: its square must underflow relative to every coef
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Wave:
-    """Slots of what a number varies by over the angle: of its cosines and sines; and the cycles that are added.
+    """Slots of what a number varies by over the angle: of its cosines and sines; and the cycles that are added."""
 
-    Attributes
-    ----------
-    lines : shape (2 orders,)
-        Slots of the cosines, then of the sines, of all orders.
-    cycles
-        The cycles of two levels (`CycleSlots`) by their numbers, each with a factor.
-    """
-
-    lines: NDArray[np.intp]
+    lines: NDArray[np.intp]  #: shape (2 orders,): Slots of the cosines, then of the sines, of all orders.
+    #: The cycles of two levels (`CycleSlots`) by their numbers, each with a factor.
     cycles: tuple[tuple[int, float], ...]
 
 
@@ -366,21 +359,14 @@ def period_of(system: System, value: float) -> tuple[float, float]:
 class ParameterLine:
     """The systems that differ from one another by the value of one named parameter.
 
-    Attributes
-    ----------
-    system
-        The system, with any value of the parameter.
-    name
-        Name of the parameter.
-
     Examples
     --------
     >>> gw.methods.ParameterLine(system, "stop.clearance").system_at(0.5).parameters["stop.clearance"]
     0.5
     """
 
-    system: System
-    name: str
+    system: System  #: The system, with any value of the parameter.
+    name: str  #: Name of the parameter.
 
     @cached_property
     def _place(self) -> int:

@@ -56,23 +56,6 @@ class Stage:
     Its force is ``stiffness * xi + cubic * xi**3`` with ``xi = x - clearance`` for a deflection
     ``x > clearance``, ``xi = x + clearance`` for ``x < -clearance``, and zero between.
 
-    Parameters
-    ----------
-    clearance
-        Half-width of the gap, >= 0, in units of the deflection.
-    stiffness
-        Slope that this spring adds to the force.
-    cubic
-        Coefficient of its cubic term.
-    side
-        The side on which it acts: ``"both"``, ``"positive"`` or ``"negative"``.
-    name
-        The parameters of a stage with a name are called ``contact.name.clearance`` instead of
-        ``contact.clearance``. Only a single stage may be without a name.
-    numbers
-        Further parameters of the stage by name: those of the force law of the contact, and `hysteresis`, the limit of
-        dry friction while the stage is closed (`friction` acts by it).
-
     Examples
     --------
     >>> clutch = gw.Contact("clutch", {"x": 1.0}, [gw.Stage(0.2, 5.0, name="soft"), gw.Stage(1.0, 20.0, name="hard")])
@@ -80,11 +63,15 @@ class Stage:
     [0.2, 1.0]
     """
 
-    clearance: float
-    stiffness: float = 1.0
-    cubic: float = 0.0
-    side: Side = Side.BOTH
+    clearance: float  #: Half-width of the gap, >= 0, in units of the deflection.
+    stiffness: float = 1.0  #: Slope that this spring adds to the force.
+    cubic: float = 0.0  #: Coefficient of its cubic term.
+    side: Side = Side.BOTH  #: The side on which it acts: ``"both"``, ``"positive"`` or ``"negative"``.
+    #: The parameters of a stage with a name are called ``contact.name.clearance`` instead of ``contact.clearance``.
+    #: Only a single stage may be without a name.
     name: str = ""
+    #: Further parameters of the stage by name: those of the force law of the contact, and `hysteresis`, the limit of
+    #: dry friction while the stage is closed (`friction` acts by it).
     numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
@@ -112,23 +99,6 @@ class Stage:
 class Contact:
     """A force ``f(x, x')`` that depends on one deflection ``x = e @ q`` and acts along one direction ``d``.
 
-    Parameters
-    ----------
-    name
-        Prefix of its parameters' names.
-    deflection
-        The vector ``e`` by coordinate name, for example ``{"q1": 1, "q2": -1}``.
-    stages
-        Springs in parallel, in the order of growing clearance on each side.
-    force
-        The vector ``d`` by coordinate name, on the left-hand side of the equations of motion. By default it
-        equals ``deflection``, as for any contact that obeys action and reaction.
-    law
-        The force law, or its name: ``"elastic"``, ``"viscous"``, ``"hunt-crossley"``, ``"hunt-crossley-as-printed"``,
-        or that of one that was registered.
-    numbers
-        Parameters of the law by name; they may also be given as arguments.
-
     Raises
     ------
     ModelError
@@ -140,11 +110,17 @@ class Contact:
     {'impact_damping': 0.1}
     """
 
-    name: str
+    name: str  #: Prefix of its parameters' names.
+    #: The vector ``e`` by coordinate name, for example ``{"q1": 1, "q2": -1}``.
     deflection: Mapping[str, float] = field(hash=False)
-    stages: tuple[Stage, ...]
+    stages: tuple[Stage, ...]  #: Springs in parallel, in the order of growing clearance on each side.
+    #: The vector ``d`` by coordinate name, on the left-hand side of the equations of motion. By default it equals
+    #: ``deflection``, as for any contact that obeys action and reaction.
     force: Mapping[str, float] | None = field(default=None, hash=False)
+    #: The force law, or its name: ``"elastic"``, ``"viscous"``, ``"hunt-crossley"``, ``"hunt-crossley-as-printed"``, or
+    #: that of one that was registered.
     law: Law = field(default_factory=lambda: law_of("elastic"))
+    #: Parameters of the law by name; they may also be given as arguments.
     numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __init__(

@@ -35,32 +35,19 @@ def stop_name(name: str) -> str:
 
 @dataclass(frozen=True)
 class ContactParts:
-    """The springs, the friction and the rigid stop of one table or link.
+    """The springs, the friction and the rigid stop of one table or link."""
 
-    Parameters
-    ----------
-    name
-        Name of the table or link.
-    deflection, force
-        See `Contact`.
-    stages
-        Its stages from the inside out. A rigid one has the stiffness `RIGID`, and the number `restitution`; any other
-        may have the number `hysteresis`.
-    law
-        The law of the springs, or its name; by default the first that has the numbers.
-    numbers
-        The numbers of the law; `hysteresis`, the limit of friction that always acts; and `hysteresis_stiffness`.
-    has_spring
-        True if a spring that acts always is beside them, which is no contact.
-    """
-
-    name: str
+    name: str  #: Name of the table or link.
+    #: deflection, force: See `Contact`.
     deflection: Mapping[str, float]
+    #: Its stages from the inside out. A rigid one has the stiffness `RIGID`, and the number `restitution`; any other
+    #: may have the number `hysteresis`.
     stages: Sequence[Stage]
     force: Mapping[str, float] | None = None
-    law: Law | str | None = None
+    law: Law | str | None = None  #: The law of the springs, or its name; by default the first that has the numbers.
+    #: The numbers of the law; `hysteresis`, the limit of friction that always acts; and `hysteresis_stiffness`.
     numbers: Mapping[str, Any] | None = None
-    has_spring: bool = False
+    has_spring: bool = False  #: True if a spring that acts always is beside them, which is no contact.
 
     def contacts(self) -> tuple[Contact, ...]:
         """Make the contacts: springs, friction, rigid stop.

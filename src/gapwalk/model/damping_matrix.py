@@ -19,13 +19,6 @@ _ROUNDING = 1e-10  # relative size of what counts as a rounding error of a matri
 class ProportionalDamping:
     """Damping ``C = mass * M + stiffness * K`` (Rayleigh's).
 
-    Parameters
-    ----------
-    mass
-        Factor of the mass matrix, in 1/time.
-    stiffness
-        Factor of the stiffness matrix, in units of time.
-
     Raises
     ------
     ModelError
@@ -37,8 +30,8 @@ class ProportionalDamping:
     array([[0.18]])
     """
 
-    mass: float = 0.0
-    stiffness: float = 0.0
+    mass: float = 0.0  #: Factor of the mass matrix, in 1/time.
+    stiffness: float = 0.0  #: Factor of the stiffness matrix, in units of time.
 
     def __post_init__(self) -> None:
         for name, value in (("mass", self.mass), ("stiffness", self.stiffness)):
@@ -67,12 +60,6 @@ class ProportionalDamping:
 class ModalDamping:
     """Damping ratios of the undamped modes of the system with open contacts.
 
-    Parameters
-    ----------
-    ratios
-        Shares of the critical damping, from the mode of the lowest frequency on. The last ratio is used for all higher
-        modes, so that one number suffices for all modes. A motion without stiffness remains undamped.
-
     Raises
     ------
     ModelError
@@ -84,6 +71,8 @@ class ModalDamping:
     array([[0.2]])
     """
 
+    #: Shares of the critical damping, from the mode of the lowest frequency on. The last ratio is used for all higher
+    #: modes, so that one number suffices for all modes. A motion without stiffness remains undamped.
     ratios: float | Sequence[float]
 
     def __post_init__(self) -> None:

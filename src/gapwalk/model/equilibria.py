@@ -35,19 +35,6 @@ _TINY = 1e-9  # share of a deflection that counts as none
 class ContactRest:
     """A contact in a static equilibrium.
 
-    Parameters
-    ----------
-    name
-        Name of the contact.
-    deflection, force
-        Its deflection, and the force of its spring.
-    side
-        The side on which it touches: +1, -1, or 0 if it is open.
-    closed
-        The stages that are closed, from the inside out; the only stage of a contact may have no name.
-    is_formula
-        True for a force by a formula: it has no sides and stages. Of several deflections, `deflection` is the first.
-
     Examples
     --------
     >>> pressed = gw.System(["x"], [[1.0]], contacts=[gw.stop("stop", {"x": 1.0}, 1.0, 3.0)], mean={"x": 5.0})
@@ -56,11 +43,14 @@ class ContactRest:
     ('stop', 2.0, 1)
     """
 
-    name: str
+    name: str  #: Name of the contact.
+    #: deflection, force: Its deflection, and the force of its spring.
     deflection: float
     force: float
-    side: int
+    side: int  #: The side on which it touches: +1, -1, or 0 if it is open.
+    #: The stages that are closed, from the inside out; the only stage of a contact may have no name.
     closed: tuple[str, ...]
+    #: True for a force by a formula: it has no sides and stages. Of several deflections, `deflection` is the first.
     is_formula: bool = False
 
     @property
@@ -80,20 +70,6 @@ class ContactRest:
 class Equilibrium:
     """A static equilibrium of a system.
 
-    Parameters
-    ----------
-    position : shape (n,)
-        The coordinates.
-    contacts
-        Each contact there.
-    stiffness, damping : shape (n, n)
-        The matrices for small motions about it.
-    loose
-        Number of independent directions in which the system can move without any force, free in its gaps. The position
-        is then one of many.
-    stable
-        True if the equilibrium is stable.
-
     Examples
     --------
     >>> pressed = gw.System(["x"], [[1.0]], contacts=[gw.stop("stop", {"x": 1.0}, 1.0, 3.0)], mean={"x": 5.0})
@@ -102,12 +78,15 @@ class Equilibrium:
     (array([2.]), True)
     """
 
-    position: NDArray[np.float64]
-    contacts: tuple[ContactRest, ...]
+    position: NDArray[np.float64]  #: shape (n,): The coordinates.
+    contacts: tuple[ContactRest, ...]  #: Each contact there.
+    #: stiffness, damping: shape (n, n): The matrices for small motions about it.
     stiffness: NDArray[np.float64]
     damping: NDArray[np.float64]
+    #: Number of independent directions in which the system can move without any force, free in its gaps. The position
+    #: is then one of many.
     loose: int
-    stable: bool
+    stable: bool  #: True if the equilibrium is stable.
 
     def __str__(self) -> str:
         texts = [str(contact) for contact in self.contacts] or ["no contacts"]
@@ -119,17 +98,6 @@ class Equilibrium:
 class Rest:
     """The static equilibria of a system.
 
-    Parameters
-    ----------
-    equilibria
-        The stable ones first, then those nearest to zero; nine at most of forces by formulas. Empty if there is none:
-        the mean load drives the system away.
-    complete
-        True if these are known to be all equilibria.
-    notes
-        What was left out, a sentence each: dry friction, with which there is a continuum of rests; rigid stops, which
-        are open; rests within the jump of a force.
-
     Examples
     --------
     >>> rest = gw.find_equilibria(system)
@@ -137,8 +105,12 @@ class Rest:
     (True, array([0.]))
     """
 
+    #: The stable ones first, then those nearest to zero; nine at most of forces by formulas. Empty if there is none:
+    #: the mean load drives the system away.
     equilibria: tuple[Equilibrium, ...]
-    complete: bool
+    complete: bool  #: True if these are known to be all equilibria.
+    #: What was left out, a sentence each: dry friction, with which there is a continuum of rests; rigid stops, which
+    #: are open; rests within the jump of a force.
     notes: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:

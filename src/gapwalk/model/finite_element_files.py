@@ -215,7 +215,7 @@ class _Head(NamedTuple):
 
 
 def read_op4(path: str, wanted: str) -> LabelledMatrix:
-    """Read a matrix of a Nastran OP4 file that was written as text (OUTPUT4, ``FORM=FORMATTED``); rows have no names.
+    """Read a matrix of a Nastran OP4 file written as text (OUTPUT4, ``FORM=FORMATTED``); rows have no names.
 
     Parameters
     ----------

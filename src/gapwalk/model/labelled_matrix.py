@@ -24,18 +24,10 @@ class UnusableError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class LabelledMatrix:
-    """A square matrix, with the names of its rows if its file has some.
+    """A square matrix, with the names of its rows if its file has some."""
 
-    Attributes
-    ----------
-    matrix : shape (n, n)
-        The matrix; or its diagonal, shape (n,).
-    names
-        Names such as ``n12_z``, one for each row; empty if the file has none.
-    """
-
-    matrix: NDArray[np.float64]
-    names: tuple[str, ...] = ()
+    matrix: NDArray[np.float64]  #: shape (n, n): The matrix; or its diagonal, shape (n,).
+    names: tuple[str, ...] = ()  #: Names such as ``n12_z``, one for each row; empty if the file has none.
 
     def tobytes(self) -> bytes:
         """Return the content as bytes, for digests."""

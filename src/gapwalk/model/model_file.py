@@ -33,21 +33,11 @@ LOAD_FILES = ("file", "over_speed")
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """The content of a model file without its studies.
+    """The content of a model file without its studies."""
 
-    Parameters
-    ----------
-    system
-        The system; its frequency is 1 if the file gives none.
-    title
-        A line for people; may be empty.
-    files
-        Digest of the files that the model file names; empty if there are none.
-    """
-
-    system: System
-    title: str = ""
-    files: str = ""
+    system: System  #: The system; its frequency is 1 if the file gives none.
+    title: str = ""  #: A line for people; may be empty.
+    files: str = ""  #: Digest of the files that the model file names; empty if there are none.
 
 
 def check_model(source: Source) -> tuple[Model | None, list[Problem]]:

@@ -65,27 +65,14 @@ _TOKEN = re.compile(
 
 @dataclass(frozen=True)
 class Source:
-    """The text of a model file with its content.
+    """The text of a model file with its content."""
 
-    Parameters
-    ----------
-    name
-        Name of the file as the user gave it; it begins every message.
-    text
-        The text as it was read.
-    data
-        Content of the text as parsed by tomllib, with the changes of `with_value`.
-    changed
-        Paths whose values do not come from the text, so that they have no line.
-    within
-        Folder to which the files of matrices are confined; empty if they may be anywhere.
-    """
-
-    name: str
-    text: str
-    data: Mapping[str, Any]
+    name: str  #: Name of the file as the user gave it; it begins every message.
+    text: str  #: The text as it was read.
+    data: Mapping[str, Any]  #: Content of the text as parsed by tomllib, with the changes of `with_value`.
+    #: Paths whose values do not come from the text, so that they have no line.
     changed: frozenset[Path] = field(default=frozenset())
-    within: str = ""
+    within: str = ""  #: Folder to which the files of matrices are confined; empty if they may be anywhere.
 
     @cached_property
     def _lines(self) -> dict[Path, int]:

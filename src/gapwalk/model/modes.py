@@ -38,22 +38,6 @@ class Clearances(StrEnum):
 class Modes(Shown):
     """Undamped natural vibrations, slowest first.
 
-    Parameters
-    ----------
-    frequencies : shape (modes,)
-        Angular natural frequencies; 0 for a motion without stiffness, NaN for one that grows or is not a vibration.
-    shapes : shape (n, modes)
-        A mode in each column, by the coordinates. Complex where gyroscopic terms let coordinates move one after the
-        other: the motion is the real part of the column times ``exp(i W t)``.
-    damping_ratios : shape (modes,)
-        Shares of critical damping, of light damping; NaN where the frequency is 0 or NaN.
-    coordinates
-        Names of the coordinates.
-    inertias
-        Names of the inertias of a drive train; otherwise empty.
-    angles : shape (inertias, modes)
-        A mode in each column, by the inertias of a drive train; otherwise empty. A free train's have no momentum.
-
     Notes
     -----
     The largest entry of a column is 1, of `angles` for a drive train and of `shapes` otherwise. There are as many modes
@@ -66,11 +50,18 @@ class Modes(Shown):
     ((2,), ('engine', 'gear', 'box'))
     """
 
+    #: shape (modes,): Angular natural frequencies; 0 for a motion without stiffness, NaN for one that grows or is not a
+    #: vibration.
     frequencies: NDArray[np.float64]
+    #: shape (n, modes): A mode in each column, by the coordinates. Complex where gyroscopic terms let coordinates move
+    #: one after the other: the motion is the real part of the column times ``exp(i W t)``.
     shapes: NDArray[np.float64] | NDArray[np.complex128]
+    #: shape (modes,): Shares of critical damping, of light damping; NaN where the frequency is 0 or NaN.
     damping_ratios: NDArray[np.float64]
-    coordinates: tuple[str, ...]
-    inertias: tuple[str, ...]
+    coordinates: tuple[str, ...]  #: Names of the coordinates.
+    inertias: tuple[str, ...]  #: Names of the inertias of a drive train; otherwise empty.
+    #: shape (inertias, modes): A mode in each column, by the inertias of a drive train; otherwise empty. A free train's
+    #: have no momentum.
     angles: NDArray[np.float64]
 
     def __len__(self) -> int:

@@ -27,17 +27,10 @@ class PathAssembly:
 
     Its own numbers are those of the system, then the path parameter, then the final value of each parameter. As they
     are numbers, all paths of the same parameters share one compiled flow.
-
-    Parameters
-    ----------
-    structure
-        The structure of the system.
-    moved
-        The names of the parameters without the frequency, by which everything is scaled.
     """
 
-    structure: Structure
-    moved: tuple[str, ...]
+    structure: Structure  #: The structure of the system.
+    moved: tuple[str, ...]  #: The names of the parameters without the frequency, by which everything is scaled.
 
     @property
     def names(self) -> ParameterNames:

@@ -23,27 +23,17 @@ _BEGINNING = 3  # letters that suffice as the beginning of a name
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One problem of a model file.
+    """One problem of a model file."""
 
-    Parameters
-    ----------
-    message
-        The given value and the allowed ones. It continues the path in one sentence:
-        ``contact[0].clearance is -1; it must ...``.
-    path
-        Dotted path of the key, for example ``contact[0].clearance``; empty if it concerns the file as a whole.
-    line
-        Line of the file, from 1; None if the problem has no line (a missing key at the top, say).
-    file
-        Name of the file as the user gave it.
-    place
-        The path in readable form, with the names of tables: ``contact "stop".clearance``; by default the path.
-    """
-
+    #: The given value and the allowed ones. It continues the path in one sentence: ``contact[0].clearance is -1; it
+    #: must ...``.
     message: str
+    #: Dotted path of the key, for example ``contact[0].clearance``; empty if it concerns the file as a whole.
     path: str = ""
+    #: Line of the file, from 1; None if the problem has no line (a missing key at the top, say).
     line: int | None = None
-    file: str = ""
+    file: str = ""  #: Name of the file as the user gave it.
+    #: The path in readable form, with the names of tables: ``contact "stop".clearance``; by default the path.
     place: str = ""
 
     def __str__(self) -> str:

@@ -57,7 +57,7 @@ class Registry(dict[str, T]):
         return tuple(name for name in self if name not in self._homes)
 
     def add(self, name: str, kind: T) -> T:
-        """Register a kind under its name, and return it; a class that is defined again replaces its earlier definition.
+        """Register a kind under its name, and return it; a class defined again replaces its earlier definition.
 
         Raises
         ------

@@ -27,18 +27,13 @@ class ForcePolynomials:
     """Sources of the polynomials of a layout: each term of a law adds to one switch, rate and power.
 
     A switch is a stage on one side; its penetration is ``xi = sign * x - clearance``.
-
-    Attributes
-    ----------
-    contacts, signs, clearances : shape (switches,)
-        Contact, side, and slot of the clearance of each switch.
-    shape
-        Number of switches, of powers of the rate (2 at least), and of powers of the penetration (2 at least).
     """
 
+    #: contacts, signs, clearances: shape (switches,): Contact, side, and slot of the clearance of each switch.
     contacts: NDArray[np.intp]
     signs: NDArray[np.float64]
     clearances: NDArray[np.intp]
+    #: Number of switches, of powers of the rate (2 at least), and of powers of the penetration (2 at least).
     shape: tuple[int, int, int]
     _factors: NDArray[np.float64]  # shape (terms,), the terms in the order of their places
     _slots: NDArray[np.intp]  # shape (most factors of a term, terms): the slot after the last one has the value 1
@@ -119,27 +114,17 @@ def arranged(
 
 @dataclass(frozen=True, slots=True)
 class Slope:
-    """A stage on one side of its contact, beyond ``sign * clearance``.
+    """A stage on one side of its contact, beyond ``sign * clearance``."""
 
-    Attributes
-    ----------
-    stage
-        Its name.
-    sign, clearance
-        Its side, and its clearance there.
-    pull, drag
-        Coefficients of the powers of its penetration: of its static force, and of what the force grows by with the rate
-        of the deflection.
-    curved
-        True if they are only tangents at the breakpoint.
-    """
-
-    stage: str
+    stage: str  #: Its name.
+    #: sign, clearance: Its side, and its clearance there.
     sign: int
     clearance: float
+    #: pull, drag: Coefficients of the powers of its penetration: of its static force, and of what the force grows by
+    #: with the rate of the deflection.
     pull: tuple[float, ...]
     drag: tuple[float, ...]
-    curved: bool
+    curved: bool  #: True if they are only tangents at the breakpoint.
 
     @property
     def stiffness(self) -> float:
@@ -174,22 +159,13 @@ Range = tuple[tuple[Slope, ...], float, float]
 
 @dataclass(frozen=True, eq=False)
 class Spring:
-    """The spring of a contact.
+    """The spring of a contact."""
 
-    Attributes
-    ----------
-    form
-        The contact without its numbers.
-    deflection, force : shape (n,)
-        The vectors e and d.
-    slopes
-        Its stages on each side, from the inside out.
-    """
-
-    form: ContactForm
+    form: ContactForm  #: The contact without its numbers.
+    #: deflection, force: shape (n,): The vectors e and d.
     deflection: NDArray[np.float64]
     force: NDArray[np.float64]
-    slopes: tuple[Slope, ...]
+    slopes: tuple[Slope, ...]  #: Its stages on each side, from the inside out.
 
     def pull(self, x: float, closed: tuple[Slope, ...]) -> tuple[float, float]:
         """Return force and slope at a deflection while these stages are closed."""

@@ -27,17 +27,10 @@ _STEP, _LONGER_STEP = 1e-150, 1e-140  # of the complex step
 
 
 class Tangent(NamedTuple):
-    """A force at rest and what it changes by in small motions.
+    """A force at rest and what it changes by in small motions."""
 
-    Attributes
-    ----------
-    force : shape (...)
-        The force.
-    stiffness, damping : shape (..., deflections)
-        Its derivatives by each deflection, and by the rate of each.
-    """
-
-    force: NDArray[np.float64]
+    force: NDArray[np.float64]  #: shape (...): The force.
+    #: stiffness, damping: shape (..., deflections): Its derivatives by each deflection, and by the rate of each.
     stiffness: NDArray[np.float64]
     damping: NDArray[np.float64]
 
@@ -49,20 +42,11 @@ class Tangent(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StaticForce:
-    """The force of a contact, by any law.
+    """The force of a contact, by any law."""
 
-    Attributes
-    ----------
-    slots
-        The contact.
-    deflections : shape (deflections, n)
-        A vector for each deflection of the law.
-    direction : shape (n,)
-        The vector along which it acts, on the left-hand side of the equations of motion.
-    """
-
-    slots: ContactSlots
-    deflections: NDArray[np.float64]
+    slots: ContactSlots  #: The contact.
+    deflections: NDArray[np.float64]  #: shape (deflections, n): A vector for each deflection of the law.
+    #: shape (n,): The vector along which it acts, on the left-hand side of the equations of motion.
     direction: NDArray[np.float64]
     _coefficients: NDArray[np.float64]
 

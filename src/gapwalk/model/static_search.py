@@ -46,39 +46,23 @@ def balance_of(system: System) -> StaticBalance:
 
 
 class Unbalanced(NamedTuple):
-    """The unbalanced static force.
+    """The unbalanced static force."""
 
-    Attributes
-    ----------
-    force, sizes : shape (..., n)
-        The force, and the sum of the sizes of all its parts.
-    slope : shape (..., n, n)
-        Its derivative by the position.
-    """
-
+    #: force, sizes: shape (..., n): The force, and the sum of the sizes of all its parts.
     force: NDArray[np.float64]
     sizes: NDArray[np.float64]
-    slope: NDArray[np.float64]
+    slope: NDArray[np.float64]  #: shape (..., n, n): Its derivative by the position.
 
 
 @dataclass(frozen=True, eq=False)
 class StaticBalance:
-    """The static forces of a system with contacts by any laws.
+    """The static forces of a system with contacts by any laws."""
 
-    Attributes
-    ----------
-    stiffness, load : shapes (n, n), (n,)
-        Stiffness matrix and constant load.
-    forces
-        All contacts.
-    springs
-        The springs of all contacts.
-    """
-
+    #: stiffness, load: shapes (n, n), (n,): Stiffness matrix and constant load.
     stiffness: NDArray[np.float64]
     load: NDArray[np.float64]
-    forces: Sequence[StaticForce]
-    springs: Sequence[Spring]
+    forces: Sequence[StaticForce]  #: All contacts.
+    springs: Sequence[Spring]  #: The springs of all contacts.
 
     def unbalanced(self, q: NDArray[np.float64]) -> Unbalanced:
         """Compute the unbalanced force at positions of shape (..., n)."""

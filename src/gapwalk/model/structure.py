@@ -37,18 +37,10 @@ class NameBlock:
 
 @dataclass(frozen=True)
 class ParameterNames(Sequence[str]):
-    """All names in the order of the value vector; they are not stored if there are very many.
+    """All names in the order of the value vector; they are not stored if there are very many."""
 
-    Parameters
-    ----------
-    blocks
-        The blocks of names, in their order.
-    coordinates
-        The names by which vectors and matrices are indexed: ``stiffness.q1.q3``.
-    """
-
-    blocks: tuple[NameBlock, ...]
-    coordinates: tuple[str, ...] = ()
+    blocks: tuple[NameBlock, ...]  #: The blocks of names, in their order.
+    coordinates: tuple[str, ...] = ()  #: The names by which vectors and matrices are indexed: ``stiffness.q1.q3``.
 
     def __len__(self) -> int:
         return self._starts[-1]

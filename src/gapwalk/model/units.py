@@ -32,21 +32,14 @@ _DEGREE = math.pi / 180.0
 class Unit:
     """A unit.
 
-    Parameters
-    ----------
-    text
-        As it is written.
-    factor
-        Value in the reference unit of its kind: SI, with angles in rad and speeds in rad/s.
-
     Examples
     --------
     >>> driveline.units.unit("mesh.ratio").text, driveline.units.parameter("clutch.stiffness")
     ('', 'N m/rad')
     """
 
-    text: str
-    factor: float
+    text: str  #: As it is written.
+    factor: float  #: Value in the reference unit of its kind: SI, with angles in rad and speeds in rad/s.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts are inconsistent."""
@@ -150,27 +143,16 @@ _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 class Quantity:
     """A number with a unit.
 
-    Parameters
-    ----------
-    number
-        The number as it was written.
-    unit
-        The unit, in the form ``N m/deg``.
-    factor
-        Size of the unit in the reference unit of its kind (SI, with angles in rad).
-    kind
-        Kind of the quantity.
-
     Examples
     --------
     >>> round(driveline.units.read("mesh.clearance", "0.002 rad"), 9)  # in deg
     0.114591559
     """
 
-    number: float
-    unit: str
-    factor: float
-    kind: QuantityKind
+    number: float  #: The number as it was written.
+    unit: str  #: The unit, in the form ``N m/deg``.
+    factor: float  #: Size of the unit in the reference unit of its kind (SI, with angles in rad).
+    kind: QuantityKind  #: Kind of the quantity.
 
     def __str__(self) -> str:
         return f"{self.number:.10g} {self.unit}"
@@ -318,19 +300,6 @@ _TOLD = ("frequency", "amplitude", "inertia", "stiffness", "damping", "clearance
 class Units:
     """The units in which the parameters of a drive train are counted.
 
-    Parameters
-    ----------
-    chosen
-        A unit for each kind with a chosen unit; the others have the default ones.
-    turns
-        If the first parameter is the speed of a shaft: periods of the excitation in one turn of it, which may be a
-        fraction. None if it is the frequency of the excitation.
-    shaft
-        Name of that shaft's inertia; empty if there is none.
-    own
-        Parameters whose kind does not follow from their names, each with its kind: the fraction by which a load varies
-        a stiffness, a displacement, the parameters of a formula. Those without a kind have the unit that follows.
-
     Examples
     --------
     >>> units = driveline.units
@@ -338,10 +307,15 @@ class Units:
     ('deg', 'deg/s', (1.0, 'N m'))
     """
 
+    #: A unit for each kind with a chosen unit; the others have the default ones.
     chosen: tuple[tuple[QuantityKind, Unit], ...] = ()
+    #: If the first parameter is the speed of a shaft: periods of the excitation in one turn of it, which may be a
+    #: fraction. None if it is the frequency of the excitation.
     turns: int | Fraction | None = None
+    #: Parameters whose kind does not follow from their names, each with its kind: the fraction by which a load varies a
+    #: stiffness, a displacement, the parameters of a formula. Those without a kind have the unit that follows.
     own: tuple[tuple[str, QuantityKind | None, Unit], ...] = ()
-    shaft: str = field(default="", compare=False)
+    shaft: str = field(default="", compare=False)  #: Name of that shaft's inertia; empty if there is none.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts are inconsistent."""

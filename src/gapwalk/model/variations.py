@@ -16,27 +16,14 @@ _SHOWN = 5  # names that are listed if none is similar to the unknown one
 
 
 class Variation(NamedTuple):
-    """A number of a contact that varies over the angle.
+    """A number of a contact that varies over the angle."""
 
-    Attributes
-    ----------
-    contact
-        Number of the contact.
-    stage
-        Number of its stage, of those of its form; -1 for a number of the contact as a whole, or a deflection.
-    name
-        Name of the parameter in its law, or that of the deflection in its formula.
-    is_deflection
-        True for a deflection, which varies by the loads themselves: by a displacement.
-    loads
-        The numbers of the loads, each with a factor.
-    """
-
-    contact: int
+    contact: int  #: Number of the contact.
+    #: Number of its stage, of those of its form; -1 for a number of the contact as a whole, or a deflection.
     stage: int
-    name: str
-    is_deflection: bool
-    loads: tuple[tuple[int, float], ...]
+    name: str  #: Name of the parameter in its law, or that of the deflection in its formula.
+    is_deflection: bool  #: True for a deflection, which varies by the loads themselves: by a displacement.
+    loads: tuple[tuple[int, float], ...]  #: The numbers of the loads, each with a factor.
 
 
 def varied(contacts: Sequence[ContactForm], load: LoadForm, name: str) -> Iterator[tuple[Variation, float]]:

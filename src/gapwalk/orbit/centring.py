@@ -29,21 +29,12 @@ _STEP = 1e-150  # of the complex step
 
 
 class Centre(NamedTuple):
-    """Middle between the largest and the smallest deflection of a motion, less its displacement at the start.
+    """Middle between the largest and the smallest deflection of a motion, less its displacement at the start."""
 
-    Attributes
-    ----------
-    value
-        The middle.
-    by_unknowns : shape (segments * state_size,)
-        Its derivative by the states at the start of each segment.
-    by_parameter
-        Its derivative along a direction of the coefficients.
-    """
-
-    value: float
+    value: float  #: The middle.
+    #: shape (segments * state_size,): Its derivative by the states at the start of each segment.
     by_unknowns: NDArray[np.float64]
-    by_parameter: float
+    by_parameter: float  #: Its derivative along a direction of the coefficients.
 
 
 def centre_of(

@@ -61,20 +61,6 @@ class Moving(Protocol):
 class EnergyItem:
     """The work of one load, or the loss in one element.
 
-    Attributes
-    ----------
-    element
-        Name of the load, the contact or the link; ``damping`` for the damping matrix.
-    kind
-        ``load``, ``displacement``, ``variation`` or ``moving base``, which do work; or ``damping``, ``friction``,
-        ``impacts``, ``force`` or ``stiffness``, which take it.
-    energy
-        Work, or loss, in one period of the orbit: in J in a system with units, otherwise a force times a length.
-    power
-        Its mean over the period: in W in a system with units.
-    share
-        Fraction of the work of all loads that do work on the motion.
-
     Examples
     --------
     >>> item = gw.analysis.energy(slipping).work[0]
@@ -82,29 +68,19 @@ class EnergyItem:
     ('harmonic1', 'load', 1.0)
     """
 
-    element: str
+    element: str  #: Name of the load, the contact or the link; ``damping`` for the damping matrix.
+    #: ``load``, ``displacement``, ``variation`` or ``moving base``, which do work; or ``damping``, ``friction``,
+    #: ``impacts``, ``force`` or ``stiffness``, which take it.
     kind: str
+    #: Work, or loss, in one period of the orbit: in J in a system with units, otherwise a force times a length.
     energy: float
-    power: float
-    share: float
+    power: float  #: Its mean over the period: in W in a system with units.
+    share: float  #: Fraction of the work of all loads that do work on the motion.
 
 
 @dataclass(frozen=True, eq=False)
 class Energy(Shown):
     """Work and losses of an orbit in one period, element by element.
-
-    Attributes
-    ----------
-    system
-        The system that moves.
-    period
-        Forcing periods of the orbit.
-    duration
-        Time of one period of the orbit.
-    work
-        What does work: each load, displacement, variation of a number and moving base; negative where it takes energy.
-    losses
-        Where it goes: dampers, contacts, friction, impacts.
 
     Notes
     -----
@@ -120,11 +96,12 @@ class Energy(Shown):
 
     _words: ClassVar[dict[str, str]] = {"work": "work of", "losses": "loss in"}
 
-    system: System
-    period: int
-    duration: float
+    system: System  #: The system that moves.
+    period: int  #: Forcing periods of the orbit.
+    duration: float  #: Time of one period of the orbit.
+    #: What does work: each load, displacement, variation of a number and moving base; negative where it takes energy.
     work: tuple[EnergyItem, ...]
-    losses: tuple[EnergyItem, ...]
+    losses: tuple[EnergyItem, ...]  #: Where it goes: dampers, contacts, friction, impacts.
 
     @property
     def supplied(self) -> float:

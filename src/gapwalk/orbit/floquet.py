@@ -24,27 +24,16 @@ _SMALL = 0.02  # size of multipliers whose changes are irrelevant: their motions
 class Instability(NamedTuple):
     """Numbers of multipliers outside the unit circle, by where they left it, and of those on it.
 
-    Attributes
-    ----------
-    above
-        Number of real ones above +1.
-    below
-        Number of real ones below -1.
-    pairs
-        Number of complex conjugate pairs.
-    neutral
-        Number of multipliers that lie on the unit circle within their error, as of undamped motions.
-
     Examples
     --------
     >>> branch.special("fold")[0].after.above
     1
     """
 
-    above: int
-    below: int
-    pairs: int
-    neutral: int = 0
+    above: int  #: Number of real ones above +1.
+    below: int  #: Number of real ones below -1.
+    pairs: int  #: Number of complex conjugate pairs.
+    neutral: int = 0  #: Number of multipliers that lie on the unit circle within their error, as of undamped motions.
 
     @property
     def total(self) -> int:

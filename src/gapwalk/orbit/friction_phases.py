@@ -31,20 +31,14 @@ class FrictionPhase(NamedTuple):
 
     The end of the last phase lies in the next period if it passes the end of its own.
 
-    Attributes
-    ----------
-    mode
-        1 or -1 in slip, 0 in stick.
-    start, stop
-        Angles in radians.
-
     Examples
     --------
     >>> gw.records.FrictionPhase(0, 0.5, 0.75).length
     0.25
     """
 
-    mode: int
+    mode: int  #: 1 or -1 in slip, 0 in stick.
+    #: start, stop: Angles in radians.
     start: float
     stop: float
 
@@ -130,19 +124,6 @@ def stick_words(phases: Sequence[FrictionPhase]) -> str:
 class Margin(NamedTuple):
     """Distance of friction from a change at one instant.
 
-    Attributes
-    ----------
-    contact
-        Number of the contact.
-    what
-        What vanishes at the change: ``rate`` within slip, ``reserve`` within stick, ``stop`` where slip ends.
-    side
-        The direction of slip concerned.
-    theta, value
-        The angle, and the distance: for ``rate`` and ``reserve`` the least value nearby.
-    range
-        Largest value of the same quantity.
-
     Examples
     --------
     >>> margin = slipping.margins[0]
@@ -150,12 +131,13 @@ class Margin(NamedTuple):
     ('stop', 0.093398)
     """
 
-    contact: int
-    what: str
-    side: int
+    contact: int  #: Number of the contact.
+    what: str  #: What vanishes at the change: ``rate`` within slip, ``reserve`` within stick, ``stop`` where slip ends.
+    side: int  #: The direction of slip concerned.
+    #: theta, value: The angle, and the distance: for ``rate`` and ``reserve`` the least value nearby.
     theta: float
     value: float
-    range: float
+    range: float  #: Largest value of the same quantity.
 
 
 def margins_of(

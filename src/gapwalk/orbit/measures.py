@@ -49,21 +49,14 @@ class Turns(NamedTuple):
 
     Plain lists are used, because there are few turning points and they are needed at every step of a walk.
 
-    Attributes
-    ----------
-    thetas
-        Angles, in radians.
-    values
-        Values of the quantity there.
-
     Examples
     --------
     >>> [round(value, 6) for value in impacting.turns[0].values]  # of the deflection of the stop
     [1.254466, -1.539058]
     """
 
-    thetas: list[float]
-    values: list[float]
+    thetas: list[float]  #: Angles, in radians.
+    values: list[float]  #: Values of the quantity there.
 
     def nearest(self, theta: float, full: float) -> int:
         """Return the index of the turning point nearest to an angle, on a circle of circumference `full`.
@@ -139,26 +132,14 @@ def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
 
 
 class Survey(NamedTuple):
-    """Survey of one orbit.
+    """Survey of one orbit."""
 
-    Attributes
-    ----------
-    turns
-        Angles at which the deflection of each contact turns, and its values there.
-    visited
-        Positions at the start, and at the turning points of coordinates and deflections.
-    means : shape (2, n)
-        Mean of each coordinate, and of its square.
-    margins
-        Distances of friction from changes of its sequence of slip and stick.
-    returns : shape (period + 1, state_size)
-        States at the start of each forcing period, and at the end; None of motions with friction or rigid stops.
-    """
-
-    turns: tuple[Turns, ...]
-    visited: list[list[float]]
-    means: NDArray[np.float64]
-    margins: list[Margin]
+    turns: tuple[Turns, ...]  #: Angles at which the deflection of each contact turns, and its values there.
+    visited: list[list[float]]  #: Positions at the start, and at the turning points of coordinates and deflections.
+    means: NDArray[np.float64]  #: shape (2, n): Mean of each coordinate, and of its square.
+    margins: list[Margin]  #: Distances of friction from changes of its sequence of slip and stick.
+    #: shape (period + 1, state_size): States at the start of each forcing period, and at the end; None of motions with
+    #: friction or rigid stops.
     returns: NDArray[np.float64] | None = None
 
 

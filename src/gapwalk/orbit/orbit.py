@@ -53,27 +53,6 @@ class Orbit(Shown):
 
     Attributes
     ----------
-    system
-        The system, with the parameter values at which this orbit exists.
-    period
-        m: the orbit repeats after m forcing periods.
-    state : shape (state_size,)
-        Positions, velocities and extensions at theta = 0.
-    multipliers : shape (state_size,)
-        Floquet multipliers, largest modulus first. It is exactly 1 for what friction keeps that never slips.
-    events
-        Crossings of breakpoints in one full period.
-    residual
-        Largest component of the difference between its end and its start.
-    steps
-        Number of integration steps over the orbit; it determines the sampling.
-    slips
-        Beginnings of slip and stick of friction in one full period; the modes at its start come first.
-    stuck
-        Numbers of the contacts whose friction never slips: the orbit is one of a continuum, in which they keep it.
-    restarts : shape (segments - 1, state_size)
-        States at the starts of the later of several equal segments: of a strongly unstable orbit, the state at theta =
-        0 alone does not determine the rest to working accuracy.
     found_by
         Name of the method that finds such orbits.
     is_exact
@@ -93,15 +72,21 @@ class Orbit(Shown):
     is_exact: ClassVar[bool] = True
     truncation = 0.0
 
-    system: System
-    period: int
-    state: NDArray[np.float64]
+    system: System  #: The system, with the parameter values at which this orbit exists.
+    period: int  #: m: the orbit repeats after m forcing periods.
+    state: NDArray[np.float64]  #: shape (state_size,): Positions, velocities and extensions at theta = 0.
+    #: shape (state_size,): Floquet multipliers, largest modulus first. It is exactly 1 for what friction keeps that
+    #: never slips.
     multipliers: NDArray[np.complex128]
-    events: tuple[ContactEvent, ...]
-    residual: float
-    steps: int
+    events: tuple[ContactEvent, ...]  #: Crossings of breakpoints in one full period.
+    residual: float  #: Largest component of the difference between its end and its start.
+    steps: int  #: Number of integration steps over the orbit; it determines the sampling.
+    #: Beginnings of slip and stick of friction in one full period; the modes at its start come first.
     slips: tuple[SlipEvent, ...] = field(default=(), kw_only=True)
+    #: Numbers of the contacts whose friction never slips: the orbit is one of a continuum, in which they keep it.
     stuck: tuple[int, ...] = field(default=(), kw_only=True)
+    #: shape (segments - 1, state_size): States at the starts of the later of several equal segments: of a strongly
+    #: unstable orbit, the state at theta = 0 alone does not determine the rest to working accuracy.
     restarts: NDArray[np.float64] = field(default_factory=lambda: _NO_STATES, kw_only=True)
 
     _kept: ClassVar[tuple[str, ...]] = ("extremes",)  # in files too: a picture then needs no integration

@@ -108,17 +108,6 @@ class OrbitEquation:
     `Method` that creates it. `evaluate`, `orbit`, `unknowns`, `scales`, `start`, `otherwise` and `embed` are required;
     the others have defaults. Continuation, special points and everything above require no more.
 
-    Parameters
-    ----------
-    system
-        The system.
-    parameter
-        The named parameter to follow, or None.
-    period
-        m, number of forcing periods.
-    options
-        Method that posed the equation; it poses other systems, parameters and periods in the same way.
-
     Examples
     --------
     >>> equation = gw.Shooting(segments=2).pose(system, "frequency")
@@ -126,9 +115,10 @@ class OrbitEquation:
     ((4,), 0.7)
     """
 
-    system: System
-    parameter: str | None = None
-    period: int = 1
+    system: System  #: The system.
+    parameter: str | None = None  #: The named parameter to follow, or None.
+    period: int = 1  #: m, number of forcing periods.
+    #: Method that posed the equation; it poses other systems, parameters and periods in the same way.
     options: Any = None
 
     def __post_init__(self) -> None:
@@ -355,21 +345,6 @@ class OrbitEquation:
 class Evaluation(NamedTuple):
     """Residual and derivatives at one point.
 
-    Attributes
-    ----------
-    residual : shape (N,)
-        Zero on an orbit.
-    by_unknowns : shape (N, N)
-        Its derivative with respect to the unknowns.
-    by_parameter : shape (N,), or None
-        Its derivative with respect to the parameter, if the equation has one.
-    evidence
-        Data that the equation needs to construct an orbit from a solution.
-    reach
-        Change of the unknowns within which the derivatives are valid: the depth of the shallowest touch, since the
-        contribution of a touch grows with the square root of its depth; 0 where friction begins the period in another
-        mode than that in which it ends it. Infinite if it is not known.
-
     Examples
     --------
     >>> equation = gw.Shooting().pose(system, "frequency")
@@ -377,26 +352,23 @@ class Evaluation(NamedTuple):
     True
     """
 
-    residual: NDArray[np.float64]
-    by_unknowns: NDArray[np.float64]
+    residual: NDArray[np.float64]  #: shape (N,): Zero on an orbit.
+    by_unknowns: NDArray[np.float64]  #: shape (N, N): Its derivative with respect to the unknowns.
+    #: shape (N,), or None: Its derivative with respect to the parameter, if the equation has one.
     by_parameter: NDArray[np.float64] | None
-    evidence: Any
+    evidence: Any  #: Data that the equation needs to construct an orbit from a solution.
+    #: Change of the unknowns within which the derivatives are valid: the depth of the shallowest touch, since the
+    #: contribution of a touch grows with the square root of its depth; 0 where friction begins the period in another
+    #: mode than that in which it ends it. Infinite if it is not known.
     reach: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)
 class Newton:
-    """Options of Newton's method.
+    """Options of Newton's method."""
 
-    Parameters
-    ----------
-    iterations
-        Largest number of iterations.
-    halvings
-        Largest number of halvings of a step that does not reduce the residual; then it is taken nevertheless.
-    """
-
-    iterations: int = 40
+    iterations: int = 40  #: Largest number of iterations.
+    #: Largest number of halvings of a step that does not reduce the residual; then it is taken nevertheless.
     halvings: int = 6
 
 

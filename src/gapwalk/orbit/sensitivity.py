@@ -26,37 +26,22 @@ _SINGULAR = 1e-11  # smallest relative singular value of ``Phi_x - I`` of an orb
 
 
 class SignalSlopes(NamedTuple):
-    """Signal at some angles of an orbit, and its derivatives.
+    """Signal at some angles of an orbit, and its derivatives."""
 
-    Attributes
-    ----------
-    values : shape (samples,)
-        The signal.
-    by_parameters : shape (samples, k)
-        Its derivatives with respect to the parameters, at the same angles.
-    by_angle : shape (samples,)
-        Its derivative with respect to the angle.
-    sizes : shape (k,)
-        Rms of the two parts of each derivative before they are added: the contribution of the state and that of the
-        parameter itself. If they cancel, the remainder is rounding.
-    """
-
-    values: NDArray[np.float64]
+    values: NDArray[np.float64]  #: shape (samples,): The signal.
+    #: shape (samples, k): Its derivatives with respect to the parameters, at the same angles.
     by_parameters: NDArray[np.float64]
-    by_angle: NDArray[np.float64]
+    by_angle: NDArray[np.float64]  #: shape (samples,): Its derivative with respect to the angle.
+    #: shape (k,): Rms of the two parts of each derivative before they are added: the contribution of the state and that
+    #: of the parameter itself. If they cancel, the remainder is rounding.
     sizes: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Derivatives of one orbit with respect to some named parameters.
+    """Derivatives of one orbit with respect to some named parameters."""
 
-    Attributes
-    ----------
-    orbit, names
-        The orbit and the parameters.
-    """
-
+    #: orbit, names: The orbit and the parameters.
     orbit: Orbit
     names: tuple[str, ...]
 

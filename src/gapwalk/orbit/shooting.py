@@ -47,14 +47,6 @@ _GROWTH = 1e5  # of a small change of the state in a segment: beyond, residuals 
 class Shooting(Method):
     """Options of shooting.
 
-    Parameters
-    ----------
-    segments
-        Number of segments into which the orbit's period is divided (multiple shooting): 1 suits most orbits; more
-        help if the motion is strongly unstable.
-    tolerance
-        Largest residual of an orbit, relative to the size of its state.
-
     Examples
     --------
     >>> gw.find_orbit(system, method=gw.Shooting(segments=4)).stable
@@ -63,8 +55,10 @@ class Shooting(Method):
 
     name: ClassVar[str] = "shooting"
 
+    #: Number of segments into which the orbit's period is divided (multiple shooting): 1 suits most orbits; more help
+    #: if the motion is strongly unstable.
     segments: Annotated[int, Ge(1)] = 1
-    tolerance: Annotated[float, Gt(0)] = 1e-10
+    tolerance: Annotated[float, Gt(0)] = 1e-10  #: Largest residual of an orbit, relative to the size of its state.
 
     def __post_init__(self) -> None:
         if isinstance(self.segments, bool) or not isinstance(self.segments, int) or not 1 <= self.segments <= _SEGMENTS:
@@ -87,20 +81,12 @@ class Shooting(Method):
 
 
 class HeldSpring(NamedTuple):
-    """A spring in series whose friction never slips: its contact, and where it is.
+    """A spring in series whose friction never slips: its contact, and where it is."""
 
-    Attributes
-    ----------
-    contact
-        Number of the contact.
-    side
-        Side of the bound that its force just reaches, to which it is pushed along; 0 if it keeps its position.
-    position, doubt
-        The position that it keeps, and how well it is known.
-    """
-
-    contact: int
+    contact: int  #: Number of the contact.
+    #: Side of the bound that its force just reaches, to which it is pushed along; 0 if it keeps its position.
     side: int
+    #: position, doubt: The position that it keeps, and how well it is known.
     position: float = 0.0
     doubt: float = 0.0
 
@@ -116,20 +102,16 @@ class ShootingEquation(OrbitEquation):
     ----------
     system, parameter, period, options
         See `OrbitEquation`.
-    marks
-        Angles at which further segments begin, in addition to those of the options: see `TouchEquation`.
-    begin
-        Angle at which the first segment begins, in radians. An impact at theta = 0 makes the state there jump from one
-        orbit of a branch to the next; where the motion is free, the state is smooth. An `Orbit` has its state at theta
-        = 0 in any case, so only the unknowns depend on this angle.
-    held
-        Springs in series whose friction never slips, not even beyond its limit.
     """
 
     options: Shooting = Shooting()
+    #: Angles at which further segments begin, in addition to those of the options: see `TouchEquation`.
     marks: tuple[float, ...] = ()
+    #: Angle at which the first segment begins, in radians. An impact at theta = 0 makes the state there jump from one
+    #: orbit of a branch to the next; where the motion is free, the state is smooth. An `Orbit` has its state at theta =
+    #: 0 in any case, so only the unknowns depend on this angle.
     begin: float = 0.0
-    held: tuple[HeldSpring, ...] = ()
+    held: tuple[HeldSpring, ...] = ()  #: Springs in series whose friction never slips, not even beyond its limit.
 
     @property
     def by_touches(self) -> Callable[..., TouchEquation] | None:

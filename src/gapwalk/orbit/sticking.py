@@ -139,21 +139,13 @@ def kept_row(layout: CoefficientLayout, coefficients: NDArray[np.float64], conta
 
 
 class Closure(NamedTuple):
-    """Multipliers of a motion with dry friction over one period.
+    """Multipliers of a motion with dry friction over one period."""
 
-    Attributes
-    ----------
-    multipliers : shape (state_size,)
-        They are exactly 1 for what friction keeps, and exactly 0 where slip or stick makes neighbouring motions one.
-    slips
-        The log of slip: a mode that only goes on at the start of an arc is left out.
-    stuck
-        Numbers of the contacts whose friction never slips.
-    """
-
+    #: shape (state_size,): They are exactly 1 for what friction keeps, and exactly 0 where slip or stick makes
+    #: neighbouring motions one.
     multipliers: NDArray[np.complex128]
-    slips: tuple[SlipEvent, ...] = ()
-    stuck: tuple[int, ...] = ()
+    slips: tuple[SlipEvent, ...] = ()  #: The log of slip: a mode that only goes on at the start of an arc is left out.
+    stuck: tuple[int, ...] = ()  #: Numbers of the contacts whose friction never slips.
 
     @classmethod
     def of(

@@ -45,51 +45,29 @@ _EXACT = 1e-14  # residual, relative to the states, that is rounding
 
 
 class Touch(NamedTuple):
-    """Touch: a point of an orbit where a deflection turns near a breakpoint.
+    """Touch: a point of an orbit where a deflection turns near a breakpoint."""
 
-    Attributes
-    ----------
-    switch
-        Stage and side of the breakpoint: index into `Equations.switches`.
-    theta
-        Angle, in radians, at which the deflection turns, or at which it crosses the breakpoint just before.
-    depth
-        Depth beyond the breakpoint that the deflection would reach if the stage did not change there; negative if it
-        turns before it.
-    acceleration
-        Second derivative of the depth over time, just before: negative if the deflection comes from outside.
-    """
-
-    switch: int
+    switch: int  #: Stage and side of the breakpoint: index into `Equations.switches`.
+    #: Angle, in radians, at which the deflection turns, or at which it crosses the breakpoint just before.
     theta: float
+    #: Depth beyond the breakpoint that the deflection would reach if the stage did not change there; negative if it
+    #: turns before it.
     depth: float
+    #: Second derivative of the depth over time, just before: negative if the deflection comes from outside.
     acceleration: float
 
 
 class Held(NamedTuple):
-    """Orbit with a prescribed depth of its touch.
+    """Orbit with a prescribed depth of its touch."""
 
-    Attributes
-    ----------
-    states : shape (segments, state_size)
-        The state at the beginning of each segment.
-    value
-        Value of the parameter.
-    depth
-        The depth.
-    evaluation
-        Evaluation of the equation with all segments.
-    slope : shape (segments * state_size + 1,)
-        Derivatives of the scaled states and the scaled parameter with respect to the depth.
-    error
-        Error of the value due to rounding: the change by another Newton step, and the rounding of the depth.
-    """
-
-    states: NDArray[np.float64]
-    value: float
-    depth: float
-    evaluation: Evaluation
+    states: NDArray[np.float64]  #: shape (segments, state_size): The state at the beginning of each segment.
+    value: float  #: Value of the parameter.
+    depth: float  #: The depth.
+    evaluation: Evaluation  #: Evaluation of the equation with all segments.
+    #: shape (segments * state_size + 1,): Derivatives of the scaled states and the scaled parameter with respect to the
+    #: depth.
     slope: NDArray[np.float64]
+    #: Error of the value due to rounding: the change by another Newton step, and the rounding of the depth.
     error: float
 
 

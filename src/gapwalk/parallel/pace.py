@@ -9,25 +9,17 @@ from dataclasses import dataclass
 class Pace:
     """The progress of a job.
 
-    Attributes
-    ----------
-    done, total
-        Parts of the job that are done, and all of them.
-    before
-        Parts that an earlier run had done; `done` includes them.
-    seconds
-        Time since this run began.
-
     Examples
     --------
     >>> gw.parallel.Pace(done=30, total=100, before=10, seconds=5.0).rate
     4.0
     """
 
+    #: done, total: Parts of the job that are done, and all of them.
     done: int
     total: int
-    before: int = 0
-    seconds: float = 0.0
+    before: int = 0  #: Parts that an earlier run had done; `done` includes them.
+    seconds: float = 0.0  #: Time since this run began.
 
     @property
     def rate(self) -> float | None:

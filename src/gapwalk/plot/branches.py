@@ -52,21 +52,11 @@ _STABLE, _UNSTABLE = 1.7, 0.7  # widths of the lines in an overlay, in points
 
 
 class Piece(NamedTuple):
-    """A piece of a branch with constant stability, cut exactly at special points.
+    """A piece of a branch with constant stability, cut exactly at special points."""
 
-    Attributes
-    ----------
-    label
-        The kind of instability, see `Instability.label`.
-    x : shape (points,)
-        Parameter. Neighbouring pieces share the point between them.
-    y : shape (points,) or (points, curves)
-        One measure, or several.
-    """
-
-    label: str
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
+    label: str  #: The kind of instability, see `Instability.label`.
+    x: NDArray[np.float64]  #: shape (points,): Parameter. Neighbouring pieces share the point between them.
+    y: NDArray[np.float64]  #: shape (points,) or (points, curves): One measure, or several.
 
 
 def pieces_of(branch: Branch, measure: str) -> list[Piece]:

@@ -147,7 +147,7 @@ def machine_svg(system: System, width: float = 660.0) -> str:
 
 @draws(System, panels=True, size=_size, shows="forces and loads")
 def draw_system(system: System, figure: AnyFigure, points: Points | None = None, *, title: str = "") -> None:
-    """Draw what is in a system: the machine, the force of each contact at rest, what varies over the angle, the loads.
+    """Draw what is in a system: the machine, the force of each contact at rest, what varies over the angle, loads.
 
     Parameters
     ----------

@@ -71,28 +71,16 @@ _HOMES = {kind: module for module, kinds in _MODULES.items() for kind in kinds}
 
 @dataclass(frozen=True)
 class Drawing:
-    """The drawing of records of one type: in one axes, or in the panels of a figure.
+    """The drawing of records of one type: in one axes, or in the panels of a figure."""
 
-    Parameters
-    ----------
-    draw
-        Called with the record, the axes or figure, and the options of the picture. It may return a function that draws
-        labels and close-ups; this is called when the layout of the whole sheet is final.
-    size
-        Size of a sheet, in inches; or a function of the record and the options that returns it.
-    shows
-        Quantity that it shows instead of a measure, in words.
-    alone
-        Default options on a separate sheet.
-    several
-        True if it also accepts a list of records.
-    """
-
+    #: Called with the record, the axes or figure, and the options of the picture. It may return a function that draws
+    #: labels and close-ups; this is called when the layout of the whole sheet is final.
     draw: Callable[..., Finish]
+    #: Size of a sheet, in inches; or a function of the record and the options that returns it.
     size: Inches | Callable[..., Inches] = WIDE
-    shows: str = ""
-    alone: Mapping[str, Any] = field(default_factory=dict)
-    several: bool = False
+    shows: str = ""  #: Quantity that it shows instead of a measure, in words.
+    alone: Mapping[str, Any] = field(default_factory=dict)  #: Default options on a separate sheet.
+    several: bool = False  #: True if it also accepts a list of records.
 
     @cached_property
     def options(self) -> tuple[str, ...]:

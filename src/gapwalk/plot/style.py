@@ -36,21 +36,11 @@ SizeName = Literal["screen", "column", "page", "slide"]
 
 @dataclass(frozen=True, slots=True)
 class Size:
-    """The size of a picture in its final medium.
+    """The size of a picture in its final medium."""
 
-    Parameters
-    ----------
-    width
-        Width in mm; None: the natural width of the picture.
-    scale
-        Scale of letters, lines and symbols; 1 is 9.5 points for the numbers along the axes.
-    tall
-        Ratio of height to width, relative to that ratio on a screen.
-    """
-
-    width: float | None = None
-    scale: float = 1.0
-    tall: float = 1.0
+    width: float | None = None  #: Width in mm; None: the natural width of the picture.
+    scale: float = 1.0  #: Scale of letters, lines and symbols; 1 is 9.5 points for the numbers along the axes.
+    tall: float = 1.0  #: Ratio of height to width, relative to that ratio on a screen.
 
 
 SIZES: dict[str, Size] = {
@@ -210,23 +200,14 @@ def dots(size: float, color: str = BLACK, **more: Any) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class LineStyle:
-    """Style of a kind of line.
+    """Style of a kind of line."""
 
-    Parameters
-    ----------
-    text
-        Its name in a legend.
-    color, line, width
-        Colour, dashes, and width in points at the size of a screen.
-    marker
-        Marker, drawn sparsely, open and small; empty for none.
-    """
-
-    text: str
+    text: str  #: Its name in a legend.
+    #: color, line, width: Colour, dashes, and width in points at the size of a screen.
     color: str
     line: Any
     width: float
-    marker: str = ""
+    marker: str = ""  #: Marker, drawn sparsely, open and small; empty for none.
 
     def options(self, width: float = 1.0, **more: Any) -> dict[str, Any]:
         """Return the options of a matplotlib line, wider or thinner by a factor."""
@@ -241,25 +222,15 @@ class LineStyle:
 
 @dataclass(frozen=True, slots=True)
 class SymbolStyle:
-    """Style of a special point, or of a point of codimension two.
+    """Style of a special point, or of a point of codimension two."""
 
-    Parameters
-    ----------
-    text
-        Its name in a legend.
-    label
-        Text next to it; empty for none.
-    marker, color, size
-        Marker, colour and size of the symbol.
-    edge, width
-        Colour and width of its edge.
-    """
-
-    text: str
-    label: str
+    text: str  #: Its name in a legend.
+    label: str  #: Text next to it; empty for none.
+    #: marker, color, size: Marker, colour and size of the symbol.
     marker: str
     color: str
     size: float
+    #: edge, width: Colour and width of its edge.
     edge: str = BLACK
     width: float = 0.6
 

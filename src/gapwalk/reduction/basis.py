@@ -53,15 +53,6 @@ _FEW = 2  # most coordinates of a contact or load that are retained; for more, i
 class Basis:
     """The vectors that span the motions of a reduced system.
 
-    Attributes
-    ----------
-    kept : shape (kept,)
-        Indices of the retained coordinates.
-    squares : shape (modes,)
-        Squares of the frequencies of the modes, with the retained coordinates fixed.
-    vectors : shape (n, kept + modes)
-        ``q = vectors z``, z being the retained coordinates and the amplitudes of the modes.
-
     Examples
     --------
     >>> small = gw.reduce(gw.train.chain(9, 1.0, 100.0, held=True).system(), modes=3, keep=["shaft1"])
@@ -69,8 +60,10 @@ class Basis:
     (4, (9, 4))
     """
 
-    kept: NDArray[np.intp]
+    kept: NDArray[np.intp]  #: shape (kept,): Indices of the retained coordinates.
+    #: shape (modes,): Squares of the frequencies of the modes, with the retained coordinates fixed.
     squares: NDArray[np.float64]
+    #: shape (n, kept + modes): ``q = vectors z``, z being the retained coordinates and the amplitudes of the modes.
     vectors: NDArray[np.float64]
 
     @property
@@ -106,20 +99,12 @@ class Basis:
 
 @dataclass(frozen=True, eq=False)
 class Bases:
-    """The bases of a system with different numbers of modes.
+    """The bases of a system with different numbers of modes."""
 
-    Parameters
-    ----------
-    matrices
-        The full system.
-    kept : shape (kept,)
-        Indices of the coordinates that are retained, in the order of the full system.
-    spread : shape (n, spread)
-        Forces that act on more than a few coordinates: their static response is included instead.
-    """
-
-    matrices: Matrices
+    matrices: Matrices  #: The full system.
+    #: shape (kept,): Indices of the coordinates that are retained, in the order of the full system.
     kept: NDArray[np.intp]
+    #: shape (n, spread): Forces that act on more than a few coordinates: their static response is included instead.
     spread: NDArray[np.float64]
 
     @classmethod
@@ -176,18 +161,10 @@ class Bases:
 
 @dataclass(frozen=True, eq=False)
 class Interior:
-    """The system with its retained coordinates fixed.
+    """The system with its retained coordinates fixed."""
 
-    Parameters
-    ----------
-    matrices
-        The full system.
-    kept : shape (kept,)
-        Indices of the fixed coordinates.
-    """
-
-    matrices: Matrices
-    kept: NDArray[np.intp]
+    matrices: Matrices  #: The full system.
+    kept: NDArray[np.intp]  #: shape (kept,): Indices of the fixed coordinates.
 
     @cached_property
     def places(self) -> NDArray[np.intp]:
@@ -291,18 +268,11 @@ class Interior:
 
 @dataclass(frozen=True, eq=False)
 class Flexibility:
-    """Deflections of the contacts under unit forces, at some frequencies.
+    """Deflections of the contacts under unit forces, at some frequencies."""
 
-    Attributes
-    ----------
-    contacts : shape (frequencies, contacts, contacts)
-        Deflections under a force of each contact.
-    loads : shape (frequencies, contacts, loads)
-        Deflections under each load.
-    """
-
+    #: shape (frequencies, contacts, contacts): Deflections under a force of each contact.
     contacts: NDArray[np.complex128]
-    loads: NDArray[np.complex128]
+    loads: NDArray[np.complex128]  #: shape (frequencies, contacts, loads): Deflections under each load.
 
     def closed(self, springs: NDArray[np.float64]) -> Flexibility:
         """Return the flexibility with contacts closed with these stiffnesses: ``(1 + G s)^-1 G``."""
@@ -319,21 +289,11 @@ class Flexibility:
 
 @dataclass(frozen=True, eq=False)
 class Accuracy:
-    """The error of the flexibility of reduced systems, compared with the full one.
+    """The error of the flexibility of reduced systems, compared with the full one."""
 
-    Parameters
-    ----------
-    full
-        The full system.
-    highest
-        The highest frequency of the excitation.
-    resonances : shape (any,)
-        Additional frequencies, at which errors are largest.
-    """
-
-    full: Matrices
-    highest: float
-    resonances: NDArray[np.float64]
+    full: Matrices  #: The full system.
+    highest: float  #: The highest frequency of the excitation.
+    resonances: NDArray[np.float64]  #: shape (any,): Additional frequencies, at which errors are largest.
 
     @cached_property
     def frequencies(self) -> NDArray[np.float64]:

@@ -42,19 +42,6 @@ class Reduction:
     of retained coordinates includes the static contribution of the others. So its value differs from that in the full
     system, but a change of it is the same change in both.
 
-    Attributes
-    ----------
-    full, system
-        The full system, and the reduced one.
-    basis
-        The vectors that span the motions.
-    up_to
-        Highest frequency of the excitation for which it was made.
-    error
-        Largest relative error of the deflections of contacts under harmonic forces of the contacts and under the loads:
-        up to that frequency, and, with the k-th multiple weighted by 1/k^2, up to ten times that. `check` estimates the
-        resulting error of a motion and of special points.
-
     Examples
     --------
     >>> small = gw.reduce(gw.train.chain(9, 1.0, 100.0, held=True).system(), modes=3, keep=["shaft1"])
@@ -62,10 +49,14 @@ class Reduction:
     (3, (3,))
     """
 
+    #: full, system: The full system, and the reduced one.
     full: System
     system: System
-    basis: Basis
-    up_to: float
+    basis: Basis  #: The vectors that span the motions.
+    up_to: float  #: Highest frequency of the excitation for which it was made.
+    #: Largest relative error of the deflections of contacts under harmonic forces of the contacts and under the loads:
+    #: up to that frequency, and, with the k-th multiple weighted by 1/k^2, up to ten times that. `check` estimates the
+    #: resulting error of a motion and of special points.
     error: float
 
     @property

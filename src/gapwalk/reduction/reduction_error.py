@@ -51,27 +51,16 @@ Test = Callable[[BranchPoint], float]
 class SpecialCheck:
     """The special point of the full system that corresponds to one of the reduced system.
 
-    Attributes
-    ----------
-    special
-        The special point of the reduced system.
-    shift
-        Correction to be added to its parameter value; nan if the full system has no such point nearby.
-    error
-        Estimated error of its parameter value; inf if the full system has no such point nearby.
-    motion
-        Difference of the two motions, as in `OrbitCheck.error`.
-
     Examples
     --------
     >>> gw.records.SpecialCheck(special=fold, shift=1e-4, error=1e-5, motion=1e-3).corrected > fold.value
     True
     """
 
-    special: SpecialPoint
-    shift: float
-    error: float
-    motion: float
+    special: SpecialPoint  #: The special point of the reduced system.
+    shift: float  #: Correction to be added to its parameter value; nan if the full system has no such point nearby.
+    error: float  #: Estimated error of its parameter value; inf if the full system has no such point nearby.
+    motion: float  #: Difference of the two motions, as in `OrbitCheck.error`.
 
     @property
     def corrected(self) -> float:
@@ -89,17 +78,6 @@ class SpecialCheck:
 class BranchCheck:
     """The comparison of a branch of the reduced system with the full system's equation.
 
-    Attributes
-    ----------
-    branch
-        The branch.
-    special
-        Checks of its special points.
-    motions
-        Estimated errors of the motions at some points of the branch, as in `OrbitCheck.error`.
-    harmonics
-        Number of harmonics of the check.
-
     Examples
     --------
     >>> chain = gw.train.chain(4, 1.0, 100.0, 1.0, held=True).system()
@@ -111,10 +89,11 @@ class BranchCheck:
     (True, ())
     """
 
-    branch: Branch
-    special: tuple[SpecialCheck, ...]
+    branch: Branch  #: The branch.
+    special: tuple[SpecialCheck, ...]  #: Checks of its special points.
+    #: Estimated errors of the motions at some points of the branch, as in `OrbitCheck.error`.
     motions: tuple[float, ...]
-    harmonics: int
+    harmonics: int  #: Number of harmonics of the check.
 
     @property
     def error(self) -> float:
@@ -139,16 +118,6 @@ class BranchCheck:
 class OrbitCheck:
     """The comparison of an orbit of the reduced system with the full system's equation.
 
-    Attributes
-    ----------
-    orbit
-        The orbit.
-    error
-        Estimated error of the deflections of the contacts: the largest sum of the errors of the amplitudes of all
-        harmonics, relative to the largest sum of amplitudes. inf if the full system has no such motion nearby.
-    harmonics
-        Number of harmonics of the check.
-
     Examples
     --------
     >>> chain = gw.train.chain(4, 1.0, 100.0, 1.0, held=True).system()
@@ -159,9 +128,11 @@ class OrbitCheck:
     True
     """
 
-    orbit: Orbit
+    orbit: Orbit  #: The orbit.
+    #: Estimated error of the deflections of the contacts: the largest sum of the errors of the amplitudes of all
+    #: harmonics, relative to the largest sum of amplitudes. inf if the full system has no such motion nearby.
     error: float
-    harmonics: int
+    harmonics: int  #: Number of harmonics of the check.
 
     def __repr__(self) -> str:
         return f"OrbitCheck(deflections within {self.error:.2g} of the full system's, with {self.harmonics} harmonics)"
@@ -225,18 +196,11 @@ def check_orbit(reduction: Reduction, orbit: Orbit, method: Balance | None = Non
 
 
 class Correction(NamedTuple):
-    """The result of two steps of Newton's method on the full system's equation from a motion of the reduced one.
+    """The result of two steps of Newton's method on the full system's equation from a motion of the reduced one."""
 
-    Attributes
-    ----------
-    unknowns : shape (N,)
-        The motion after the steps.
-    change : float
-        Bound on the distance of the full system's motion, relative to the size of the motion; inf if the steps do not
-        converge, because then nothing is known.
-    """
-
-    unknowns: NDArray[np.float64]
+    unknowns: NDArray[np.float64]  #: shape (N,): The motion after the steps.
+    #: float: Bound on the distance of the full system's motion, relative to the size of the motion; inf if the steps do
+    #: not converge, because then nothing is known.
     change: float
 
 
@@ -247,26 +211,13 @@ class Pair:
     In harmonic balance all coordinates except the deflections of the contacts are eliminated, exactly, so equations of
     systems of different size have the same unknowns. Their difference at a motion is the effect of the reduction alone,
     because the truncation of harmonics is common to both.
-
-    Parameters
-    ----------
-    reduction
-        The reduction.
-    system
-        The reduced system, at its parameter values.
-    parameter
-        Name of the parameter that varies, or None.
-    period
-        Period m in forcing periods.
-    method
-        Options of the harmonic balance.
     """
 
-    reduction: Reduction
-    system: System
-    parameter: str | None
-    period: int
-    method: Balance
+    reduction: Reduction  #: The reduction.
+    system: System  #: The reduced system, at its parameter values.
+    parameter: str | None  #: Name of the parameter that varies, or None.
+    period: int  #: Period m in forcing periods.
+    method: Balance  #: Options of the harmonic balance.
 
     @cached_property
     def reduced(self) -> BalanceEquation:
@@ -311,21 +262,11 @@ class Pair:
 
 @dataclass(frozen=True)
 class PairedBranch:
-    """The equations of a reduced and of the full system along one parameter, in the same scaled variables.
+    """The equations of a reduced and of the full system along one parameter, in the same scaled variables."""
 
-    Parameters
-    ----------
-    pair
-        The equations.
-    orbit
-        An orbit of the reduced system, whose size gives the scales.
-    width
-        Range of the parameter that is scaled to one.
-    """
-
-    pair: Pair
-    orbit: Orbit
-    width: float
+    pair: Pair  #: The equations.
+    orbit: Orbit  #: An orbit of the reduced system, whose size gives the scales.
+    width: float  #: Range of the parameter that is scaled to one.
 
     @cached_property
     def offset(self) -> float:

@@ -21,28 +21,19 @@ _ROUNDING = 1e-10  # relative asymmetry of a matrix that counts as rounding
 
 @dataclass(frozen=True, eq=False)
 class Matrices:
-    """The linear part of a system of n degrees of freedom.
+    """The linear part of a system of n degrees of freedom."""
 
-    Attributes
-    ----------
-    mass, damping, stiffness : sparse, shape (n, n)
-        M, C and K; M and K are symmetric.
-    deflections : shape (contacts, n)
-        Deflection vectors e_k: each of a force by a formula of several deflections counts as a contact of its own.
-    forces : shape (n, contacts)
-        Force vectors d_k.
-    loads : shape (n, loads)
-        The constant load, and the shape of each harmonic, unless they are zero.
-    springs : shape (contacts,)
-        Stiffness of each contact with all stages of one side closed; of formulas at zero deflection.
-    """
-
+    #: mass, damping, stiffness: sparse, shape (n, n): M, C and K; M and K are symmetric.
     mass: Any
     damping: Any
     stiffness: Any
+    #: shape (contacts, n): Deflection vectors e_k: each of a force by a formula of several deflections counts as a
+    #: contact of its own.
     deflections: NDArray[np.float64]
-    forces: NDArray[np.float64]
+    forces: NDArray[np.float64]  #: shape (n, contacts): Force vectors d_k.
+    #: shape (n, loads): The constant load, and the shape of each harmonic, unless they are zero.
     loads: NDArray[np.float64]
+    #: shape (contacts,): Stiffness of each contact with all stages of one side closed; of formulas at zero deflection.
     springs: NDArray[np.float64]
 
     @property

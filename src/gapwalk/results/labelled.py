@@ -39,21 +39,11 @@ _ANGLE_AND_TIME = {"theta": "rad", "time": "s"}
 
 @dataclass(frozen=True, eq=False)
 class TypedColumn:
-    """A column of a table.
+    """A column of a table."""
 
-    Attributes
-    ----------
-    heading
-        Its heading, without the unit.
-    unit
-        Its unit; empty for a plain number, a text, and in a system without units.
-    values
-        Its values, all of one type: bool, int, float or str; None where there is none.
-    """
-
-    heading: str
-    unit: str
-    values: tuple[Any, ...]
+    heading: str  #: Its heading, without the unit.
+    unit: str  #: Its unit; empty for a plain number, a text, and in a system without units.
+    values: tuple[Any, ...]  #: Its values, all of one type: bool, int, float or str; None where there is none.
 
     @property
     def head(self) -> str:
@@ -77,37 +67,20 @@ class TypedColumn:
 
 @dataclass(frozen=True, eq=False)
 class Labelled:
-    """An array with named dimensions.
+    """An array with named dimensions."""
 
-    Attributes
-    ----------
-    dims
-        Names of its dimensions.
-    values
-        The array.
-    unit
-        Its unit; empty if it has none.
-    """
-
-    dims: tuple[str, ...]
-    values: NDArray[Any]
-    unit: str = ""
+    dims: tuple[str, ...]  #: Names of its dimensions.
+    values: NDArray[Any]  #: The array.
+    unit: str = ""  #: Its unit; empty if it has none.
 
 
 @dataclass(frozen=True, eq=False)
 class LabelledTable:
-    """A table as arrays over the axes that it has.
+    """A table as arrays over the axes that it has."""
 
-    Attributes
-    ----------
-    coordinates
-        The labels: axes, names of branches, parameters; those named as a dimension are its index.
-    variables
-        The other columns.
-    """
-
+    #: The labels: axes, names of branches, parameters; those named as a dimension are its index.
     coordinates: Mapping[str, Labelled]
-    variables: Mapping[str, Labelled]
+    variables: Mapping[str, Labelled]  #: The other columns.
 
 
 def columns_of(record: Described, name: str) -> tuple[TypedColumn, ...]:

@@ -58,16 +58,6 @@ _COLUMNS = {"name": str, "number": int, "head": str, "arrays": bytes, "checksum"
 class Part:
     """Kind of part of a file.
 
-    Attributes
-    ----------
-    name
-        Its name in a file.
-    type
-        The type hint of its contents.
-    numbered
-        True if a file may have several: each has a number and is written once. Otherwise there is one at most, and a
-        new one replaces it.
-
     Examples
     --------
     >>> part = gw.studies.Part("members", str, numbered=True)
@@ -75,8 +65,10 @@ class Part:
     2
     """
 
-    name: str
-    type: Any
+    name: str  #: Its name in a file.
+    type: Any  #: The type hint of its contents.
+    #: True if a file may have several: each has a number and is written once. Otherwise there is one at most, and a new
+    #: one replaces it.
     numbered: bool = False
 
     def entry(self, value: Any, number: int = 0) -> Entry:
@@ -100,24 +92,15 @@ class Part:
 class Entry(NamedTuple):
     """Value that is written as a part.
 
-    Attributes
-    ----------
-    part
-        Kind of part.
-    number
-        Its number, from 0.
-    value
-        Its contents.
-
     Examples
     --------
     >>> gw.studies.Part("name", str).entry("a text").value
     'a text'
     """
 
-    part: Part
-    number: int
-    value: Any
+    part: Part  #: Kind of part.
+    number: int  #: Its number, from 0.
+    value: Any  #: Its contents.
 
 
 class Parts:

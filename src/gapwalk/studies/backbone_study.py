@@ -27,36 +27,25 @@ from gapwalk.summary import row_of
 
 @dataclass(frozen=True)
 class BackboneStudy(StudyKind):
-    """Backbones of a system: its free vibrations without damping and excitation, over their amplitude.
-
-    Parameters
-    ----------
-    modes
-        Numbers of the linear modes about the equilibrium at which backbones begin, from 1.
-    release
-        Positions from which the system is released at rest, in place of modes, where there is no linear mode: one for
-        each coordinate, in units of the model.
-    begin, end
-        Range of the frequency (``from``, ``to``); by default a fifth to five times the first frequency.
-    largest_amplitude
-        Amplitude at which a backbone ends, in clearances (in units of length for a system without gaps).
-    foretell
-        Name of a harmonic load, for which it is foretold at which amplitudes isolated branches are born; by default
-        nothing is foretold.
-    harmonics
-        Harmonics of the free vibrations that this load may drive.
-    """
+    """Backbones of a system: its free vibrations without damping and excitation, over their amplitude."""
 
     kind: ClassVar[str] = "backbone"
     gives_frequency: ClassVar[bool] = True
 
+    #: Numbers of the linear modes about the equilibrium at which backbones begin, from 1.
     modes: tuple[Counted, ...] = (1,)
+    #: Positions from which the system is released at rest, in place of modes, where there is no linear mode: one for
+    #: each coordinate, in units of the model.
     release: tuple[float, ...] = ()
+    #: begin, end: Range of the frequency (``from``, ``to``); by default a fifth to five times the first frequency.
     begin: Annotated[Speed, Field(alias="from")] = None
     end: Annotated[Speed, Field(alias="to")] = None
+    #: Amplitude at which a backbone ends, in clearances (in units of length for a system without gaps).
     largest_amplitude: Annotated[float, Gt(0)] = 20.0
+    #: Name of a harmonic load, for which it is foretold at which amplitudes isolated branches are born; by default
+    #: nothing is foretold.
     foretell: str = ""
-    harmonics: tuple[Counted, ...] = (1, 2, 3)
+    harmonics: tuple[Counted, ...] = (1, 2, 3)  #: Harmonics of the free vibrations that this load may drive.
 
     def __post_init__(self) -> None:
         BackboneOptions(self.largest_amplitude)

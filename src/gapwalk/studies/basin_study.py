@@ -104,12 +104,6 @@ class BasinStudy(BasinOptions, StudyKind):
     ----------
     longest, max_period, tries, exact_borders, check, seed, workers
         Options for the computation; as `gapwalk.BasinOptions`.
-    plane
-        The two axes and their ranges, the horizontal one first.
-    fixed
-        The other components of the state at theta = 0; those that are not named are 0.
-    resolution
-        Columns and rows of cells.
 
     Examples
     --------
@@ -121,9 +115,11 @@ class BasinStudy(BasinOptions, StudyKind):
     kind: ClassVar[str] = "basins"
     table_types: ClassVar[Mapping[str, Any]] = {"resolution": key_type(Resolution)}
 
+    #: The two axes and their ranges, the horizontal one first.
     plane: Annotated[Plane, Field(description=_PLANE), AfterValidator(_is_a_plane)] = field(kw_only=True)
+    #: The other components of the state at theta = 0; those that are not named are 0.
     fixed: Annotated[Mapping[str, float], AfterValidator(_is_fixed)] = field(default_factory=dict)
-    resolution: tuple[int, int] = (128, 128)
+    resolution: tuple[int, int] = (128, 128)  #: Columns and rows of cells.
 
     @property
     def plan(self) -> str:

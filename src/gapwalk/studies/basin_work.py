@@ -45,37 +45,25 @@ _PILOT = 64  # states that are looked at first: most attractors are found by the
 class BasinOptions:
     """Options for the computation of basins.
 
-    Parameters
-    ----------
-    longest
-        Largest number of forcing periods of the common run; motions still undecided are classified one by one.
-    max_period
-        Longest period m of the orbits to be found.
-    tries
-        Largest number of motions that are settled and classified one by one, with the exact flow.
-    exact_borders
-        True to find the label of every cell at a border between basins with the exact flow, and of those within two
-        cells of a label that was wrong; otherwise those of `check` cells at borders are.
-    check
-        Random cells elsewhere whose label is found again with the exact flow: that many, and with `exact_borders` that
-        many again, until none of the last ones is wrong.
-    seed
-        Seed of the choice of the states that are examined first, of those that are checked, and of random starts.
-    workers
-        Number of processes; by default one for each local core. The result does not depend on it.
-
     Examples
     --------
     >>> gw.basins(system, {"x": (-1, 1), "x'": (-1, 1)}, 4, options=gw.BasinOptions(check=4, workers=1)).cells
     {'period 1': 16}
     """
 
+    #: Largest number of forcing periods of the common run; motions still undecided are classified one by one.
     longest: int = 3000
-    max_period: int = 64
-    tries: int = 48
+    max_period: int = 64  #: Longest period m of the orbits to be found.
+    tries: int = 48  #: Largest number of motions that are settled and classified one by one, with the exact flow.
+    #: True to find the label of every cell at a border between basins with the exact flow, and of those within two
+    #: cells of a label that was wrong; otherwise those of `check` cells at borders are.
     exact_borders: bool = True
+    #: Random cells elsewhere whose label is found again with the exact flow: that many, and with `exact_borders` that
+    #: many again, until none of the last ones is wrong.
     check: int = 1024
+    #: Seed of the choice of the states that are examined first, of those that are checked, and of random starts.
     seed: int = 0
+    #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
@@ -89,21 +77,11 @@ class BasinOptions:
 
 @dataclass(frozen=True)
 class BasinChunk:
-    """Attractors to which the states of one chunk lead, by the fast flow.
+    """Attractors to which the states of one chunk lead, by the fast flow."""
 
-    Attributes
-    ----------
-    number
-        Number of the chunk.
-    sorted
-        Labels in the order in which the attractors were found.
-    error
-        Error of the fast flow; see `gapwalk.attractors.many_motions.ManyMotions`.
-    """
-
-    number: int
-    sorted: Sorted
-    error: float
+    number: int  #: Number of the chunk.
+    sorted: Sorted  #: Labels in the order in which the attractors were found.
+    error: float  #: Error of the fast flow; see `gapwalk.attractors.many_motions.ManyMotions`.
 
 
 class BasinWork(CellWork):

@@ -34,15 +34,6 @@ from gapwalk.studies.result import Result
 class Shift(NamedTuple):
     """A special point that both results have.
 
-    Attributes
-    ----------
-    label
-        Kind of the special point, and the contact that grazes.
-    first, second
-        The value of the parameter in each result; on a locus, of both parameters.
-    share
-        The largest of the differences, as a share of the parameter's range.
-
     Examples
     --------
     >>> shift = gw.studies.compare_results(result, result).pairs[0].shifts[0]
@@ -50,10 +41,11 @@ class Shift(NamedTuple):
     ('fold', (0.0,))
     """
 
-    label: str
+    label: str  #: Kind of the special point, and the contact that grazes.
+    #: first, second: The value of the parameter in each result; on a locus, of both parameters.
     first: tuple[float, ...]
     second: tuple[float, ...]
-    share: float
+    share: float  #: The largest of the differences, as a share of the parameter's range.
 
     @property
     def differences(self) -> tuple[float, ...]:
@@ -64,43 +56,19 @@ class Shift(NamedTuple):
 class Lone(NamedTuple):
     """A special point that is in one result only: its kind, and its place.
 
-    Attributes
-    ----------
-    label
-        Kind of the special point, and the contact that grazes.
-    values
-        Its place.
-
     Examples
     --------
     >>> gw.studies.Lone("fold", (1.39,)).label
     'fold'
     """
 
-    label: str
-    values: tuple[float, ...]
+    label: str  #: Kind of the special point, and the contact that grazes.
+    values: tuple[float, ...]  #: Its place.
 
 
 @dataclass(frozen=True, eq=False)
 class Pair:
     """A branch, or a locus, that both results have.
-
-    Attributes
-    ----------
-    names
-        Its name in each result.
-    places, distances : shape (points, 1 or 2), (points,)
-        Parameters of the points of both, and how far each is from the other curve, as a share of the ranges.
-    resolution
-        Roughly the largest part of a distance that the interpolation between points may be.
-    shifts
-        Special points that both have.
-    only
-        Special points in the first result only, and in the second only, where both curves have points.
-    covered
-        The range of the parameter, or of the first of two, that each curve covers.
-    missing
-        The largest part of a range that one covers and the other does not, as a share of the parameter's range.
 
     Examples
     --------
@@ -108,13 +76,18 @@ class Pair:
     True
     """
 
-    names: tuple[str, str]
+    names: tuple[str, str]  #: Its name in each result.
+    #: places, distances: shape (points, 1 or 2), (points,): Parameters of the points of both, and how far each is from
+    #: the other curve, as a share of the ranges.
     places: NDArray[np.float64]
     distances: NDArray[np.float64]
-    resolution: float
-    shifts: tuple[Shift, ...]
+    resolution: float  #: Roughly the largest part of a distance that the interpolation between points may be.
+    shifts: tuple[Shift, ...]  #: Special points that both have.
+    #: Special points in the first result only, and in the second only, where both curves have points.
     only: tuple[tuple[Lone, ...], tuple[Lone, ...]]
+    #: The range of the parameter, or of the first of two, that each curve covers.
     covered: tuple[tuple[float, float], tuple[float, float]]
+    #: The largest part of a range that one covers and the other does not, as a share of the parameter's range.
     missing: float
 
     @property
@@ -154,23 +127,6 @@ class ResultComparison(Shown):
 
     Lengths are shares: of the range of the parameter, and of the range of each measure, over all branches of both.
 
-    Attributes
-    ----------
-    results
-        The results.
-    parameters
-        The parameter of the branches; of the loci of a map both.
-    ranges
-        The range of each, in its units; shares refer to it.
-    measures
-        Measures that distinguish motions, as well as the parameters; none on loci, which are curves in the plane.
-    pairs
-        The branches, and the loci of maps, that both have.
-    only
-        Names of the curves in the first result only, and in the second only.
-    notes
-        Differences of the studies, in sentences.
-
     Examples
     --------
     >>> found = gw.studies.compare_results(result, result)
@@ -178,13 +134,15 @@ class ResultComparison(Shown):
     (True, ((), ()))
     """
 
-    results: tuple[Result, Result]
-    parameters: tuple[str, ...]
-    ranges: tuple[float, ...]
+    results: tuple[Result, Result]  #: The results.
+    parameters: tuple[str, ...]  #: The parameter of the branches; of the loci of a map both.
+    ranges: tuple[float, ...]  #: The range of each, in its units; shares refer to it.
+    #: Measures that distinguish motions, as well as the parameters; none on loci, which are curves in the plane.
     measures: tuple[str, ...]
-    pairs: tuple[Pair, ...]
+    pairs: tuple[Pair, ...]  #: The branches, and the loci of maps, that both have.
+    #: Names of the curves in the first result only, and in the second only.
     only: tuple[tuple[str, ...], tuple[str, ...]]
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  #: Differences of the studies, in sentences.
 
     @property
     def largest(self) -> float:

@@ -25,48 +25,20 @@ _LISTED = 20  # cells in words; JSON has all
 class CellDifference(NamedTuple):
     """A cell whose label differs.
 
-    Attributes
-    ----------
-    what
-        What the label says: ``regime``, ``leads to``, or the name of a gap.
-    place
-        The values at the centre of the cell.
-    labels
-        Its label in each result.
-
     Examples
     --------
     >>> gw.studies.CellDifference("regime", (0.8, 0.2), ("period 1", "chaotic")).labels[1]
     'chaotic'
     """
 
-    what: str
-    place: tuple[float, float]
-    labels: tuple[str, str]
+    what: str  #: What the label says: ``regime``, ``leads to``, or the name of a gap.
+    place: tuple[float, float]  #: The values at the centre of the cell.
+    labels: tuple[str, str]  #: Its label in each result.
 
 
 @dataclass(frozen=True)
 class CellComparison(Shown):
     """Cells of two maps whose labels differ.
-
-    Attributes
-    ----------
-    results
-        The results.
-    names
-        Names of the axes.
-    within
-        The values at the first and the last cell of each axis.
-    resolution
-        Cells along each axis.
-    labels
-        What is compared in each cell: ``regime``, ``leads to``, or the gaps that both have.
-    differences
-        The cells that differ, in the order of `labels`.
-    only
-        Gaps in the first result only, and in the second only.
-    notes
-        Differences of the studies, in sentences.
 
     Examples
     --------
@@ -74,14 +46,14 @@ class CellComparison(Shown):
     True
     """
 
-    results: tuple[Result, Result]
-    names: tuple[str, str]
-    within: tuple[tuple[float, float], tuple[float, float]]
-    resolution: tuple[int, int]
-    labels: tuple[str, ...]
-    differences: tuple[CellDifference, ...] = ()
-    only: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
-    notes: tuple[str, ...] = ()
+    results: tuple[Result, Result]  #: The results.
+    names: tuple[str, str]  #: Names of the axes.
+    within: tuple[tuple[float, float], tuple[float, float]]  #: The values at the first and the last cell of each axis.
+    resolution: tuple[int, int]  #: Cells along each axis.
+    labels: tuple[str, ...]  #: What is compared in each cell: ``regime``, ``leads to``, or the gaps that both have.
+    differences: tuple[CellDifference, ...] = ()  #: The cells that differ, in the order of `labels`.
+    only: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())  #: Gaps in the first result only, and in the second only.
+    notes: tuple[str, ...] = ()  #: Differences of the studies, in sentences.
 
     @property
     def counts(self) -> dict[str, int]:

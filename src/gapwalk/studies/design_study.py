@@ -41,25 +41,18 @@ if TYPE_CHECKING:
 class DesignOptions:
     """Options of a design.
 
-    Parameters
-    ----------
-    finding
-        Options of the search for the least change.
-    search_values
-        Number of values in the bands of the goals at which isolated branches of the new design are searched for, or
-        the values; 0: none.
-    search
-        Options of this search.
-
     Examples
     --------
     >>> gw.ask.DesignOptions(search_values=0).search_values
     0
     """
 
+    #: Options of the search for the least change.
     finding: Annotated[LeastChangeOptions, INLINE] = field(default_factory=LeastChangeOptions)
+    #: Number of values in the bands of the goals at which isolated branches of the new design are searched for, or the
+    #: values; 0: none.
     search_values: int | tuple[float, ...] = 6
-    search: SearchOptions = SearchOptions()
+    search: SearchOptions = SearchOptions()  #: Options of this search.
 
     def __post_init__(self) -> None:
         if not isinstance(self.search_values, tuple):
@@ -88,30 +81,19 @@ class ChangeTable:
 
 @dataclass(frozen=True, slots=True)
 class GoalTable:
-    """Table of a goal: one of `no`, `quiet`, `peak` and `resonance`, with its band or its limits.
+    """Table of a goal: one of `no`, `quiet`, `peak` and `resonance`, with its band or its limits."""
 
-    Parameters
-    ----------
-    no
-        A kind of special point that may not lie in the band.
-    quiet
-        A gap that may not rattle in the band.
-    peak
-        A contact, shaft or gear whose peak force or torque is to stay below `below` in the band; or another signal.
-    resonance
-        Number of a natural frequency, which `order` is to meet below `below` or above `above`.
-    begin, end
-        The band; by default the whole range of the study.
-    below, above, order, at
-        The limits, the order of the excitation, and the linearisation: ``rest``, ``closed`` or ``open``.
-    """
-
-    no: str | None = None
-    quiet: str | None = None
+    no: str | None = None  #: A kind of special point that may not lie in the band.
+    quiet: str | None = None  #: A gap that may not rattle in the band.
+    #: A contact, shaft or gear whose peak force or torque is to stay below `below` in the band; or another signal.
     peak: str | None = None
+    #: Number of a natural frequency, which `order` is to meet below `below` or above `above`.
     resonance: int | None = None
+    #: begin, end: The band; by default the whole range of the study.
     begin: Annotated[Any, Field(alias="from")] = None
     end: Annotated[Any, Field(alias="to")] = None
+    #: below, above, order, at: The limits, the order of the excitation, and the linearisation: ``rest``, ``closed`` or
+    #: ``open``.
     below: Any = None
     above: Any = None
     order: float = 1.0
@@ -206,12 +188,6 @@ class DesignStudy(DesignOptions, RangeStudy):
     ----------
     parameter, begin, end
         The walked parameter, and the range of the response. It should reach a little beyond the bands of the goals.
-    changes
-        The parameters that may change.
-    goals
-        The goals.
-    period, start
-        Period and start of the motion at the beginning of the range, as in `gapwalk.find_orbit`.
     finding, search_values, search
         Options, as `gapwalk.ask.DesignOptions`. In a table, the keys of `finding` are among the others.
     """
@@ -231,8 +207,9 @@ class DesignStudy(DesignOptions, RangeStudy):
         **SEARCH_KEYS,
     }
 
-    changes: tuple[Change, ...] = field(kw_only=True)
-    goals: tuple[AnyGoal, ...] = field(kw_only=True)
+    changes: tuple[Change, ...] = field(kw_only=True)  #: The parameters that may change.
+    goals: tuple[AnyGoal, ...] = field(kw_only=True)  #: The goals.
+    #: period, start: Period and start of the motion at the beginning of the range, as in `gapwalk.find_orbit`.
     period: Annotated[int, Ge(1), Le(MAX_PERIOD)] = 1
     start: StartOrState = Start.SETTLE
 

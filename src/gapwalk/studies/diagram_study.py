@@ -47,31 +47,20 @@ Report = Callable[[Diagram, DiagramBranch], None]
 class DiagramOptions:
     """Options of a diagram: its extent, and the search for isolated branches.
 
-    Parameters
-    ----------
-    max_period
-        Longest period, in forcing periods, of branches to switch to.
-    max_branches
-        Number of branches after which it stops and reports that limit.
-    workers
-        Number of processes; by default one for each local core. The result does not depend on it.
-    search_values
-        Values of the parameter at which branches not connected to others are sought. A number of them is
-        spread evenly over the range; 0 for no search.
-    search
-        Options of the search.
-
     Examples
     --------
     >>> gw.DiagramOptions(max_period=4, search_values=20).search_values
     20
     """
 
-    max_period: int = 8
-    max_branches: int = 200
+    max_period: int = 8  #: Longest period, in forcing periods, of branches to switch to.
+    max_branches: int = 200  #: Number of branches after which it stops and reports that limit.
+    #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)
+    #: Values of the parameter at which branches not connected to others are sought. A number of them is spread evenly
+    #: over the range; 0 for no search.
     search_values: int | tuple[float, ...] = 0
-    search: SearchOptions = SearchOptions()
+    search: SearchOptions = SearchOptions()  #: Options of the search.
 
     def __post_init__(self) -> None:
         check_integers(self, MAX_VALUES, max_period=1, max_branches=1)

@@ -22,32 +22,18 @@ from gapwalk.studies.special_point_path import Connection, Fate, SpecialPointPat
 class Family(Shown):
     """The branches of one system along one parameter, repeated for several values of another one.
 
-    Attributes
-    ----------
-    system
-        The system.
-    parameter
-        The parameter along which each member is walked.
-    within
-        Its range, the smaller value first.
-    over
-        The parameters in which the members differ.
-    members
-        The members that have been done, in the order of their values.
-    connections
-        Connections of special points between members, by the number of the member before the gap.
-
     Examples
     --------
     >>> [member.value for member in family.members], [path.name for path in family.of_kind("fold")]
     ([0.9, 1.0], ['fold-1', 'fold-2'])
     """
 
-    system: System
-    parameter: str
-    within: tuple[float, float]
-    over: MemberParameter
-    members: tuple[Member, ...] = ()
+    system: System  #: The system.
+    parameter: str  #: The parameter along which each member is walked.
+    within: tuple[float, float]  #: Its range, the smaller value first.
+    over: MemberParameter  #: The parameters in which the members differ.
+    members: tuple[Member, ...] = ()  #: The members that have been done, in the order of their values.
+    #: Connections of special points between members, by the number of the member before the gap.
     connections: Mapping[int, tuple[Connection, ...]] | None = None
 
     @property

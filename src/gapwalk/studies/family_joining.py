@@ -87,28 +87,20 @@ def distance_between(a: SpecialPoint, b: SpecialPoint, within: tuple[float, floa
 class FamilyOptions:
     """Options of a family: the extent of its members, and how their special points are joined.
 
-    Parameters
-    ----------
-    max_period
-        Longest period, in forcing periods, of further branches that are followed, as in a diagram; None: only the first
-        branch.
-    kinds
-        Kinds of special points that are joined.
-    exact
-        True to join special points by the exact loci that lead from member to member; otherwise each to the
-        nearest of its kind, which is a guess.
-    workers
-        Number of processes; by default one for each local core. The result does not depend on it.
-
     Examples
     --------
     >>> gw.FamilyOptions(kinds=("fold",), exact=False).exact
     False
     """
 
+    #: Longest period, in forcing periods, of further branches that are followed, as in a diagram; None: only the first
+    #: branch.
     max_period: Counted | None = None
-    kinds: tuple[Kind, ...] = field(default_factory=Kind.known)
+    kinds: tuple[Kind, ...] = field(default_factory=Kind.known)  #: Kinds of special points that are joined.
+    #: True to join special points by the exact loci that lead from member to member; otherwise each to the nearest of
+    #: its kind, which is a guess.
     exact: bool = True
+    #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:

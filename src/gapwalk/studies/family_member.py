@@ -18,17 +18,13 @@ from gapwalk.model.system import System
 class Place(NamedTuple):
     """Indices of a special point: of its member, of the branch in it, and of the point on the branch, all from 0.
 
-    Attributes
-    ----------
-    member, branch, special
-        The indices.
-
     Examples
     --------
     >>> family.of_kind("fold")[0].places[0]
     Place(member=0, branch=0, special=0)
     """
 
+    #: member, branch, special: The indices.
     member: int
     branch: int
     special: int
@@ -38,17 +34,6 @@ class Place(NamedTuple):
 class Member:
     """A member of a family: the branches at one value of the parameter in which members differ.
 
-    Attributes
-    ----------
-    number
-        Index of the member, from 0.
-    value
-        Value of the parameter that differs.
-    branches
-        The branches; none if no first orbit was found.
-    notes, failures
-        Remarks, and failures to walk a branch, in sentences.
-
     Examples
     --------
     >>> member = family.members[0]
@@ -56,9 +41,10 @@ class Member:
     (0, 0.9, ['P1-1'])
     """
 
-    number: int
-    value: float
-    branches: tuple[Branch, ...] = ()
+    number: int  #: Index of the member, from 0.
+    value: float  #: Value of the parameter that differs.
+    branches: tuple[Branch, ...] = ()  #: The branches; none if no first orbit was found.
+    #: notes, failures: Remarks, and failures to walk a branch, in sentences.
     notes: tuple[str, ...] = ()
     failures: tuple[str, ...] = ()
 
@@ -88,17 +74,6 @@ _EXAMPLE = 'over = { "mean.q1" = [0.25, 0.3, 0.35] }'
 class MemberParameter:
     """The parameters that differ from member to member, with their values.
 
-    Parameters
-    ----------
-    moved
-        Each parameter with its values, one for each member: what an engineer calls one quantity may change several
-        coefficients.
-    called
-        Name of the quantity that differs, if it is not one of the parameters (or a function of them), such as ``"Kb"``;
-        by default the first of them.
-    values
-        Its values; by default those of the first parameter. They rise or fall.
-
     Raises
     ------
     ModelError
@@ -111,9 +86,13 @@ class MemberParameter:
     ('stop.clearance', (0.9, 1.0), {'stop.clearance': 1.0})
     """
 
+    #: Each parameter with its values, one for each member: what an engineer calls one quantity may change several
+    #: coefficients.
     moved: tuple[tuple[str, tuple[float, ...]], ...]
+    #: Name of the quantity that differs, if it is not one of the parameters (or a function of them), such as ``"Kb"``;
+    #: by default the first of them.
     called: str = ""
-    values: tuple[float, ...] = ()
+    values: tuple[float, ...] = ()  #: Its values; by default those of the first parameter. They rise or fall.
 
     def __post_init__(self) -> None:
         if not self.moved:

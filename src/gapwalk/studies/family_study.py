@@ -45,18 +45,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FamilyFinding(Finding):
-    """Finding of a family, complete or not.
+    """Finding of a family, complete or not."""
 
-    Attributes
-    ----------
-    options
-        The request.
-    family
-        The family.
-    """
-
-    options: BranchOptions
-    family: Family
+    options: BranchOptions  #: The request.
+    family: Family  #: The family.
 
     @property
     def record(self) -> Family | None:
@@ -267,9 +259,6 @@ class FamilyStudy(FamilyOptions, BranchOptions):
         As `BranchOptions`, for each member.
     max_period, kinds, exact, workers
         Extent of the members, and how their special points are joined; as `FamilyOptions`.
-    over
-        Parameters in which members differ. In a table, ``over`` has the parameters with their values, and ``called``
-        and ``values`` are keys next to it.
 
     Examples
     --------
@@ -291,6 +280,8 @@ class FamilyStudy(FamilyOptions, BranchOptions):
         ),
     }
 
+    #: Parameters in which members differ. In a table, ``over`` has the parameters with their values, and ``called`` and
+    #: ``values`` are keys next to it.
     over: MemberParameter = field(kw_only=True)
 
     @classmethod

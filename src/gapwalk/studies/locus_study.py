@@ -84,11 +84,6 @@ class LocusStudyOptions(MapStudyOptions):
         The value of the second parameter at which the branch is walked.
     kinds
         One kind of special points.
-    near
-        Value that selects only the special point nearest to this value of the first parameter; by default all are
-        followed.
-    contact
-        Contact that selects among grazing points.
 
     Raises
     ------
@@ -116,8 +111,10 @@ class LocusStudyOptions(MapStudyOptions):
         "contact": Annotated[Text, AfterValidator(_is_a_contact)],
     }
 
+    #: Value that selects only the special point nearest to this value of the first parameter; by default all are
+    #: followed.
     near: Annotated[float | None, WITH_UNIT, AfterValidator(is_allowed)] = field(default=None, kw_only=True)
-    contact: str = field(default="", kw_only=True)
+    contact: str = field(default="", kw_only=True)  #: Contact that selects among grazing points.
 
     def __post_init__(self) -> None:
         if not isinstance(self.sections, tuple) or len(self.sections) != 1 or len(self.kinds) != 1:

@@ -30,35 +30,23 @@ from gapwalk.summary import SummaryParts, Table, remarks, summarizes
 class MapOptions:
     """Options of a map: its loci, and the sections on which they begin.
 
-    Parameters
-    ----------
-    sections
-        Values of the second parameter at which branches are followed along the first one: their special points are
-        where the loci begin. A number of them is spread evenly over the range, its ends included.
-    max_period
-        Longest period, in forcing periods, of the branches that are followed there.
-    kinds
-        Kinds of loci.
-    workers
-        Number of processes; by default one for each local core. The result does not depend on it.
-    search_values
-        Values of the first parameter on each section at which branches not connected to others are sought;
-        as in `DiagramOptions`.
-    search
-        Options of the search.
-
     Examples
     --------
     >>> gw.MapOptions(sections=3).values(0.8, 1.2)
     (0.8, 1.0, 1.2)
     """
 
+    #: Values of the second parameter at which branches are followed along the first one: their special points are where
+    #: the loci begin. A number of them is spread evenly over the range, its ends included.
     sections: int | tuple[float, ...] = 5
-    max_period: int = 2
-    kinds: tuple[Kind, ...] = field(default_factory=Kind.with_locus)
+    max_period: int = 2  #: Longest period, in forcing periods, of the branches that are followed there.
+    kinds: tuple[Kind, ...] = field(default_factory=Kind.with_locus)  #: Kinds of loci.
+    #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)
+    #: Values of the first parameter on each section at which branches not connected to others are sought; as in
+    #: `DiagramOptions`.
     search_values: int | tuple[float, ...] = 0
-    search: SearchOptions = SearchOptions()
+    search: SearchOptions = SearchOptions()  #: Options of the search.
 
     def __post_init__(self) -> None:
         check_values("sections", self.sections, 1, "the second parameter")
@@ -104,13 +92,6 @@ Ranges = tuple[tuple[float, float], tuple[float, float]]
 class MapSection:
     """The branches along the first parameter at one value of the second.
 
-    Attributes
-    ----------
-    value
-        Value of the second parameter.
-    branches
-        The branches; none if no first orbit was found.
-
     Examples
     --------
     >>> section = loci.sections[0]
@@ -118,8 +99,8 @@ class MapSection:
     (1.0, ['P1-1'])
     """
 
-    value: float
-    branches: tuple[Branch, ...]
+    value: float  #: Value of the second parameter.
+    branches: tuple[Branch, ...]  #: The branches; none if no first orbit was found.
 
     @property
     def named(self) -> Iterator[tuple[str, Branch]]:
@@ -134,40 +115,22 @@ class MapSection:
 class Map(Shown):
     """The loci in the plane of two parameters.
 
-    Attributes
-    ----------
-    first, second
-        Names of the parameters.
-    within
-        The range of each.
-    loci
-        The loci, in the order in which they were found.
-    sections
-        The sections with the special points from which the loci were followed.
-    complete
-        False if the work was stopped before its end.
-    notes
-        Remarks, in sentences.
-    failures
-        Failures: what could not be followed, in sentences.
-    tried
-        Number of special points of the sections that are done; a resumed map continues with the next.
-
     Examples
     --------
     >>> loci.names, [section.value for section in loci.sections]
     (('grazing-1', 'fold-1', 'fold-2'), [1.0])
     """
 
+    #: first, second: Names of the parameters.
     first: str
     second: str
-    within: Ranges
-    loci: tuple[Locus, ...] = ()
-    sections: tuple[MapSection, ...] = ()
-    complete: bool = False
-    notes: tuple[str, ...] = ()
-    failures: tuple[str, ...] = ()
-    tried: int = 0
+    within: Ranges  #: The range of each.
+    loci: tuple[Locus, ...] = ()  #: The loci, in the order in which they were found.
+    sections: tuple[MapSection, ...] = ()  #: The sections with the special points from which the loci were followed.
+    complete: bool = False  #: False if the work was stopped before its end.
+    notes: tuple[str, ...] = ()  #: Remarks, in sentences.
+    failures: tuple[str, ...] = ()  #: Failures: what could not be followed, in sentences.
+    tried: int = 0  #: Number of special points of the sections that are done; a resumed map continues with the next.
 
     @property
     def branches(self) -> tuple[Branch, ...]:
@@ -401,15 +364,6 @@ def _head(name: str, locus: Locus) -> list[object]:
 class Which:
     """Selection of the special points of a branch to be followed in two parameters.
 
-    Parameters
-    ----------
-    kind
-        Kind of the special points; a branch point has no locus.
-    near
-        Value that selects only the special point nearest to this value of the branch's parameter; by default all.
-    contact
-        Contact that selects among grazing points, or a stage and side of it, such as ``stage2 -``.
-
     Raises
     ------
     ModelError
@@ -422,9 +376,10 @@ class Which:
     [1.392109]
     """
 
-    kind: Kind
+    kind: Kind  #: Kind of the special points; a branch point has no locus.
+    #: Value that selects only the special point nearest to this value of the branch's parameter; by default all.
     near: float | None = None
-    contact: str = ""
+    contact: str = ""  #: Contact that selects among grazing points, or a stage and side of it, such as ``stage2 -``.
 
     def __post_init__(self) -> None:
         if self.kind.no_locus:

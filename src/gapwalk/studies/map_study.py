@@ -72,8 +72,6 @@ class MapStudyOptions(MapOptions, BranchOptions):
         Measure in tables and lists of motions.
     sections, max_period, kinds, workers, search_values, search
         Content of the map, and the sections on which its loci begin; as `MapOptions`.
-    second
-        The second parameter.
 
     Examples
     --------
@@ -93,7 +91,7 @@ class MapStudyOptions(MapOptions, BranchOptions):
         **SEARCH_KEYS,
     }
 
-    second: Second = field(kw_only=True)
+    second: Second = field(kw_only=True)  #: The second parameter.
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:

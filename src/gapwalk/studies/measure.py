@@ -72,45 +72,27 @@ Factor = Annotated[float, Gt(0)]
 
 @dataclass(frozen=True, kw_only=True)
 class Measurement(Fitting):
-    """The table ``[measurement]``: properties of the records measured on the modelled system; other keys as `Fitting`.
+    """The table ``[measurement]``: properties of records measured on the modelled system; other keys as `Fitting`."""
 
-    Parameters
-    ----------
-    signal
-        The measured signal of the motion.
-    columns, time_scale, scale, speed_scale
-        As in `gapwalk.measure.read_measurement`.
-    order
-        Periods of the excitation in a turn of the shaft whose speed was measured.
-    """
-
+    #: The measured signal of the motion.
     signal: Annotated[
         Any, Field(description="write what the record measures, as in signal = \"q1''\""), AfterValidator(_is_a_signal)
     ]
+    #: columns, time_scale, scale, speed_scale: As in `gapwalk.measure.read_measurement`.
     columns: Annotated[Mapping[str, str], AfterValidator(_are_those_of_a_record)] = field(default_factory=dict)
     time_scale: Factor = 1.0
     scale: Annotated[float, AfterValidator(_not_zero)] = 1.0
     speed_scale: Factor = 1.0
-    order: Factor = 1.0
+    order: Factor = 1.0  #: Periods of the excitation in a turn of the shaft whose speed was measured.
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredModel(Measurement):
-    """A model with the properties of its records; other parameters as `Measurement`.
+    """A model with the properties of its records; other parameters as `Measurement`."""
 
-    Parameters
-    ----------
-    system
-        The system, with initial guesses of the parameters to be fitted.
-    frequency_given
-        True if the file gives the frequency; otherwise it must come from the speed of a record.
-    title
-        A line for people; may be empty.
-    """
-
-    system: System
-    frequency_given: bool
-    title: str = ""
+    system: System  #: The system, with initial guesses of the parameters to be fitted.
+    frequency_given: bool  #: True if the file gives the frequency; otherwise it must come from the speed of a record.
+    title: str = ""  #: A line for people; may be empty.
 
     def read(self, path: str | os.PathLike[str]) -> Record:
         """Read a record in the units of the model; errors as `gapwalk.measure.read_measurement`."""
@@ -121,7 +103,7 @@ class MeasuredModel(Measurement):
 def read_measured_model(
     path: str | os.PathLike[str], changes: Mapping[str, object] | None = None
 ) -> MeasuredModel | SweptModel:
-    """Read a model file with its table ``[measurement]``: for a record, or, with the key ``sweep``, for special points.
+    """Read a model file with its table ``[measurement]``: for a record, or with ``sweep`` for special points.
 
     Parameters
     ----------
@@ -180,21 +162,11 @@ def check_measurement(
 
 @dataclass(frozen=True, eq=False)
 class Measured(Described):
-    """A record and the motion that it is compared with.
+    """A record and the motion that it is compared with."""
 
-    Attributes
-    ----------
-    model
-        The request.
-    alignment
-        Record and motion, after a fit if there was one.
-    fit
-        The fitted parameters; None if no fit was requested.
-    """
-
-    model: MeasuredModel
-    alignment: Alignment
-    fit: Fit | None
+    model: MeasuredModel  #: The request.
+    alignment: Alignment  #: Record and motion, after a fit if there was one.
+    fit: Fit | None  #: The fitted parameters; None if no fit was requested.
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -79,52 +79,31 @@ def _are_points(points: Sequence[PointTable], info: ValidationInfo[Surroundings]
 
 @dataclass(frozen=True, kw_only=True)
 class Fitting:
-    """The keys of every table ``[measurement]``: the computed motion, and the parameters to fit.
+    """The keys of every table ``[measurement]``: the computed motion, and the parameters to fit."""
 
-    Parameters
-    ----------
-    period, start
-        The motion: its period in forcing periods, and the start of the search for it.
-    fit, bounds
-        Names of parameters to fit, and their lowest and highest values.
-    """
-
+    #: period, start: The motion: its period in forcing periods, and the start of the search for it.
     period: Counted = 1
     start: StartOrState = Start.SETTLE
+    #: fit, bounds: Names of parameters to fit, and their lowest and highest values.
     fit: Annotated[tuple[str, ...], AfterValidator(exist)] = ()
     bounds: Annotated[Any, AfterValidator(are_ranges)] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweptMeasurement(Fitting):
-    """The table ``[measurement]`` for special points that were measured in slow sweeps; other keys as `Fitting`.
+    """The table ``[measurement]`` for special points that were measured in slow sweeps; other keys as `Fitting`."""
 
-    Parameters
-    ----------
-    sweep
-        The parameter that was swept, and its range.
-    point
-        The measured points.
-    """
-
-    sweep: Annotated[ParameterRange, Field(description=_SWEEP)]
+    sweep: Annotated[ParameterRange, Field(description=_SWEEP)]  #: The parameter that was swept, and its range.
+    #: The measured points.
     point: Annotated[tuple[PointTable, ...], AfterValidator(_are_points), Field(description=_POINT)] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweptModel(SweptMeasurement):
-    """A model with the special points that were measured on it; other parameters as `SweptMeasurement`.
+    """A model with the special points that were measured on it; other parameters as `SweptMeasurement`."""
 
-    Parameters
-    ----------
-    system
-        The system, with initial guesses of the parameters to be fitted.
-    title
-        A line for people; may be empty.
-    """
-
-    system: System
-    title: str = ""
+    system: System  #: The system, with initial guesses of the parameters to be fitted.
+    title: str = ""  #: A line for people; may be empty.
 
 
 def measure_points(model: SweptModel, points: Sequence[MeasuredPoint] = ()) -> PointFit:

@@ -68,14 +68,6 @@ def _ends(end: float, info: ValidationInfo[Surroundings]) -> float:
 class RangeStudy(StudyKind):
     """A study over a range of one parameter.
 
-    Parameters
-    ----------
-    parameter
-        The parameter, any of the system's, for example ``"frequency"``.
-    begin, end
-        The range: the study goes from the first value to the second. In a table they are called ``from`` and ``to``; by
-        default it begins at the value of the system.
-
     Examples
     --------
     >>> import io
@@ -83,9 +75,12 @@ class RangeStudy(StudyKind):
     (1.1, 1.5)
     """
 
+    #: The parameter, any of the system's, for example ``"frequency"``.
     parameter: Annotated[
         str, Field(description='write what is walked, as in parameter = "frequency"'), AfterValidator(known_parameter)
     ]
+    #: begin, end: The range: the study goes from the first value to the second. In a table they are called ``from`` and
+    #: ``to``; by default it begins at the value of the system.
     begin: Annotated[float, OPEN, Field(alias="from", validate_default=True), WITH_UNIT, AfterValidator(_begins)]
     end: Annotated[
         float,
@@ -129,24 +124,19 @@ def _differs(end: float, info: ValidationInfo[Surroundings]) -> float:
 class ParameterRange:
     """A parameter of the model, and its range.
 
-    Parameters
-    ----------
-    parameter
-        Its name.
-    begin, end
-        The range; in a table they are called ``from`` and ``to``.
-
     Examples
     --------
     >>> gw.studies.ParameterRange("frequency", 1.6, 0.6).ends
     (0.6, 1.6)
     """
 
+    #: Its name.
     parameter: Annotated[
         str,
         Field(description='write its name, as in parameter = "mean.q1"'),
         AfterValidator(known_parameter),
     ]
+    #: begin, end: The range; in a table they are called ``from`` and ``to``.
     begin: Annotated[
         float,
         Field(alias="from", description="write where its range begins"),
@@ -238,22 +228,6 @@ class BranchOptions(RangeStudy):
         The parameter that is walked, any of the system's, for example ``"frequency"``.
     begin, end
         The values between which it is walked, from the first to the second.
-    measure
-        Measure in pictures: ``max``, ``min``, ``half`` (half the peak to peak), ``mean`` or ``rms``, a dot, and a
-        coordinate, for example ``"half.q1"``.
-    period
-        Number m of forcing periods after which the orbits repeat.
-    start
-        Start of the search for the first orbit; or the state itself at theta = 0: positions, velocities, then
-        extensions, which are 0 if they are left out.
-    walk
-        Numerical options of the walk.
-    method
-        Method for its orbits, with its options: `Shooting`, `Balance`, or another `gapwalk.orbit.method.Method`. A
-        table names it by ``method``; the options of the first two are in tables of these names, and both may be given,
-        so that one word changes the method.
-    verify
-        True to verify the complete result by other means; see `gapwalk.verify`.
 
     Examples
     --------
@@ -273,11 +247,19 @@ class BranchOptions(RangeStudy):
         ),
     }
 
+    #: Measure in pictures: ``max``, ``min``, ``half`` (half the peak to peak), ``mean`` or ``rms``, a dot, and a
+    #: coordinate, for example ``"half.q1"``.
     measure: Annotated[str, OPEN, AfterValidator(_can_be_measured)]
-    period: Annotated[int, Ge(1), Le(MAX_PERIOD)] = 1
+    period: Annotated[int, Ge(1), Le(MAX_PERIOD)] = 1  #: Number m of forcing periods after which the orbits repeat.
+    #: Start of the search for the first orbit; or the state itself at theta = 0: positions, velocities, then
+    #: extensions, which are 0 if they are left out.
     start: StartOrState = Start.SETTLE
-    walk: WalkOptions = field(default_factory=WalkOptions)
+    walk: WalkOptions = field(default_factory=WalkOptions)  #: Numerical options of the walk.
+    #: Method for its orbits, with its options: `Shooting`, `Balance`, or another `gapwalk.orbit.method.Method`. A table
+    #: names it by ``method``; the options of the first two are in tables of these names, and both may be given, so that
+    #: one word changes the method.
     method: Method = field(default_factory=Shooting)
+    #: True to verify the complete result by other means; see `gapwalk.verify`.
     verify: bool = field(default=False, compare=False)  # it changes nothing of what is found
 
     @classmethod

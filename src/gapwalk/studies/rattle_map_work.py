@@ -33,24 +33,15 @@ _SECTIONS = 3  # values of the second parameter at which points of borders are s
 
 @dataclass(frozen=True, eq=False)
 class RattleChunk:
-    """The motions in one chunk of cells.
+    """The motions in one chunk of cells."""
 
-    Attributes
-    ----------
-    number
-        Number of the chunk.
-    codes, periods, peaks, states
-        What the gaps do; see `gapwalk.answers.gap_states.GapVerdicts`.
-    error
-        Error of the batch integrator.
-    """
-
-    number: int
+    number: int  #: Number of the chunk.
+    #: codes, periods, peaks, states: What the gaps do; see `gapwalk.answers.gap_states.GapVerdicts`.
     codes: NDArray[np.int_]
     periods: NDArray[np.int_]
     peaks: NDArray[np.float64]
     states: NDArray[np.float64]
-    error: float
+    error: float  #: Error of the batch integrator.
 
 
 @dataclass(frozen=True)

@@ -34,35 +34,20 @@ from gapwalk.studies.tables import Resolution, RestOrState, Surroundings
 class RattleOptions:
     """Options of a search for rattle.
 
-    Parameters
-    ----------
-    sweep
-        Options of the slow sweeps.
-    search
-        Values of the parameter at which motions are sought that the sweeps do not meet; 0: none.
-    starts
-        Random starts at each of these values, and at the worst motion, where the share that leads there is found.
-    seed
-        Seed of these starts.
-    reference
-        Acceleration to which levels in dB refer, in rad/s^2 or non-dimensional.
-    check
-        Cells of a map whose gaps are observed again with the exact flow.
-    workers
-        Number of processes; by default one for each local core. The result does not depend on it.
-
     Examples
     --------
     >>> gw.ask.RattleOptions(search=0, starts=8).starts
     8
     """
 
-    sweep: Annotated[SlowSweepOptions, INLINE] = field(default_factory=SlowSweepOptions)
-    search: int = 3
+    sweep: Annotated[SlowSweepOptions, INLINE] = field(default_factory=SlowSweepOptions)  #: Options of the slow sweeps.
+    search: int = 3  #: Values of the parameter at which motions are sought that the sweeps do not meet; 0: none.
+    #: Random starts at each of these values, and at the worst motion, where the share that leads there is found.
     starts: int = 16
-    seed: int = 0
-    reference: float = 1.0
-    check: int = 32
+    seed: int = 0  #: Seed of these starts.
+    reference: float = 1.0  #: Acceleration to which levels in dB refer, in rad/s^2 or non-dimensional.
+    check: int = 32  #: Cells of a map whose gaps are observed again with the exact flow.
+    #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
@@ -99,15 +84,6 @@ class RattleStudy(RattleOptions, RangeStudy):
         The parameter, and its range.
     sweep, search, starts, seed, reference, check, workers
         Options; as `gapwalk.ask.RattleOptions`. In a table, the keys of `sweep` are among the others.
-    gaps
-        Names of contacts with a gap; one may be written without a list. By default all gaps, or, in a drive train,
-        those of links that can part.
-    start
-        Start of the first transient: ``"rest"``, or a state at theta = 0.
-    second
-        The vertical parameter of a map of rattle, and its range; None for bands over the first parameter alone.
-    resolution
-        Columns and rows of cells of a map.
     """
 
     kind: ClassVar[str] = "rattle"
@@ -116,10 +92,13 @@ class RattleStudy(RattleOptions, RangeStudy):
         "resolution": key_type(Resolution),
     }
 
+    #: Names of contacts with a gap; one may be written without a list. By default all gaps, or, in a drive train, those
+    #: of links that can part.
     gaps: Annotated[tuple[str, ...], OPEN] = ()
-    start: RestOrState = "rest"
+    start: RestOrState = "rest"  #: Start of the first transient: ``"rest"``, or a state at theta = 0.
+    #: The vertical parameter of a map of rattle, and its range; None for bands over the first parameter alone.
     second: Second | None = None
-    resolution: tuple[int, int] = (48, 32)
+    resolution: tuple[int, int] = (48, 32)  #: Columns and rows of cells of a map.
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> RattleStudy:

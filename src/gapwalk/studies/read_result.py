@@ -37,18 +37,10 @@ from gapwalk.verification import Verification
 
 @dataclass(frozen=True)
 class Call:
-    """The request of a Python function that writes its result to a file, like that of a study.
+    """The request of a Python function that writes its result to a file, like that of a study."""
 
-    Attributes
-    ----------
-    system
-        The system at the beginning of the work.
-    options
-        The request: the options of a study, or those of the function.
-    """
-
-    system: System
-    options: StudyKind
+    system: System  #: The system at the beginning of the work.
+    options: StudyKind  #: The request: the options of a study, or those of the function.
 
 
 REQUEST = Part("request", Study | Call)

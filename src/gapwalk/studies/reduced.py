@@ -21,30 +21,19 @@ from gapwalk.studies.set_values import study_tables, walked_parameters
 class ReducedFrom:
     """Origin of a reduced system.
 
-    Attributes
-    ----------
-    degrees
-        Degrees of freedom of the full system.
-    kept
-        The coordinates that are kept.
-    modes
-        The number of modes.
-    up_to, error
-        As in `gapwalk.Reduction`.
-    reduction
-        The `gapwalk.Reduction` itself, if the study was read from a model file; it is not stored in a result.
-
     Examples
     --------
     >>> gw.studies.ReducedFrom(degrees=1000, kept=("x1",), modes=5, up_to=3.0, error=0.01).words
     'reduced from 1000 degrees of freedom to 6: 1 kept, 5 modes; contacts deflect within 1.0e-02 up to frequency 3'
     """
 
-    degrees: int
-    kept: tuple[str, ...]
-    modes: int
+    degrees: int  #: Degrees of freedom of the full system.
+    kept: tuple[str, ...]  #: The coordinates that are kept.
+    modes: int  #: The number of modes.
+    #: up_to, error: As in `gapwalk.Reduction`.
     up_to: float
     error: float
+    #: The `gapwalk.Reduction` itself, if the study was read from a model file; it is not stored in a result.
     reduction: Any = field(default=None, compare=False, repr=False, metadata={"stored": False})
 
     @property

@@ -64,31 +64,22 @@ class Carry(StrEnum):
 class RegimeMapOptions:
     """Options of a regime map.
 
-    Parameters
-    ----------
-    carry
-        Start of the motions. ``"no"``: all from the same state. ``"up"`` or ``"down"``: the state is carried over
-        along the first parameter, as in a sweep.
-    judging
-        Criteria that separate the regimes.
-    check
-        Cells that are settled and classified again with the exact flow: those of rare regimes, and of rare contacts,
-        first. If one differs, it is corrected, and more are checked until none differs.
-    seed
-        Seed of the choice of those cells.
-    workers
-        Number of processes; by default one for each local core. The result does not depend on it.
-
     Examples
     --------
     >>> gw.RegimeMapOptions(carry="up", judging=gw.analysis.RegimeOptions(max_period=4)).carry
     <Carry.UP: 'up'>
     """
 
+    #: Start of the motions. ``"no"``: all from the same state. ``"up"`` or ``"down"``: the state is carried over along
+    #: the first parameter, as in a sweep.
     carry: Carry = Carry.NO
+    #: Criteria that separate the regimes.
     judging: Annotated[RegimeOptions, INLINE] = field(default_factory=RegimeOptions)
+    #: Cells that are settled and classified again with the exact flow: those of rare regimes, and of rare contacts,
+    #: first. If one differs, it is corrected, and more are checked until none differs.
     check: int = 64
-    seed: int = 0
+    seed: int = 0  #: Seed of the choice of those cells.
+    #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
@@ -108,12 +99,6 @@ class RegimeStudy(RegimeMapOptions, RangeStudy):
         The horizontal parameter, and its range.
     carry, judging, check, seed, workers
         Options of the map; as `gapwalk.RegimeMapOptions`. In a table, the keys of `judging` are among the others.
-    second
-        The vertical parameter, and its range.
-    resolution
-        Columns and rows of cells.
-    start
-        ``"rest"``, or a state at theta = 0: positions, then velocities.
 
     Examples
     --------
@@ -126,9 +111,9 @@ class RegimeStudy(RegimeMapOptions, RangeStudy):
     kind: ClassVar[str] = "regimes"
     table_types: ClassVar[Mapping[str, Any]] = {"resolution": key_type(Resolution)}
 
-    second: Second = field(kw_only=True)
-    resolution: tuple[int, int] = (128, 128)
-    start: RestOrState = "rest"
+    second: Second = field(kw_only=True)  #: The vertical parameter, and its range.
+    resolution: tuple[int, int] = (128, 128)  #: Columns and rows of cells.
+    start: RestOrState = "rest"  #: ``"rest"``, or a state at theta = 0: positions, then velocities.
 
     @property
     def plan(self) -> str:
@@ -168,21 +153,11 @@ Places = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 @dataclass(frozen=True)
 class RegimeChunk:
-    """The motions in one chunk of cells.
+    """The motions in one chunk of cells."""
 
-    Attributes
-    ----------
-    number
-        Number of the chunk.
-    verdicts
-        Their regimes, in the order of the cells.
-    error
-        Error of the fast flow; see `gapwalk.attractors.many_motions.ManyMotions`.
-    """
-
-    number: int
-    verdicts: Verdicts
-    error: float
+    number: int  #: Number of the chunk.
+    verdicts: Verdicts  #: Their regimes, in the order of the cells.
+    error: float  #: Error of the fast flow; see `gapwalk.attractors.many_motions.ManyMotions`.
 
 
 class _Doubts(NamedTuple):

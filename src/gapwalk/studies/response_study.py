@@ -66,22 +66,14 @@ class Progress:
 
 
 class Moment(NamedTuple):
-    """Points of a walk since the previous batch.
+    """Points of a walk since the previous batch."""
 
-    Attributes
-    ----------
-    points, special_points
-        Its points, and the special points between them and the one before.
-    progress
-        State from which the walk can continue; None if it has not left its first point.
-    ends
-        Place and reason of its beginning and its end; None while it continues.
-    """
-
+    #: points, special_points: Its points, and the special points between them and the one before.
     points: tuple[BranchPoint, ...]
     special_points: tuple[SpecialPoint, ...] = ()
+    #: State from which the walk can continue; None if it has not left its first point.
     progress: Progress | None = None
-    ends: tuple[End, ...] | None = None
+    ends: tuple[End, ...] | None = None  #: Place and reason of its beginning and its end; None while it continues.
 
 
 START = Part("start", Orbit)

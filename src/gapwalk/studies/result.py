@@ -30,31 +30,19 @@ from gapwalk.verification import Verification
 class FullCheck:
     """Distance of a branch of the reduced system from that of the full system.
 
-    Attributes
-    ----------
-    branch
-        Its name.
-    errors
-        Estimated error of the parameter value of each special point, in their order; inf where none was found near by
-        in the full system.
-    motion
-        Largest estimated error of a motion, relative to its size.
-    harmonics
-        Harmonics with which it was checked; 0 if that failed.
-    detail
-        Reason for its failure.
-
     Examples
     --------
     >>> gw.studies.FullCheck(branch="P1-1", errors=(1e-5,), motion=1e-3, harmonics=15, detail="").motion
     0.001
     """
 
-    branch: str
+    branch: str  #: Its name.
+    #: Estimated error of the parameter value of each special point, in their order; inf where none was found near by in
+    #: the full system.
     errors: tuple[float, ...]
-    motion: float
-    harmonics: int
-    detail: str = ""
+    motion: float  #: Largest estimated error of a motion, relative to its size.
+    harmonics: int  #: Harmonics with which it was checked; 0 if that failed.
+    detail: str = ""  #: Reason for its failure.
 
     @property
     def words(self) -> str:
@@ -78,44 +66,25 @@ class FullCheck:
 class Result(Shown):
     """Result of a study.
 
-    Attributes
-    ----------
-    study
-        The request.
-    branches
-        The branches that were found.
-    complete
-        True if the work is finished; False after an interruption, from which a run can be resumed.
-    versions
-        Versions of gapwalk, heyoka, numpy and python that computed it.
-    diagram
-        The branches as a tree, if the study is of the kind diagram.
-    map
-        The loci, if the study is of the kind map; the branches are those of its sections.
-    finding
-        The finding, if the study is of the kind family, settle, sweep, basins or regimes; its `record` is what the
-        Python function of that name returns. Of a settled motion it is a `SettleFinding`, with the attractor too. There
-        are no `branches` then: those of a family belong to its members.
-    checks
-        Comparison of each branch with the full system, if the system is reduced (see `Study.reduced`).
-    verification
-        Result of the verification, if the study requests one.
-
     Examples
     --------
     >>> result.title, result.complete, sorted(result.tables())
     ('A sprung mass with a stop', True, ['points', 'special-points'])
     """
 
-    study: Study
-    branches: tuple[Branch, ...]
-    complete: bool
-    versions: Mapping[str, str]
-    diagram: Diagram | None = None
-    map: Map | None = None
+    study: Study  #: The request.
+    branches: tuple[Branch, ...]  #: The branches that were found.
+    complete: bool  #: True if the work is finished; False after an interruption, from which a run can be resumed.
+    versions: Mapping[str, str]  #: Versions of gapwalk, heyoka, numpy and python that computed it.
+    diagram: Diagram | None = None  #: The branches as a tree, if the study is of the kind diagram.
+    map: Map | None = None  #: The loci, if the study is of the kind map; the branches are those of its sections.
+    #: The finding, if the study is of the kind family, settle, sweep, basins or regimes; its `record` is what the
+    #: Python function of that name returns. Of a settled motion it is a `SettleFinding`, with the attractor too. There
+    #: are no `branches` then: those of a family belong to its members.
     finding: Finding | None = None
+    #: Comparison of each branch with the full system, if the system is reduced (see `Study.reduced`).
     checks: tuple[FullCheck, ...] = ()
-    verification: Verification | None = None
+    verification: Verification | None = None  #: Result of the verification, if the study requests one.
 
     @property
     def title(self) -> str:

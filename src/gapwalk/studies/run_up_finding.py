@@ -25,18 +25,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class SlowResponse:
-    """The response over the speeds of a run-up, as a slow sweep meets it; or the reason why there is none.
+    """The response over the speeds of a run-up, as a slow sweep meets it; or the reason why there is none."""
 
-    Attributes
-    ----------
-    branch
-        The response, walked from the first speed to the last one; None if no periodic motion was found there.
-    note
-        A sentence where the response is not known over the whole range; else empty.
-    """
-
+    #: The response, walked from the first speed to the last one; None if no periodic motion was found there.
     branch: Branch | None
-    note: str = ""
+    note: str = ""  #: A sentence where the response is not known over the whole range; else empty.
 
 
 @dataclass(frozen=True, eq=False)

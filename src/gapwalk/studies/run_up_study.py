@@ -107,41 +107,7 @@ Speed = Annotated[float | None, BeforeValidator(_speed), AfterValidator(_is_posi
 
 @dataclass(frozen=True)
 class RunUpStudy(StudyKind):
-    """A run-up: the exact motion while the speed changes; or many at several rates or from several starts.
-
-    Parameters
-    ----------
-    begin, end
-        Speeds between which the ramp goes, called ``from`` and ``to`` in a table.
-    rate
-        Change of the speed per second (per unit of time without units), or several. With several rates or starts, the
-        run-ups are computed by the batch integrator.
-    steps
-        If not 0: number of rates, evenly spaced from the smallest `rate` to the largest one.
-    hold
-        Time for which the last speed is held.
-    times, speeds
-        Points of a measured trace in place of the ramp; in a table, ``trace`` names a CSV file with columns of time and
-        speed.
-    starts
-        Number of starts at each rate: angles of the excitation that divide its period evenly.
-    signal
-        Signal of the table and the picture of a single run-up, as in `RunUp.signal`; by default the coordinate of the
-        contact with the largest force.
-    samples
-        Samples per forcing period of a single run-up.
-    with_response
-        True to walk the response from the first speed to the last, as a slow sweep meets it: the run-up is laid over
-        it, with the delay of each jump.
-    orders
-        Highest order of the spectra of `signal` along a single run-up, shown as a waterfall; 0: none.
-    window
-        Length of these spectra in forcing periods.
-    bins
-        Equal times into which each of many run-ups is divided.
-    error
-        Allowed error of many run-ups, as in `gapwalk.analysis.BatchOptions`.
-    """
+    """A run-up: the exact motion while the speed changes; or many at several rates or from several starts."""
 
     kind: ClassVar[str] = "run-up"
     gives_frequency: ClassVar[bool] = True
@@ -152,21 +118,31 @@ class RunUpStudy(StudyKind):
         "trace": (Annotated[Any, PlainValidator(_trace)], None),
     }
 
+    #: begin, end: Speeds between which the ramp goes, called ``from`` and ``to`` in a table.
     begin: Annotated[Speed, Field(alias="from")] = None
     end: Annotated[Speed, Field(alias="to")] = None
+    #: Change of the speed per second (per unit of time without units), or several. With several rates or starts, the
+    #: run-ups are computed by the batch integrator.
     rate: tuple[float, ...] = ()
-    steps: int = 0
-    hold: Annotated[float, BeforeValidator(_time)] = 0.0
+    steps: int = 0  #: If not 0: number of rates, evenly spaced from the smallest `rate` to the largest one.
+    hold: Annotated[float, BeforeValidator(_time)] = 0.0  #: Time for which the last speed is held.
+    #: times, speeds: Points of a measured trace in place of the ramp; in a table, ``trace`` names a CSV file with
+    #: columns of time and speed.
     times: tuple[float, ...] = ()
     speeds: tuple[float, ...] = ()
-    starts: int = 1
+    starts: int = 1  #: Number of starts at each rate: angles of the excitation that divide its period evenly.
+    #: Signal of the table and the picture of a single run-up, as in `RunUp.signal`; by default the coordinate of the
+    #: contact with the largest force.
     signal: str = ""
-    samples: int = 512
+    samples: int = 512  #: Samples per forcing period of a single run-up.
+    #: True to walk the response from the first speed to the last, as a slow sweep meets it: the run-up is laid over it,
+    #: with the delay of each jump.
     with_response: bool = False
+    #: Highest order of the spectra of `signal` along a single run-up, shown as a waterfall; 0: none.
     orders: Annotated[float, Ge(0.0), Le(1000.0)] = 0.0
-    window: int = 8
-    bins: int = 100
-    error: float = 1e-4
+    window: int = 8  #: Length of these spectra in forcing periods.
+    bins: int = 100  #: Equal times into which each of many run-ups is divided.
+    error: float = 1e-4  #: Allowed error of many run-ups, as in `gapwalk.analysis.BatchOptions`.
 
     def __post_init__(self) -> None:
         check_integers(self, steps=0, most=_MOST)

@@ -36,41 +36,24 @@ MAX_VARIATIONS = 1_000_000
 class ScanOptions:
     """Options of a scan.
 
-    Parameters
-    ----------
-    factors
-        Factors by which each parameter is multiplied, one at a time; 0 leaves it out.
-    pairs
-        Number of random pairs of these changes that are tried too.
-    neighbours
-        Number of random neighbours, for which all parameters are multiplied: they tell the chance of luck.
-    spread
-        Standard deviation of the logarithm of their factors.
-    starts
-        Starts of the motions of each variation: rest, and states spread over a box.
-    seed
-        Seed of the random numbers.
-    judging
-        Criteria that separate kinds of motion.
-    check
-        Number of the best variations whose motions are classified again with the exact flow.
-    workers
-        Number of processes; by default one for each local core. The result does not depend on it.
-
     Examples
     --------
     >>> gw.ask.ScanOptions(factors=(0.9, 1.1), neighbours=500).neighbours
     500
     """
 
+    #: Factors by which each parameter is multiplied, one at a time; 0 leaves it out.
     factors: tuple[float, ...] = (0.0, 0.5, 0.8, 0.9, 1.1, 1.25, 2.0)
-    pairs: int = 0
+    pairs: int = 0  #: Number of random pairs of these changes that are tried too.
+    #: Number of random neighbours, for which all parameters are multiplied: they tell the chance of luck.
     neighbours: int = 200
-    spread: Annotated[float, Gt(0)] = 0.1
-    starts: int = 6
-    seed: int = 0
+    spread: Annotated[float, Gt(0)] = 0.1  #: Standard deviation of the logarithm of their factors.
+    starts: int = 6  #: Starts of the motions of each variation: rest, and states spread over a box.
+    seed: int = 0  #: Seed of the random numbers.
+    #: Criteria that separate kinds of motion.
     judging: Annotated[RegimeOptions, INLINE] = field(default_factory=lambda: RegimeOptions(forces=False))
-    check: int = 3
+    check: int = 3  #: Number of the best variations whose motions are classified again with the exact flow.
+    #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
@@ -82,41 +65,22 @@ class ScanOptions:
 
 @dataclass(frozen=True, slots=True)
 class ClaimTable:
-    """Table of a claim: one of `motion`, `point` and `no`, with its range or its values.
+    """Table of a claim: one of `motion`, `point` and `no`, with its range or its values."""
 
-    Parameters
-    ----------
-    motion
-        Kind of motion on which starts settle: ``"period 3"``, ``"periodic"``, ``"quasi-periodic"`` or ``"chaotic"``.
-    point
-        A kind of special point that lies in the range.
-    no
-        A kind of special point of which none lies in the range.
-    parameter
-        Parameter of the range; by default the frequency or speed.
-    begin, end
-        The range, the lower end first.
-    over
-        Range over which the branch is walked, from the first value to the second; by default the range of the claim,
-        from its upper end.
-    period
-        Number m of forcing periods after which the orbits of the branch repeat.
-    at
-        Values of parameters, by name, at which it is said.
-    share
-        Least share of the starts that must settle on the motion; at 0, one start is enough.
-    """
-
+    #: Kind of motion on which starts settle: ``"period 3"``, ``"periodic"``, ``"quasi-periodic"`` or ``"chaotic"``.
     motion: str | None = None
-    point: str | None = None
-    no: str | None = None
-    parameter: str | None = None
+    point: str | None = None  #: A kind of special point that lies in the range.
+    no: str | None = None  #: A kind of special point of which none lies in the range.
+    parameter: str | None = None  #: Parameter of the range; by default the frequency or speed.
+    #: begin, end: The range, the lower end first.
     begin: Annotated[Any, Field(alias="from")] = None
     end: Annotated[Any, Field(alias="to")] = None
+    #: Range over which the branch is walked, from the first value to the second; by default the range of the claim,
+    #: from its upper end.
     over: Annotated[Any, Field()] = None
-    period: Counted = 1
-    at: Annotated[Any, Field()] = None
-    share: float = 0.0
+    period: Counted = 1  #: Number m of forcing periods after which the orbits of the branch repeat.
+    at: Annotated[Any, Field()] = None  #: Values of parameters, by name, at which it is said.
+    share: float = 0.0  #: Least share of the starts that must settle on the motion; at 0, one start is enough.
 
     def __post_init__(self) -> None:
         named = [name for name in ("motion", "point", "no") if getattr(self, name) is not None]
@@ -198,12 +162,6 @@ class ScanStudy(ScanOptions, StudyKind):
 
     Parameters
     ----------
-    claims
-        The claims. In a table they are tables ``[[study.claim]]``.
-    parameters
-        The parameters that vary; by default all that are not 0 and have no value in a claim.
-    listed
-        Further variations that are tried: values of parameters by name.
     factors, pairs, neighbours, spread, starts, seed, judging, check, workers
         Options; as `gapwalk.ask.ScanOptions`. In a table, the keys of `judging` are among the others.
 
@@ -233,9 +191,10 @@ class ScanStudy(ScanOptions, StudyKind):
         "listed": Annotated[list[dict[str, Any]], Field()],
     }
 
-    claims: tuple[AnyClaim, ...] = field(kw_only=True)
+    claims: tuple[AnyClaim, ...] = field(kw_only=True)  #: The claims. In a table they are tables ``[[study.claim]]``.
+    #: The parameters that vary; by default all that are not 0 and have no value in a claim.
     parameters: Annotated[tuple[str, ...], OPEN] = ()
-    listed: tuple[Mapping[str, float], ...] = ()
+    listed: tuple[Mapping[str, float], ...] = ()  #: Further variations that are tried: values of parameters by name.
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:

@@ -49,22 +49,13 @@ _LOOKS, _BETWEEN = 8, 4  # how often it is looked for, and after how many forcin
 
 @dataclass(frozen=True, eq=False)
 class ScanChunk:
-    """What the claims come to for some variations in a row.
+    """What the claims come to for some variations in a row."""
 
-    Attributes
-    ----------
-    number
-        Number of the chunk.
-    holds, amounts
-        As in `gapwalk.ask.Scan`.
-    error
-        Error of the batch integrator.
-    """
-
-    number: int
+    number: int  #: Number of the chunk.
+    #: holds, amounts: As in `gapwalk.ask.Scan`.
     holds: NDArray[np.int_]
     amounts: NDArray[np.float64]
-    error: float
+    error: float  #: Error of the batch integrator.
 
 
 SCANNED = Part("scanned", ScanChunk, numbered=True)

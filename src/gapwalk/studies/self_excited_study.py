@@ -31,17 +31,14 @@ class SelfExcitedStudy(RangeStudy):
     ----------
     parameter, begin, end
         As `RangeStudy`; the equilibria are sought at the beginning of the range.
-    start
-        Positions near an equilibrium there, one for each coordinate; by default all equilibria that are found.
-    walk
-        Numerical options of the walks.
     """
 
     kind: ClassVar[str] = "self-excited"
     gives_frequency: ClassVar[bool] = True
 
+    #: Positions near an equilibrium there, one for each coordinate; by default all equilibria that are found.
     start: tuple[float, ...] = ()
-    walk: WalkOptions = field(default_factory=WalkOptions)
+    walk: WalkOptions = field(default_factory=WalkOptions)  #: Numerical options of the walks.
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> SelfExcitedStudy:

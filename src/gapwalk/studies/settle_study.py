@@ -68,15 +68,6 @@ class SettleStudyOptions(SettleOptions, StudyKind):
     ----------
     max_periods, max_period, tolerance
         Options for settling; as `gapwalk.SettleOptions`.
-    signal
-        A coordinate, its velocity (``q1'``) or acceleration (``q1''``), a contact's force (``stop.force``), or another
-        signal of `Motion.signal`: what the spectrum is of, and what the picture shows. By default the first coordinate.
-    start
-        ``"rest"``, or a state at theta = 0: positions, then velocities.
-    phase
-        Phase of the excitation at which the section is taken, in radians.
-    lyapunov
-        Options for the exponents of a motion without period; not a key of a table.
 
     Examples
     --------
@@ -90,9 +81,12 @@ class SettleStudyOptions(SettleOptions, StudyKind):
         "lyapunov": None,
     }
 
+    #: A coordinate, its velocity (``q1'``) or acceleration (``q1''``), a contact's force (``stop.force``), or another
+    #: signal of `Motion.signal`: what the spectrum is of, and what the picture shows. By default the first coordinate.
     signal: Annotated[str, OPEN, AfterValidator(_is_a_signal)] = ""
-    start: RestOrState = "rest"
-    phase: float = 0.0
+    start: RestOrState = "rest"  #: ``"rest"``, or a state at theta = 0: positions, then velocities.
+    phase: float = 0.0  #: Phase of the excitation at which the section is taken, in radians.
+    #: Options for the exponents of a motion without period; not a key of a table.
     lyapunov: LyapunovOptions = LyapunovOptions()
 
     @property
@@ -122,23 +116,6 @@ def rest_words(orbit: Orbit | None) -> list[str]:
 class SettleFinding(Finding):
     r"""Finding of a settled motion.
 
-    Attributes
-    ----------
-    options
-        The request.
-    attractor
-        The attractor.
-    settled
-        The motion on it, after its transient.
-    section : shape (points, state_size)
-        States at the phase of the study, a forcing period apart.
-    rattle
-        Impacts, contact forces, energy and impulsiveness.
-    lines
-        The highest lines of the spectrum of the signal.
-    energy
-        Work and losses in one period; None for a motion without period, or where no energy is known.
-
     Examples
     --------
     >>> import io
@@ -148,12 +125,14 @@ class SettleFinding(Finding):
     ('P1', True)
     """
 
-    options: SettleStudyOptions
-    attractor: Attractor
-    settled: Settled
+    options: SettleStudyOptions  #: The request.
+    attractor: Attractor  #: The attractor.
+    settled: Settled  #: The motion on it, after its transient.
+    #: shape (points, state_size): States at the phase of the study, a forcing period apart.
     section: NDArray[np.float64]
-    rattle: Rattle
-    lines: tuple[Peak, ...]
+    rattle: Rattle  #: Impacts, contact forces, energy and impulsiveness.
+    lines: tuple[Peak, ...]  #: The highest lines of the spectrum of the signal.
+    #: Work and losses in one period; None for a motion without period, or where no energy is known.
     energy: Energy | None = None
 
     def _check_read(self) -> None:

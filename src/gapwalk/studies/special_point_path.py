@@ -44,53 +44,22 @@ TURN = "turn"
 class Passage:
     """A point of codimension two on the way from one member to the next.
 
-    Attributes
-    ----------
-    kind
-        Kind of the point, a value of `gapwalk.bifurcation.loci.Codim2`.
-    first, value
-        The parameter of the members there, and the quantity that differs.
-    contact
-        Contact that grazes there, if any.
-
     Examples
     --------
     >>> gw.records.Passage(kind="cusp", first=1.2, value=0.9, contact="").kind
     'cusp'
     """
 
-    kind: str
+    kind: str  #: Kind of the point, a value of `gapwalk.bifurcation.loci.Codim2`.
+    #: first, value: The parameter of the members there, and the quantity that differs.
     first: float
     value: float
-    contact: str = ""
+    contact: str = ""  #: Contact that grazes there, if any.
 
 
 @dataclass(frozen=True, slots=True)
 class Connection:
     """Path of a special point between two neighbouring members.
-
-    Attributes
-    ----------
-    kind, contact, period
-        Properties of the special point.
-    fate
-        Its fate.
-    begin
-        The special point.
-    end
-        The special point at the end of the path: in the other member, or in the same one if two meet; None if there is
-        none.
-    at
-        The parameter of the members, and the value of what the family is over, where two meet, or where the way ends
-        otherwise; None if it leads to the other member.
-    event
-        Event at that place: a value of `gapwalk.bifurcation.loci.Codim2`, or ``"turn"``; empty for nothing.
-    curve
-        The path: the parameter and the value at points of the locus.
-    passages
-        Points of codimension two on it.
-    detail
-        Reason for a failure.
 
     Examples
     --------
@@ -99,17 +68,23 @@ class Connection:
     ('fold', 'joined')
     """
 
+    #: kind, contact, period: Properties of the special point.
     kind: Kind
     contact: str
     period: int
-    fate: Fate
-    begin: Place
+    fate: Fate  #: Its fate.
+    begin: Place  #: The special point.
+    #: The special point at the end of the path: in the other member, or in the same one if two meet; None if there is
+    #: none.
     end: Place | None = None
+    #: The parameter of the members, and the value of what the family is over, where two meet, or where the way ends
+    #: otherwise; None if it leads to the other member.
     at: tuple[float, float] | None = None
+    #: Event at that place: a value of `gapwalk.bifurcation.loci.Codim2`, or ``"turn"``; empty for nothing.
     event: str = ""
-    curve: tuple[tuple[float, float], ...] = ()
-    passages: tuple[Passage, ...] = ()
-    detail: str = ""
+    curve: tuple[tuple[float, float], ...] = ()  #: The path: the parameter and the value at points of the locus.
+    passages: tuple[Passage, ...] = ()  #: Points of codimension two on it.
+    detail: str = ""  #: Reason for a failure.
 
     @property
     def leads_on(self) -> bool:
@@ -143,20 +118,6 @@ class Connection:
 class SpecialPointPath:
     """Path of one special point through all members that have it.
 
-    Attributes
-    ----------
-    name
-        Such as ``fold-3``: the third path of folds.
-    kind, contact, period
-        Kind of the special point, period of the motions, and the contact that grazes, if any.
-    places
-        The special points, from member to member.
-    connections
-        The connections of neighbouring places.
-    before, after
-        Its fate before its first and after its last special point; None at the first and the last member, and
-        where that is not known yet.
-
     Examples
     --------
     >>> path = family.of_kind("fold")[0]
@@ -164,12 +125,15 @@ class SpecialPointPath:
     ('fold-1', True, 2)
     """
 
-    name: str
+    name: str  #: Such as ``fold-3``: the third path of folds.
+    #: kind, contact, period: Kind of the special point, period of the motions, and the contact that grazes, if any.
     kind: Kind
     contact: str
     period: int
-    places: tuple[Place, ...]
-    connections: tuple[Connection, ...]
+    places: tuple[Place, ...]  #: The special points, from member to member.
+    connections: tuple[Connection, ...]  #: The connections of neighbouring places.
+    #: before, after: Its fate before its first and after its last special point; None at the first and the last member,
+    #: and where that is not known yet.
     before: Connection | None
     after: Connection | None
 

@@ -50,18 +50,10 @@ from gapwalk.studies.tables import StudyPart, Surroundings
 
 @dataclass(frozen=True, slots=True)
 class Sketch:
-    """Substitute for the system of an invalid file.
+    """Substitute for the system of an invalid file."""
 
-    Parameters
-    ----------
-    system
-        A system with the names of the file.
-    guessed
-        True if its numbers are placeholders, because some in the file are wrong.
-    """
-
-    system: System
-    guessed: bool = False
+    system: System  #: A system with the names of the file.
+    guessed: bool = False  #: True if its numbers are placeholders, because some in the file are wrong.
 
 
 def sketch_of(source: Source) -> Sketch | None:
@@ -163,41 +155,22 @@ def _is_list_of_tables(value: object) -> bool:
 class Study:
     """A system, and the options of a study of it.
 
-    Parameters
-    ----------
-    system
-        The system; a parameter that the study walks has its first value.
-    options
-        Options of the study; their type is the kind of study.
-    title
-        A line for people; may be empty.
-    text
-        The text of the model file.
-    changes
-        Values that were changed after reading it, by name.
-    name
-        Name among the studies of its file; may be empty.
-    reduced
-        Record of the reduction of the system, if the file requests one.
-    unused
-        Names of tables in the file that have no effect, such as ``study.shooting`` where harmonics are balanced.
-    matrices
-        Digest of the matrices and tables in files of their own; empty if there are none.
-
     Examples
     --------
     >>> study.title, study.options.parameter, study.system.coordinates
     ('A sprung mass with a stop', 'frequency', ('x',))
     """
 
-    system: System
-    options: StudyKind
-    title: str = ""
-    text: str = ""
-    changes: tuple[tuple[str, object], ...] = ()
-    name: str = ""
-    reduced: ReducedFrom | None = None
+    system: System  #: The system; a parameter that the study walks has its first value.
+    options: StudyKind  #: Options of the study; their type is the kind of study.
+    title: str = ""  #: A line for people; may be empty.
+    text: str = ""  #: The text of the model file.
+    changes: tuple[tuple[str, object], ...] = ()  #: Values that were changed after reading it, by name.
+    name: str = ""  #: Name among the studies of its file; may be empty.
+    reduced: ReducedFrom | None = None  #: Record of the reduction of the system, if the file requests one.
+    #: Names of tables in the file that have no effect, such as ``study.shooting`` where harmonics are balanced.
     unused: tuple[str, ...] = field(default=(), compare=False, metadata={"stored": False})
+    #: Digest of the matrices and tables in files of their own; empty if there are none.
     matrices: str = field(default="", compare=False)
 
     @property

@@ -151,15 +151,6 @@ class StudyKind:
 class Found(NamedTuple):
     """One result of the work on a study.
 
-    Attributes
-    ----------
-    entries
-        Entries for the file, written all or none. If there is none yet, the next entries contain this too, and only
-        then it is reported; where there is no file, it is reported at once.
-    news
-        Reports after it is stored: the arguments of each call. None: the value of the first entry, and the
-        `gapwalk.parallel.pace.Pace` of the work.
-
     Examples
     --------
     >>> part = gw.studies.Part("name", str)
@@ -167,7 +158,11 @@ class Found(NamedTuple):
     'a text'
     """
 
+    #: Entries for the file, written all or none. If there is none yet, the next entries contain this too, and only then
+    #: it is reported; where there is no file, it is reported at once.
     entries: tuple[Entry, ...]
+    #: Reports after it is stored: the arguments of each call. None: the value of the first entry, and the
+    #: `gapwalk.parallel.pace.Pace` of the work.
     news: tuple[tuple[Any, ...], ...] | None = None
 
     @classmethod
@@ -417,17 +412,10 @@ A = TypeVar("A", bound=Answer)
 
 @dataclass(frozen=True)
 class AnswerFinding(Finding, Generic[A]):
-    """Finding of a study whose record describes itself, complete or not.
+    """Finding of a study whose record describes itself, complete or not."""
 
-    Attributes
-    ----------
-    found
-        The record; None before its first part is done.
-    done, total
-        Number of parts that are done, and of all.
-    """
-
-    found: A | None
+    found: A | None  #: The record; None before its first part is done.
+    #: done, total: Number of parts that are done, and of all.
     done: int
     total: int
 

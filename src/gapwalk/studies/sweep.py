@@ -52,22 +52,16 @@ class Way(StrEnum):
 class Patience:
     """Limits on the length of a transient.
 
-    Parameters
-    ----------
-    shortest, longest
-        Least and largest number of forcing periods.
-    tolerance
-        Distance from the limiting periodic motion below which it has settled; in half-widths of the box of
-        states.
-
     Examples
     --------
     >>> gw.studies.Patience(shortest=20, longest=500).longest
     500
     """
 
+    #: shortest, longest: Least and largest number of forcing periods.
     shortest: int = 48
     longest: int = 2000
+    #: Distance from the limiting periodic motion below which it has settled; in half-widths of the box of states.
     tolerance: float = 1e-6
 
     def __post_init__(self) -> None:
@@ -82,44 +76,28 @@ class Patience:
 class SweepOptions:
     """Options of a sweep.
 
-    Parameters
-    ----------
-    steps
-        Number of values, spread evenly over the range, both ends included.
-    ways
-        ``"up and down"``, ``"up"``, ``"down"``, or ``"again"``: each value begins from the starts. Any of them may
-        be joined by "and".
-    points
-        Section points at each value: states a forcing period apart, once the transient has settled.
-    starts
-        Number of starts: the first one is rest, the others are spread over the box of states. Or the states themselves,
-        one of 2n numbers each, or more with extensions.
-    seed
-        Seed of the starts and of the kicks: the same seed gives the same result.
-    max_period
-        Longest period, in forcing periods, that is distinguished from a motion that is not periodic.
-    patience
-        Limits on the length of the transient at each value.
-    kick
-        Size of a random disturbance at each value, in half-widths of the box of states. Like the noise in a
-        test rig, it prevents motions from staying on an unstable orbit. 0: none.
-    workers
-        Number of processes; by default one for each local core. The result does not depend on it.
-
     Examples
     --------
     >>> gw.SweepOptions(steps=9, ways="up", points=13).each_way()
     (<Way.UP: 'up'>,)
     """
 
-    steps: int = 500
+    steps: int = 500  #: Number of values, spread evenly over the range, both ends included.
+    #: ``"up and down"``, ``"up"``, ``"down"``, or ``"again"``: each value begins from the starts. Any of them may be
+    #: joined by "and".
     ways: str = "up and down"
-    points: int = 100
+    points: int = 100  #: Section points at each value: states a forcing period apart, once the transient has settled.
+    #: Number of starts: the first one is rest, the others are spread over the box of states. Or the states themselves,
+    #: one of 2n numbers each, or more with extensions.
     starts: int | tuple[tuple[float, ...], ...] = 1
-    seed: int = 0
+    seed: int = 0  #: Seed of the starts and of the kicks: the same seed gives the same result.
+    #: Longest period, in forcing periods, that is distinguished from a motion that is not periodic.
     max_period: int = 12
-    patience: Annotated[Patience, INLINE] = Patience()
+    patience: Annotated[Patience, INLINE] = Patience()  #: Limits on the length of the transient at each value.
+    #: Size of a random disturbance at each value, in half-widths of the box of states. Like the noise in a test rig, it
+    #: prevents motions from staying on an unstable orbit. 0: none.
     kick: float = 1e-7
+    #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
@@ -174,15 +152,6 @@ BLOCK = 20
 class Lane:
     """One start of a sweep, with one order of the values.
 
-    Attributes
-    ----------
-    way
-        Order in which the values are visited.
-    start
-        Number of the start, from 1.
-    state : shape (state_size,)
-        The start.
-
     Examples
     --------
     >>> lane = sweep.lanes[0]
@@ -190,9 +159,9 @@ class Lane:
     (<Way.UP: 'up'>, 1, True)
     """
 
-    way: Way
-    start: int
-    state: NDArray[np.float64]
+    way: Way  #: Order in which the values are visited.
+    start: int  #: Number of the start, from 1.
+    state: NDArray[np.float64]  #: shape (state_size,): The start.
 
     @property
     def is_carried(self) -> bool:
@@ -205,31 +174,18 @@ class Lane:
 
 @dataclass(frozen=True, eq=False)
 class SweepSegment:
-    """Motions at the values of a segment, in the order in which they were visited.
+    """Motions at the values of a segment, in the order in which they were visited."""
 
-    Attributes
-    ----------
-    lane, number
-        Index of the lane in the sweep, and of the segment in the lane.
-    sections : shape (count, points, state_size)
-        States a forcing period apart; nan where the motion has diverged, and later if the state is carried over.
-    transients : shape (count,)
-        Forcing periods before the section points.
-    settled : shape (count,), bool
-        True if the transient had settled.
-    regimes
-        Regimes in words; empty where there are no points.
-    note
-        Reason why it ended before its last value; empty if it did not.
-    """
-
+    #: lane, number: Index of the lane in the sweep, and of the segment in the lane.
     lane: int
     number: int
+    #: shape (count, points, state_size): States a forcing period apart; nan where the motion has diverged, and later if
+    #: the state is carried over.
     sections: NDArray[np.float64]
-    transients: NDArray[np.intp]
-    settled: NDArray[np.bool_]
-    regimes: tuple[str, ...]
-    note: str = ""
+    transients: NDArray[np.intp]  #: shape (count,): Forcing periods before the section points.
+    settled: NDArray[np.bool_]  #: shape (count,), bool: True if the transient had settled.
+    regimes: tuple[str, ...]  #: Regimes in words; empty where there are no points.
+    note: str = ""  #: Reason why it ended before its last value; empty if it did not.
 
     @property
     def last(self) -> NDArray[np.float64]:
@@ -241,15 +197,6 @@ class SweepSegment:
 class Band:
     """A range of the parameter in which the regime is the same.
 
-    Attributes
-    ----------
-    regime
-        In words, such as ``period 3``.
-    low, high
-        Its ends, halfway to the next values of another regime.
-    count
-        Number of values in it.
-
     Examples
     --------
     >>> band = sweep.bands()[0]
@@ -257,10 +204,11 @@ class Band:
     ('period 1', 0.6, 0.725)
     """
 
-    regime: str
+    regime: str  #: In words, such as ``period 3``.
+    #: low, high: Its ends, halfway to the next values of another regime.
     low: float
     high: float
-    count: int
+    count: int  #: Number of values in it.
 
 
 def bands_of(values: NDArray[np.float64], regimes: Sequence[str]) -> tuple[Band, ...]:
@@ -279,46 +227,28 @@ def bands_of(values: NDArray[np.float64], regimes: Sequence[str]) -> tuple[Band,
 class Sweep(Shown):
     """The settled motions over a parameter.
 
-    Attributes
-    ----------
-    system
-        The system; its own value of the parameter plays no role.
-    parameter
-        Name of the parameter.
-    values : shape (steps,)
-        Its values, increasing.
-    lanes
-        The starts and orders of values, in the order of the first axis of the arrays below.
-    sections : shape (lanes, steps, points, state_size)
-        The states at the start of forcing periods, one after the other; nan where there is nothing.
-    transients : shape (lanes, steps)
-        Forcing periods before the section points.
-    settled : shape (lanes, steps), bool
-        True if the transient had settled; False if it reached its longest length.
-    regimes : shape (lanes, steps), str
-        Regime of each motion in words: ``period 3``, ``quasi-periodic``, ``chaotic``, ``undecided``, ``diverges``, or
-        ``not periodic`` where no more can be said of a large system; empty where there is nothing.
-    complete
-        False if the work was stopped before its end.
-    notes
-        Failures: what could not be done, in sentences.
-
     Examples
     --------
     >>> sweep.values.shape, [band.regime for band in sweep.bands(lane=0)]
     ((9,), ['period 1', 'period 2', 'period 1'])
     """
 
-    system: System
-    parameter: str
-    values: NDArray[np.float64]
-    lanes: tuple[Lane, ...]
+    system: System  #: The system; its own value of the parameter plays no role.
+    parameter: str  #: Name of the parameter.
+    values: NDArray[np.float64]  #: shape (steps,): Its values, increasing.
+    lanes: tuple[Lane, ...]  #: The starts and orders of values, in the order of the first axis of the arrays below.
+    #: shape (lanes, steps, points, state_size): The states at the start of forcing periods, one after the other; nan
+    #: where there is nothing.
     sections: NDArray[np.float64]
-    transients: NDArray[np.intp]
+    transients: NDArray[np.intp]  #: shape (lanes, steps): Forcing periods before the section points.
+    #: shape (lanes, steps), bool: True if the transient had settled; False if it reached its longest length.
     settled: NDArray[np.bool_]
+    #: shape (lanes, steps), str: Regime of each motion in words: ``period 3``, ``quasi-periodic``, ``chaotic``,
+    #: ``undecided``, ``diverges``, or ``not periodic`` where no more can be said of a large system; empty where there
+    #: is nothing.
     regimes: NDArray[np.str_]
-    complete: bool = False
-    notes: tuple[str, ...] = ()
+    complete: bool = False  #: False if the work was stopped before its end.
+    notes: tuple[str, ...] = ()  #: Failures: what could not be done, in sentences.
 
     def bands(self, lane: int = 0) -> tuple[Band, ...]:
         """Return the bands of equal regimes along a lane, in the order of the parameter.

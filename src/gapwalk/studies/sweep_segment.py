@@ -30,21 +30,11 @@ _GROWTH = 1.25  # of the length of a transient from one look at it to the next
 
 
 class Settled(NamedTuple):
-    """End of a transient.
+    """End of a transient."""
 
-    Attributes
-    ----------
-    state : shape (state_size,)
-        Its last state.
-    periods
-        Forcing periods that it took.
-    is_settled
-        False if it was still changing at the limit of its length.
-    """
-
-    state: NDArray[np.float64]
-    periods: int
-    is_settled: bool
+    state: NDArray[np.float64]  #: shape (state_size,): Its last state.
+    periods: int  #: Forcing periods that it took.
+    is_settled: bool  #: False if it was still changing at the limit of its length.
 
 
 def let_settle(
@@ -152,32 +142,22 @@ def wandering_words(
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """One segment of a sweep, as a piece of work.
+    """One segment of a sweep, as a piece of work."""
 
-    Attributes
-    ----------
-    system, parameter, options
-        As in `gapwalk.sweep`.
-    box : shape (state_size,)
-        Half-widths of the box of states.
-    lane, index, number
-        The lane, its index in the sweep, and the index of the segment in the lane.
-    places, values : shape (count,)
-        The values in the order in which they are visited, and their places among those of the sweep.
-    state : shape (state_size,)
-        State at which the first transient begins.
-    """
-
+    #: system, parameter, options: As in `gapwalk.sweep`.
     system: System
     parameter: str
     options: SweepOptions
-    box: NDArray[np.float64]
+    box: NDArray[np.float64]  #: shape (state_size,): Half-widths of the box of states.
+    #: lane, index, number: The lane, its index in the sweep, and the index of the segment in the lane.
     lane: Lane
     index: int
     number: int
+    #: places, values: shape (count,): The values in the order in which they are visited, and their places among those
+    #: of the sweep.
     places: NDArray[np.intp]
     values: NDArray[np.float64]
-    state: NDArray[np.float64]
+    state: NDArray[np.float64]  #: shape (state_size,): State at which the first transient begins.
 
 
 def sweep_stretch(task: Task) -> SweepSegment:

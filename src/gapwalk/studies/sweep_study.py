@@ -138,10 +138,6 @@ class SweepStudy(SweepOptions, RangeStudy):
         The parameter, and its range.
     steps, ways, points, starts, seed, max_period, patience, kick, workers
         Options of the sweep, as in `gapwalk.SweepOptions`.
-    signal
-        Signal in the picture: a coordinate, or its velocity (``q1'``). By default the first coordinate.
-    block
-        Values in a segment; not a key of a table. A file with other segments cannot be continued.
 
     Examples
     --------
@@ -152,8 +148,9 @@ class SweepStudy(SweepOptions, RangeStudy):
     kind: ClassVar[str] = "sweep"
     table_types: ClassVar[Mapping[str, Any]] = {"starts": key_type(CountOrStates), "block": None}
 
+    #: Signal in the picture: a coordinate, or its velocity (``q1'``). By default the first coordinate.
     signal: Annotated[str, OPEN, AfterValidator(_is_a_signal)] = ""
-    block: int = BLOCK
+    block: int = BLOCK  #: Values in a segment; not a key of a table. A file with other segments cannot be continued.
 
     @property
     def plan(self) -> str:

@@ -86,23 +86,6 @@ def check_range(system: System, name: str, given: Sequence[float]) -> tuple[floa
 class Surroundings:
     """Context of the validators of a study.
 
-    Parameters
-    ----------
-    system
-        The system; if the file is wrong elsewhere, one with the same parameters; None if even those are unknown.
-    frequency_given
-        True if the file gives the frequency.
-    alone
-        True if there is no other study in the file.
-    taken
-        Names of the studies before it.
-    all_keys
-        Returns the keys of all kinds of study, which are not allowed as names of studies.
-    guessed
-        True if the numbers of the system are placeholders: then values of parameters are not checked.
-    read
-        Reads a file that the model file names; see `gapwalk.model.named_file.read_named`.
-
     Examples
     --------
     >>> import dataclasses
@@ -110,12 +93,16 @@ class Surroundings:
     ['system', 'frequency_given']
     """
 
+    #: The system; if the file is wrong elsewhere, one with the same parameters; None if even those are unknown.
     system: System | None
-    frequency_given: bool
-    alone: bool = True
-    taken: tuple[str, ...] = ()
+    frequency_given: bool  #: True if the file gives the frequency.
+    alone: bool = True  #: True if there is no other study in the file.
+    taken: tuple[str, ...] = ()  #: Names of the studies before it.
+    #: Returns the keys of all kinds of study, which are not allowed as names of studies.
     all_keys: Callable[[], frozenset[str]] = frozenset
+    #: True if the numbers of the system are placeholders: then values of parameters are not checked.
     guessed: bool = False
+    #: Reads a file that the model file names; see `gapwalk.model.named_file.read_named`.
     read: Callable[[str], NamedFile] | None = None
 
 

@@ -39,20 +39,16 @@ class ThresholdStudy(RangeStudy):
     ----------
     parameter, begin, end
         The parameter, and its range: from the side that rattles to the side that is quiet.
-    over
-        The other parameter, and the range in which nothing may rattle.
-    gaps
-        Names of contacts with a gap; one may be written without a list. By default all gaps, or, in a drive train,
-        those of links that can part.
-    options
-        Number of motions that are tried; as `gapwalk.ask.ThresholdOptions`. In a table, its keys are among the others.
     """
 
     kind: ClassVar[str] = "threshold"
     table_types: ClassVar[Mapping[str, Any]] = {"gaps": GAPS}
 
-    over: Over = field(kw_only=True)
+    over: Over = field(kw_only=True)  #: The other parameter, and the range in which nothing may rattle.
+    #: Names of contacts with a gap; one may be written without a list. By default all gaps, or, in a drive train, those
+    #: of links that can part.
     gaps: Annotated[tuple[str, ...], OPEN] = ()
+    #: Number of motions that are tried; as `gapwalk.ask.ThresholdOptions`. In a table, its keys are among the others.
     options: Annotated[ThresholdOptions, INLINE] = field(default_factory=ThresholdOptions)
 
     @classmethod

@@ -42,36 +42,20 @@ LEAST_ACCURACY, MOST_ACCURACY = 1e-8, 1e-2
 class ToleranceOptions:
     """Options of a study of tolerances.
 
-    Parameters
-    ----------
-    samples
-        Number of samples.
-    seed
-        Seed of their random numbers.
-    check
-        Tracked samples whose branches are walked for comparison.
-    period
-        Number m of forcing periods after which the orbits of the branch repeat.
-    walk
-        Options of the walks.
-    workers
-        Number of processes; by default one for each local core. The result does not depend on it.
-    accuracy
-        Largest error of the value of a tracked point, as a share of it.
-
     Examples
     --------
     >>> gw.ask.ToleranceOptions(samples=200, seed=1).samples
     200
     """
 
-    samples: int = 1000
-    seed: int = 0
-    check: int = 16
-    period: int = 1
-    walk: WalkOptions = field(default_factory=WalkOptions)
+    samples: int = 1000  #: Number of samples.
+    seed: int = 0  #: Seed of their random numbers.
+    check: int = 16  #: Tracked samples whose branches are walked for comparison.
+    period: int = 1  #: Number m of forcing periods after which the orbits of the branch repeat.
+    walk: WalkOptions = field(default_factory=WalkOptions)  #: Options of the walks.
+    #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)
-    accuracy: float = 1e-5
+    accuracy: float = 1e-5  #: Largest error of the value of a tracked point, as a share of it.
 
     def __post_init__(self) -> None:
         check_integers(self, samples=2, seed=0, check=0, period=1)
@@ -176,13 +160,6 @@ class ToleranceStudy(ToleranceOptions, RangeStudy):
         The parameter of the response, and its range.
     samples, seed, check, period, walk, workers, accuracy
         Options; as `gapwalk.ask.ToleranceOptions`.
-    spreads
-        Distribution of the parameters. In a table they are tables ``[[study.spread]]``, with ``correlation`` between
-        them; or ``parts`` names a CSV file of measured parts.
-    band
-        A band of the parameter in which no jump should lie.
-    start
-        Start of the search for the first orbit of the nominal branch.
 
     Examples
     --------
@@ -204,9 +181,11 @@ class ToleranceStudy(ToleranceOptions, RangeStudy):
         "parts": (Annotated[Any, BeforeValidator(_parts)], None),
     }
 
+    #: Distribution of the parameters. In a table they are tables ``[[study.spread]]``, with ``correlation`` between
+    #: them; or ``parts`` names a CSV file of measured parts.
     spreads: Spreads = field(kw_only=True)
-    band: tuple[float, float] | None = None
-    start: StartOrState = Start.SETTLE
+    band: tuple[float, float] | None = None  #: A band of the parameter in which no jump should lie.
+    start: StartOrState = Start.SETTLE  #: Start of the search for the first orbit of the nominal branch.
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -51,28 +51,19 @@ class ToriStudy(BranchOptions):
     ----------
     parameter, begin, end, measure, period, start, walk, method, verify
         As `BranchOptions`, for the first branch; the range is that of all. With a `tone`, `walk` is for the tori.
-    max_period
-        Longest period, in forcing periods, of branches to switch to.
-    max_branches
-        Number of branches after which it stops.
-    tori
-        Accuracy of the tori. In a table, its keys are among the others.
-    tone
-        A second excitation, whose frequency is no multiple of the first one.
-    tongues
-        A second parameter and its range, in which both ends of each window in which motions lock are followed.
-    workers
-        Number of processes; by default one for each local core.
     """
 
     kind: ClassVar[str] = "tori"
     reports: ClassVar[str] = "branches and families"
 
-    max_period: Annotated[int, Counted] = 2
-    max_branches: Annotated[int, Counted] = 200
+    max_period: Annotated[int, Counted] = 2  #: Longest period, in forcing periods, of branches to switch to.
+    max_branches: Annotated[int, Counted] = 200  #: Number of branches after which it stops.
+    #: Accuracy of the tori. In a table, its keys are among the others.
     tori: Annotated[TorusOptions, INLINE] = field(default_factory=TorusOptions)
-    tone: Tone | None = None
+    tone: Tone | None = None  #: A second excitation, whose frequency is no multiple of the first one.
+    #: A second parameter and its range, in which both ends of each window in which motions lock are followed.
     tongues: Tongues | None = None
+    #: Number of processes; by default one for each local core.
     workers: Counted | None = field(default=None, compare=False)
 
     @property

@@ -39,19 +39,6 @@ _PERIODS = 120  # the longest orbits that are looked for, in forcing periods
 class LockedWindow:
     """Range of the parameter in which motions lock to a fraction.
 
-    Attributes
-    ----------
-    ratio
-        The fraction p/q.
-    low, high
-        Ends of the range: folds of the locked orbits. An end that was not reached is the last value that was.
-    is_whole
-        True if both ends are folds.
-    orbit
-        A locked orbit, stable if there is a stable one.
-    folds
-        The folds at both ends, the lower one first; empty if they were not found.
-
     Examples
     --------
     >>> windows = [event.window for event in tori.events if event.window is not None]
@@ -59,12 +46,13 @@ class LockedWindow:
     True
     """
 
-    ratio: Fraction
+    ratio: Fraction  #: The fraction p/q.
+    #: low, high: Ends of the range: folds of the locked orbits. An end that was not reached is the last value that was.
     low: float
     high: float
-    is_whole: bool
-    orbit: Orbit
-    folds: tuple[SpecialPoint, ...] = ()
+    is_whole: bool  #: True if both ends are folds.
+    orbit: Orbit  #: A locked orbit, stable if there is a stable one.
+    folds: tuple[SpecialPoint, ...] = ()  #: The folds at both ends, the lower one first; empty if they were not found.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its folds are not its ends."""

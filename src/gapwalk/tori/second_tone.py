@@ -44,27 +44,17 @@ _ALIKE = 2.0  # distance of strobes from their curves, over the least for any nu
 class Tone:
     """A second excitation, ``amplitude * s * cos(frequency * t)``, with a frequency of its own.
 
-    Parameters
-    ----------
-    amplitude
-        In units of a force (of a torque).
-    acts_on
-        The vector ``s`` by coordinate name.
-    frequency
-        Its angular frequency, > 0; no multiple or simple fraction of that of the excitation.
-    name
-        Name of the coordinate that carries it. Its numbers are the parameters ``tone.frequency`` and
-        ``tone_load.amplitude`` of the system.
-
     Examples
     --------
     >>> gw.tori.Tone(0.2, {"x": 1.0}, frequency=1.37).name
     'tone'
     """
 
-    amplitude: float
-    acts_on: Mapping[str, float] = field(hash=False)
-    frequency: float
+    amplitude: float  #: In units of a force (of a torque).
+    acts_on: Mapping[str, float] = field(hash=False)  #: The vector ``s`` by coordinate name.
+    frequency: float  #: Its angular frequency, > 0; no multiple or simple fraction of that of the excitation.
+    #: Name of the coordinate that carries it. Its numbers are the parameters ``tone.frequency`` and
+    #: ``tone_load.amplitude`` of the system.
     name: str = "tone"
 
     def __post_init__(self) -> None:

@@ -68,15 +68,6 @@ class TongueTipKind(StrEnum):
 class TongueTip:
     """Tip of a tongue.
 
-    Attributes
-    ----------
-    kind
-        What happens there.
-    values
-        Values of both parameters.
-    uncertainty
-        Estimated error of each value.
-
     Examples
     --------
     >>> tip = tongue.tip
@@ -86,9 +77,9 @@ class TongueTip:
 
     _row: ClassVar = {"kind": "kind", "values": "values", "uncertainty": "uncertainty"}
 
-    kind: TongueTipKind
-    values: tuple[float, float]
-    uncertainty: tuple[float, float]
+    kind: TongueTipKind  #: What happens there.
+    values: tuple[float, float]  #: Values of both parameters.
+    uncertainty: tuple[float, float]  #: Estimated error of each value.
 
     def __str__(self) -> str:
         return f"{self.kind.value}, at ({self.values[0]:.9g}, {self.values[1]:.9g})"
@@ -98,32 +89,19 @@ class TongueTip:
 class Tongue(Shown):
     """Region of two parameters in which motions lock to a fraction.
 
-    Attributes
-    ----------
-    ratio
-        The fraction p/q.
-    curves
-        m, the number of curves of the tori; locked orbits repeat after m q forcing periods.
-    sides
-        Loci of the folds at the lower and at the upper end of the window from which the tongue was followed.
-    tip
-        The place at which both sides meet; None if they do not within the ranges.
-    ends
-        The other ends of both sides, in sentences.
-    failures
-        Those of them at which the numerics gave up although the tongue is wide enough to be resolved.
-
     Examples
     --------
     >>> tongue.period, str(tongue.ratio), tongue.complete
     (3, '1/3', True)
     """
 
-    ratio: Fraction
-    curves: int
+    ratio: Fraction  #: The fraction p/q.
+    curves: int  #: m, the number of curves of the tori; locked orbits repeat after m q forcing periods.
+    #: Loci of the folds at the lower and at the upper end of the window from which the tongue was followed.
     sides: tuple[Locus, Locus]
-    tip: TongueTip | None = None
-    ends: tuple[str, ...] = ()
+    tip: TongueTip | None = None  #: The place at which both sides meet; None if they do not within the ranges.
+    ends: tuple[str, ...] = ()  #: The other ends of both sides, in sentences.
+    #: Those of them at which the numerics gave up although the tongue is wide enough to be resolved.
     failures: tuple[str, ...] = ()
 
     def _check_read(self) -> None:

@@ -27,29 +27,6 @@ _ANGLES = 64  # angles of a forcing period at which measures are taken
 class Torus(Shown):
     """Quasi-periodic motion: one of the m closed curves that its strobes visit in turn, and how they rotate on it.
 
-    Attributes
-    ----------
-    system
-        The system that moves.
-    curves
-        m, the number of curves: the period of the orbit that the torus surrounds.
-    rotation
-        Rotation number: the share of a turn by which a strobe has advanced on its curve after m forcing periods,
-        between 0 and 1. With the phase reversed it would be ``1 - rotation``.
-    states : shape (N, state_size)
-        The states of the curve at the phases ``2 pi j / N``.
-    error
-        Largest distance between the curve and its image, between the samples, relative to the size of the motion. The
-        motion from each phase is integrated for it; it is no estimate.
-    exponents : shape (state_size - 1,)
-        Growth of small deviations from the torus in m forcing periods, as natural logarithms, largest first. The torus
-        is stable if all are negative.
-    exponent_error
-        Estimated error of the largest of them.
-    touches
-        The least and the largest number of contact events in m forcing periods along the curve. If they differ, a
-        contact grazes somewhere on the torus, and the curve is smooth only piecewise.
-
     Notes
     -----
     See docs/numerics/tori.md.
@@ -62,13 +39,21 @@ class Torus(Shown):
     0.447213595
     """
 
-    system: System
-    curves: int
+    system: System  #: The system that moves.
+    curves: int  #: m, the number of curves: the period of the orbit that the torus surrounds.
+    #: Rotation number: the share of a turn by which a strobe has advanced on its curve after m forcing periods, between
+    #: 0 and 1. With the phase reversed it would be ``1 - rotation``.
     rotation: float
-    states: NDArray[np.float64]
+    states: NDArray[np.float64]  #: shape (N, state_size): The states of the curve at the phases ``2 pi j / N``.
+    #: Largest distance between the curve and its image, between the samples, relative to the size of the motion. The
+    #: motion from each phase is integrated for it; it is no estimate.
     error: float
+    #: shape (state_size - 1,): Growth of small deviations from the torus in m forcing periods, as natural logarithms,
+    #: largest first. The torus is stable if all are negative.
     exponents: NDArray[np.float64]
-    exponent_error: float
+    exponent_error: float  #: Estimated error of the largest of them.
+    #: The least and the largest number of contact events in m forcing periods along the curve. If they differ, a
+    #: contact grazes somewhere on the torus, and the curve is smooth only piecewise.
     touches: tuple[int, int]
 
     def _check_read(self) -> None:

@@ -23,21 +23,6 @@ _SAME = 1e-6  # distance of two Neimark-Sacker points, relative to the parameter
 class TorusDiagram(Shown):
     """Families of tori over a range of one parameter, with the branches at whose Neimark-Sacker points they begin.
 
-    Attributes
-    ----------
-    diagram
-        The branches of periodic motions.
-    families
-        The families of tori.
-    failures
-        Neimark-Sacker points from which no family could be followed, with the reasons, in sentences.
-    tried
-        Number of Neimark-Sacker points, in the order of the branches, that are done.
-    tongues
-        Windows in which motions lock, followed in a second parameter, if that was asked.
-    unfollowed
-        Number of windows that are left to be followed so.
-
     Examples
     --------
     >>> found = gw.tori.TorusDiagram(diagram)
@@ -45,12 +30,14 @@ class TorusDiagram(Shown):
     (0, ())
     """
 
-    diagram: Diagram
-    families: tuple[TorusFamily, ...] = ()
+    diagram: Diagram  #: The branches of periodic motions.
+    families: tuple[TorusFamily, ...] = ()  #: The families of tori.
+    #: Neimark-Sacker points from which no family could be followed, with the reasons, in sentences.
     failures: tuple[str, ...] = ()
-    tried: int = 0
+    tried: int = 0  #: Number of Neimark-Sacker points, in the order of the branches, that are done.
+    #: Windows in which motions lock, followed in a second parameter, if that was asked.
     tongues: tuple[Tongue, ...] = ()
-    unfollowed: int = 0
+    unfollowed: int = 0  #: Number of windows that are left to be followed so.
 
     @property
     def starts(self) -> tuple[SpecialPoint, ...]:

@@ -33,30 +33,15 @@ from gapwalk.tori.tone_clock import has_tone
 
 @dataclass(frozen=True, eq=False)
 class TorusLinearisation:
-    """Residual and derivatives of a `TorusEquation` at some unknowns, without the zeros of its Jacobian.
+    """Residual and derivatives of a `TorusEquation` at some unknowns, without the zeros of its Jacobian."""
 
-    Attributes
-    ----------
-    arcs
-        The arcs over m forcing periods from each state.
-    residual : shape (N * size + 1,)
-        The residual, and that of the phase condition.
-    transitions : shape (N, size, size)
-        The transition matrices of the arcs.
-    rotation : shape (N, N)
-        The matrix that rotates the samples.
-    columns : shape (N * size + 1, 2)
-        Derivatives of the residual by the last unknown and by the parameter.
-    phase_row : shape (N * size,)
-        Derivatives of the phase condition.
-    """
-
-    arcs: list[Arc]
-    residual: NDArray[np.float64]
-    transitions: NDArray[np.float64]
-    rotation: NDArray[np.float64]
+    arcs: list[Arc]  #: The arcs over m forcing periods from each state.
+    residual: NDArray[np.float64]  #: shape (N * size + 1,): The residual, and that of the phase condition.
+    transitions: NDArray[np.float64]  #: shape (N, size, size): The transition matrices of the arcs.
+    rotation: NDArray[np.float64]  #: shape (N, N): The matrix that rotates the samples.
+    #: shape (N * size + 1, 2): Derivatives of the residual by the last unknown and by the parameter.
     columns: NDArray[np.float64]
-    phase_row: NDArray[np.float64]
+    phase_row: NDArray[np.float64]  #: shape (N * size,): Derivatives of the phase condition.
 
     def dense(self) -> NDArray[np.float64]:
         """Return the Jacobian by the unknowns, without the parameter."""
@@ -92,35 +77,17 @@ class TorusEquation:
         [            DP_N             |                ]
         [ ------------------------------------------- ]
         [ u_ref'_1   ...    u_ref'_N  |  0             ]
-
-    Parameters
-    ----------
-    system
-        The system.
-    parameter
-        The parameter to follow.
-    curves
-        m, the number of curves that the strobes visit in turn, or of forcing periods after which they return to one.
-    reference : shape (N, state_size)
-        The curve whose phase a solution has.
-    kept
-        Rotation number to keep; None if it is the last unknown.
-    second
-        The parameter that is the last unknown if the rotation number is kept.
-    last_scale
-        Scale of the last unknown: half a turn, or the range of the second parameter.
-    tolerance
-        Largest residual of a torus, relative to the size of its states.
     """
 
-    system: System
-    parameter: str
+    system: System  #: The system.
+    parameter: str  #: The parameter to follow.
+    #: m, the number of curves that the strobes visit in turn, or of forcing periods after which they return to one.
     curves: int
-    reference: NDArray[np.float64]
-    kept: float | None = None
-    second: str = ""
-    tolerance: float = 1e-10
-    last_scale: float = 0.5
+    reference: NDArray[np.float64]  #: shape (N, state_size): The curve whose phase a solution has.
+    kept: float | None = None  #: Rotation number to keep; None if it is the last unknown.
+    second: str = ""  #: The parameter that is the last unknown if the rotation number is kept.
+    tolerance: float = 1e-10  #: Largest residual of a torus, relative to the size of its states.
+    last_scale: float = 0.5  #: Scale of the last unknown: half a turn, or the range of the second parameter.
 
     def __post_init__(self) -> None:
         refuse_without_tori(self.system)

@@ -48,19 +48,6 @@ class TorusEndReason(Enum):
 class TorusEnd:
     """Place and reason of the end of a family of tori.
 
-    Attributes
-    ----------
-    reason
-        The reason.
-    value
-        Value of the parameter there.
-    rotation
-        Rotation number there.
-    detail
-        The evidence, in words; may be empty.
-    window
-        The motions to which the motion locks there; None if there are none.
-
     Examples
     --------
     >>> print(tori.ends[1].reason.value)
@@ -69,11 +56,11 @@ class TorusEnd:
 
     _row: ClassVar = {"reason": "reason", "value": "value", "rotation": "rotation", "detail": "detail"}
 
-    reason: TorusEndReason
-    value: float
-    rotation: float
-    detail: str = ""
-    window: LockedWindow | None = None
+    reason: TorusEndReason  #: The reason.
+    value: float  #: Value of the parameter there.
+    rotation: float  #: Rotation number there.
+    detail: str = ""  #: The evidence, in words; may be empty.
+    window: LockedWindow | None = None  #: The motions to which the motion locks there; None if there are none.
 
     @property
     def reason_words(self) -> str:
@@ -106,30 +93,6 @@ class TorusEventKind(StrEnum):
 class TorusEvent:
     """Torus of a family at which its stability or its rotation is special.
 
-    Attributes
-    ----------
-    kind
-        What happens: the family turns back (fold), tori of twice as many curves begin (doubling), one normal exponent
-        passes zero otherwise, two pass zero (as where a torus of three frequencies begins), the rotation number is a
-        fraction, or a contact begins or ceases to graze somewhere along the torus, beyond which tori are smooth only
-        piecewise.
-    value
-        Value of the parameter.
-    uncertainty
-        Estimated error of the value.
-    rotation
-        Rotation number.
-    before, after
-        Number of directions in which deviations grow, on either side, in the direction of the walk.
-    ratio
-        The fraction, for a resonance.
-    window
-        The locked motions of a resonance; None if none were looked for or found.
-    detail
-        The evidence, in words; may be empty.
-    torus
-        The torus of a doubling, at which `follow_tori` may start; otherwise None.
-
     Examples
     --------
     >>> [event.ratio_words for event in tori.events]
@@ -149,16 +112,21 @@ class TorusEvent:
         "detail": "detail",
     }
 
+    #: What happens: the family turns back (fold), tori of twice as many curves begin (doubling), one normal exponent
+    #: passes zero otherwise, two pass zero (as where a torus of three frequencies begins), the rotation number is a
+    #: fraction, or a contact begins or ceases to graze somewhere along the torus, beyond which tori are smooth only
+    #: piecewise.
     kind: TorusEventKind
-    value: float
-    uncertainty: float
-    rotation: float
+    value: float  #: Value of the parameter.
+    uncertainty: float  #: Estimated error of the value.
+    rotation: float  #: Rotation number.
+    #: before, after: Number of directions in which deviations grow, on either side, in the direction of the walk.
     before: int
     after: int
-    ratio: Fraction | None = None
-    window: LockedWindow | None = None
-    detail: str = ""
-    torus: Torus | None = None
+    ratio: Fraction | None = None  #: The fraction, for a resonance.
+    window: LockedWindow | None = None  #: The locked motions of a resonance; None if none were looked for or found.
+    detail: str = ""  #: The evidence, in words; may be empty.
+    torus: Torus | None = None  #: The torus of a doubling, at which `follow_tori` may start; otherwise None.
 
     @property
     def ratio_words(self) -> str:
@@ -185,15 +153,6 @@ class TorusEvent:
 class TorusPoint:
     """One torus of a family.
 
-    Attributes
-    ----------
-    value
-        Value of the parameter.
-    torus
-        The torus.
-    arclength
-        Scaled arclength from the first point.
-
     Examples
     --------
     >>> tori.points[0].value, tori.points[0].torus.curves
@@ -212,9 +171,9 @@ class TorusPoint:
         "grazes": "torus.grazes",
     }
 
-    value: float
-    torus: Torus
-    arclength: float
+    value: float  #: Value of the parameter.
+    torus: Torus  #: The torus.
+    arclength: float  #: Scaled arclength from the first point.
 
     def __repr__(self) -> str:
         return f"TorusPoint({self.value:.10g}, {self.torus!r})"
@@ -224,19 +183,6 @@ class TorusPoint:
 class TorusFamily(Shown):
     """Tori along a parameter.
 
-    Attributes
-    ----------
-    parameter
-        Name of the parameter.
-    points
-        The tori, in order along the family.
-    events
-        Folds, changes of stability and resonances, in order along the family.
-    ends
-        The two ends.
-    second
-        Name of the second parameter, with which the rotation number was kept; empty if it varied.
-
     Examples
     --------
     >>> tori.parameter, tori.complete
@@ -245,11 +191,11 @@ class TorusFamily(Shown):
     True
     """
 
-    parameter: str
-    points: tuple[TorusPoint, ...]
-    events: tuple[TorusEvent, ...]
-    ends: tuple[TorusEnd, TorusEnd]
-    second: str = ""
+    parameter: str  #: Name of the parameter.
+    points: tuple[TorusPoint, ...]  #: The tori, in order along the family.
+    events: tuple[TorusEvent, ...]  #: Folds, changes of stability and resonances, in order along the family.
+    ends: tuple[TorusEnd, TorusEnd]  #: The two ends.
+    second: str = ""  #: Name of the second parameter, with which the rotation number was kept; empty if it varied.
 
     @property
     def curves(self) -> int:

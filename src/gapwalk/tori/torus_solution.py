@@ -36,29 +36,21 @@ _LOST = 100.0  # growth of the residual at which Newton's method gives up
 class TorusOptions:
     """Accuracy of tori.
 
-    Parameters
-    ----------
-    accuracy
-        Largest distance between a curve and its image, relative to the size of the motion, between the samples too,
-        which decides on the number of samples.
-    samples
-        Number of samples of a curve at the start; even numbers count as the next odd one.
-    max_samples
-        The most samples.
-    tolerated
-        Largest such distance of a torus with the most samples, which states its error; it must be small beside the
-        size of the curve too. Where a contact grazes along a torus, the second derivative of its curve is not bounded,
-        and the accuracy may be out of reach.
-
     Examples
     --------
     >>> gw.tori.TorusOptions(accuracy=1e-6, max_samples=129).samples
     33
     """
 
+    #: Largest distance between a curve and its image, relative to the size of the motion, between the samples too,
+    #: which decides on the number of samples.
     accuracy: Annotated[float, Gt(0)] = 1e-9
+    #: Number of samples of a curve at the start; even numbers count as the next odd one.
     samples: Annotated[int, Ge(9)] = 33
-    max_samples: Annotated[int, Ge(9)] = 513
+    max_samples: Annotated[int, Ge(9)] = 513  #: The most samples.
+    #: Largest such distance of a torus with the most samples, which states its error; it must be small beside the size
+    #: of the curve too. Where a contact grazes along a torus, the second derivative of its curve is not bounded, and
+    #: the accuracy may be out of reach.
     tolerated: Annotated[float, Gt(0)] = 1e-5
 
     def __post_init__(self) -> None:

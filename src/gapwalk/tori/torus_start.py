@@ -68,30 +68,15 @@ class Second:
 
 @dataclass(frozen=True, eq=False)
 class TorusStart:
-    """Beginning of a family in one direction.
+    """Beginning of a family in one direction."""
 
-    Attributes
-    ----------
-    corrector
-        Corrector of the equation.
-    first
-        The first point.
-    within
-        The range.
-    end
-        What is at the beginning: the Neimark-Sacker point, or the start of the walk.
-    fineness
-        Factor on the first and the smallest step of the walk: below 1 where the first torus had to be small.
-    second
-        The second parameter, if the rotation number is kept.
-    """
-
-    corrector: Corrector
-    first: BranchPoint
-    within: Range
-    end: TorusEnd
+    corrector: Corrector  #: Corrector of the equation.
+    first: BranchPoint  #: The first point.
+    within: Range  #: The range.
+    end: TorusEnd  #: What is at the beginning: the Neimark-Sacker point, or the start of the walk.
+    #: Factor on the first and the smallest step of the walk: below 1 where the first torus had to be small.
     fineness: float = 1.0
-    second: Second | None = None
+    second: Second | None = None  #: The second parameter, if the rotation number is kept.
 
     @property
     def record(self) -> TorusPoint:

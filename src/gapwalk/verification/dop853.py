@@ -49,41 +49,22 @@ _NUMBERS = 4_000_000  # of the matrices of so many orbits
 
 @dataclass(frozen=True)
 class Round:
-    """Result of integrating an orbit over one period.
+    """Result of integrating an orbit over one period."""
 
-    Attributes
-    ----------
-    closure
-        Largest component of the difference between end and start, or between a known state and the motion from the one
-        before, relative to the largest position or velocity.
-    astray
-        Largest depth of a deflection on one side of a breakpoint while the stored orbit is on its other side, relative
-        to the largest position.
-    contraction
-        Logarithm of the factor by which volumes of the state space change.
-    extremes : shape (n, 2)
-        Maximum and minimum of each coordinate.
-    error
-        Estimated error of this integration, relative to the motion.
-    shifts
-        For each contact event, the delay with which the motion passes its breakpoint; 0 if it is large or unknown.
-    kinks
-        Angles at which a law has a kink, in their order, each with the number of its guard.
-    least
-        Size below which a motion counts as rest.
-    end : shape (2n,)
-        The state at the end.
-    """
-
+    #: Largest component of the difference between end and start, or between a known state and the motion from the one
+    #: before, relative to the largest position or velocity.
     closure: float
+    #: Largest depth of a deflection on one side of a breakpoint while the stored orbit is on its other side, relative
+    #: to the largest position.
     astray: float
-    contraction: float
-    extremes: Array
-    error: float
+    contraction: float  #: Logarithm of the factor by which volumes of the state space change.
+    extremes: Array  #: shape (n, 2): Maximum and minimum of each coordinate.
+    error: float  #: Estimated error of this integration, relative to the motion.
+    #: For each contact event, the delay with which the motion passes its breakpoint; 0 if it is large or unknown.
     shifts: tuple[float, ...] = ()
-    kinks: Kinks = ()
-    least: float = float(np.finfo(float).tiny)
-    end: Array = field(default_factory=lambda: np.zeros(0))
+    kinks: Kinks = ()  #: Angles at which a law has a kink, in their order, each with the number of its guard.
+    least: float = float(np.finfo(float).tiny)  #: Size below which a motion counts as rest.
+    end: Array = field(default_factory=lambda: np.zeros(0))  #: shape (2n,): The state at the end.
 
     @property
     def size(self) -> float:

@@ -55,20 +55,12 @@ _AT_ONCE = 40  # events at one angle
 
 @dataclass(frozen=True)
 class DryRound(Round):
-    """Result of integrating an orbit with friction or rigid stops over one period.
+    """Result of integrating an orbit with friction or rigid stops over one period."""
 
-    Attributes
-    ----------
-    transition : shape (state size, state size)
-        Derivative of the final state by the initial one.
-    changes
-        The modes at the start, then the events that were found.
-    growth
-        Largest factor by which a small change of the initial state has grown at an event; at least 1.
-    """
-
+    #: shape (state size, state size): Derivative of the final state by the initial one.
     transition: Array | None = None
-    changes: tuple[Change, ...] = ()
+    changes: tuple[Change, ...] = ()  #: The modes at the start, then the events that were found.
+    #: Largest factor by which a small change of the initial state has grown at an event; at least 1.
     growth: float = 1.0
 
 

@@ -33,24 +33,13 @@ _STEP = 1e-150  # of the complex step
 
 @dataclass(eq=False)
 class Modes:
-    """The modes of a motion.
+    """The modes of a motion."""
 
-    Attributes
-    ----------
-    closed : shape (switches,)
-        1 for each stage that acts, otherwise 0.
-    slip
-        1, -1 or 0, in stick, by the number of each contact with dry friction.
-    held
-        Switches of rigid stops that are held.
-    pausing
-        Jenkins elements that slip on, though their slip rate reverses for a moment: they would be back at their limit
-        before rounding shows.
-    """
-
-    closed: NDArray[np.float64]
-    slip: dict[int, int]
-    held: set[int]
+    closed: NDArray[np.float64]  #: shape (switches,): 1 for each stage that acts, otherwise 0.
+    slip: dict[int, int]  #: 1, -1 or 0, in stick, by the number of each contact with dry friction.
+    held: set[int]  #: Switches of rigid stops that are held.
+    #: Jenkins elements that slip on, though their slip rate reverses for a moment: they would be back at their limit
+    #: before rounding shows.
     pausing: set[int] = field(default_factory=set)
 
     @property
@@ -60,25 +49,15 @@ class Modes:
 
 
 class Loading(NamedTuple):
-    """Forces in given modes, of some states.
+    """Forces in given modes, of some states."""
 
-    Attributes
-    ----------
-    accelerations : shape (L, n)
-        Over time.
-    forces : shape (L, contacts)
-        The force of each contact; of those that stick or are held, the reaction.
-    limits, breakaways
-        The limit of each dry contact, and the force at which it begins to slip, shape (L,), by its number.
-    sliding : shape (L, contacts)
-        Rates of the deflections, less the speed of the base.
-    """
-
-    accelerations: Values
-    forces: Values
+    accelerations: Values  #: shape (L, n): Over time.
+    forces: Values  #: shape (L, contacts): The force of each contact; of those that stick or are held, the reaction.
+    #: limits, breakaways: The limit of each dry contact, and the force at which it begins to slip, shape (L,), by its
+    #: number.
     limits: dict[int, Values]
     breakaways: dict[int, Values]
-    sliding: Values
+    sliding: Values  #: shape (L, contacts): Rates of the deflections, less the speed of the base.
 
 
 class Sizes(NamedTuple):

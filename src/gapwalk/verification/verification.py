@@ -77,15 +77,6 @@ class Check(Enum):
 class Spot:
     """Place of a check.
 
-    Attributes
-    ----------
-    branch
-        Name of the branch or locus; of a family, with its member.
-    item
-        One of its points, such as ``point 12``, ``special point 3`` or ``points 12 to 13``, numbered from 0.
-    value
-        The parameter there; nan if the item has no place along the parameter.
-
     Examples
     --------
     >>> found = gw.verify(gw.follow(orbit, "frequency", 0.62))
@@ -93,9 +84,9 @@ class Spot:
     True
     """
 
-    branch: str
-    item: str
-    value: float
+    branch: str  #: Name of the branch or locus; of a family, with its member.
+    item: str  #: One of its points, such as ``point 12``, ``special point 3`` or ``points 12 to 13``, numbered from 0.
+    value: float  #: The parameter there; nan if the item has no place along the parameter.
 
     def __str__(self) -> str:
         place = "" if math.isnan(self.value) else f", at {self.value:.10g}"
@@ -106,17 +97,6 @@ class Spot:
 class Figure:
     """Result of one check at one place.
 
-    Attributes
-    ----------
-    check
-        The check.
-    spot
-        Its place.
-    size
-        The figure; it should not exceed the bound of its check.
-    detail
-        Further explanation; may be empty.
-
     Examples
     --------
     >>> found = gw.verify(gw.follow(orbit, "frequency", 0.62))
@@ -124,10 +104,10 @@ class Figure:
     True
     """
 
-    check: Check
-    spot: Spot
-    size: float
-    detail: str = ""
+    check: Check  #: The check.
+    spot: Spot  #: Its place.
+    size: float  #: The figure; it should not exceed the bound of its check.
+    detail: str = ""  #: Further explanation; may be empty.
 
     @property
     def passes(self) -> bool:
@@ -145,15 +125,6 @@ class Figure:
 class Summary:
     """Summary of all figures of one check.
 
-    Attributes
-    ----------
-    check
-        The check.
-    count
-        Number of places at which it was made.
-    worst
-        The largest figure.
-
     Examples
     --------
     >>> found = gw.verify(gw.follow(orbit, "frequency", 0.62))
@@ -161,25 +132,14 @@ class Summary:
     True
     """
 
-    check: Check
-    count: int
-    worst: Figure
+    check: Check  #: The check.
+    count: int  #: Number of places at which it was made.
+    worst: Figure  #: The largest figure.
 
 
 @dataclass(frozen=True)
 class Verification:
     """Result of a verification.
-
-    Attributes
-    ----------
-    summaries
-        Each check that was made, with its worst figure.
-    breaches
-        Every figure that exceeds its bound.
-    notes
-        Remarks on what could not be verified, and why, as sentences.
-    points, special_points
-        Numbers of points and special points that were checked.
 
     Examples
     --------
@@ -188,9 +148,10 @@ class Verification:
     (True, ())
     """
 
-    summaries: tuple[Summary, ...]
-    breaches: tuple[Figure, ...]
-    notes: tuple[str, ...] = ()
+    summaries: tuple[Summary, ...]  #: Each check that was made, with its worst figure.
+    breaches: tuple[Figure, ...]  #: Every figure that exceeds its bound.
+    notes: tuple[str, ...] = ()  #: Remarks on what could not be verified, and why, as sentences.
+    #: points, special_points: Numbers of points and special points that were checked.
     points: int = 0
     special_points: int = 0
 

@@ -58,18 +58,10 @@ def verify_truncated(ledger: Ledger, track: Track) -> None:
 
 
 class Imbalance(NamedTuple):
-    """Errors of an orbit that is not exact, in the equations of motion and at its breakpoints.
+    """Errors of an orbit that is not exact, in the equations of motion and at its breakpoints."""
 
-    Attributes
-    ----------
-    lines
-        Residual of its lines in the equations of motion, relative to the largest term of these.
-    astray
-        Error at the breakpoints; see `gapwalk.verification.dop853.Round`.
-    """
-
-    lines: float
-    astray: float
+    lines: float  #: Residual of its lines in the equations of motion, relative to the largest term of these.
+    astray: float  #: Error at the breakpoints; see `gapwalk.verification.dop853.Round`.
 
 
 @singledispatch

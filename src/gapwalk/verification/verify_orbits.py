@@ -37,24 +37,15 @@ _SAMPLED = 40  # number of points of a locus that are verified
 
 
 class Reshot(NamedTuple):
-    """Result of shooting an orbit again, with more segments.
+    """Result of shooting an orbit again, with more segments."""
 
-    Attributes
-    ----------
-    multipliers : shape (state_size,)
-        Largest modulus first.
-    contraction
-        Logarithm of the factor by which volumes of the state space change, from the determinants of the segments.
-    growth
-        Largest factor by which a small change of the state grows over the period, or from one known state of a strongly
-        unstable orbit to the next; at least 1.
-    lost
-        Error of the contraction by rounding: a segment with a soft touch of a force that jumps is almost singular.
-    """
-
-    multipliers: NDArray[np.complex128]
+    multipliers: NDArray[np.complex128]  #: shape (state_size,): Largest modulus first.
+    #: Logarithm of the factor by which volumes of the state space change, from the determinants of the segments.
     contraction: float
+    #: Largest factor by which a small change of the state grows over the period, or from one known state of a strongly
+    #: unstable orbit to the next; at least 1.
     growth: float
+    #: Error of the contraction by rounding: a segment with a soft touch of a force that jumps is almost singular.
     lost: float = 0.0
 
 

@@ -55,25 +55,14 @@ _INTERPOLATED = 1e-9  # error in widths of the range of a branch point, which is
 
 
 class Sides(NamedTuple):
-    """Result of examining a special point from both sides.
+    """Result of examining a special point from both sides."""
 
-    Attributes
-    ----------
-    faults
-        Contradictions to the stored point, as sentences.
-    value
-        The parameter where its test function is zero; None if it cannot be computed.
-    before, after
-        The motions on both sides of it, with another discretisation; None if they were not computed.
-    held
-        True if motions can be corrected on both sides of it.
-    """
-
-    faults: tuple[str, ...]
-    value: float | None
+    faults: tuple[str, ...]  #: Contradictions to the stored point, as sentences.
+    value: float | None  #: The parameter where its test function is zero; None if it cannot be computed.
+    #: before, after: The motions on both sides of it, with another discretisation; None if they were not computed.
     before: BranchPoint | None = None
     after: BranchPoint | None = None
-    held: bool = True
+    held: bool = True  #: True if motions can be corrected on both sides of it.
 
 
 def verify_special_points(ledger: Ledger, track: Track) -> None:
@@ -114,24 +103,12 @@ def ends_at(branch: Branch, special: SpecialPoint) -> bool:
 
 @dataclass(frozen=True)
 class Examination:
-    """Examination of one special point of a branch, with another discretisation.
+    """Examination of one special point of a branch, with another discretisation."""
 
-    Parameters
-    ----------
-    track
-        The branch.
-    second
-        Estimator that computes it with the other discretisation.
-    special
-        The special point.
-    straight
-        True to examine it along its tangent, even if the branch turns near it.
-    """
-
-    track: Track
-    second: ErrorEstimator
-    special: SpecialPoint
-    straight: bool = False
+    track: Track  #: The branch.
+    second: ErrorEstimator  #: Estimator that computes it with the other discretisation.
+    special: SpecialPoint  #: The special point.
+    straight: bool = False  #: True to examine it along its tangent, even if the branch turns near it.
 
     def sides(self) -> Sides:
         """Examine the point from both sides, at decreasing distances while a result contradicts the stored point.

@@ -29,15 +29,6 @@ LOWEST = 3
 class Need(NamedTuple):
     """One margin of a goal at a design.
 
-    Attributes
-    ----------
-    margin
-        What is left, relative to the width of the band or to the limit; negative: missing.
-    slopes : shape (k,)
-        Its derivatives by relative changes of the parameters.
-    words
-        Description.
-
     Examples
     --------
     >>> need = gw.ask.Need(margin=0.1, slopes=np.array([0.5]), words="fold at 1.39 below the band")
@@ -45,9 +36,9 @@ class Need(NamedTuple):
     0.1
     """
 
-    margin: float
-    slopes: NDArray[np.float64]
-    words: str
+    margin: float  #: What is left, relative to the width of the band or to the limit; negative: missing.
+    slopes: NDArray[np.float64]  #: shape (k,): Its derivatives by relative changes of the parameters.
+    words: str  #: Description.
 
 
 @dataclass(frozen=True)

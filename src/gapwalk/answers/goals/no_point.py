@@ -29,21 +29,14 @@ _MOVES: dict[str, Callable[[float, float, float], bool]] = {  # True if a point 
 class NoPoint(Goal):
     """No special point of a kind in a band of the walked parameter.
 
-    Parameters
-    ----------
-    kind
-        ``fold``, ``flip``, ``neimark-sacker`` or ``grazing``.
-    within
-        The band.
-
     Examples
     --------
     >>> gw.ask.NoPoint("fold", (1.35, 1.42)).words(system, "frequency")
     'no fold between Ω = 1.35 and 1.42'
     """
 
-    kind: Kind
-    within: tuple[float, float]
+    kind: Kind  #: ``fold``, ``flip``, ``neimark-sacker`` or ``grazing``.
+    within: tuple[float, float]  #: The band.
 
     def __post_init__(self) -> None:
         known = [str(each) for each in Kind.known() if not each.no_locus]

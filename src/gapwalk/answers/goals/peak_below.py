@@ -26,25 +26,17 @@ _FAR = 0.5  # margin, as a share of a limit, beyond which a peak does not count 
 class PeakBelow(Goal):
     """The peak of a signal, such as the torque in a link, stays below a limit over a band, stable motion or not.
 
-    Parameters
-    ----------
-    signal
-        Name of a contact, for its force; of a shaft or gear of a drive train, for its whole torque, that of its
-        permanent spring and damper included; or any signal, as in `Orbit.signal`.
-    limit
-        The limit of its magnitude, in the unit of the signal (N m for a torque) or non-dimensional.
-    within
-        The band.
-
     Examples
     --------
     >>> gw.ask.PeakBelow("stop", 9.0, (1.2, 1.35)).words(system, "frequency")
     'peak of stop below 9 between Ω = 1.2 and 1.35'
     """
 
+    #: Name of a contact, for its force; of a shaft or gear of a drive train, for its whole torque, that of its
+    #: permanent spring and damper included; or any signal, as in `Orbit.signal`.
     signal: str
-    limit: float
-    within: tuple[float, float]
+    limit: float  #: The limit of its magnitude, in the unit of the signal (N m for a torque) or non-dimensional.
+    within: tuple[float, float]  #: The band.
 
     def words(self, system: System, parameter: str) -> str:
         """Describe the goal."""

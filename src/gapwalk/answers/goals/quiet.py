@@ -20,21 +20,14 @@ _CLOSED = {1: "closed on the positive side", -1: "closed on the negative side"}
 class Quiet(Goal):
     """A gap does not rattle over a band: it stays closed on one side, or it stays open.
 
-    Parameters
-    ----------
-    gap
-        Name of the contact.
-    within
-        The band.
-
     Examples
     --------
     >>> gw.ask.Quiet("stop", (0.6, 0.8)).words(system, "frequency")
     'stop quiet between Ω = 0.6 and 0.8'
     """
 
-    gap: str
-    within: tuple[float, float]
+    gap: str  #: Name of the contact.
+    within: tuple[float, float]  #: The band.
 
     def ways(self, system: System) -> tuple[str, ...]:
         """Return the ways: closed on one of its sides, if there it is no rigid stop, or open."""
@@ -92,7 +85,7 @@ def _side(way: str) -> int:
 
 
 def quiet_depth(orbit: Orbit, gap: str, side: int) -> float:
-    """Return the depth by which a gap stays closed or open over an orbit, relative to its clearance; negative if not.
+    """Return the depth by which a gap stays closed or open in an orbit, relative to its clearance; negative if not.
 
     Parameters
     ----------

@@ -22,29 +22,21 @@ _STEP = 1e-5  # relative change of a parameter for the derivative of a natural f
 class Resonance(Goal):
     """A resonance lies below or above a value of the frequency or speed.
 
-    Parameters
-    ----------
-    number
-        Number of the natural frequency: 1 for the first that is not zero.
-    below, above
-        The limits, in the unit of the frequency or speed; give one or both.
-    order
-        Order of the excitation that meets it: per turn where the first parameter is the speed of a shaft, otherwise a
-        multiple of the frequency.
-    at
-        The linearisation: ``"rest"``, about the static equilibrium under the mean load, with the stages that are closed
-        there; ``"closed"``, with the first stage of every contact, or ``"open"``, as in `gapwalk.find_modes`.
-
     Examples
     --------
     >>> gw.ask.Resonance(1, above=1.1, at="open").value(system)
     1.0
     """
 
-    number: int
+    number: int  #: Number of the natural frequency: 1 for the first that is not zero.
+    #: below, above: The limits, in the unit of the frequency or speed; give one or both.
     below: float | None = None
     above: float | None = None
+    #: Order of the excitation that meets it: per turn where the first parameter is the speed of a shaft, otherwise a
+    #: multiple of the frequency.
     order: float = 1.0
+    #: The linearisation: ``"rest"``, about the static equilibrium under the mean load, with the stages that are closed
+    #: there; ``"closed"``, with the first stage of every contact, or ``"open"``, as in `gapwalk.find_modes`.
     at: str = "rest"
 
     def __post_init__(self) -> None:

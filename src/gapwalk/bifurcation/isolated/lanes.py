@@ -31,18 +31,10 @@ _SOLVED = 1e-5  # residual, in half-widths of the box, of a periodic motion of t
 
 @dataclass(frozen=True, eq=False)
 class Lanes:
-    """Map over forcing periods of many motions at once.
+    """Map over forcing periods of many motions at once."""
 
-    Attributes
-    ----------
-    plan
-        The system and the steps per forcing period.
-    box : shape (state_size,)
-        Half-widths of the box of states.
-    """
-
-    plan: BlockPlan
-    box: NDArray[np.float64]
+    plan: BlockPlan  #: The system and the steps per forcing period.
+    box: NDArray[np.float64]  #: shape (state_size,): Half-widths of the box of states.
 
     def strobes(self, states: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
         """Return the states after each of some forcing periods, shape (periods, count, state_size); nan if diverged."""

@@ -110,28 +110,18 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Deflation:
-    """Options of the search for further orbits. Lengths are shares of the box of states.
+    """Options of the search for further orbits. Lengths are shares of the box of states."""
 
-    Parameters
-    ----------
-    iterations, halvings
-        Largest number of Newton steps; largest number of halvings of a step that does not reduce the deflated residual,
-        before the search is given up.
-    power, shift, reach
-        p, s and r of the deflation operator.
-    longest
-        Longest step.
-    farthest
-        Distance from the centre of the box at which the search is given up.
-    """
-
+    #: iterations, halvings: Largest number of Newton steps; largest number of halvings of a step that does not reduce
+    #: the deflated residual, before the search is given up.
     iterations: int = 15
     halvings: int = 3
+    #: power, shift, reach: p, s and r of the deflation operator.
     power: float = 2.0
     shift: float = 1.0
     reach: float = 0.1
-    longest: float = 0.5
-    farthest: float = 3.0
+    longest: float = 0.5  #: Longest step.
+    farthest: float = 3.0  #: Distance from the centre of the box at which the search is given up.
 
 
 def exact_orbit(system: System, period: int, state: NDArray[np.float64]) -> Orbit | None:

@@ -62,28 +62,17 @@ CONFIDENCE = 0.95
 class SearchResult:
     """Result of a search.
 
-    Attributes
-    ----------
-    parameter
-        Name of the parameter.
-    found
-        The distinct orbits in the order of the values; at each value in the order of their periods, then of their
-        hits.
-    tallies
-        Counts at each value.
-    complete
-        False if the search was stopped before its end.
-
     Examples
     --------
     >>> found.values, len(found.at(1.3)), len(found.new)
     ((1.3,), 3, 3)
     """
 
-    parameter: str
+    parameter: str  #: Name of the parameter.
+    #: The distinct orbits in the order of the values; at each value in the order of their periods, then of their hits.
     found: tuple[FoundOrbit, ...]
-    tallies: tuple[Tally, ...]
-    complete: bool
+    tallies: tuple[Tally, ...]  #: Counts at each value.
+    complete: bool  #: False if the search was stopped before its end.
 
     @property
     def values(self) -> tuple[float, ...]:
@@ -122,19 +111,6 @@ class SearchResult:
 class FoundOrbit:
     """One orbit that the search has found.
 
-    Attributes
-    ----------
-    value
-        Value of the parameter.
-    orbit
-        The orbit, with its true period.
-    hits_settled
-        Number of transients that settled on it.
-    hits_newton
-        Number of Newton iterations that ended on it.
-    branch
-        Index of the known branch on which it lies; None if it is new.
-
     Examples
     --------
     >>> each = found.found[0]
@@ -142,11 +118,11 @@ class FoundOrbit:
     (1, True)
     """
 
-    value: float
-    orbit: Orbit
-    hits_settled: int
-    hits_newton: int
-    branch: int | None = None
+    value: float  #: Value of the parameter.
+    orbit: Orbit  #: The orbit, with its true period.
+    hits_settled: int  #: Number of transients that settled on it.
+    hits_newton: int  #: Number of Newton iterations that ended on it.
+    branch: int | None = None  #: Index of the known branch on which it lies; None if it is new.
 
     @property
     def is_new(self) -> bool:
@@ -158,32 +134,23 @@ class FoundOrbit:
 class Tally:
     """Counts of the search at one value of the parameter.
 
-    Attributes
-    ----------
-    value
-        Value of the parameter.
-    box : shape (state_size,)
-        Half-widths of the box of starts.
-    starts, settled, ran_away
-        Transients followed; those that settled on a periodic orbit; those that could not be followed.
-    unsettled : shape (count, state_size)
-        Last states of the transients that did not become periodic: tori, chaos, or slow decay.
-    newton_starts
-        Number of starts of Newton's method.
-
     Examples
     --------
     >>> found.tallies[0].starts, found.tallies[0].settled
     (8, 8)
     """
 
-    value: float
-    box: NDArray[np.float64]
+    value: float  #: Value of the parameter.
+    box: NDArray[np.float64]  #: shape (state_size,): Half-widths of the box of starts.
+    #: starts, settled, ran_away: Transients followed; those that settled on a periodic orbit; those that could not be
+    #: followed.
     starts: int
     settled: int
     ran_away: int
+    #: shape (count, state_size): Last states of the transients that did not become periodic: tori, chaos, or slow
+    #: decay.
     unsettled: NDArray[np.float64]
-    newton_starts: int
+    newton_starts: int  #: Number of starts of Newton's method.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""

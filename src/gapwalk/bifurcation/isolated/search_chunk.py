@@ -43,77 +43,37 @@ _KICK = 0.1  # distance from a known orbit at which the search for its neighbour
 
 @dataclass(frozen=True, eq=False)
 class Settling:
-    """Outcome of one transient.
+    """Outcome of one transient."""
 
-    Attributes
-    ----------
-    path : shape (periods + 1, state_size)
-        States at the start of each forcing period.
-    entry
-        The stable orbit on which it settled, or None.
-    ran_away
-        True if it could not be followed.
-    """
-
-    path: NDArray[np.float64]
-    entry: Entry | None
-    ran_away: bool = False
+    path: NDArray[np.float64]  #: shape (periods + 1, state_size): States at the start of each forcing period.
+    entry: Entry | None  #: The stable orbit on which it settled, or None.
+    ran_away: bool = False  #: True if it could not be followed.
 
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Block of starts at one value of the parameter.
+    """Block of starts at one value of the parameter."""
 
-    Attributes
-    ----------
-    value
-        The value of the parameter.
-    block
-        Index of the block among those of this value.
-    system
-        The system at that value.
-    box : shape (state_size,)
-        Half-widths of the box of states.
-    starts : shape (count, state_size)
-        The starts.
-    known
-        Orbits known at that value.
-    options
-        Options of the search.
-    many
-        True if the search has so many starts that the batch integrator pays.
-    """
-
-    value: float
-    block: int
-    system: System
-    box: NDArray[np.float64]
-    starts: NDArray[np.float64]
-    known: tuple[Orbit, ...]
-    options: SearchOptions
-    many: bool = False
+    value: float  #: The value of the parameter.
+    block: int  #: Index of the block among those of this value.
+    system: System  #: The system at that value.
+    box: NDArray[np.float64]  #: shape (state_size,): Half-widths of the box of states.
+    starts: NDArray[np.float64]  #: shape (count, state_size): The starts.
+    known: tuple[Orbit, ...]  #: Orbits known at that value.
+    options: SearchOptions  #: Options of the search.
+    many: bool = False  #: True if the search has so many starts that the batch integrator pays.
 
 
 @dataclass(frozen=True, eq=False)
 class Catch:
-    """Result of one chunk: orbits with their hits by transients and by Newton's method, and the other transients.
+    """Result of one chunk: orbits with their hits by transients and by Newton's method, and the other transients."""
 
-    Attributes
-    ----------
-    orbits
-        Each orbit with the number of transients that settled on it, and of Newton iterations that ended on it.
-    unsettled : shape (count, state_size)
-        Last states of the transients that did not become periodic.
-    ran_away
-        Number of transients that could not be followed.
-    newton_starts
-        Number of starts of Newton's method.
-    """
-
+    #: Each orbit with the number of transients that settled on it, and of Newton iterations that ended on it.
     orbits: tuple[tuple[Orbit, int, int], ...]
+    #: shape (count, state_size): Last states of the transients that did not become periodic.
     unsettled: NDArray[np.float64]
-    ran_away: int
-    newton_starts: int
+    ran_away: int  #: Number of transients that could not be followed.
+    newton_starts: int  #: Number of starts of Newton's method.
 
 
 def search_chunk(chunk: Chunk) -> Catch:
@@ -273,20 +233,11 @@ class _Hunt:
 
 @dataclass(eq=False)
 class _Transient:
-    """One transient so far.
+    """One transient so far."""
 
-    Attributes
-    ----------
-    path
-        States at the start of each forcing period.
-    finest
-        Distance of a return, in half-widths of the box, below which it may be settling.
-    beside, before
-        The nearest stable orbit at the last examination, and its distance.
-    """
-
-    path: list[NDArray[np.float64]]
-    finest: float = _RETURN
+    path: list[NDArray[np.float64]]  #: States at the start of each forcing period.
+    finest: float = _RETURN  #: Distance of a return, in half-widths of the box, below which it may be settling.
+    #: beside, before: The nearest stable orbit at the last examination, and its distance.
     beside: Entry | None = None
     before: float = math.inf
 

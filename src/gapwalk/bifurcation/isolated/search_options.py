@@ -40,44 +40,30 @@ class SearchOptions:
 
     The defaults suit many values, several of which lie on each isolated branch; at a single value use more starts.
 
-    Parameters
-    ----------
-    starts
-        Starts of transients at each value of the parameter.
-    periods
-        Longest period, in forcing periods, of the orbits on which a transient may settle.
-    newton_starts
-        Number of starts at each value that Newton's method uses too, to find unstable orbits; 0 for none.
-    newton_periods
-        Periods, in forcing periods, of the orbits that Newton's method searches for. One of those starts in m is used
-        for period m; orbits of shorter periods are found too.
-    patience
-        Forcing periods after which a transient whose returns no longer shrink counts as not periodic.
-    box
-        Half-widths of the box of starts about zero, 2n numbers: positions, then velocities. By default it is derived
-        from the system; see `state_box`. Extensions begin at zero.
-    spread
-        Ratio of the derived box to the motions.
-    seed
-        Seed of the starts: the same seed gives the same result for the same values. With 500 starts or more in all,
-        many are followed at once, and others of the unstable orbits may be found than with fewer.
-    block
-        Starts in one piece of work. It affects the result, because a piece does not use what others find.
-
     Examples
     --------
     >>> gw.SearchOptions(starts=100, newton_starts=50, seed=3).starts
     100
     """
 
-    starts: Annotated[int, Ge(1)] = 24
+    starts: Annotated[int, Ge(1)] = 24  #: Starts of transients at each value of the parameter.
+    #: Longest period, in forcing periods, of the orbits on which a transient may settle.
     periods: Annotated[int, Ge(1)] = 8
+    #: Number of starts at each value that Newton's method uses too, to find unstable orbits; 0 for none.
     newton_starts: Annotated[int, Ge(0)] = 24
+    #: Periods, in forcing periods, of the orbits that Newton's method searches for. One of those starts in m is used
+    #: for period m; orbits of shorter periods are found too.
     newton_periods: tuple[Annotated[int, Ge(1)], ...] = (1, 2, 3, 4, 5, 6, 7, 8)
+    #: Forcing periods after which a transient whose returns no longer shrink counts as not periodic.
     patience: Annotated[int, Ge(16)] = 400
+    #: Half-widths of the box of starts about zero, 2n numbers: positions, then velocities. By default it is derived
+    #: from the system; see `state_box`. Extensions begin at zero.
     box: tuple[Annotated[float, Gt(0)], ...] | None = None
-    spread: Annotated[float, Gt(0)] = 1.5
+    spread: Annotated[float, Gt(0)] = 1.5  #: Ratio of the derived box to the motions.
+    #: Seed of the starts: the same seed gives the same result for the same values. With 500 starts or more in all, many
+    #: are followed at once, and others of the unstable orbits may be found than with fewer.
     seed: Annotated[int, Ge(0)] = 0
+    #: Starts in one piece of work. It affects the result, because a piece does not use what others find.
     block: Annotated[int, Ge(1)] = 24
 
     def __post_init__(self) -> None:

@@ -148,27 +148,13 @@ def _rescaled(point: BranchPoint, start: NDArray[np.float64], corrector: Correct
 
 @dataclass(frozen=True)
 class Crossing:
-    """Branch near a point where it crosses another, as polynomials in the arclength from that point.
+    """Branch near a point where it crosses another, as polynomials in the arclength from that point."""
 
-    Attributes
-    ----------
-    arclength
-        Arclength of the crossing.
-    radius
-        Distance from the crossing within which the polynomials represent the branch.
-    spread
-        Uncertainty of the arclength.
-    curve
-        One polynomial for each scaled variable.
-    count
-        Number of multipliers that pass +1 there.
-    """
-
-    arclength: float
-    radius: float
-    spread: float
-    curve: tuple[Polynomial, ...]
-    count: int = 1
+    arclength: float  #: Arclength of the crossing.
+    radius: float  #: Distance from the crossing within which the polynomials represent the branch.
+    spread: float  #: Uncertainty of the arclength.
+    curve: tuple[Polynomial, ...]  #: One polynomial for each scaled variable.
+    count: int = 1  #: Number of multipliers that pass +1 there.
 
     def __contains__(self, arclength: object) -> bool:
         return isinstance(arclength, float) and abs(arclength - self.arclength) <= self.radius

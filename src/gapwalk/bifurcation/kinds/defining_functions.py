@@ -25,15 +25,6 @@ _FEW = 4
 class Criticality(NamedTuple):
     """Signed distance of a monodromy matrix from a critical multiplier, and its derivative.
 
-    Attributes
-    ----------
-    value
-        Zero, with a change of sign, where a multiplier is critical.
-    directions : shape (k, state_size)
-        Unit vectors along which the derivative of the matrix is needed.
-    covectors : shape (k, state_size)
-        A change dB of the matrix changes the value by the sum of ``covectors[j] @ dB @ directions[j]``.
-
     Examples
     --------
     >>> found = gw.Kind.named("flip").condition(np.diag([-1.2, -0.5]))
@@ -41,8 +32,11 @@ class Criticality(NamedTuple):
     (1, 2)
     """
 
-    value: float
+    value: float  #: Zero, with a change of sign, where a multiplier is critical.
+    #: shape (k, state_size): Unit vectors along which the derivative of the matrix is needed.
     directions: NDArray[np.float64]
+    #: shape (k, state_size): A change dB of the matrix changes the value by the sum of ``covectors[j] @ dB @
+    #: directions[j]``.
     covectors: NDArray[np.float64]
 
 

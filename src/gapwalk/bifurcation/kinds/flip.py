@@ -125,32 +125,18 @@ class Flip(Kind):
 
 
 class Cubic(NamedTuple):
-    """Cubic coefficient of a flip.
+    """Cubic coefficient of a flip."""
 
-    Attributes
-    ----------
-    value
-        The coefficient; nan if contacts graze within every displacement that was tried.
-    error
-        Difference from the coefficient by second-order differences: the effect of curvature or of rounding.
-    """
-
-    value: float
+    value: float  #: The coefficient; nan if contacts graze within every displacement that was tried.
+    #: Difference from the coefficient by second-order differences: the effect of curvature or of rounding.
     error: float
 
 
 class _Limit(NamedTuple):
-    """Doubled motions of vanishing amplitude.
+    """Doubled motions of vanishing amplitude."""
 
-    Attributes
-    ----------
-    way
-        +1 if they lie at larger values of the parameter than the flip, -1 if at smaller ones.
-    size, amplitude
-        Displacement over which that was measured: scaled, and in units of the state.
-    """
-
-    way: int
+    way: int  #: +1 if they lie at larger values of the parameter than the flip, -1 if at smaller ones.
+    #: size, amplitude: Displacement over which that was measured: scaled, and in units of the state.
     size: float
     amplitude: float
 
@@ -381,21 +367,11 @@ def _newton(
 
 
 class DoubledStart(NamedTuple):
-    """Branch point of the equation of twice the period near a flip.
+    """Branch point of the equation of twice the period near a flip."""
 
-    Attributes
-    ----------
-    unknowns : shape (N + 1,)
-        Its unknowns and the parameter, not scaled.
-    across : shape (N,)
-        Scaled null vector at a fixed parameter.
-    place
-        Scaled distance from the flip along the parent, as in `Doubled.along`.
-    """
-
-    unknowns: NDArray[np.float64]
-    across: NDArray[np.float64]
-    place: float
+    unknowns: NDArray[np.float64]  #: shape (N + 1,): Its unknowns and the parameter, not scaled.
+    across: NDArray[np.float64]  #: shape (N,): Scaled null vector at a fixed parameter.
+    place: float  #: Scaled distance from the flip along the parent, as in `Doubled.along`.
 
 
 class Doubled:

@@ -210,7 +210,7 @@ def _is_born_near_contact(now: Turns, then: Turns, full: float, near: float) -> 
 
 
 class _Pairs:
-    """The extrema of one motion that are nearest to those of another one, found once for all breakpoints of a contact.
+    """The extrema of a motion that are nearest to those of another one, found once for all breakpoints of a contact.
 
     Parameters
     ----------

@@ -39,12 +39,10 @@ class BalancedPlane(OrbitPlane):
     ----------
     system, names, period, options
         As in `OrbitPlane`; the method is harmonic balance.
-    harmonics
-        H, the highest harmonic of the forcing frequency.
     """
 
     options: Balance
-    harmonics: int
+    harmonics: int  #: H, the highest harmonic of the forcing frequency.
 
     def place(self, unknowns: NDArray[np.float64], *point: float) -> Place:
         """See `OrbitPlane.place`. Errors as in `BalanceEquation.evaluate`."""

@@ -42,28 +42,18 @@ _FAINT = 1e-4  # error of a slope, relative to the largest one in percent per pe
 class Gradient(Shown):
     """Derivatives of the parameter value of a special point with respect to other parameters.
 
-    Attributes
-    ----------
-    special
-        The special point.
-    names
-        The other parameters.
-    slopes : shape (k,)
-        Derivative of ``special.value`` with respect to each of them, in the units of the model. It is the slope of the
-        point's locus.
-    errors : shape (k,)
-        Estimated error of each slope.
-
     Examples
     --------
     >>> round(fold.gradient("stop.clearance")["stop.clearance"], 6)
     -0.20789
     """
 
-    special: SpecialPoint
-    names: tuple[str, ...]
+    special: SpecialPoint  #: The special point.
+    names: tuple[str, ...]  #: The other parameters.
+    #: shape (k,): Derivative of ``special.value`` with respect to each of them, in the units of the model. It is the
+    #: slope of the point's locus.
     slopes: NDArray[np.float64]
-    errors: NDArray[np.float64]
+    errors: NDArray[np.float64]  #: shape (k,): Estimated error of each slope.
 
     def __getitem__(self, name: str) -> float:
         """Return the slope by one parameter.
@@ -175,13 +165,6 @@ class Gradient(Shown):
 class Gradients(Shown):
     """Gradients of some special points.
 
-    Attributes
-    ----------
-    found
-        Gradients in the order of the points.
-    failures
-        Sentences on the points that have none.
-
     Examples
     --------
     >>> found = gw.analysis.gradients(branch.special("flip"), ["stop.clearance"])
@@ -189,8 +172,8 @@ class Gradients(Shown):
     [0.3593, 0.0545]
     """
 
-    found: tuple[Gradient, ...]
-    failures: tuple[str, ...] = ()
+    found: tuple[Gradient, ...]  #: Gradients in the order of the points.
+    failures: tuple[str, ...] = ()  #: Sentences on the points that have none.
 
     @summarizes
     def summary(self) -> SummaryParts:

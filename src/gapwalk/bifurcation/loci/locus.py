@@ -42,24 +42,15 @@ class LocusEndReason(Enum):
 class LocusEnd:
     """Place and reason of the end of a locus.
 
-    Attributes
-    ----------
-    reason
-        The reason.
-    values
-        Values of both parameters there.
-    detail
-        Further explanation; may be empty.
-
     Examples
     --------
     >>> locus.ends[0].reason_words
     'the edge of the range was reached'
     """
 
-    reason: LocusEndReason
-    values: tuple[float, float]
-    detail: str = ""
+    reason: LocusEndReason  #: The reason.
+    values: tuple[float, float]  #: Values of both parameters there.
+    detail: str = ""  #: Further explanation; may be empty.
 
     @property
     def reason_words(self) -> str:
@@ -76,22 +67,6 @@ class LocusEnd:
 class LocusPoint:
     """Point of a locus.
 
-    Attributes
-    ----------
-    values
-        Values of both parameters.
-    orbit
-        The orbit at its bifurcation; its system carries all parameter values.
-    angle
-        Argument of the critical multiplier in radians, from 0 (fold) to pi (flip); on a grazing locus the angle
-        ``theta*`` at which the contact touches.
-    x : shape (N + 1,)
-        Unknowns of the equation, then the second parameter, scaled; the first parameter is the last unknown.
-    tangent : shape (N + 1,)
-        Unit tangent of the locus there, in scaled variables, in the direction of the walk.
-    arclength
-        Scaled arclength from the start of the walk.
-
     Examples
     --------
     >>> point = locus.points[0]
@@ -99,12 +74,17 @@ class LocusPoint:
     (array([1.372124, 1.1     ]), True)
     """
 
-    values: tuple[float, float]
-    orbit: Orbit
+    values: tuple[float, float]  #: Values of both parameters.
+    orbit: Orbit  #: The orbit at its bifurcation; its system carries all parameter values.
+    #: Argument of the critical multiplier in radians, from 0 (fold) to pi (flip); on a grazing locus the angle
+    #: ``theta*`` at which the contact touches.
     angle: float
+    #: shape (N + 1,): Unknowns of the equation, then the second parameter, scaled; the first parameter is the last
+    #: unknown.
     x: NDArray[np.float64]
+    #: shape (N + 1,): Unit tangent of the locus there, in scaled variables, in the direction of the walk.
     tangent: NDArray[np.float64]
-    arclength: float
+    arclength: float  #: Scaled arclength from the start of the walk.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""
@@ -174,15 +154,6 @@ class Codim2(StrEnum):
 class Codim2Point:
     """Point of a locus at which a second condition holds.
 
-    Attributes
-    ----------
-    kind
-        Its kind.
-    point
-        The located point of the locus.
-    contact
-        The contact, stage and side that grazes, such as ``stage2 -``; empty if none does.
-
     Examples
     --------
     >>> wide = gw.follow_locus(fold, "frequency", "harmonic1.amplitude", ((0.8, 1.8), (0.05, 1.0)))
@@ -190,9 +161,9 @@ class Codim2Point:
     ['cusp']
     """
 
-    kind: Codim2
-    point: LocusPoint
-    contact: str = ""
+    kind: Codim2  #: Its kind.
+    point: LocusPoint  #: The located point of the locus.
+    contact: str = ""  #: The contact, stage and side that grazes, such as ``stage2 -``; empty if none does.
 
     @property
     def values(self) -> tuple[float, float]:
@@ -214,36 +185,21 @@ class Codim2Point:
 class Locus:
     """Curve of special points of one kind in the plane of two parameters.
 
-    Attributes
-    ----------
-    kind
-        Kind of the special points: fold, flip, Neimark-Sacker, grazing.
-    first, second
-        Names of the parameters.
-    period
-        m, number of forcing periods of the orbits.
-    points
-        Its points in the order of the walk.
-    codim2_points
-        Points of codimension two in the order of the walk.
-    ends
-        Ends of the locus with their reasons, at its first and at its last point.
-    contact
-        For a grazing locus: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
-
     Examples
     --------
     >>> locus.first, locus.second, locus.values.shape == (len(locus.points), 2)
     ('frequency', 'stop.clearance', True)
     """
 
-    kind: Kind
+    kind: Kind  #: Kind of the special points: fold, flip, Neimark-Sacker, grazing.
+    #: first, second: Names of the parameters.
     first: str
     second: str
-    period: int
-    points: tuple[LocusPoint, ...]
-    codim2_points: tuple[Codim2Point, ...]
-    ends: tuple[LocusEnd, LocusEnd]
+    period: int  #: m, number of forcing periods of the orbits.
+    points: tuple[LocusPoint, ...]  #: Its points in the order of the walk.
+    codim2_points: tuple[Codim2Point, ...]  #: Points of codimension two in the order of the walk.
+    ends: tuple[LocusEnd, LocusEnd]  #: Ends of the locus with their reasons, at its first and at its last point.
+    #: For a grazing locus: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
     contact: str = ""
 
     def _check_read(self) -> None:

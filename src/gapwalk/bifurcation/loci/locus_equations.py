@@ -31,15 +31,9 @@ change like the square root of its depth.
 
 @dataclass(frozen=True, eq=False)
 class LocusEquation:
-    """Common part of the equations of loci: an orbit in the plane of two parameters, of which the second is followed.
+    """Common part of the equations of loci: an orbit in the plane of two parameters; the second is followed."""
 
-    Parameters
-    ----------
-    plane
-        The plane of orbits.
-    """
-
-    plane: OrbitPlane
+    plane: OrbitPlane  #: The plane of orbits.
     others: ClassVar[int]
     """Number of unknowns beyond those of the orbit."""
 
@@ -108,19 +102,13 @@ class GrazingEquation(LocusEquation):
     ----------
     plane
         The plane of orbits.
-    switch
-        Stage and side, as an index into `Equations.switches`.
-    depth
-        Depth beyond the breakpoint at which the deflection turns.
-    tolerance
-        Largest residual, relative to the size of the unknowns.
     """
 
     others: ClassVar[int] = 2
 
-    switch: int
-    depth: float
-    tolerance: float
+    switch: int  #: Stage and side, as an index into `Equations.switches`.
+    depth: float  #: Depth beyond the breakpoint at which the deflection turns.
+    tolerance: float  #: Largest residual, relative to the size of the unknowns.
 
     def linearised(
         self, unknowns: NDArray[np.float64], *others: float
@@ -164,21 +152,16 @@ class MultiplierEquation(LocusEquation):
     ----------
     plane
         The plane of orbits.
-    kind
-        The bifurcation: a fold, a flip or a Neimark-Sacker point.
-    scales : shape (N + 2,)
-        Scales of the orbit's unknowns and of both parameters; they make the condition independent of the user's units.
-    tolerance
-        Largest residual, relative to the size of the unknowns.
-    step
-        Step of central differences, in scaled variables; None for a forward difference, which suffices to converge.
     """
 
     others: ClassVar[int] = 1
 
-    kind: Kind
+    kind: Kind  #: The bifurcation: a fold, a flip or a Neimark-Sacker point.
+    #: shape (N + 2,): Scales of the orbit's unknowns and of both parameters; they make the condition independent of the
+    #: user's units.
     scales: NDArray[np.float64]
-    tolerance: float
+    tolerance: float  #: Largest residual, relative to the size of the unknowns.
+    #: Step of central differences, in scaled variables; None for a forward difference, which suffices to converge.
     step: float | None = None
 
     def linearised(
@@ -229,30 +212,14 @@ class MultiplierEquation(LocusEquation):
 
 @dataclass(frozen=True, slots=True)
 class Secant:
-    """Options of the secant method along a curve; all lengths are scaled.
+    """Options of the secant method along a curve; all lengths are scaled."""
 
-    Parameters
-    ----------
-    first
-        The first step.
-    longest
-        The longest step.
-    farthest
-        Largest distance from the start.
-    exact
-        Step below which it has converged.
-    noise
-        Step below which it has also converged if steps no longer shrink, because of rounding.
-    steps
-        Largest number of steps.
-    """
-
-    first: float = 1e-4
-    longest: float = 1e-2
-    farthest: float = 0.1
-    exact: float = 1e-12
-    noise: float = 1e-7
-    steps: int = 25
+    first: float = 1e-4  #: The first step.
+    longest: float = 1e-2  #: The longest step.
+    farthest: float = 0.1  #: Largest distance from the start.
+    exact: float = 1e-12  #: Step below which it has converged.
+    noise: float = 1e-7  #: Step below which it has also converged if steps no longer shrink, because of rounding.
+    steps: int = 25  #: Largest number of steps.
 
 
 def zero_along(

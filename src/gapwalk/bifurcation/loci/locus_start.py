@@ -47,27 +47,13 @@ _COARSE = 1e-2  # largest scaled distance if the two are resolved with different
 
 @dataclass(frozen=True)
 class LocusStart:
-    """Point and direction from which a locus can be walked.
+    """Point and direction from which a locus can be walked."""
 
-    Attributes
-    ----------
-    kind
-        Kind of the locus.
-    corrector
-        Corrector for the locus; it holds the equation and the scales.
-    first
-        The point; its tangent gives the direction.
-    within
-        Ranges of both parameters.
-    contact
-        On a grazing locus the contact, stage and side that grazes; otherwise empty.
-    """
-
-    kind: Kind
-    corrector: Corrector
-    first: BranchPoint
-    within: tuple[Range, Range]
-    contact: str = ""
+    kind: Kind  #: Kind of the locus.
+    corrector: Corrector  #: Corrector for the locus; it holds the equation and the scales.
+    first: BranchPoint  #: The point; its tangent gives the direction.
+    within: tuple[Range, Range]  #: Ranges of both parameters.
+    contact: str = ""  #: On a grazing locus the contact, stage and side that grazes; otherwise empty.
 
     @property
     def equation(self) -> MultiplierEquation | GrazingEquation:

@@ -38,30 +38,14 @@ Turning = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Unknowns at a point of the plane, and the equations of an orbit there.
+    """Unknowns at a point of the plane, and the equations of an orbit there."""
 
-    Attributes
-    ----------
-    unknowns : shape (N,)
-        Unknowns of the orbit.
-    coefficients
-        Coefficients of the flow.
-    slopes : shape (k, coefficients)
-        Their derivatives with respect to the parameters.
-    residual : shape (N,)
-        Zero on an orbit.
-    jacobian : shape (N, N + k)
-        Its derivatives with respect to the unknowns and the parameters.
-    evidence
-        Data that the plane needs to construct the orbit later.
-    """
-
-    unknowns: NDArray[np.float64]
-    coefficients: NDArray[np.float64]
-    slopes: NDArray[np.float64]
-    residual: NDArray[np.float64]
-    jacobian: NDArray[np.float64]
-    evidence: Any
+    unknowns: NDArray[np.float64]  #: shape (N,): Unknowns of the orbit.
+    coefficients: NDArray[np.float64]  #: Coefficients of the flow.
+    slopes: NDArray[np.float64]  #: shape (k, coefficients): Their derivatives with respect to the parameters.
+    residual: NDArray[np.float64]  #: shape (N,): Zero on an orbit.
+    jacobian: NDArray[np.float64]  #: shape (N, N + k): Its derivatives with respect to the unknowns and the parameters.
+    evidence: Any  #: Data that the plane needs to construct the orbit later.
 
 
 @dataclass(frozen=True)
@@ -71,23 +55,12 @@ class OrbitPlane:
     For the gradient of a special point there may be more of them.
 
     To follow loci with another method, derive a class with these members, and register it with `plane_of`.
-
-    Parameters
-    ----------
-    system
-        The system at the start.
-    names
-        The parameters.
-    period
-        m, number of forcing periods.
-    options
-        The method.
     """
 
-    system: System
-    names: tuple[str, ...]
-    period: int
-    options: Any
+    system: System  #: The system at the start.
+    names: tuple[str, ...]  #: The parameters.
+    period: int  #: m, number of forcing periods.
+    options: Any  #: The method.
 
     @property
     def tolerance(self) -> float:

@@ -34,21 +34,11 @@ Array = NDArray[np.float64]
 
 
 class Instant(NamedTuple):
-    """Instant of a point of sliding, by the quantity that vanishes there.
+    """Instant of a point of sliding, by the quantity that vanishes there."""
 
-    Attributes
-    ----------
-    what
-        ``stop``, ``rate`` or ``reserve``, as in `gapwalk.orbit.friction_phases.Margin`.
-    contact
-        Number of the contact.
-    side
-        The direction of slip concerned.
-    """
-
-    what: str
-    contact: int
-    side: int
+    what: str  #: ``stop``, ``rate`` or ``reserve``, as in `gapwalk.orbit.friction_phases.Margin`.
+    contact: int  #: Number of the contact.
+    side: int  #: The direction of slip concerned.
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,23 +55,16 @@ class SlidingEquation(LocusEquation):
     ----------
     plane
         The plane of orbits.
-    instant
-        What vanishes.
-    lead
-        Angle before the instant, in radians, from which on the friction keeps its mode: all the period at an onset of
-        slip, where the position that it keeps is the same all along the locus.
-    units
-        Scales of the two conditions.
-    tolerance
-        Largest residual, relative to the size of the unknowns.
     """
 
     others: ClassVar[int] = 2
 
-    instant: Instant
+    instant: Instant  #: What vanishes.
+    #: Angle before the instant, in radians, from which on the friction keeps its mode: all the period at an onset of
+    #: slip, where the position that it keeps is the same all along the locus.
     lead: float
-    units: tuple[float, float]
-    tolerance: float
+    units: tuple[float, float]  #: Scales of the two conditions.
+    tolerance: float  #: Largest residual, relative to the size of the unknowns.
 
     def place(self, unknowns: Array, *others: float) -> Place:
         """Evaluate the equations of the orbit; see `OrbitPlane.place`."""

@@ -25,15 +25,9 @@ _DAMPING = Parameter("damping", QuantityKind.DAMPING, "it is the damper that act
 
 @dataclass(frozen=True)
 class _Made:
-    """A load that a train makes of one of some kind.
+    """A load that a train makes of one of some kind."""
 
-    Parameters
-    ----------
-    kind
-        The kind of load of which it is made.
-    """
-
-    kind: type[Load]
+    kind: type[Load]  #: The kind of load of which it is made.
 
     has_levels, is_periodic = False, True
     frequencies = ()

@@ -40,15 +40,6 @@ _CONSISTENT = 1e-9  # relative error of numbers of the paper that must fit toget
 class Scales:
     """The physical values of the number 1 in a non-dimensional drive train.
 
-    Parameters
-    ----------
-    angle
-        In rad, > 0.
-    frequency
-        In rad/s, > 0: the time 1 is one divided by it.
-    inertia
-        In kg m^2, > 0.
-
     Raises
     ------
     ModelError
@@ -60,9 +51,9 @@ class Scales:
     80.0
     """
 
-    angle: float
-    frequency: float
-    inertia: float
+    angle: float  #: In rad, > 0.
+    frequency: float  #: In rad/s, > 0: the time 1 is one divided by it.
+    inertia: float  #: In kg m^2, > 0.
 
     def __post_init__(self) -> None:
         for name in ("angle", "frequency", "inertia"):
@@ -105,15 +96,6 @@ class Scales:
 class NonDimensional:
     """A drive train without units, with the physical one that it represents.
 
-    Attributes
-    ----------
-    physical
-        The system with units.
-    system
-        The same without; its parameters have the same names, but ``frequency`` for a ``speed``.
-    scales
-        Physical values of its numbers.
-
     Examples
     --------
     >>> plain = gw.train.nondimensional(driveline)
@@ -121,9 +103,9 @@ class NonDimensional:
     (True, 'frequency')
     """
 
-    physical: System
-    system: System
-    scales: Scales
+    physical: System  #: The system with units.
+    system: System  #: The same without; its parameters have the same names, but ``frequency`` for a ``speed``.
+    scales: Scales  #: Physical values of its numbers.
 
     def name(self, parameter: str) -> str:
         """Return the name in the non-dimensional system of a parameter of the physical one.
@@ -321,27 +303,6 @@ class PaperNumbers:
 
     `n1` and `n2` are the second stage alone (the reading "reduced"); `b` is its clearance, `beta` its impact damping.
 
-    Attributes
-    ----------
-    K11, K12, K21, K22
-        Stiffness.
-    C11, C12, C21, C22
-        Damping.
-    n1, n2
-        Slopes of the second stage.
-    Tm1, Tm2
-        Mean torques.
-    Te1
-        Amplitude of the excitation.
-    Te2, p, phi
-        Amplitude, order, and phase in radians of the second excitation.
-    b
-        Clearance of the second stage.
-    beta
-        Impact damping.
-    W
-        Frequency.
-
     Examples
     --------
     >>> numbers = gw.train.paper_numbers(line)
@@ -349,25 +310,30 @@ class PaperNumbers:
     'hub'
     """
 
+    #: K11, K12, K21, K22: Stiffness.
     K11: float
     K12: float
     K21: float
     K22: float
+    #: C11, C12, C21, C22: Damping.
     C11: float
     C12: float
     C21: float
     C22: float
+    #: n1, n2: Slopes of the second stage.
     n1: float
     n2: float
+    #: Tm1, Tm2: Mean torques.
     Tm1: float
     Tm2: float
-    Te1: float
+    Te1: float  #: Amplitude of the excitation.
+    #: Te2, p, phi: Amplitude, order, and phase in radians of the second excitation.
     Te2: float = 0.0
     p: int = 2
     phi: float = 0.0
-    b: float = 1.0
-    beta: float = 0.0
-    W: float = 1.0
+    b: float = 1.0  #: Clearance of the second stage.
+    beta: float = 0.0  #: Impact damping.
+    W: float = 1.0  #: Frequency.
 
     def length_ratio(self) -> float:
         """Return bc3 / bc1, which follows from the numbers.

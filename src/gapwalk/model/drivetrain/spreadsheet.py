@@ -15,24 +15,13 @@ _MAX_BYTES, _MAX_ROWS, _MAX_COLUMNS = 10_000_000, 5000, 200
 
 
 class Spreadsheet(NamedTuple):
-    """A table of texts.
+    """A table of texts."""
 
-    Attributes
-    ----------
-    head_row
-        Number of the row with the headings, from 1 as a spreadsheet shows it.
-    heads
-        The headings.
-    rows
-        The rows below that are neither empty nor comments (``#``), each with its number.
-    mark
-        The separator of the cells: a tab, a semicolon or a comma; empty for a workbook.
-    """
-
-    head_row: int
-    heads: list[str]
+    head_row: int  #: Number of the row with the headings, from 1 as a spreadsheet shows it.
+    heads: list[str]  #: The headings.
+    #: The rows below that are neither empty nor comments (``#``), each with its number.
     rows: list[tuple[int, list[str]]]
-    mark: str
+    mark: str  #: The separator of the cells: a tab, a semicolon or a comma; empty for a workbook.
 
 
 def read_spreadsheet(path: str | os.PathLike[str]) -> Spreadsheet:

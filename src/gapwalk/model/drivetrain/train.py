@@ -66,31 +66,6 @@ from gapwalk.model.value_checks import checked
 class Train:
     """A drive train (or any chain or tree of bodies and springs), free or connected to the ground.
 
-    Parameters
-    ----------
-    inertias, shafts, gears, forces, frictions
-        Its parts; all of them are connected. Closed loops are allowed if the ratios around them agree.
-    mean
-        Constant torques by inertia. Where they do not balance, a free train accelerates steadily as a whole.
-    harmonics
-        Periodic torques, whose ``acts_on`` names inertias; and loads that vary a number of a shaft or gear instead:
-        ``varies="mesh.stiffness"``, ``"mesh.deflection"`` (a transmission error), or ``"flywheel.angle"`` (the motion
-        of that inertia is prescribed). Where an order counts teeth, or is a fraction, it is a `Counted` load.
-    frequency
-        The fundamental frequency W (angular), > 0; with a unit, in Hz, rpm or rad/s.
-    reaction
-        Name of the inertia on which the torque acts that balances the other mean torques of a free train;
-        the mean torque of that one is then no parameter.
-    speed
-        In place of the frequency: the speed of a shaft, as ``"1500 rpm"``; orders of the excitation are then counted
-        per turn of it. The parameter is called ``speed``.
-    reference
-        Name of the inertia whose speed is given; by default the first. Only `Counted` loads need it.
-    longest
-        The largest number of periods of the slowest load in the common period of all loads.
-    units
-        The units of its numbers; None for plain numbers. It is found from the texts.
-
     Raises
     ------
     ModelError
@@ -115,18 +90,29 @@ class Train:
     0.05
     """
 
+    #: inertias, shafts, gears, forces, frictions: Its parts; all of them are connected. Closed loops are allowed if the
+    #: ratios around them agree.
     inertias: Sequence[Inertia]
     shafts: Sequence[Shaft] = ()
     gears: Sequence[Gear] = ()
+    #: Constant torques by inertia. Where they do not balance, a free train accelerates steadily as a whole.
     mean: Mapping[str, float] = field(default_factory=dict, hash=False)
+    #: Periodic torques, whose ``acts_on`` names inertias; and loads that vary a number of a shaft or gear instead:
+    #: ``varies="mesh.stiffness"``, ``"mesh.deflection"`` (a transmission error), or ``"flywheel.angle"`` (the motion of
+    #: that inertia is prescribed). Where an order counts teeth, or is a fraction, it is a `Counted` load.
     harmonics: Sequence[Load | Counted] = ()
-    frequency: float = 1.0
+    frequency: float = 1.0  #: The fundamental frequency W (angular), > 0; with a unit, in Hz, rpm or rad/s.
+    #: Name of the inertia on which the torque acts that balances the other mean torques of a free train; the mean
+    #: torque of that one is then no parameter.
     reaction: str | None = None
+    #: In place of the frequency: the speed of a shaft, as ``"1500 rpm"``; orders of the excitation are then counted per
+    #: turn of it. The parameter is called ``speed``.
     speed: str | Quantity | None = None
-    units: Units | None = None
+    units: Units | None = None  #: The units of its numbers; None for plain numbers. It is found from the texts.
     forces: Sequence[Force] = ()
+    #: Name of the inertia whose speed is given; by default the first. Only `Counted` loads need it.
     reference: str = ""
-    longest: int = LONGEST
+    longest: int = LONGEST  #: The largest number of periods of the slowest load in the common period of all loads.
     frictions: Sequence[Friction] = ()
 
     def __post_init__(self) -> None:

@@ -54,18 +54,10 @@ Matrix: TypeAlias = "csr_array | NDArray[Any]"
 
 @dataclass(frozen=True)
 class TrainAssembly:
-    """Assembly of the equations of motion from the numbers of a train of this form.
+    """Assembly of the equations of motion from the numbers of a train of this form."""
 
-    Parameters
-    ----------
-    form
-        The train without its numbers.
-    units
-        Units of its numbers; None for plain numbers, which are in consistent units already.
-    """
-
-    form: TrainForm
-    units: Units | None = None
+    form: TrainForm  #: The train without its numbers.
+    units: Units | None = None  #: Units of its numbers; None for plain numbers, which are in consistent units already.
 
     @property
     def names(self) -> ParameterNames:
@@ -183,18 +175,10 @@ class TrainAssembly:
 
 @dataclass(frozen=True, eq=False)
 class TrainNumbers:
-    """A train with its numbers, real or complex, and the vectors and matrices that follow from them.
+    """A train with its numbers, real or complex, and the vectors and matrices that follow from them."""
 
-    Parameters
-    ----------
-    form
-        The train without its numbers.
-    values
-        The numbers in the order of `TrainForm.names`, in consistent units.
-    """
-
-    form: TrainForm
-    values: NDArray[Any]
+    form: TrainForm  #: The train without its numbers.
+    values: NDArray[Any]  #: The numbers in the order of `TrainForm.names`, in consistent units.
 
     @cached_property
     def inertia(self) -> NDArray[Any]:

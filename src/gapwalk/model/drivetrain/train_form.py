@@ -22,32 +22,15 @@ from gapwalk.model.structure import ContactForm, NameBlock, ParameterNames
 
 @dataclass(frozen=True, slots=True)
 class LinkForm:
-    """A shaft or gear without its numbers.
+    """A shaft or gear without its numbers."""
 
-    Parameters
-    ----------
-    name
-        Its name.
-    ends
-        Its ends by number; the ground follows the last inertia.
-    geared
-        True if it has a ratio.
-    fixed
-        The ratio where it is no parameter: on a closed loop it follows from the others.
-    rigid
-        True if it has no springs.
-    always
-        True if it has a spring that acts always.
-    parts
-        Its contacts: springs with clearances, the friction beside them, a rigid stop; or its formula, or its friction.
-    """
-
-    name: str
-    ends: tuple[int, int]
-    geared: bool
-    fixed: float | None
-    rigid: bool
-    always: bool
+    name: str  #: Its name.
+    ends: tuple[int, int]  #: Its ends by number; the ground follows the last inertia.
+    geared: bool  #: True if it has a ratio.
+    fixed: float | None  #: The ratio where it is no parameter: on a closed loop it follows from the others.
+    rigid: bool  #: True if it has no springs.
+    always: bool  #: True if it has a spring that acts always.
+    #: Its contacts: springs with clearances, the friction beside them, a rigid stop; or its formula, or its friction.
     parts: tuple[ContactForm, ...]
 
     @property
@@ -89,45 +72,22 @@ class LinkForm:
 
 @dataclass(frozen=True, slots=True)
 class TorqueForm:
-    """A term of the excitation without its numbers: its name, its order, and on which inertias it acts.
+    """A term of the excitation without its numbers: its name, its order, and on which inertias it acts."""
 
-    Parameters
-    ----------
-    harmonic
-        The load. What it varies are numbers and deflections of contacts.
-    acts_on
-        The inertias.
-    displaces
-        The links whose springs and dampers that act always it displaces, each with a factor.
-    """
-
-    harmonic: LoadForm
-    acts_on: tuple[int, ...]
+    harmonic: LoadForm  #: The load. What it varies are numbers and deflections of contacts.
+    acts_on: tuple[int, ...]  #: The inertias.
+    #: The links whose springs and dampers that act always it displaces, each with a factor.
     displaces: tuple[tuple[int, float], ...] = ()
 
 
 class LoadPart(NamedTuple):
-    """A load of the equations of motion.
+    """A load of the equations of motion."""
 
-    Attributes
-    ----------
-    form
-        The load.
-    torque
-        The term of the excitation from which it comes.
-    link
-        The link that it displaces; -1 for none.
-    factor
-        The factor of that displacement.
-    reacts
-        True for the reaction to the mean of that term.
-    """
-
-    form: LoadForm
-    torque: int
-    link: int = -1
-    factor: float = 0.0
-    reacts: bool = False
+    form: LoadForm  #: The load.
+    torque: int  #: The term of the excitation from which it comes.
+    link: int = -1  #: The link that it displaces; -1 for none.
+    factor: float = 0.0  #: The factor of that displacement.
+    reacts: bool = False  #: True for the reaction to the mean of that term.
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,23 +101,12 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Tree:
-    """The steps from a root to all inertias that are connected to it.
+    """The steps from a root to all inertias that are connected to it."""
 
-    Parameters
-    ----------
-    root
-        The ground if there is one, otherwise the first inertia.
-    steps
-        In an order in which each begins where another has ended.
-    chords
-        The links that are not in the tree: each closes a loop.
-    looped
-        The links on loops that do not lead through the ground: on each, the ratios must multiply to one.
-    """
-
-    root: int
-    steps: tuple[Step, ...]
-    chords: tuple[int, ...]
+    root: int  #: The ground if there is one, otherwise the first inertia.
+    steps: tuple[Step, ...]  #: In an order in which each begins where another has ended.
+    chords: tuple[int, ...]  #: The links that are not in the tree: each closes a loop.
+    #: The links on loops that do not lead through the ground: on each, the ratios must multiply to one.
     looped: frozenset[int]
 
 
@@ -228,23 +177,12 @@ def _loop(links: Sequence[LinkForm], parents: dict[int, Step], chord: int) -> se
 
 @dataclass(frozen=True)
 class TrainForm:
-    """The parts of a train without their numbers.
+    """The parts of a train without their numbers."""
 
-    Parameters
-    ----------
-    inertias
-        Their names.
-    links
-        Shafts, then gears.
-    torques
-        The excitation.
-    reaction
-        Index of the inertia on which the torque acts that balances the constant torques; None if there is none.
-    """
-
-    inertias: tuple[str, ...]
-    links: tuple[LinkForm, ...]
-    torques: tuple[TorqueForm, ...] = ()
+    inertias: tuple[str, ...]  #: Their names.
+    links: tuple[LinkForm, ...]  #: Shafts, then gears.
+    torques: tuple[TorqueForm, ...] = ()  #: The excitation.
+    #: Index of the inertia on which the torque acts that balances the constant torques; None if there is none.
     reaction: int | None = None
 
     def _check_read(self) -> None:

@@ -32,27 +32,18 @@ _LARGEST_PART = 1000  # of an order that is a fraction
 class Counted:
     """A load of a drive train whose order counts teeth of a mesh, or turns of another inertia than the reference.
 
-    Parameters
-    ----------
-    load
-        The load. Its order is multiplied by the number of teeth of the first gear of the mesh, and by the speed of that
-        gear (or of the inertia) over that of the reference shaft. Phases are those of the excitation, at ``W t = 0``.
-    mesh
-        Name of a gear with `Gear.teeth`.
-    turns_of
-        Name of an inertia instead.
-    order
-        The order in place of that of the load; it may be a fraction, such as 0.5 for a cycle of four strokes.
-
     Examples
     --------
     >>> gw.train.Counted(gw.Harmonic(0.2, varies="mesh1.stiffness", order=2), mesh="mesh1").exact_order
     Fraction(2, 1)
     """
 
+    #: The load. Its order is multiplied by the number of teeth of the first gear of the mesh, and by the speed of that
+    #: gear (or of the inertia) over that of the reference shaft. Phases are those of the excitation, at ``W t = 0``.
     load: Load
-    mesh: str = ""
-    turns_of: str = ""
+    mesh: str = ""  #: Name of a gear with `Gear.teeth`.
+    turns_of: str = ""  #: Name of an inertia instead.
+    #: The order in place of that of the load; it may be a fraction, such as 0.5 for a cycle of four strokes.
     order: float | None = None
 
     def __post_init__(self) -> None:
@@ -124,7 +115,7 @@ def real_orders(train: Train) -> list[Fraction]:
 
 
 def fixed_ratios(train: Train) -> frozenset[str]:
-    """Return the gears on whose ratios orders depend; these are no parameters, for the orders would change with them.
+    """Return the gears on whose ratios orders depend; these are no parameters: the orders would change with them.
 
     Raises
     ------

@@ -34,21 +34,15 @@ _OF_STAGES = ("clearance", "stiffness", "cubic")
 class Inertia:
     """A rigid body that turns (or, in a chain of masses, moves).
 
-    Parameters
-    ----------
-    name
-        Its parameter is called ``name.inertia``.
-    inertia
-        Moment of inertia, > 0, in kg m^2 or any consistent unit. None if its motion is prescribed: loads vary its
-        angle, as in ``gw.Harmonic("0.1 deg", varies="flywheel.angle")``.
-
     Examples
     --------
     >>> gw.train.Inertia("flywheel", "0.14 kg m^2").inertia
     '0.14 kg m^2'
     """
 
-    name: str
+    name: str  #: Its parameter is called ``name.inertia``.
+    #: Moment of inertia, > 0, in kg m^2 or any consistent unit. None if its motion is prescribed: loads vary its angle,
+    #: as in ``gw.Harmonic("0.1 deg", varies="flywheel.angle")``.
     inertia: float | None = None
 
     def _converted(self, change: Change) -> Inertia:
@@ -64,34 +58,11 @@ class Link:
 
     Parameters
     ----------
-    name
-        Prefix of its parameters' names, as in ``clutch.stiffness``, and name of its deflection.
-    between
-        The two inertias.
-    stiffness
-        Stiffness of the spring, > 0; or ``"rigid"``, beyond a clearance, for a rigid stop with the number
-        `restitution`. None if there are only stages, or no springs at all: a shaft with damping alone is
-        a drag, as that of a bearing, or of a fluid coupling. Where nothing else holds its two inertias together, the
-        angle between them is free and left out: see `Train`.
-    damping
-        Coefficient of the damper, >= 0; it acts always, also within a gap.
-    clearance
-        Half the backlash of that spring, as an angle, if there is any.
-    stages
-        Further springs, from the inside out; names are made up for those that have none. Each may have the number
-        `hysteresis`; the last one may be a rigid stop, with the stiffness ``"rigid"`` and the number `restitution`.
-    cubic
-        Coefficient of the cubic term of the spring beyond the clearance; there is none without a clearance.
-    law
-        The force law of the contact of the springs that have a clearance, or its name; by default the first that has
-        the parameters which are given.
     impact_damping, viscous_damping
         The parameter of Hunt and Crossley's law, or of a damper which acts while they touch. One of the two at most.
     hysteresis, hysteresis_stiffness
         The torque of dry friction beside its springs, and the stiffness of the spring with which it sticks; without one
         it sticks rigidly. It always acts; beside a single spring with a clearance it acts while that touches.
-    numbers
-        Parameters of any law by name; they may also be given as arguments.
 
     Examples
     --------
@@ -99,15 +70,25 @@ class Link:
     True
     """
 
-    name: str
-    between: tuple[str, str]
+    name: str  #: Prefix of its parameters' names, as in ``clutch.stiffness``, and name of its deflection.
+    between: tuple[str, str]  #: The two inertias.
     _: KW_ONLY
+    #: Stiffness of the spring, > 0; or ``"rigid"``, beyond a clearance, for a rigid stop with the number `restitution`.
+    #: None if there are only stages, or no springs at all: a shaft with damping alone is a drag, as that of a bearing,
+    #: or of a fluid coupling. Where nothing else holds its two inertias together, the angle between them is free and
+    #: left out: see `Train`.
     stiffness: float | None = None
-    damping: float = 0.0
-    clearance: float | None = None
+    damping: float = 0.0  #: Coefficient of the damper, >= 0; it acts always, also within a gap.
+    clearance: float | None = None  #: Half the backlash of that spring, as an angle, if there is any.
+    #: Further springs, from the inside out; names are made up for those that have none. Each may have the number
+    #: `hysteresis`; the last one may be a rigid stop, with the stiffness ``"rigid"`` and the number `restitution`.
     stages: tuple[Stage, ...] = ()
+    #: Coefficient of the cubic term of the spring beyond the clearance; there is none without a clearance.
     cubic: float = 0.0
+    #: The force law of the contact of the springs that have a clearance, or its name; by default the first that has the
+    #: parameters which are given.
     law: Law | str | None = None
+    #: Parameters of any law by name; they may also be given as arguments.
     numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __init__(
@@ -274,11 +255,6 @@ class Gear(Link):
 
     Parameters
     ----------
-    ratio
-        Speed of the first inertia divided by that of the second, not zero.
-    teeth
-        Number of teeth of the first gear, or of both; of the second there are `ratio` times as many. Loads may then
-        count their orders per tooth: see `Counted`.
     stiffness
         None for a rigid mesh, which makes one body of its two inertias.
 
@@ -289,7 +265,9 @@ class Gear(Link):
     (Fraction(2, 1), 20, False)
     """
 
-    ratio: float
+    ratio: float  #: Speed of the first inertia divided by that of the second, not zero.
+    #: Number of teeth of the first gear, or of both; of the second there are `ratio` times as many. Loads may then
+    #: count their orders per tooth: see `Counted`.
     teeth: int | tuple[int, int] | None
 
     def __init__(

@@ -21,24 +21,12 @@ from gapwalk.model.units import QuantityKind, read_quantity, read_unit
 
 @dataclass(frozen=True)
 class SheetColumn:
-    """A column that a table may have.
+    """A column that a table may have."""
 
-    Parameters
-    ----------
-    name
-        Its heading.
-    words
-        What its cells hold, for the documentation and for messages.
-    kind
-        Kind of its quantity; None for a text, a plain number or a count.
-    others
-        Other headings that are understood.
-    """
-
-    name: str
-    words: str
-    kind: QuantityKind | None = None
-    others: tuple[str, ...] = ()
+    name: str  #: Its heading.
+    words: str  #: What its cells hold, for the documentation and for messages.
+    kind: QuantityKind | None = None  #: Kind of its quantity; None for a text, a plain number or a count.
+    others: tuple[str, ...] = ()  #: Other headings that are understood.
 
 
 COLUMNS = (

@@ -123,8 +123,6 @@ class Friction(Link):
         Torque at which slip begins over that in slip, >= 1; for friction that sticks rigidly.
     speed
         Constant rate of the base: the slip rate is that of the deflection less this one.
-    ratio
-        As that of a `Gear`; by default 1.
     numbers
         The numbers above by name.
 
@@ -135,7 +133,7 @@ class Friction(Link):
     """
 
     normal: str
-    ratio: float | None
+    ratio: float | None  #: As that of a `Gear`; by default 1.
 
     def __init__(
         self,

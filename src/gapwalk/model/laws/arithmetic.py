@@ -31,21 +31,11 @@ LARGEST_FRACTION = 10
 
 
 class Guard(NamedTuple):
-    """A condition of a mode: the mode is 1 where ``sign * node - width`` is positive.
+    """A condition of a mode: the mode is 1 where ``sign * node - width`` is positive."""
 
-    Attributes
-    ----------
-    node
-        Expression that vanishes at the kink.
-    sign
-        +1, or -1 for a kink at which the expression falls below 0.
-    is_edge
-        True if `width` is that of the edge of a fractional power, otherwise it is 0.
-    """
-
-    node: Node
-    sign: int
-    is_edge: bool = False
+    node: Node  #: Expression that vanishes at the kink.
+    sign: int  #: +1, or -1 for a kink at which the expression falls below 0.
+    is_edge: bool = False  #: True if `width` is that of the edge of a fractional power, otherwise it is 0.
 
     @property
     def key(self) -> str:

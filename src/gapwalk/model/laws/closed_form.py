@@ -22,20 +22,6 @@ if TYPE_CHECKING:
 class StageTerms:
     """A stage on one side as a formula sees it; its parameters are ``stage["stiffness"]`` and so on.
 
-    Attributes
-    ----------
-    sign
-        The side: +1 or -1.
-    depth
-        Deflection past the breakpoint, ``x - sign * clearance``: positive beyond it on the positive side, negative
-        beyond it on the negative side.
-    closed
-        The mode: 1 while the deflection is beyond the breakpoint, otherwise 0.
-    innermost
-        True for the first stage on its side.
-    numbers
-        Its parameters by name.
-
     Examples
     --------
     >>> stage = gw.laws.StageTerms(sign=1, depth=0.2, closed=1, innermost=True, numbers={"stiffness": 20.0})
@@ -43,11 +29,13 @@ class StageTerms:
     4.0
     """
 
-    sign: int
+    sign: int  #: The side: +1 or -1.
+    #: Deflection past the breakpoint, ``x - sign * clearance``: positive beyond it on the positive side, negative
+    #: beyond it on the negative side.
     depth: Any
-    closed: Any
-    innermost: bool
-    numbers: Mapping[str, Any] = field(hash=False)
+    closed: Any  #: The mode: 1 while the deflection is beyond the breakpoint, otherwise 0.
+    innermost: bool  #: True for the first stage on its side.
+    numbers: Mapping[str, Any] = field(hash=False)  #: Its parameters by name.
 
     def __getitem__(self, name: str) -> Any:
         return self.numbers[name]
@@ -56,21 +44,14 @@ class StageTerms:
 class Host(NamedTuple):
     """Another contact on which a formula depends: its stages, and its force.
 
-    Attributes
-    ----------
-    stages
-        Its stages.
-    force
-        Its force.
-
     Examples
     --------
     >>> gw.laws.Host(stages=None, force=2.0).force
     2.0
     """
 
-    stages: Stages
-    force: Any
+    stages: Stages  #: Its stages.
+    force: Any  #: Its force.
 
 
 class Stages:
@@ -166,26 +147,13 @@ class Stages:
 
 
 class Term(NamedTuple):
-    """One product of a closed form: ``factor * numbers * closed * depth**power * rate**rate``.
+    """One product of a closed form: ``factor * numbers * closed * depth**power * rate**rate``."""
 
-    Attributes
-    ----------
-    factor
-        A plain number.
-    numbers
-        Parameters of the contact as a whole that it is multiplied by.
-    stage_numbers
-        Parameters of its stage that it is multiplied by.
-    stage
-        Index of the stage and its side among those of the contact.
-    power, rate
-        Powers of the depth and of the rate.
-    """
-
-    factor: float
-    numbers: tuple[str, ...]
-    stage_numbers: tuple[str, ...]
-    stage: int
+    factor: float  #: A plain number.
+    numbers: tuple[str, ...]  #: Parameters of the contact as a whole that it is multiplied by.
+    stage_numbers: tuple[str, ...]  #: Parameters of its stage that it is multiplied by.
+    stage: int  #: Index of the stage and its side among those of the contact.
+    #: power, rate: Powers of the depth and of the rate.
     power: int
     rate: int
 

@@ -21,13 +21,6 @@ class Expression(Law):
 
     It has no stages. It switches where ``abs``, ``min`` or ``max`` do: each of these modes is an event of the flow.
 
-    Parameters
-    ----------
-    text
-        The formula. ``x'`` is the rate of the deflection ``x``; all names that are no deflections are parameters.
-    variables
-        Names of the deflections. A single deflection with the name ``x`` has the rate ``v`` too.
-
     Raises
     ------
     FormulaError
@@ -43,7 +36,9 @@ class Expression(Law):
     True
     """
 
+    #: The formula. ``x'`` is the rate of the deflection ``x``; all names that are no deflections are parameters.
     text: str
+    #: Names of the deflections. A single deflection with the name ``x`` has the rate ``v`` too.
     variables: tuple[str, ...] = ("x",)
 
     name, words = "expression", "a formula of deflections and their rates"

@@ -21,15 +21,6 @@ NUMPY_FUNCTIONS: dict[str, Callable[..., Any]] = {
 class Edge(NamedTuple):
     """A place of a formula where a function ends: ``sqrt``, ``log`` or a fractional power of something negative.
 
-    Attributes
-    ----------
-    function
-        ``"sqrt"``, ``"log"`` or ``"**"``.
-    text
-        The argument, which must stay positive.
-    column
-        Column of the formula as it was given, from 1.
-
     Examples
     --------
     >>> law = gw.force("orifice", {"x": 1.0}, "c*sqrt(x + h)", c=1.0, h=2.0).law
@@ -37,9 +28,9 @@ class Edge(NamedTuple):
     ['sqrt']
     """
 
-    function: str
-    text: str
-    column: int
+    function: str  #: ``"sqrt"``, ``"log"`` or ``"**"``.
+    text: str  #: The argument, which must stay positive.
+    column: int  #: Column of the formula as it was given, from 1.
 
     @property
     def words(self) -> str:
@@ -61,17 +52,6 @@ class Formula:
 
     It is equal by content: two texts that differ in spaces and needless parentheses give the same formula.
 
-    Attributes
-    ----------
-    text
-        The formula written again, in one way only.
-    variables
-        Names of the variables that occur in it, such as ``x``, its rate ``x'`` and ``v``.
-    parameters
-        All other names, in the order of their first appearance.
-    edges
-        The places where a function ends at 0, with their columns in the text as it was given.
-
     Examples
     --------
     >>> law = gw.force("spring", {"x": 1.0}, "k*max(x - gap, 0)**2 + c*v", k=8.0, gap=0.25, c=1.0).law
@@ -79,9 +59,10 @@ class Formula:
     ('k', 'gap', 'c')
     """
 
-    text: str
-    variables: tuple[str, ...]
-    parameters: tuple[str, ...]
+    text: str  #: The formula written again, in one way only.
+    variables: tuple[str, ...]  #: Names of the variables that occur in it, such as ``x``, its rate ``x'`` and ``v``.
+    parameters: tuple[str, ...]  #: All other names, in the order of their first appearance.
+    #: The places where a function ends at 0, with their columns in the text as it was given.
     edges: tuple[Edge, ...] = field(compare=False)
     _tree: Node = field(compare=False, repr=False)
     _edge_nodes: tuple[Node, ...] = field(compare=False, repr=False, default=())

@@ -33,23 +33,17 @@ class Friction(Law):
     so it is no function of the deflection and its rate. Slip in one direction, slip in the other and stick are modes of
     the flow (`gapwalk.flow.dry_switches`); `Stages.slip` is 1, -1 or 0 in them.
 
-    Parameters
-    ----------
-    by
-        ``"limit"``: the limit is a number. ``"stages"``: it is the sum of the numbers `hysteresis` of the closed stages
-        of another contact, and of a limit of its own. ``"normal"``: it is a coefficient times the force of another
-        contact, which presses.
-    host
-        Name of that other contact; empty without one.
-
     Examples
     --------
     >>> [number.name for number in gw.laws.Coulomb().parameters]
     ['limit', 'static', 'speed']
     """
 
+    #: ``"limit"``: the limit is a number. ``"stages"``: it is the sum of the numbers `hysteresis` of the closed stages
+    #: of another contact, and of a limit of its own. ``"normal"``: it is a coefficient times the force of another
+    #: contact, which presses.
     by: str = "limit"
-    host: str = ""
+    host: str = ""  #: Name of that other contact; empty without one.
 
     stage_parameters = ()
 
@@ -218,18 +212,13 @@ class Hysteretic(Law):
 
     The springs are those of a law that has a name; the friction is a contact of its own, `Friction` by ``"stages"``.
 
-    Parameters
-    ----------
-    springs
-        Name of the law of the springs.
-
     Examples
     --------
     >>> gw.laws.Hysteretic("elastic").springs
     'elastic'
     """
 
-    springs: str = "elastic"
+    springs: str = "elastic"  #: Name of the law of the springs.
 
     name, words = "hysteretic", "springs whose stages have dry friction"
 

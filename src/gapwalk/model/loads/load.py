@@ -21,20 +21,14 @@ from gapwalk.model.units import Units
 class Line(NamedTuple):
     """A part ``cosine * cos(order * W * t) + sine * sin(order * W * t)`` of a load; of order 0 it is constant.
 
-    Attributes
-    ----------
-    order
-        Multiple of the fundamental frequency.
-    cosine, sine
-        Amplitudes, in the unit of the load.
-
     Examples
     --------
     >>> list(gw.Harmonic.lines(2, 1.5, dict(amplitude=0.5, phase=0.0, growth=0, at=1.0)))
     [Line(order=2, cosine=np.float64(0.5), sine=np.float64(-0.0))]
     """
 
-    order: int
+    order: int  #: Multiple of the fundamental frequency.
+    #: cosine, sine: Amplitudes, in the unit of the load.
     cosine: Any
     sine: Any = 0.0
 
@@ -44,23 +38,15 @@ class Levels(NamedTuple):
 
     The angles are those of the excitation, W t; they repeat after ``2 pi / order``.
 
-    Attributes
-    ----------
-    low
-        The lower level, relative to the number that varies.
-    high
-        The higher level.
-    up, down
-        Angles at which the higher level begins and ends, in radians.
-
     Examples
     --------
     >>> gw.loads.Levels(low=-0.3, high=0.2, up=-1.0, down=1.0).high
     0.2
     """
 
-    low: Any
-    high: Any
+    low: Any  #: The lower level, relative to the number that varies.
+    high: Any  #: The higher level.
+    #: up, down: Angles at which the higher level begins and ends, in radians.
     up: Any
     down: Any
 

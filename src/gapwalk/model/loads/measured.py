@@ -29,38 +29,6 @@ class Measured(Load):
     It is ``scale`` times a mean and some orders, ``sum cosine * cos(k a) + sine * sin(k a)`` with ``a`` the angle of
     the shaft plus `phase`. As a variation it has no mean.
 
-    Parameters
-    ----------
-    series : tuple of (int, float, float)
-        For each order: periods in a period of the curve, cosine, sine.
-    acts_on
-        The vector along which it acts, by coordinate name.
-    order
-        Periods of the curve in a period of the excitation, an integer >= 1. The fundamental frequency of a four-stroke
-        engine is that of its cycle: then a curve over the cycle has the order 1, and one over a turn has the order 2.
-    turns
-        Turns of the shaft in a period of the curve.
-    scale
-        Its factor.
-    phase
-        In radians of the shaft's angle: a curve with the phase 0.1 is ahead by 0.1 rad.
-    varies
-        What it varies instead: ``"mesh.deflection"``, or several names with factors.
-    mean
-        The mean of the load; 0 for a variation.
-    growth, at, over_speed
-        As for `Harmonic`.
-    left_out
-        The share of the energy that is in orders which are left out.
-    mean_left_out
-        The mean that a variation leaves out.
-    is_angle
-        True if the values are angles in rad, which a drive train converts to its own unit.
-    source
-        Name of the file.
-    name
-        Prefix of its parameters' names.
-
     Examples
     --------
     >>> angle = np.linspace(0.0, 4.0 * np.pi, 361)
@@ -89,22 +57,28 @@ class Measured(Load):
         "over_speed": (OverSpeed, ()),
     }
 
+    #: tuple of (int, float, float): For each order: periods in a period of the curve, cosine, sine.
     series: tuple[tuple[int, float, float], ...]
+    #: The vector along which it acts, by coordinate name.
     acts_on: Mapping[str, float] = field(default_factory=dict, hash=False)
+    #: Periods of the curve in a period of the excitation, an integer >= 1. The fundamental frequency of a four-stroke
+    #: engine is that of its cycle: then a curve over the cycle has the order 1, and one over a turn has the order 2.
     order: int = 1
-    turns: int = 1
-    scale: float = 1.0
-    phase: float = 0.0
+    turns: int = 1  #: Turns of the shaft in a period of the curve.
+    scale: float = 1.0  #: Its factor.
+    phase: float = 0.0  #: In radians of the shaft's angle: a curve with the phase 0.1 is ahead by 0.1 rad.
+    #: What it varies instead: ``"mesh.deflection"``, or several names with factors.
     varies: Mapping[str, float] = field(default_factory=dict, hash=False)
-    mean: float = 0.0
+    mean: float = 0.0  #: The mean of the load; 0 for a variation.
+    #: growth, at, over_speed: As for `Harmonic`.
     growth: int = 0
     at: float = 1.0
     over_speed: OverSpeed = ()
-    left_out: float = 0.0
-    mean_left_out: float = 0.0
-    is_angle: bool = False
-    source: str = ""
-    name: str = ""
+    left_out: float = 0.0  #: The share of the energy that is in orders which are left out.
+    mean_left_out: float = 0.0  #: The mean that a variation leaves out.
+    is_angle: bool = False  #: True if the values are angles in rad, which a drive train converts to its own unit.
+    source: str = ""  #: Name of the file.
+    name: str = ""  #: Prefix of its parameters' names.
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -27,16 +27,6 @@ _NAMES = ("W", "speed")
 class FactorOverSpeed:
     """A factor that depends on the frequency of the excitation.
 
-    Parameters
-    ----------
-    formula
-        A smooth formula of the angular frequency ``W`` and of the ``speed``, the first parameter of the system in its
-        own unit; empty if there is a table.
-    table
-        A table over the speed; None if there is a formula.
-    pace
-        The frequency W at the speed 1; 1 in a system without units.
-
     Raises
     ------
     ModelError
@@ -48,9 +38,11 @@ class FactorOverSpeed:
     1.2
     """
 
+    #: A smooth formula of the angular frequency ``W`` and of the ``speed``, the first parameter of the system in its
+    #: own unit; empty if there is a table.
     formula: str = ""
-    table: SpeedTable | None = None
-    pace: float = 1.0
+    table: SpeedTable | None = None  #: A table over the speed; None if there is a formula.
+    pace: float = 1.0  #: The frequency W at the speed 1; 1 in a system without units.
 
     def __post_init__(self) -> None:
         if self.table is not None:

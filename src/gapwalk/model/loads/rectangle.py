@@ -21,22 +21,6 @@ class Rectangle(Load):
     and ``1 - amplitude * share / (1 - share)`` elsewhere. For spur gears with a contact ratio of 1.6 the share is 0.6:
     so long are two pairs of teeth in contact.
 
-    Parameters
-    ----------
-    amplitude
-        Height of the higher level over the mean, as a fraction of it.
-    varies
-        What it varies: ``"mesh.stiffness"``, or several names with factors. No deflection and no clearance: they cannot
-        jump.
-    order
-        Cycles per forcing period, an integer >= 1.
-    share
-        Share of each cycle at the higher level, between 0 and 1.
-    phase
-        In radians; with 0, the middle of the higher level is at ``W t = 0``.
-    name
-        Prefix of its parameters' names; ``rectangle<order>`` by default.
-
     Examples
     --------
     >>> gw.loads.Rectangle(0.2, {"mesh.stiffness": 1.0}, order=27, share=0.6).name
@@ -51,12 +35,14 @@ class Rectangle(Load):
     )
     has_levels = True
 
-    amplitude: float
+    amplitude: float  #: Height of the higher level over the mean, as a fraction of it.
+    #: What it varies: ``"mesh.stiffness"``, or several names with factors. No deflection and no clearance: they cannot
+    #: jump.
     varies: Mapping[str, float] = field(default_factory=dict, hash=False)
-    order: int = 1
-    share: float = 0.5
-    phase: float = 0.0
-    name: str = ""
+    order: int = 1  #: Cycles per forcing period, an integer >= 1.
+    share: float = 0.5  #: Share of each cycle at the higher level, between 0 and 1.
+    phase: float = 0.0  #: In radians; with 0, the middle of the higher level is at ``W t = 0``.
+    name: str = ""  #: Prefix of its parameters' names; ``rectangle<order>`` by default.
     acts_on: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:

@@ -16,19 +16,6 @@ from gapwalk.model.units import QuantityKind
 class Steady(Load):
     """A load that is constant over the angle, and depends on the speed by a factor.
 
-    Parameters
-    ----------
-    amplitude
-        In units of a force (of a torque).
-    acts_on
-        The vector along which it acts, by coordinate name.
-    over_speed
-        The factor: a smooth formula of the angular frequency, such as ``"1 + 0.1*W"``, or a `SpeedTable`.
-    growth, at
-        Power 0, 1 or 2 of the frequency with which it grows, and the frequency W at which it has its amplitude.
-    name
-        Prefix of its parameters' names.
-
     Examples
     --------
     >>> gw.loads.Steady(0.2, {"x": 1.0}, over_speed="1 + 0.1*W").name  # unlike `mean`, which depends on nothing
@@ -39,12 +26,16 @@ class Steady(Load):
     is_periodic, order = False, 0
     parameters = (Parameter("amplitude", QuantityKind.TORQUE, "it is the size of the load"),)
 
-    amplitude: float
+    amplitude: float  #: In units of a force (of a torque).
+    #: The vector along which it acts, by coordinate name.
     acts_on: Mapping[str, float] = field(default_factory=dict, hash=False)
+    #: The factor: a smooth formula of the angular frequency, such as ``"1 + 0.1*W"``, or a `SpeedTable`.
     over_speed: OverSpeed = ()
+    #: growth, at: Power 0, 1 or 2 of the frequency with which it grows, and the frequency W at which it has its
+    #: amplitude.
     growth: int = 0
     at: float = 1.0
-    name: str = ""
+    name: str = ""  #: Prefix of its parameters' names.
 
     @classmethod
     def lines(cls, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Iterable[Line]:

@@ -40,20 +40,14 @@ _WORK = 50_000_000  # harmonics times samples: some seconds
 class OrderLine:
     """A part ``cosine * cos(order * angle) + sine * sin(order * angle)`` of a signal.
 
-    Parameters
-    ----------
-    order
-        Periods in a turn of the shaft.
-    cosine, sine
-        In the unit of the signal.
-
     Examples
     --------
     >>> gw.loads.OrderLine(2.0, cosine=3.0, sine=4.0).energy
     12.5
     """
 
-    order: float
+    order: float  #: Periods in a turn of the shaft.
+    #: cosine, sine: In the unit of the signal.
     cosine: float
     sine: float
 
@@ -67,22 +61,6 @@ class OrderLine:
 class OrderTable:
     """A signal over the angle of a shaft, as a mean and some orders.
 
-    Parameters
-    ----------
-    turns
-        Turns of the shaft in a period: 1, or 2 for the cycle of a four-stroke engine.
-    mean
-        The mean.
-    lines
-        The orders that are kept, the lowest first.
-    left_out
-        The share of the energy (the mean square without the mean) that is in the orders which are not kept.
-    samples
-        Number of samples in a period.
-    is_even
-        True if they are evenly spaced: then the orders are those of the trigonometric polynomial through them.
-        Otherwise they are those of the straight lines between them.
-
     Examples
     --------
     >>> table = gw.loads.orders_of(np.linspace(0.0, 2.0 * np.pi, 37), 5.0 + np.cos(np.linspace(0.0, 2.0 * np.pi, 37)))
@@ -90,11 +68,14 @@ class OrderTable:
     ((1.0,), 5.0)
     """
 
-    turns: int
-    mean: float
-    lines: tuple[OrderLine, ...]
+    turns: int  #: Turns of the shaft in a period: 1, or 2 for the cycle of a four-stroke engine.
+    mean: float  #: The mean.
+    lines: tuple[OrderLine, ...]  #: The orders that are kept, the lowest first.
+    #: The share of the energy (the mean square without the mean) that is in the orders which are not kept.
     left_out: float
-    samples: int
+    samples: int  #: Number of samples in a period.
+    #: True if they are evenly spaced: then the orders are those of the trigonometric polynomial through them. Otherwise
+    #: they are those of the straight lines between them.
     is_even: bool
 
     def _check_read(self) -> None:

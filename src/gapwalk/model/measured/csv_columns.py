@@ -23,21 +23,11 @@ _SHOWN = 40  # characters of an entry that is quoted
 
 @dataclass(frozen=True, eq=False)
 class CsvColumns:
-    """The text of a CSV file, in lines; the numbers of its columns are read on request.
+    """The text of a CSV file, in lines; the numbers of its columns are read on request."""
 
-    Attributes
-    ----------
-    heads
-        The names of the columns, as they are written.
-    mark
-        What separates the entries: a tab, a semicolon or a comma.
-    rows
-        The other lines, each with its number in the file, from 1.
-    """
-
-    heads: tuple[str, ...]
-    mark: str
-    rows: tuple[tuple[int, str], ...]
+    heads: tuple[str, ...]  #: The names of the columns, as they are written.
+    mark: str  #: What separates the entries: a tab, a semicolon or a comma.
+    rows: tuple[tuple[int, str], ...]  #: The other lines, each with its number in the file, from 1.
 
     def numbers(self, places: Mapping[str, int]) -> dict[str, NDArray[np.float64]]:
         """Read the numbers of some columns, each of shape (rows,).

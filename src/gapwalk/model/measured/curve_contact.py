@@ -27,25 +27,14 @@ CURVED = ("contact", "shaft", "gear")
 
 @dataclass(frozen=True, eq=False)
 class MeasuredCurve:
-    """The measured points of a contact, and the curve through them.
+    """The measured points of a contact, and the curve through them."""
 
-    Parameters
-    ----------
-    name
-        Name of the contact, shaft or gear.
-    curve
-        The curve.
-    deflection, force : shape (points,)
-        The points: angles in the unit of the file, torques in N m.
-    angle
-        That unit; None for plain numbers.
-    """
-
-    name: str
-    curve: Curve
+    name: str  #: Name of the contact, shaft or gear.
+    curve: Curve  #: The curve.
+    #: deflection, force: shape (points,): The points: angles in the unit of the file, torques in N m.
     deflection: NDArray[np.float64]
     force: NDArray[np.float64]
-    angle: Unit | None = None
+    angle: Unit | None = None  #: That unit; None for plain numbers.
 
 
 _OWN = ("curve", "interpolation", "error")

@@ -27,22 +27,13 @@ _LEAST_TURNS, _LEAST_SWAPS, _BEND = 5, 7, 2e-3
 
 @dataclass(frozen=True, eq=False)
 class CurvePoints:
-    """The points of a single-valued curve, and its steps.
+    """The points of a single-valued curve, and its steps."""
 
-    Attributes
-    ----------
-    x : shape (points,)
-        Deflections, increasing.
-    left, right : shape (points,)
-        The forces at which the curve arrives and leaves; they differ at a step.
-    scale
-        The largest force.
-    """
-
-    x: Array
+    x: Array  #: shape (points,): Deflections, increasing.
+    #: left, right: shape (points,): The forces at which the curve arrives and leaves; they differ at a step.
     left: Array
     right: Array
-    scale: float
+    scale: float  #: The largest force.
 
     @property
     def steps(self) -> NDArray[np.intp]:

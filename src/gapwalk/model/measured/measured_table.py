@@ -31,18 +31,10 @@ _SHOWN = 20  # columns that a message lists
 
 @dataclass(frozen=True, slots=True)
 class NamedFile:
-    """A file that a model file names, with its content.
+    """A file that a model file names, with its content."""
 
-    Parameters
-    ----------
-    name
-        Its name, as it stands in the model file.
-    content
-        Its bytes.
-    """
-
-    name: str
-    content: bytes
+    name: str  #: Its name, as it stands in the model file.
+    content: bytes  #: Its bytes.
 
     def __repr__(self) -> str:
         return repr(self.name)
@@ -50,27 +42,14 @@ class NamedFile:
 
 @dataclass(frozen=True, slots=True)
 class WantedColumn:
-    """A column that a table must have.
+    """A column that a table must have."""
 
-    Parameters
-    ----------
-    role
-        What it is for, such as ``"deflection"``; also the first name by which it is looked for.
-    kind
-        Its kind of quantity. None if it must have no unit, since the model has none.
-    others
-        Other names by which it is looked for, such as ``("angle",)``; capital letters make no difference.
-    name
-        Its name in the file, if the user gave it: then it is not looked for.
-    key
-        The key with which the user gives that name, for messages.
-    """
-
-    role: str
-    kind: QuantityKind | None
+    role: str  #: What it is for, such as ``"deflection"``; also the first name by which it is looked for.
+    kind: QuantityKind | None  #: Its kind of quantity. None if it must have no unit, since the model has none.
+    #: Other names by which it is looked for, such as ``("angle",)``; capital letters make no difference.
     others: tuple[str, ...] = ()
-    name: str = ""
-    key: str = ""
+    name: str = ""  #: Its name in the file, if the user gave it: then it is not looked for.
+    key: str = ""  #: The key with which the user gives that name, for messages.
 
     @property
     def head(self) -> str:
@@ -80,24 +59,12 @@ class WantedColumn:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredColumn:
-    """A column of a table.
+    """A column of a table."""
 
-    Attributes
-    ----------
-    head
-        Its name in the file, with its unit.
-    numbers : shape (rows,)
-        Its numbers, as they are written.
-    unit
-        Its unit; None for plain numbers.
-    kind
-        Its kind of quantity; None for plain numbers.
-    """
-
-    head: str
-    numbers: NDArray[np.float64]
-    unit: Unit | None
-    kind: QuantityKind | None
+    head: str  #: Its name in the file, with its unit.
+    numbers: NDArray[np.float64]  #: shape (rows,): Its numbers, as they are written.
+    unit: Unit | None  #: Its unit; None for plain numbers.
+    kind: QuantityKind | None  #: Its kind of quantity; None for plain numbers.
 
     @property
     def quantity(self) -> Quantity | None:
@@ -114,21 +81,11 @@ class MeasuredColumn:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredTable:
-    """The columns of a measured table.
+    """The columns of a measured table."""
 
-    Attributes
-    ----------
-    name
-        Name of the file, for messages.
-    columns
-        The columns that were wanted, by their roles.
-    lines : shape (rows,)
-        The line of each row in the file, for messages.
-    """
-
-    name: str
-    columns: dict[str, MeasuredColumn]
-    lines: tuple[int, ...]
+    name: str  #: Name of the file, for messages.
+    columns: dict[str, MeasuredColumn]  #: The columns that were wanted, by their roles.
+    lines: tuple[int, ...]  #: shape (rows,): The line of each row in the file, for messages.
 
     def __len__(self) -> int:
         return len(self.lines)

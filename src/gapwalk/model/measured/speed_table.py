@@ -27,17 +27,6 @@ class SpeedTable:
     derivative is continuous. A complex speed is evaluated by the piece in which its real part is, so that derivatives
     by complex steps are exact.
 
-    Parameters
-    ----------
-    speeds : shape (points,)
-        Increasing.
-    values : shape (points,)
-        The value at each.
-    name
-        Name of the table in messages.
-    unit
-        The unit of the speeds in messages; empty for plain numbers.
-
     Raises
     ------
     ModelError
@@ -50,10 +39,10 @@ class SpeedTable:
     (55.0, False)
     """
 
-    speeds: tuple[float, ...]
-    values: tuple[float, ...]
-    name: str = "over the speed"
-    unit: str = ""
+    speeds: tuple[float, ...]  #: shape (points,): Increasing.
+    values: tuple[float, ...]  #: shape (points,): The value at each.
+    name: str = "over the speed"  #: Name of the table in messages.
+    unit: str = ""  #: The unit of the speeds in messages; empty for plain numbers.
 
     def __post_init__(self) -> None:
         speeds, values = _row(self.speeds, "speeds"), _row(self.values, "values")

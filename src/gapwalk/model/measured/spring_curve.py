@@ -40,17 +40,6 @@ class Corner:
     With ``d = x - position``, the force changes by ``step + slope * d + quadratic * d**2 + cubic * d**3`` where
     ``side * d > 0``.
 
-    Parameters
-    ----------
-    position
-        Deflection of the corner.
-    side
-        +1 if the change acts to its right, -1 if it acts to its left.
-    step
-        Change of the force at the corner itself, from within outwards.
-    slope, quadratic, cubic
-        Changes of the coefficients.
-
     Examples
     --------
     >>> curve = gw.laws.spring_curve([-4, -2, 2, 4], [-10, 0, 0, 10])
@@ -58,9 +47,10 @@ class Corner:
     (2.0, 5.0)
     """
 
-    position: float
-    side: int
-    step: float = 0.0
+    position: float  #: Deflection of the corner.
+    side: int  #: +1 if the change acts to its right, -1 if it acts to its left.
+    step: float = 0.0  #: Change of the force at the corner itself, from within outwards.
+    #: slope, quadratic, cubic: Changes of the coefficients.
     slope: float = 0.0
     quadratic: float = 0.0
     cubic: float = 0.0
@@ -75,22 +65,6 @@ class Corner:
 class Curve:
     """The force of a spring over its deflection, a piecewise polynomial.
 
-    Parameters
-    ----------
-    kind
-        ``"linear"`` or ``"cubic"``.
-    base
-        Coefficients of 1, x, x**2 and x**3 of the piece that contains the deflection 0. If 0 is a corner, it is the
-        piece to the left of it.
-    corners
-        The corners, by increasing position: those at negative positions act to the left, the others to the right.
-    first, last
-        Smallest and largest measured deflection. Beyond them the force continues along a line.
-    thinning_error
-        Largest difference from the measured points, as a share of the largest measured force.
-    points
-        Number of measured points.
-
     Examples
     --------
     >>> curve = gw.laws.spring_curve([-4, -2, 2, 4], [-10, 0, 0, 10])
@@ -98,13 +72,17 @@ class Curve:
     (5.0, 5.0, False)
     """
 
-    kind: str
+    kind: str  #: ``"linear"`` or ``"cubic"``.
+    #: Coefficients of 1, x, x**2 and x**3 of the piece that contains the deflection 0. If 0 is a corner, it is the
+    #: piece to the left of it.
     base: Polynomial
+    #: The corners, by increasing position: those at negative positions act to the left, the others to the right.
     corners: tuple[Corner, ...]
+    #: first, last: Smallest and largest measured deflection. Beyond them the force continues along a line.
     first: float
     last: float
-    thinning_error: float
-    points: int
+    thinning_error: float  #: Largest difference from the measured points, as a share of the largest measured force.
+    points: int  #: Number of measured points.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts are inconsistent."""

@@ -35,20 +35,6 @@ STABILITIES = ("variational", "hill")
 class Balance(Method):
     """Harmonic balance: the motion as a Fourier series, its contact forces exact in the breakpoints.
 
-    Parameters
-    ----------
-    harmonics
-        H, the highest harmonic of the forcing frequency; an orbit of m forcing periods has H m lines. None: as many
-        as `error` requires, and more where a branch requires more.
-    error
-        Largest sum of the amplitudes in the neglected harmonics (from H to 2 H, as excited by the exact contact
-        force), relative to the largest amplitude of the deflections. A motion that exceeds it is refused.
-    stability
-        ``"variational"``: multipliers of the motion linearised about the balanced one, by one pass over the period.
-        ``"hill"``: by the projected exponential of Hill's matrix (Bayer and Leine 2023).
-    tolerance
-        Largest residual of an orbit, relative to the size of its lines.
-
     Examples
     --------
     >>> round(gw.find_orbit(system, method=gw.Balance(5)).measure("max.x"), 6)  # the stop is not touched
@@ -59,10 +45,16 @@ class Balance(Method):
     columns: ClassVar[tuple[str, ...]] = ("harmonics", "truncation")
     needs_contacts: ClassVar[str] = "solves for the deflections of contacts"
 
+    #: H, the highest harmonic of the forcing frequency; an orbit of m forcing periods has H m lines. None: as many as
+    #: `error` requires, and more where a branch requires more.
     harmonics: Annotated[int, Ge(1)] | None = None
+    #: Largest sum of the amplitudes in the neglected harmonics (from H to 2 H, as excited by the exact contact force),
+    #: relative to the largest amplitude of the deflections. A motion that exceeds it is refused.
     error: Annotated[float, Gt(0)] = 1e-4
+    #: ``"variational"``: multipliers of the motion linearised about the balanced one, by one pass over the period.
+    #: ``"hill"``: by the projected exponential of Hill's matrix (Bayer and Leine 2023).
     stability: str = "variational"
-    tolerance: Annotated[float, Gt(0)] = 1e-10
+    tolerance: Annotated[float, Gt(0)] = 1e-10  #: Largest residual of an orbit, relative to the size of its lines.
 
     def __post_init__(self) -> None:
         h = self.harmonics
@@ -110,23 +102,16 @@ class BalancedOrbit(Orbit):
 
     It satisfies the equations of motion except for the neglected harmonics. An integration from its state would
     leave an unstable orbit, so everything is evaluated from the series.
-
-    Attributes
-    ----------
-    series
-        The lines of all coordinates.
-    deflections
-        The lines of the deflections of all contacts: of a force by a formula, of all that it depends on.
-    truncation
-        Sum of the amplitudes of the neglected harmonics, as excited by the exact contact force, relative to the
-        largest amplitude of the deflections.
     """
 
     found_by: ClassVar[str] = "harmonic-balance"
     is_exact: ClassVar[bool] = False
 
-    series: Series
+    series: Series  #: The lines of all coordinates.
+    #: The lines of the deflections of all contacts: of a force by a formula, of all that it depends on.
     deflections: Series
+    #: Sum of the amplitudes of the neglected harmonics, as excited by the exact contact force, relative to the largest
+    #: amplitude of the deflections.
     truncation: float = field()
 
     def _check_read(self) -> None:

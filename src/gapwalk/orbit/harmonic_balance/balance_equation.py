@@ -71,15 +71,11 @@ class BalanceEquation(OrbitEquation):
     ----------
     system, parameter, period, options
         See `OrbitEquation`.
-    harmonics
-        H, the highest harmonic of the forcing frequency.
-    others
-        Names of other parameters that may vary; see `evaluate_at`.
     """
 
     options: Balance = Balance()
-    harmonics: int = 10
-    others: tuple[str, ...] = ()
+    harmonics: int = 10  #: H, the highest harmonic of the forcing frequency.
+    others: tuple[str, ...] = ()  #: Names of other parameters that may vary; see `evaluate_at`.
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -390,23 +386,12 @@ class BalanceEquation(OrbitEquation):
 
 
 class Evidence(NamedTuple):
-    """Data of an evaluation: the lines of the motion, the linear part, the forces, and their sum.
+    """Data of an evaluation: the lines of the motion, the linear part, the forces, and their sum."""
 
-    Attributes
-    ----------
-    coefficients
-        Coefficients of the flow.
-    lines : shape (contacts, K + 1)
-        Lines of the deflections.
-    total : shape (K + 1, contacts)
-        Lines of the contact forces less the linear shares.
-    compliance, laws, forces
-        The parts.
-    """
-
-    coefficients: NDArray[np.float64]
-    lines: NDArray[np.complex128]
-    total: NDArray[np.complex128]
+    coefficients: NDArray[np.float64]  #: Coefficients of the flow.
+    lines: NDArray[np.complex128]  #: shape (contacts, K + 1): Lines of the deflections.
+    total: NDArray[np.complex128]  #: shape (K + 1, contacts): Lines of the contact forces less the linear shares.
+    #: compliance, laws, forces: The parts.
     compliance: PoleCompliance | DirectCompliance
     laws: Laws
     forces: Forces

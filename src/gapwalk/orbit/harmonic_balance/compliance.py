@@ -35,31 +35,17 @@ Eigen = tuple[NDArray[Any], NDArray[Any], NDArray[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Poles:
-    """The linear part as a sum over its 2n eigenvalues, or over some of them and the static response of the others.
+    """The linear part as a sum over its 2n eigenvalues, or over some of them and the static response of the others."""
 
-    Attributes
-    ----------
-    values : shape (poles,)
-        Eigenvalues.
-    inputs, loads : shapes (poles, contacts), (poles, orders + 1)
-        Force of the contacts and of the loads on each eigenvector.
-    outputs : shape (n, poles)
-        Positions of each eigenvector.
-    deflections : shape (contacts, poles)
-        Deflections of each eigenvector.
-    residual : shape (contacts, contacts)
-        Static flexibility of the omitted eigenvectors.
-    sways : shape (contacts, orders + 1)
-        Prescribed displacements of the deflections.
-    """
-
-    values: NDArray[np.complex128]
+    values: NDArray[np.complex128]  #: shape (poles,): Eigenvalues.
+    #: inputs, loads: shapes (poles, contacts), (poles, orders + 1): Force of the contacts and of the loads on each
+    #: eigenvector.
     inputs: NDArray[np.complex128]
     loads: NDArray[np.complex128]
-    outputs: NDArray[np.complex128]
-    deflections: NDArray[np.complex128]
-    residual: NDArray[np.float64]
-    sways: NDArray[np.complex128]
+    outputs: NDArray[np.complex128]  #: shape (n, poles): Positions of each eigenvector.
+    deflections: NDArray[np.complex128]  #: shape (contacts, poles): Deflections of each eigenvector.
+    residual: NDArray[np.float64]  #: shape (contacts, contacts): Static flexibility of the omitted eigenvectors.
+    sways: NDArray[np.complex128]  #: shape (contacts, orders + 1): Prescribed displacements of the deflections.
 
     @cached_property
     def residues(self) -> NDArray[np.complex128]:
@@ -87,38 +73,23 @@ class Poles:
 
 
 class Lines(NamedTuple):
-    """The lines of a motion.
+    """The lines of a motion."""
 
-    Attributes
-    ----------
-    frequencies, slopes : shape (lines,)
-        Frequencies, and their derivatives by the parameter.
-    loads : shape (orders + 1,)
-        Line on which each load acts, and each displacement.
-    """
-
+    #: frequencies, slopes: shape (lines,): Frequencies, and their derivatives by the parameter.
     frequencies: NDArray[np.float64]
     slopes: NDArray[np.float64]
-    loads: NDArray[np.intp]
+    loads: NDArray[np.intp]  #: shape (orders + 1,): Line on which each load acts, and each displacement.
 
 
 @dataclass(frozen=True, eq=False)
 class DirectCompliance:
-    """The linear part solved line by line.
+    """The linear part solved line by line."""
 
-    Parameters
-    ----------
-    linear, change
-        The matrices, and their derivatives by the parameter (None for none).
-    lines
-        The lines.
-    shift : shape (contacts,)
-        Stiffness of each contact that is counted as part of the linear system.
-    """
-
+    #: linear, change: The matrices, and their derivatives by the parameter (None for none).
     linear: Linear
     change: Linear | None
-    lines: Lines
+    lines: Lines  #: The lines.
+    #: shape (contacts,): Stiffness of each contact that is counted as part of the linear system.
     shift: NDArray[np.float64]
 
     @cached_property
@@ -201,23 +172,12 @@ def _singular() -> NumericalError:
 
 
 class PoleCompliance(NamedTuple):
-    """The linear part as a sum over its eigenvalues, on some lines.
+    """The linear part as a sum over its eigenvalues, on some lines."""
 
-    Attributes
-    ----------
-    poles
-        The eigenvalues.
-    lines
-        The lines; the poles do not change with the parameter.
-    gains : shape (lines, poles)
-        Amplitude of each eigenvector under a unit load.
-    free, flexibility
-        See `DirectCompliance`.
-    """
-
-    poles: Poles
-    lines: Lines
-    gains: NDArray[np.complex128]
+    poles: Poles  #: The eigenvalues.
+    lines: Lines  #: The lines; the poles do not change with the parameter.
+    gains: NDArray[np.complex128]  #: shape (lines, poles): Amplitude of each eigenvector under a unit load.
+    #: free, flexibility: See `DirectCompliance`.
     free: NDArray[np.complex128]
     flexibility: NDArray[np.complex128]
 

@@ -46,47 +46,27 @@ class Laws:
     """Polynomials of every stage on every side ("switch"), in the order of the flow's switches.
 
     They are followed by rows that act only while a gate is open, if numbers jump over the angle.
-
-    Attributes
-    ----------
-    contact : shape (rows,)
-        Deflection of each row.
-    sign, clearance : shape (rows,)
-        The stage is closed where ``sign * x > clearance``.
-    polynomials : shape (rows, 2, degree + 1)
-        Coefficients of 1, xi, ... of its part of g and of P.
-    clearance_slope, slopes
-        Derivatives of the clearances and of the polynomials by the parameter.
-    orders : shape (orders,)
-        Orders of the excitation at which coefficients vary.
-    waves, wave_slopes : shape (rows, 2, degree + 1, 2 orders)
-        Cosines, then sines, that are added to the polynomials, and their derivatives by the parameter.
-    gate : shape (rows,)
-        Gate of each row, or -1 if it always acts.
-    jumps
-        The angles at which gates open and close.
-    formulas
-        The forces by formulas, None for none.
-    dry
-        The forces of Jenkins elements, None for none.
-    frequency
-        That of the excitation, and its derivative by the parameter.
     """
 
-    contact: NDArray[np.intp]
+    contact: NDArray[np.intp]  #: shape (rows,): Deflection of each row.
+    #: sign, clearance: shape (rows,): The stage is closed where ``sign * x > clearance``.
     sign: NDArray[np.float64]
     clearance: NDArray[np.float64]
+    #: shape (rows, 2, degree + 1): Coefficients of 1, xi, ... of its part of g and of P.
     polynomials: NDArray[np.float64]
+    #: clearance_slope, slopes: Derivatives of the clearances and of the polynomials by the parameter.
     clearance_slope: NDArray[np.float64]
     slopes: NDArray[np.float64]
-    orders: NDArray[np.intp]
+    orders: NDArray[np.intp]  #: shape (orders,): Orders of the excitation at which coefficients vary.
+    #: waves, wave_slopes: shape (rows, 2, degree + 1, 2 orders): Cosines, then sines, that are added to the
+    #: polynomials, and their derivatives by the parameter.
     waves: NDArray[np.float64]
     wave_slopes: NDArray[np.float64]
-    gate: NDArray[np.intp]
-    jumps: Jumps
-    formulas: Formulas | None
-    dry: DryForces | None
-    frequency: tuple[float, float]
+    gate: NDArray[np.intp]  #: shape (rows,): Gate of each row, or -1 if it always acts.
+    jumps: Jumps  #: The angles at which gates open and close.
+    formulas: Formulas | None  #: The forces by formulas, None for none.
+    dry: DryForces | None  #: The forces of Jenkins elements, None for none.
+    frequency: tuple[float, float]  #: That of the excitation, and its derivative by the parameter.
 
     @cached_property
     def has_kicks(self) -> bool:
@@ -206,33 +186,21 @@ def _by_depth(polynomials: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 class Forces(NamedTuple):
-    """Contact forces ``g(x) + d/dt P(x)`` of a motion with K lines, and forces by formulas.
+    """Contact forces ``g(x) + d/dt P(x)`` of a motion with K lines, and forces by formulas."""
 
-    Attributes
-    ----------
-    parts : shape (deflections, 4, 2K + 1)
-        Lines of g, the spectrum (k = 0 ... 2K) of ``g'(x)``, and the same of P. The force of a formula belongs to g,
-        but its derivatives are among the `pairs`.
-    slopes : shape (deflections, 2, K + 1)
-        Derivatives of the lines of g and P by the parameter, with the motion constant.
-    crossings : shape (4, crossings)
-        Crossings of breakpoints: angles ``0 <= phi < 2 pi`` in their order, derivatives of the deflection by
-        phi, 1 where the stage closes, and its switch.
-    pairs
-        The derivatives of forces by formulas, and those of Jenkins elements at the same angle.
-    breaks
-        The angles phi, in order, at which anything has a kink or jumps: breakpoints, kinks of formulas, known angles,
-        where elements begin to slip and to stick.
-    memory
-        The forces of Jenkins elements.
-    """
-
+    #: shape (deflections, 4, 2K + 1): Lines of g, the spectrum (k = 0 ... 2K) of ``g'(x)``, and the same of P. The
+    #: force of a formula belongs to g, but its derivatives are among the `pairs`.
     parts: NDArray[np.complex128]
+    #: shape (deflections, 2, K + 1): Derivatives of the lines of g and P by the parameter, with the motion constant.
     slopes: NDArray[np.complex128]
+    #: shape (4, crossings): Crossings of breakpoints: angles ``0 <= phi < 2 pi`` in their order, derivatives of the
+    #: deflection by phi, 1 where the stage closes, and its switch.
     crossings: NDArray[np.float64]
-    pairs: Pairs
+    pairs: Pairs  #: The derivatives of forces by formulas, and those of Jenkins elements at the same angle.
+    #: The angles phi, in order, at which anything has a kink or jumps: breakpoints, kinks of formulas, known angles,
+    #: where elements begin to slip and to stick.
     breaks: NDArray[np.float64]
-    memory: Memory = NO_MEMORY
+    memory: Memory = NO_MEMORY  #: The forces of Jenkins elements.
 
 
 def laws_of(
@@ -340,21 +308,12 @@ def _varied(
 
 
 class _Plan(NamedTuple):
-    """The polynomials g and P of all contacts as functions of the coefficients.
+    """The polynomials g and P of all contacts as functions of the coefficients."""
 
-    Attributes
-    ----------
-    steady
-        Those of the mean values.
-    varied
-        For each product of waves those that it multiplies, in the shape of `steady`.
-    formulas
-        True if there are forces by formulas.
-    """
-
-    steady: ForcePolynomials
+    steady: ForcePolynomials  #: Those of the mean values.
+    #: For each product of waves those that it multiplies, in the shape of `steady`.
     varied: tuple[tuple[tuple[Wave, ...], ForcePolynomials], ...]
-    formulas: bool
+    formulas: bool  #: True if there are forces by formulas.
 
 
 @lru_cache(maxsize=256)

@@ -38,20 +38,11 @@ _ROUNDING = 1e-12  # multipliers that are 0 but for rounding, over the largest
 
 
 class Links(NamedTuple):
-    """Changes of forces with the motion at single angles: lines times linear functions of the unknowns.
+    """Changes of forces with the motion at single angles: lines times linear functions of the unknowns."""
 
-    Attributes
-    ----------
-    forces : shape (links,)
-        Number of the deflection with which each force acts.
-    columns : shape (links, K + 1)
-        Lines of the force.
-    rows : shape (links, unknowns)
-        The linear functions of the real forms of all deflections, one after the other.
-    """
-
-    forces: NDArray[np.intp]
-    columns: NDArray[np.complex128]
+    forces: NDArray[np.intp]  #: shape (links,): Number of the deflection with which each force acts.
+    columns: NDArray[np.complex128]  #: shape (links, K + 1): Lines of the force.
+    #: shape (links, unknowns): The linear functions of the real forms of all deflections, one after the other.
     rows: Array
 
 
@@ -70,14 +61,9 @@ class DryForces(ForcesLessShares):
 
 @dataclass(frozen=True, eq=False)
 class DryForce:
-    """The force of one element along a motion, less its share.
+    """The force of one element along a motion, less its share."""
 
-    Parameters
-    ----------
-    slider, share
-        The slider with the motion, and what is taken away.
-    """
-
+    #: slider, share: The slider with the motion, and what is taken away.
     slider: Slider
     share: Share
 
@@ -319,15 +305,9 @@ class Change(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """The forces of all Jenkins elements along a motion.
+    """The forces of all Jenkins elements along a motion."""
 
-    Parameters
-    ----------
-    forces
-        That of each element, in the order of the contacts.
-    """
-
-    forces: tuple[DryForce, ...] = ()
+    forces: tuple[DryForce, ...] = ()  #: That of each element, in the order of the contacts.
 
     def __len__(self) -> int:
         return len(self.forces)

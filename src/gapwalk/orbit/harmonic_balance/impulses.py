@@ -22,22 +22,15 @@ Array = NDArray[np.float64]
 
 
 class Passage(NamedTuple):
-    """A row of polynomials at the angles at which its gate opens (sign 1) or closes (-1).
+    """A row of polynomials at the angles at which its gate opens (sign 1) or closes (-1)."""
 
-    Attributes
-    ----------
-    row
-        Its number.
-    phi, signs, moves : shape (angles,)
-        The angles, and their derivatives by the parameter.
-    forces, by_deflection, by_angle, slopes : shape (2, angles)
-        g and P there, and their derivatives by the deflection, by phi along the motion, and by the parameter.
-    """
-
-    row: int
+    row: int  #: Its number.
+    #: phi, signs, moves: shape (angles,): The angles, and their derivatives by the parameter.
     phi: Array
     signs: Array
     moves: Array
+    #: forces, by_deflection, by_angle, slopes: shape (2, angles): g and P there, and their derivatives by the
+    #: deflection, by phi along the motion, and by the parameter.
     forces: Array
     by_deflection: Array
     by_angle: Array

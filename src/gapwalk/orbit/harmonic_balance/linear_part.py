@@ -23,26 +23,17 @@ class Linear:
     """The matrices of the equations of motion, or their derivatives by a parameter.
 
     A force by a formula may depend on several deflections. It acts with the first of them, with the others no force.
-
-    Attributes
-    ----------
-    stiffness, damping : shape (n, n)
-        A and B.
-    contacts : shape (n, deflections)
-        The D_k.
-    loads : shape (n, orders + 1)
-        The constant load, and the complex amplitudes of each order of the excitation.
-    deflections : shape (deflections, n)
-        The e_k.
-    sways : shape (deflections, orders + 1)
-        The displacements u_k that are added to the deflections: complex amplitudes of each order, after a zero.
     """
 
+    #: stiffness, damping: shape (n, n): A and B.
     stiffness: NDArray[np.float64]
     damping: NDArray[np.float64]
-    contacts: NDArray[np.float64]
+    contacts: NDArray[np.float64]  #: shape (n, deflections): The D_k.
+    #: shape (n, orders + 1): The constant load, and the complex amplitudes of each order of the excitation.
     loads: NDArray[np.complex128]
-    deflections: NDArray[np.float64]
+    deflections: NDArray[np.float64]  #: shape (deflections, n): The e_k.
+    #: shape (deflections, orders + 1): The displacements u_k that are added to the deflections: complex amplitudes of
+    #: each order, after a zero.
     sways: NDArray[np.complex128]
 
     def shifted(self, shift: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -86,36 +77,23 @@ class Share(NamedTuple):
     """A spring and a damper that are moved from a force by a formula, or by friction, into the linear part.
 
     Without them, a system that only these forces hold or damp would have a resonance in its linear part.
-
-    Attributes
-    ----------
-    place
-        Number of the deflection on which they act.
-    spring, damper
-        Their coefficients.
     """
 
-    place: int
+    place: int  #: Number of the deflection on which they act.
+    #: spring, damper: Their coefficients.
     spring: float
     damper: float
 
 
 @dataclass(frozen=True, eq=False)
 class ForcesLessShares:
-    """Forces of some contacts less their shares, for some coefficients of the flow and their derivatives.
+    """Forces of some contacts less their shares, for some coefficients of the flow and their derivatives."""
 
-    Parameters
-    ----------
-    layout, coefficients, slope
-        The coefficients, and their derivatives by a parameter.
-    shares
-        What is taken away from the forces.
-    """
-
+    #: layout, coefficients, slope: The coefficients, and their derivatives by a parameter.
     layout: CoefficientLayout
     coefficients: NDArray[np.float64]
     slope: NDArray[np.float64]
-    shares: tuple[Share, ...] = ()
+    shares: tuple[Share, ...] = ()  #: What is taken away from the forces.
 
 
 def shares_of(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> tuple[Share, ...]:

@@ -93,27 +93,13 @@ def _two_sided(lines: NDArray[np.complex128]) -> NDArray[np.complex128]:
 
 @dataclass(frozen=True, eq=False)
 class Jumps:
-    """The angles at which some gates open and close in one turn of theta, in order.
+    """The angles at which some gates open and close in one turn of theta, in order."""
 
-    Attributes
-    ----------
-    angles : shape (jumps,)
-        Angles of theta, from 0 to 2 pi.
-    slopes : shape (jumps,)
-        Their derivatives by the parameter.
-    opens : shape (jumps,)
-        1 where the gate opens, 0 where it closes.
-    gates : shape (jumps,)
-        Number of the gate.
-    first : shape (gates,)
-        1 for each gate that is open just before theta = 0.
-    """
-
-    angles: NDArray[np.float64]
-    slopes: NDArray[np.float64]
-    opens: NDArray[np.float64]
-    gates: NDArray[np.float64]
-    first: NDArray[np.float64]
+    angles: NDArray[np.float64]  #: shape (jumps,): Angles of theta, from 0 to 2 pi.
+    slopes: NDArray[np.float64]  #: shape (jumps,): Their derivatives by the parameter.
+    opens: NDArray[np.float64]  #: shape (jumps,): 1 where the gate opens, 0 where it closes.
+    gates: NDArray[np.float64]  #: shape (jumps,): Number of the gate.
+    first: NDArray[np.float64]  #: shape (gates,): 1 for each gate that is open just before theta = 0.
 
     @cached_property
     def move(self) -> bool:

@@ -43,14 +43,9 @@ _INVERSE = 1.0 / np.cumprod([1.0, *range(1, 12)])  # of the factorials
 
 @dataclass(frozen=True)
 class Linearised:
-    """The generator of the linearised equations over time, ``steady + sum_k g_k' springs_k + P_k' dampers_k``.
+    """The generator of the linearised equations over time, ``steady + sum_k g_k' springs_k + P_k' dampers_k``."""
 
-    Parameters
-    ----------
-    linear, laws
-        The system.
-    """
-
+    #: linear, laws: The system.
     linear: Linear
     laws: Laws
 

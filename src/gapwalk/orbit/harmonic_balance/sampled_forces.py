@@ -40,18 +40,13 @@ _ITERATIONS = 60  # for the angle of a kink
 
 
 class Pairs(NamedTuple):
-    """The derivatives of forces by formulas along a motion, by each deflection that they depend on, and its rate.
+    """The derivatives of forces by formulas along a motion, by each deflection that they depend on, and its rate."""
 
-    Attributes
-    ----------
-    forces, arguments : shape (pairs,)
-        Number of the deflection with which the force acts, and of the one that it depends on.
-    spectra : shape (pairs, 2, 2K + 1)
-        Spectra, k = 0 ... 2K, of the derivative by the deflection and of that by its rate.
-    """
-
+    #: forces, arguments: shape (pairs,): Number of the deflection with which the force acts, and of the one that it
+    #: depends on.
     forces: NDArray[np.intp]
     arguments: NDArray[np.intp]
+    #: shape (pairs, 2, 2K + 1): Spectra, k = 0 ... 2K, of the derivative by the deflection and of that by its rate.
     spectra: NDArray[np.complex128]
 
     def and_those(self, others: Pairs) -> Pairs:
@@ -64,27 +59,15 @@ class Pairs(NamedTuple):
 
 
 class Sampled(NamedTuple):
-    """Lines of the forces by formulas.
+    """Lines of the forces by formulas."""
 
-    Attributes
-    ----------
-    places : shape (formulas,)
-        Number of the deflection with which each acts.
-    lines : shape (formulas, 2K + 1)
-        The lines k = 0 ... 2K.
-    slopes : shape (formulas, K + 1)
-        Their derivatives by the parameter, with the motion constant.
-    pairs
-        The derivatives by the motion.
-    breaks
-        The angles phi, in order, at which a kink is passed or a number jumps, and some that approach fractional powers,
-        beside which an integration needs steps that become smaller and smaller.
-    """
-
-    places: NDArray[np.intp]
-    lines: NDArray[np.complex128]
+    places: NDArray[np.intp]  #: shape (formulas,): Number of the deflection with which each acts.
+    lines: NDArray[np.complex128]  #: shape (formulas, 2K + 1): The lines k = 0 ... 2K.
+    #: shape (formulas, K + 1): Their derivatives by the parameter, with the motion constant.
     slopes: NDArray[np.complex128]
-    pairs: Pairs
+    pairs: Pairs  #: The derivatives by the motion.
+    #: The angles phi, in order, at which a kink is passed or a number jumps, and some that approach fractional powers,
+    #: beside which an integration needs steps that become smaller and smaller.
     breaks: NDArray[np.float64]
 
 

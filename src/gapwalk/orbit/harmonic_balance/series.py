@@ -20,21 +20,11 @@ _MANY = 32  # angles from which products are faster than exponentials
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """``q(theta) = Re sum_k lines_k exp(i k theta / m)``.
+    """``q(theta) = Re sum_k lines_k exp(i k theta / m)``."""
 
-    Attributes
-    ----------
-    lines : shape (n, K + 1)
-        Complex amplitudes of each coordinate.
-    period
-        m, forcing periods.
-    frequency
-        W.
-    """
-
-    lines: NDArray[np.complex128]
-    period: int
-    frequency: float
+    lines: NDArray[np.complex128]  #: shape (n, K + 1): Complex amplitudes of each coordinate.
+    period: int  #: m, forcing periods.
+    frequency: float  #: W.
 
     def states(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return positions and velocities (over time) at angles of the excitation, shape (samples, 2n)."""

@@ -26,23 +26,14 @@ _ASIDE = 1e-9  # radians from a break, at which dampers beside it are read
 
 @dataclass(frozen=True, eq=False)
 class SliderChanges:
-    """The changes of the sliders of all elements along a motion.
+    """The changes of the sliders of all elements along a motion."""
 
-    Parameters
-    ----------
-    memory, linear, laws
-        The elements, the linear part, and the contacts.
-    lines : shape (deflections, K + 1)
-        The motion.
-    period
-        m.
-    """
-
+    #: memory, linear, laws: The elements, the linear part, and the contacts.
     memory: Memory
     linear: Linear
     laws: Laws
-    lines: NDArray[np.complex128]
-    period: int
+    lines: NDArray[np.complex128]  #: shape (deflections, K + 1): The motion.
+    period: int  #: m.
 
     def wider(self, matrices: Array) -> Array:
         """Add the places of the sliders to matrices of shape (..., 2n, 2n), as rows and columns of zeros."""

@@ -46,45 +46,25 @@ class Limit(NamedTuple):
 
 
 class Break(NamedTuple):
-    """An angle at which the limit may jump or has a kink.
+    """An angle at which the limit may jump or has a kink."""
 
-    Attributes
-    ----------
-    phi
-        The angle.
-    switch
-        Number of the switch of the host that passes its breakpoint; -1 where the limit reaches or leaves zero.
-    piece
-        The interval beside it in which the limit is not zero, for such a place.
-    """
-
-    phi: float
+    phi: float  #: The angle.
+    #: Number of the switch of the host that passes its breakpoint; -1 where the limit reaches or leaves zero.
     switch: int
-    piece: int
+    piece: int  #: The interval beside it in which the limit is not zero, for such a place.
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Deflections by their lines, for some coefficients of the flow.
+    """Deflections by their lines, for some coefficients of the flow."""
 
-    Parameters
-    ----------
-    layout, coefficients, slope
-        The coefficients, and their derivatives by a parameter.
-    lines : shape (deflections, K + 1)
-        The deflections.
-    period
-        m.
-    crossings
-        The crossings of breakpoints; see `Forces`.
-    """
-
+    #: layout, coefficients, slope: The coefficients, and their derivatives by a parameter.
     layout: CoefficientLayout
     coefficients: Array
     slope: Array
-    lines: NDArray[np.complex128]
-    period: int
-    crossings: Array
+    lines: NDArray[np.complex128]  #: shape (deflections, K + 1): The deflections.
+    period: int  #: m.
+    crossings: Array  #: The crossings of breakpoints; see `Forces`.
 
     @property
     def frequency(self) -> float:
@@ -113,14 +93,9 @@ class Element(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Slider:
-    """The slider of a Jenkins element along a periodic motion.
+    """The slider of a Jenkins element along a periodic motion."""
 
-    Parameters
-    ----------
-    motion, element
-        The motion, and the element.
-    """
-
+    #: motion, element: The motion, and the element.
     motion: Motion
     element: Element
 

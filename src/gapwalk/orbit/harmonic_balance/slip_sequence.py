@@ -28,28 +28,15 @@ _ROUNDING = 4e-15  # of a place, relative to the size of the bounds
 
 
 class Pin(NamedTuple):
-    """The angle of a bound at which the slider comes to rest.
+    """The angle of a bound at which the slider comes to rest."""
 
-    Attributes
-    ----------
-    phi
-        The angle, below 0 if that was in the period before.
-    side
-        -1 for the lower bound, 1 for the upper one; 0 for a slider that never slips, and rests where its force has the
-        mean zero.
-    piece
-        The interval of the limit to which the bound belongs.
-    place
-        Number of the break at that angle; -1 for none.
-    is_before
-        True if the bound is that just before the angle.
-    """
-
-    phi: float
+    phi: float  #: The angle, below 0 if that was in the period before.
+    #: -1 for the lower bound, 1 for the upper one; 0 for a slider that never slips, and rests where its force has the
+    #: mean zero.
     side: int
-    piece: int
-    place: int
-    is_before: bool
+    piece: int  #: The interval of the limit to which the bound belongs.
+    place: int  #: Number of the break at that angle; -1 for none.
+    is_before: bool  #: True if the bound is that just before the angle.
 
 
 class Phase(NamedTuple):

@@ -22,18 +22,11 @@ _PAIRS = 3  # of stages that are drawn one by one
 
 @dataclass(frozen=True)
 class Push:
-    """A load on a body.
+    """A load on a body."""
 
-    Parameters
-    ----------
-    name
-        Its name.
-    way
-        1 if it pushes along the displacement of the body, to the right in a drawing; -1 if against it. For a harmonic
-        load this is its direction at its maximum.
-    """
-
-    name: str
+    name: str  #: Its name.
+    #: 1 if it pushes along the displacement of the body, to the right in a drawing; -1 if against it. For a harmonic
+    #: load this is its direction at its maximum.
     way: int
 
     @classmethod
@@ -50,28 +43,15 @@ class Push:
 
 @dataclass(frozen=True)
 class Body:
-    """A body that moves, or a place at which a contact acts.
+    """A body that moves, or a place at which a contact acts."""
 
-    Parameters
-    ----------
-    name
-        Its name, or the combination of coordinates by which it moves.
-    row
-        Its displacement by the coordinates, as (number, factor). In a train it is divided by the speed at which the
-        inertia turns with the first one, so that a link without deflection keeps its length.
-    mass
-        Its mass or inertia; 0 if it is only a place.
-    signal
-        Signal that says how it moves; empty if there is none.
-    pushes
-        The loads on it.
-    """
-
-    name: str
+    name: str  #: Its name, or the combination of coordinates by which it moves.
+    #: Its displacement by the coordinates, as (number, factor). In a train it is divided by the speed at which the
+    #: inertia turns with the first one, so that a link without deflection keeps its length.
     row: tuple[tuple[int, float], ...]
-    mass: float = 0.0
-    signal: str = ""
-    pushes: tuple[Push, ...] = ()
+    mass: float = 0.0  #: Its mass or inertia; 0 if it is only a place.
+    signal: str = ""  #: Signal that says how it moves; empty if there is none.
+    pushes: tuple[Push, ...] = ()  #: The loads on it.
 
     @property
     def loads(self) -> tuple[str, ...]:
@@ -81,77 +61,41 @@ class Body:
 
 @dataclass(frozen=True)
 class Element:
-    """One element between two bodies.
+    """One element between two bodies."""
 
-    Parameters
-    ----------
-    kind
-        ``"spring"``, ``"damper"``, ``"gap"``, ``"friction"``, ``"slider"`` (friction in series with a spring),
-        ``"formula"``, ``"gear"`` (rigid), or ``"coupling"``, which is an entry of a matrix that is no spring.
-    name
-        Its name or its value; empty for none.
-    words
-        Description, for readers who do not see the drawing.
-    contact, signal
-        Name of its contact, and of the signal that is its force; empty for none.
-    edges
-        Clearances on the negative and the positive side of the deflection; None where it has no stop.
-    detail
-        The clearances, or the limit, with their unit.
-    is_rigid
-        True for a rigid stop.
-    is_curved
-        True for a spring whose force is no straight line.
-    """
-
+    #: ``"spring"``, ``"damper"``, ``"gap"``, ``"friction"``, ``"slider"`` (friction in series with a spring),
+    #: ``"formula"``, ``"gear"`` (rigid), or ``"coupling"``, which is an entry of a matrix that is no spring.
     kind: str
-    name: str
-    words: str
+    name: str  #: Its name or its value; empty for none.
+    words: str  #: Description, for readers who do not see the drawing.
+    #: contact, signal: Name of its contact, and of the signal that is its force; empty for none.
     contact: str = ""
     signal: str = ""
+    #: Clearances on the negative and the positive side of the deflection; None where it has no stop.
     edges: tuple[float | None, float | None] = (None, None)
-    detail: str = ""
-    is_rigid: bool = False
-    is_curved: bool = False
+    detail: str = ""  #: The clearances, or the limit, with their unit.
+    is_rigid: bool = False  #: True for a rigid stop.
+    is_curved: bool = False  #: True for a spring whose force is no straight line.
 
 
 @dataclass(frozen=True)
 class Link:
-    """The elements between two bodies.
+    """The elements between two bodies."""
 
-    Parameters
-    ----------
-    ends
-        Numbers of the two bodies; `BASE` for the base, as the second one.
-    sign
-        Sign of the deflection of its contacts while the first end moves ahead of the second.
-    elements
-        The elements, in parallel.
-    """
-
-    ends: tuple[int, int]
-    sign: int
-    elements: tuple[Element, ...]
+    ends: tuple[int, int]  #: Numbers of the two bodies; `BASE` for the base, as the second one.
+    sign: int  #: Sign of the deflection of its contacts while the first end moves ahead of the second.
+    elements: tuple[Element, ...]  #: The elements, in parallel.
 
 
 @dataclass(frozen=True)
 class Machine:
-    """Bodies and the links between them.
+    """Bodies and the links between them."""
 
-    Parameters
-    ----------
-    bodies, links
-        What there is.
-    notes
-        Sentences on what is drawn in another way than it is in the model.
-    turns
-        True if displacements are angles.
-    """
-
+    #: bodies, links: What there is.
     bodies: tuple[Body, ...]
     links: tuple[Link, ...]
-    notes: tuple[str, ...] = ()
-    turns: bool = False
+    notes: tuple[str, ...] = ()  #: Sentences on what is drawn in another way than it is in the model.
+    turns: bool = False  #: True if displacements are angles.
 
 
 def elements_of(system: System, form: ContactForm, name: str = "") -> Iterator[Element]:

@@ -23,15 +23,9 @@ Moves = tuple[tuple[int, float], ...]
 
 @dataclass
 class Pen:
-    """A drawing in the making: shapes, parts and movers so far.
+    """A drawing in the making: shapes, parts and movers so far."""
 
-    Parameters
-    ----------
-    largest
-        The largest clearance of the machine, which has the widest gap.
-    """
-
-    largest: float
+    largest: float  #: The largest clearance of the machine, which has the widest gap.
     shapes: list[Shape] = field(default_factory=list)
     parts: list[Part] = field(default_factory=list)
     movers: list[Mover] = field(default_factory=list)

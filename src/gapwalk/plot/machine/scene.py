@@ -22,111 +22,63 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A shape of the drawing.
+    """A shape of the drawing."""
 
-    Parameters
-    ----------
-    kind
-        ``"line"``, ``"area"`` (closed), ``"circle"`` or ``"text"``.
-    look
-        Names of its style, separated by spaces.
-    points
-        Its points; the centre of a circle, the place of a text.
-    text, anchor
-        The text, and where its place is in it: ``"start"``, ``"middle"`` or ``"end"``.
-    radius
-        Radius of a circle.
-    part
-        Number of the part to which it belongs; -1 for none.
-    """
-
-    kind: str
-    look: str
-    points: tuple[Point, ...]
+    kind: str  #: ``"line"``, ``"area"`` (closed), ``"circle"`` or ``"text"``.
+    look: str  #: Names of its style, separated by spaces.
+    points: tuple[Point, ...]  #: Its points; the centre of a circle, the place of a text.
+    #: text, anchor: The text, and where its place is in it: ``"start"``, ``"middle"`` or ``"end"``.
     text: str = ""
     anchor: str = "middle"
-    radius: float = 0.0
-    part: int = -1
+    radius: float = 0.0  #: Radius of a circle.
+    part: int = -1  #: Number of the part to which it belongs; -1 for none.
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A part that can be chosen: a body or an element.
+    """A part that can be chosen: a body or an element."""
 
-    Parameters
-    ----------
-    kind
-        ``"body"``, or the kind of the element.
-    name, words
-        Its name, and its description.
-    contact, signal
-        Name of its contact, and of the signal that says most of it; empty for none.
-    box
-        Left, upper, right and lower edge of what it covers at rest.
-    """
-
-    kind: str
+    kind: str  #: ``"body"``, or the kind of the element.
+    #: name, words: Its name, and its description.
     name: str
     words: str
+    #: contact, signal: Name of its contact, and of the signal that says most of it; empty for none.
     contact: str
     signal: str
-    box: tuple[float, float, float, float]
+    box: tuple[float, float, float, float]  #: Left, upper, right and lower edge of what it covers at rest.
 
 
 @dataclass(frozen=True, slots=True)
 class Mover:
-    """A displacement on which points depend: that of a body, or of a contact within its gap.
+    """A displacement on which points depend: that of a body, or of a contact within its gap."""
 
-    Parameters
-    ----------
-    kind
-        ``"body"``; ``"gap"``, the deflection as far as the gap allows; or ``"slider"``, the slider of friction that
-        sticks by a spring.
-    row
-        The displacement of a body by the coordinates, as (number, factor).
-    contact
-        Name of the contact.
-    sign
-        Direction on the drawing of a positive deflection, 1 or -1, while the left end is at rest.
-    low, high
-        Clearances on the negative and positive side; None where there is no stop.
-    low_width, high_width
-        Their widths on the drawing.
-    """
-
+    #: ``"body"``; ``"gap"``, the deflection as far as the gap allows; or ``"slider"``, the slider of friction that
+    #: sticks by a spring.
     kind: str
-    row: tuple[tuple[int, float], ...] = ()
-    contact: str = ""
-    sign: int = 1
+    row: tuple[tuple[int, float], ...] = ()  #: The displacement of a body by the coordinates, as (number, factor).
+    contact: str = ""  #: Name of the contact.
+    sign: int = 1  #: Direction on the drawing of a positive deflection, 1 or -1, while the left end is at rest.
+    #: low, high: Clearances on the negative and positive side; None where there is no stop.
     low: float | None = None
     high: float | None = None
+    #: low_width, high_width: Their widths on the drawing.
     low_width: float = 0.0
     high_width: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """The drawing of a machine at rest, and how it moves.
+    """The drawing of a machine at rest, and how it moves."""
 
-    Parameters
-    ----------
-    width, height
-        Size in pixels.
-    words
-        Description, for readers who do not see it.
-    movers, parts, shapes
-        What moves, what can be chosen, and what is drawn.
-    notes
-        Sentences on what is drawn in another way than it is in the model.
-    """
-
+    #: width, height: Size in pixels.
     width: float
     height: float
-    words: str
+    words: str  #: Description, for readers who do not see it.
+    #: movers, parts, shapes: What moves, what can be chosen, and what is drawn.
     movers: tuple[Mover, ...]
     parts: tuple[Part, ...]
     shapes: tuple[Shape, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  #: Sentences on what is drawn in another way than it is in the model.
 
     def to_dict(self) -> dict[str, Any]:
         """Return the scene as plain values, short enough for a page: points are lists of x, y and their movers."""
