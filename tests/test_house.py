@@ -60,44 +60,12 @@ ROOT_NAMES = ("__version__",)
 
 # (file, function that holds the import, package imported): why.
 PERMITTED = {
-    ("answers/rattle_map.py", "plot", "plot"): "the plot() of a map is a convenience; finding it never draws",
-    ("answers/design.py", "plot", "plot"): "design.plot() is a convenience; designing never draws",
-    ("answers/scan.py", "plot", "plot"): "scan.plot() is a convenience; scanning never draws",
-    ("answers/threshold.py", "plot", "plot"): "threshold.plot() is a convenience; finding it never draws",
-    ("answers/tolerance.py", "plot", "plot"): "tolerance.plot() is a convenience; sampling never draws",
-    ("answers/rattle_bands.py", "plot", "plot"): "bands.plot() is a convenience; finding them never draws",
-    ("answers/run_up.py", "plot", "plot"): "run.plot() is a convenience; running up never draws",
-    ("answers/run_ups.py", "plot", "plot"): "run_ups.plot() is a convenience; running up never draws",
-    ("free/backbone_record.py", "plot", "plot"): "line.plot() is a convenience; following it never draws",
-    ("free/backbones.py", "plot", "plot"): "backbones.plot() is a convenience; following them never draws",
-    ("free/island_births.py", "plot", "plot"): "foretold.plot() is a convenience; foretelling never draws",
-    ("free/self_excitation.py", "plot", "plot"): "found.plot() is a convenience; following motions never draws",
-    ("tori/torus.py", "plot", "plot"): "torus.plot() is a convenience; computing tori never draws",
-    ("tori/torus_diagram.py", "plot", "plot"): "plot() of all tori is a convenience; following them never draws",
-    ("tori/tongue.py", "plot", "plot"): "tongue.plot() is a convenience; following it never draws",
-    ("attractors/basins.py", "plot", "plot"): "basins.plot() is a convenience; finding them never draws",
-    (
-        "attractors/compare_motions.py",
-        "plot",
-        "plot",
-    ): "contrast.plot() is a convenience; comparing motions never draws",
-    ("attractors/regimes.py", "plot", "plot"): "regimes.plot() is a convenience; finding them never draws",
-    ("attractors/attractor.py", "plot", "plot"): "settled.plot() is a convenience; settling never draws",
-    ("attractors/spectrum.py", "plot", "plot"): "waterfall.plot() is a convenience; computing it never draws",
-    ("bifurcation/diagram.py", "plot", "plot"): "diagram.plot() is a convenience; finding branches never draws",
     ("bifurcation/follow.py", "follow", "verification"): "follow(verify=True) is a convenience; walking never verifies",
     ("bifurcation/branch.py", "unexplained", "bifurcation"): "derived when it is asked for; walking never looks at it",
-    ("bifurcation/branch.py", "plot", "plot"): "branch.plot() is a convenience; the walk itself never draws",
-    ("measurement/alignment.py", "plot", "plot"): "alignment.plot() is a convenience; aligning never draws",
-    ("flow/hysteresis.py", "plot", "plot"): "hysteresis.plot() is a convenience; the loop itself never draws",
-    ("flow/stick_slip.py", "plot", "plot"): "stick_slip.plot() is a convenience; finding phases never draws",
-    ("orbit/energy.py", "plot", "plot"): "energy.plot() is a convenience; booking energy never draws",
+    ("notebook.py", "plot", "plot"): "plot() of a record is a convenience; what makes records never draws",
     ("notebook.py", "_repr_html_", "plot"): "a card is a convenience of notebooks; its value never draws",
     ("summary.py", "to_dict", "results"): "plain values follow the type hints that the codec of results knows",
     ("summary.py", "to_xarray", "results"): "labelled arrays know the units of measures and states, as files do",
-    ("studies/family.py", "plot", "plot"): "family.plot() is a convenience; joining special points never draws",
-    ("studies/map.py", "plot", "plot"): "map.plot() is a convenience; following loci never draws",
-    ("studies/sweep.py", "plot", "plot"): "sweep.plot() is a convenience; driving a sweep never draws",
 }
 
 # Of code and comments: docstrings, of which the reference is made, are not counted.
@@ -249,7 +217,7 @@ def test_an_upward_import_is_seen(file: str, source: str) -> None:
         ("cli.py", "from gapwalk.explorer import serve\nfrom .plot import draw"),
         ("__init__.py", "from .cli import main\nfrom .orbit import Orbit"),
         ("__main__.py", "from gapwalk.cli import main"),
-        ("bifurcation/branch.py", "class Branch:\n    def plot(self):\n        from gapwalk import plot"),
+        ("notebook.py", "class Shown:\n    def plot(self):\n        from gapwalk import plot"),
     ],
 )
 def test_a_downward_import_passes(file: str, source: str) -> None:

@@ -25,8 +25,20 @@ _switch = {"on": os.environ.get("GAPWALK_PROGRESS", "").lower() not in _OFF}
 _is_inside: ContextVar[bool] = ContextVar("gapwalk_progress", default=False)
 
 
-class Shown(Described):
-    """A record that has a card in notebooks: its summary, and a picture if that is cheap."""
+class Pictured:
+    """A record with a picture."""
+
+    __slots__ = ()
+
+    def plot(self, *arguments: Any, **options: Any) -> Any:
+        """Draw the record, and return the axes, or the figure if there are several panels; see `gapwalk.plot.draw`."""
+        from gapwalk.plot import draw
+
+        return draw(self, *arguments, **options)
+
+
+class Shown(Described, Pictured):
+    """A record with a picture that has a card in notebooks: its summary, and the picture if that is cheap."""
 
     __slots__ = ()
 
@@ -55,13 +67,7 @@ def show_progress(on: bool = True) -> None:
 
 
 def shows_progress(words: Callable[..., str]) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Decorate a function with a `report`: unless one is given, a line in a notebook shows progress until it ends.
-
-    Parameters
-    ----------
-    words
-        A function that describes the progress in words from the reported values.
-    """
+    """Decorate a function with a `report`: unless one is given, a line in a notebook shows progress until it ends."""
 
     def decorate(call: Callable[P, R]) -> Callable[P, R]:
         @wraps(call)
@@ -90,15 +96,7 @@ def is_notebook() -> bool:
 
 
 class Line:
-    """The line of one call; it is called with the reported values.
-
-    Parameters
-    ----------
-    name
-        Name of the function.
-    words
-        A function that describes the progress in words from the reported values.
-    """
+    """The line of one call; it is called with the reported values."""
 
     def __init__(self, name: str, words: Callable[..., str]) -> None:
         self._name, self._words = name, words

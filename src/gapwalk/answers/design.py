@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -183,20 +182,6 @@ class Design(Shown):
     def tables(self) -> Tables:
         """Return the tables of changes, goals, and searches."""
         return {"changes": self._change_rows, "goals": self._goal_rows, "searches": self._route_rows}
-
-    def plot(self, measure: str = "", **options: Any):
-        """Draw the response before and after, and the changes; see `gapwalk.plot.designs.draw_design`.
-
-        Parameters
-        ----------
-        measure
-            Measure of the responses, as in `Orbit.measure`; by default that of the goals.
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, measure, **options)
 
     def _found_words(self) -> str:
         many = len(self.isolated)

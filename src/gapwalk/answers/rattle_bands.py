@@ -12,7 +12,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
 from itertools import chain
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -237,20 +236,6 @@ class RattleBands(Shown):
             "movers": TableRows(self._mover_rows, units={"value": along}),
             "severity": TableRows(self._severity_rows, units=severity),
         }
-
-    def plot(self, gap: str | None = None, **options: Any):
-        """Draw the bands over the response, and severity below; see `gapwalk.plot.rattle_picture.draw_rattle`.
-
-        Parameters
-        ----------
-        gap
-            Name of the contact; None for the first one.
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, gap, **options)
 
     def _severity_parts(self, gap: str) -> SummaryParts:
         rows = [each for each in self.severities if each.gap == gap and each.state.rattles]

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,20 +134,6 @@ class RattleMap(Shown):
     def tables(self) -> Tables:
         """Return the table of cells, and that of the points of the loci."""
         return {"cells": TableRows(self._cell_rows, 2, units={"peak.": ".force"}), "borders": self._locus_rows}
-
-    def plot(self, gap: str | None = None, **options: Any):
-        """Draw the map; see `gapwalk.plot.rattle_picture.draw_rattle_map`.
-
-        Parameters
-        ----------
-        gap
-            Name of the contact; None for the first one.
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, gap, **options)
 
     def _cell_rows(self) -> Rows:
         yield [self.first, self.second, "period", *(f"{what}.{gap}" for gap in self.gaps for what in ("state", "peak"))]

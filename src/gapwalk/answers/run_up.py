@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -385,23 +385,6 @@ class RunUp(Shown):
             for each in self.peaks
             if each.force
         )
-
-    def plot(self, **options: Any) -> Any:
-        """Draw the time history over the speed; see `gapwalk.plot.run_up_pictures.draw_run_up`. Return the axes.
-
-        Parameters
-        ----------
-        **options
-            Options of the picture.
-
-        Returns
-        -------
-        Axes
-            The axes of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, **options)
 
     def __repr__(self) -> str:
         return f"RunUp({self.course!r}, {len(self.events)} contact events)"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -213,23 +212,6 @@ class RunUps(Shown):
                     for k in shown
                 ],
             )  # fmt: skip
-
-    def plot(self, **options: Any) -> Any:
-        """Draw largest forces over the rate; see `gapwalk.plot.run_up_pictures.draw_run_ups`. Return the axes.
-
-        Parameters
-        ----------
-        **options
-            Options of the picture.
-
-        Returns
-        -------
-        Axes
-            The axes of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, **options)
 
     def joined(self, other: RunUps) -> RunUps:
         """Return these run-ups with others of the same system; the error is the larger of both.

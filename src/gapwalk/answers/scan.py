@@ -214,18 +214,6 @@ class Scan(Shown):
         for claim, holds, amount in zip(self.claims, self.holds[index], self.amounts[index], strict=True):
             yield _MARKS[int(holds)] + (f" ({amount:.0%} of starts)" if amount and hasattr(claim, "motion") else "")
 
-    def plot(self, **options):
-        """Draw the best variations with their claims, and how many others fulfil as many; return the figure.
-
-        Parameters
-        ----------
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, **options)
-
     def __repr__(self) -> str:
         return f"Scan({len(self.variations):,} variations: {self.sentence})"
 

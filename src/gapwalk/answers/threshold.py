@@ -218,17 +218,5 @@ class Threshold(Shown):
         if notes:
             yield from remarks(self.notes, self.failures)
 
-    def plot(self, **options):
-        """Draw the loci in the plane of both parameters, with the limit; return the figure.
-
-        Parameters
-        ----------
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, **options)
-
     def __repr__(self) -> str:
         return f"Threshold({self.sentence})"

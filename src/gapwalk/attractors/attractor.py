@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,20 +144,6 @@ class Settled(Shown):
             Sampled evenly over the angle of the excitation.
         """
         return integrate(self.system, self.state, periods or self.period or 64, samples)
-
-    def plot(self, signal: str | None = None, **options: Any):
-        """Draw time history, spectrum and section; see `gapwalk.plot.motions.draw_settled`. Return the figure.
-
-        Parameters
-        ----------
-        signal
-            The signal, as in `Motion.signal`; by default the first coordinate.
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, signal, **options)
 
     def __repr__(self) -> str:
         what = f"period {self.period}" if self.period else "not periodic"

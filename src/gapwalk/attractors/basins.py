@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,20 +181,6 @@ class Basins(Shown):
         yield ["name", "kind", "period", "cells", *(f"{q}(0)" for q in self.system.state_names)]
         for name, attractor in zip(self.names, self.attractors, strict=True):
             yield [name, attractor.kind.value, attractor.period, self.cells[name], *attractor.state.tolist()]
-
-    def plot(self, title: str = "", **options: Any):
-        """Draw the basins in their plane; options as in `gapwalk.plot.cells.draw_basins`. Return the axes.
-
-        Parameters
-        ----------
-        title
-            Title above the picture.
-        **options
-            Options of `gapwalk.plot.cells.draw_basins`.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, title=title, **options)
 
     def __repr__(self) -> str:
         columns, rows = self.resolution

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from gapwalk.attractors.attractor import Settled
 from gapwalk.attractors.spectrum import Spectrum, SpectrumOptions, spectrum
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import force_of, integrate
+from gapwalk.notebook import Pictured
 from gapwalk.orbit.orbit import Orbit
 
 _BLOCK = 4096  # samples per block of the least-squares fit of lines: this bounds the memory
@@ -28,7 +29,7 @@ _LINES = 20  # highest order of the lines that are compared
 
 
 @dataclass(frozen=True, repr=False)
-class Contrast:
+class Contrast(Pictured):
     """A comparison of two motions.
 
     Examples
@@ -40,20 +41,6 @@ class Contrast:
     names: tuple[str, str]  #: Names of the two motions.
     motions: tuple[Orbit | Settled, Orbit | Settled]  #: The two motions.
     pairs: tuple[SignalPair, ...]  #: Their signals, in pairs.
-
-    def plot(self, title: str | None = None, **options: Any):
-        """Draw histories and spectra of all signals (paper, figures 3 and 5 to 7); see `gapwalk.plot.draw`.
-
-        Parameters
-        ----------
-        title
-            Title above the picture; by default the names of the motions.
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, title=title, **options)
 
     def __repr__(self) -> str:
         texts = [

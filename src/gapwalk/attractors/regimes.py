@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,20 +153,6 @@ class Regimes(Shown):
                 period,
                 *("" if np.isnan(each) else float(each) for each in (self.exponents[row, column], *forces, *impacts)),
             ]
-
-    def plot(self, title: str = "", **options: Any):
-        """Draw the map; options as in `gapwalk.plot.cells.draw_regimes`. Return the figure.
-
-        Parameters
-        ----------
-        title
-            Title above the picture.
-        **options
-            Options of `gapwalk.plot.cells.draw_regimes`.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, title=title, **options)
 
     def _groups(self) -> dict[str, int]:
         """Count cells as in `cells`, with all long periods in one group."""

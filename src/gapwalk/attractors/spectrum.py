@@ -23,6 +23,7 @@ from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import Motion, integrate
 from gapwalk.model.system import System, pace_text
 from gapwalk.model.units import Units
+from gapwalk.notebook import Pictured
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.summary import Described, Rows, TableRows, Tables
 
@@ -167,7 +168,7 @@ class Peak(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Waterfall(Described):
+class Waterfall(Described, Pictured):
     """Spectra over orders, orbit by orbit: multiples of W, or orders per turn of the shaft whose speed is a parameter.
 
     Examples
@@ -198,18 +199,6 @@ class Waterfall(Described):
             self.values.tolist(), self.stable.tolist(), self.amplitudes.tolist(), strict=True
         ):
             yield [value, stable, *row]
-
-    def plot(self, **options):
-        """Draw the waterfall as a colour map; see `gapwalk.plot.motions.draw_waterfall`. Return the axes.
-
-        Parameters
-        ----------
-        **options
-            Options of `gapwalk.plot.motions.draw_waterfall`.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, **options)
 
     def __repr__(self) -> str:
         return (

@@ -166,22 +166,6 @@ class Branch(Shown):
         states = f"{stable} of them stable{f', {neutral} neutral' if neutral else ''}"
         return f"{len(self.points)} points, {states}; {kinds or 'no special points'}"
 
-    def plot(self, measure: str = "half", **options: Any):
-        """Draw the branch and return the axes; `measure` is a coordinate (``"q1"``) or a measure (``"max.q1"``).
-
-        Options are those of `gapwalk.plot.draw` and `gapwalk.plot.branches.draw_branches`.
-
-        Parameters
-        ----------
-        measure
-            A coordinate, or a measure as in `Orbit.measure`.
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, measure, **options)
-
     def to_dataframe(self, *measures: str) -> pandas.DataFrame:
         """Return the points as a pandas DataFrame: parameter, stability, contacts, and measures of each coordinate.
 

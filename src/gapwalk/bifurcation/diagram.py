@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -266,23 +265,6 @@ class Diagram(Shown):
     def _place(self, origin: Origin) -> str:
         special = self._special_at(origin)
         return f"{special.value:.10g}, a {special.kind.value.replace('-', ' ')} of {origin.parent}"
-
-    def plot(self, measure: str = "", **options: Any):
-        """Draw the diagram (`measure` over the parameter, and the stroboscopic states) and return the figure.
-
-        Options are those of `gapwalk.plot.draw` and `gapwalk.plot.diagrams.draw_diagram`; with ``ax=...`` only
-        the states are drawn, or the measure if one is given.
-
-        Parameters
-        ----------
-        measure
-            A coordinate, or a measure as in `Orbit.measure`; by default half the peak to peak of the first coordinate.
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, *([measure] if measure else []), **options)
 
     def __repr__(self) -> str:
         low, high = self.within

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -20,6 +19,7 @@ from gapwalk.model.contact import Contact
 from gapwalk.model.laws import Law
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System, check_system
+from gapwalk.notebook import Pictured
 
 _NODES, _WIDEST = 20, PERIOD / 8  # of Gauss's rule: between breakpoints the force is a trigonometric polynomial
 _GRID, _HALVINGS = 4096, 52  # phases at which the modes of a law are compared, and bisections between two of them
@@ -27,7 +27,7 @@ _JUMP = 1e-9  # rad: distance from a breakpoint of the samples on both sides, wh
 
 
 @dataclass(frozen=True, eq=False)
-class Hysteresis:
+class Hysteresis(Pictured):
     """The force of a contact while its deflection is ``mean + amplitude * cos(theta)``, over one cycle.
 
     Examples
@@ -60,18 +60,6 @@ class Hysteresis:
         It is the damping of the describing function, so it does not depend on the frequency.
         """
         return self.loss / (math.pi * self.frequency * self.amplitude**2)
-
-    def plot(self, **options: Any):
-        """Draw the loop, and return the axes; `gapwalk.plot.draw` draws several loops in one picture.
-
-        Parameters
-        ----------
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, **options)
 
 
 def hysteresis(

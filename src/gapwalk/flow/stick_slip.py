@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -125,18 +125,6 @@ class StickSlip(Shown):
 
     def __repr__(self) -> str:
         return f"StickSlip({len(self.phases)} phases and {len(self.strikes)} impacts of {', '.join(self.elements)})"
-
-    def plot(self, **options: Any):
-        """Draw history, phases and loops, and return the figure.
-
-        Parameters
-        ----------
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, **options)
 
 
 def stick_slip(motion: Motion | Moves) -> StickSlip:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -227,18 +227,6 @@ class Backbone(Shown):
             "points": lambda: rows_of(map(row_of, self.points)),
             "events": lambda: rows_of(map(row_of, self.events)),
         }
-
-    def plot(self, **options: Any):
-        """Draw amplitude over frequency, and frequency over energy; see `gapwalk.plot.backbone_pictures`.
-
-        Parameters
-        ----------
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, **options)
 
     def __repr__(self) -> str:
         return (

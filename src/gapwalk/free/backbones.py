@@ -62,15 +62,3 @@ class Backbones(Shown):
     def _rows(self, rows: Callable[[Backbone], Any]) -> Iterator[dict[str, Any]]:
         for number, line in enumerate(self.lines, start=1):
             yield from ({"backbone": number, **row} for row in rows(line))
-
-    def plot(self, **options: Any):
-        """Draw amplitudes over the frequency; see `gapwalk.plot.backbone_pictures`. Return the figure.
-
-        Parameters
-        ----------
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, **options)

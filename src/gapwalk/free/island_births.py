@@ -173,18 +173,6 @@ class Foretold(Shown):
         if self.births:
             yield births_table(self.births)
 
-    def plot(self, **options: Any):
-        """Draw the amplitude of the load over that of the motion; see `gapwalk.plot.foretold_picture`.
-
-        Parameters
-        ----------
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, **options)
-
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
         """Return the tables of births, and of the amplitudes along the backbone."""
         return {

@@ -128,18 +128,6 @@ class SelfExcited(Shown):
         for number, line in enumerate(lines, start=1):
             yield from ({"branch": number, **row_of(each)} for each in records(line))
 
-    def plot(self, **options: Any):
-        """Draw motions and equilibria over the parameter; see `gapwalk.plot.self_excited_pictures`. Return the figure.
-
-        Parameters
-        ----------
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, **options)
-
     def __repr__(self) -> str:
         return (
             f"SelfExcited({self.parameter}, {len(self.rests)} branches of equilibria, {len(self.hopf_points)} Hopf "

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.signal import Signal, signal_of
 from gapwalk.measurement.measured_record import Record
 from gapwalk.model.system import pace_text
+from gapwalk.notebook import Pictured
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.sensitivity import sensitivity, signal_along
 
@@ -33,7 +34,7 @@ _ALIKE = 0.8  # correlation below which the two are probably different motions
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Alignment:
+class Alignment(Pictured):
     """A record and a computed orbit, at the phase at which they agree best.
 
     Examples
@@ -67,20 +68,6 @@ class Alignment:
                 "system was measured (another start or another period), or the signal or a scale is wrong"
             )
         return tuple(found)
-
-    def plot(self, title: str | None = None, **options: Any):
-        """Draw the record over the computed motion, and their spectral lines; see `gapwalk.plot.draw`.
-
-        Parameters
-        ----------
-        title
-            Title above the picture; by default the name of the record.
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, title=title, **options)
 
     def __repr__(self) -> str:
         found = self.agreement

@@ -68,18 +68,6 @@ class Fit(Shown):
                 return estimate
         raise ModelError(f"{name} was not fitted; the fit has {', '.join(each.name for each in self.estimates)}")
 
-    def plot(self, title: str | None = None, **options):
-        """Draw the record over the fitted motion, and their spectral lines; see `gapwalk.plot.draw`.
-
-        Parameters
-        ----------
-        title
-            Title above the picture; by default the name of the record.
-        **options
-            Options of the picture.
-        """
-        return self.after.plot(title, **options)
-
     def __repr__(self) -> str:
         values = ", ".join(f"{each.name} = {each}" for each in self.estimates)
         parts = [values, f"rms error {self.before.agreement.rms:.4g} to {self.after.agreement.rms:.4g}", *self.failures]

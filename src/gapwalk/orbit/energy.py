@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,18 +157,6 @@ class Energy(Shown):
 
     def __repr__(self) -> str:
         return f"Energy(work {self.supplied:.6g}, losses {self.dissipated:.6g} in {self.period} forcing periods)"
-
-    def plot(self, **options: Any):
-        """Draw bars of work and losses, and return the axes.
-
-        Parameters
-        ----------
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, **options)
 
 
 def energy(orbit: Moving) -> Energy:

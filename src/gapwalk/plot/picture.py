@@ -87,18 +87,24 @@ class Drawing:
         """Names of its options."""
         return tuple(inspect.signature(self.draw).parameters)[2:]
 
+    @cached_property
+    def by_position(self) -> tuple[str, ...]:
+        """Names of the options that may be given by position; the last one is the title."""
+        parameters = [*inspect.signature(self.draw).parameters.values()][2:]
+        return (*(each.name for each in parameters if each.kind is each.POSITIONAL_OR_KEYWORD), "title")
+
     def named(self, arguments: tuple[Any, ...], options: Mapping[str, Any], record: Any) -> dict[str, Any]:
         """Collect all options by name; raise a TypeError that lists the options if one does not exist."""
         kind = type(record).__name__
-        found = dict(zip(self.options, arguments, strict=False)) | dict(options)
+        found = dict(zip(self.by_position, arguments, strict=False)) | dict(options)
         if found.get("measure") is not None and "measure" not in self.options:
             shows = f" {self.shows}, and" if self.shows else ""
             raise ModelError(f"the picture of {kind.lower()} shows{shows} no measure; leave it out")
-        wrong = [name for name in found if name not in self.options and found[name] is not None]
-        if wrong or len(arguments) > len(self.options):
+        wrong = [name for name in found if name not in (*self.options, "title") and found[name] is not None]
+        if wrong or len(arguments) > len(self.by_position):
             given = f"not {wrong[0]!r}" if wrong else f"not {len(arguments)} values"
             raise TypeError(f"the picture of {kind} takes {', '.join(self.options) or 'no options'}; {given}")
-        return {name: value for name, value in found.items() if name in self.options and value is not None}
+        return {name: value for name, value in found.items() if value is not None}
 
     def sheet(self, record: Any, options: Mapping[str, Any]) -> Inches:
         """Return the size of its sheet."""
@@ -348,9 +354,10 @@ def _draw(
     """Draw a record into axes, a figure, or a new figure of the appropriate size."""
     record, options, title = unpacked(record, options, title, in_axes=ax is not None)
     drawing, in_axes = drawing_of(record, in_axes=ax is not None)
+    options = drawing.named(arguments, options, record)
+    title = options.pop("title", title)
     if title is not None and "title" in drawing.options:
         options["title"] = title.replace("$", r"\$")
-    options = drawing.named(arguments, options, record)
     opened = None
     if ax is None and figure is None:
         options = {**drawing.alone, **options}

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, pairwise
-from typing import Any
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.special_point import SpecialPoint
@@ -144,18 +143,6 @@ class Family(Shown):
             In the order of their names.
         """
         return tuple(point_path for point_path in self.point_paths if point_path.kind == kind)
-
-    def plot(self, **options: Any):
-        """Draw all members and their special points; options as in `gapwalk.plot.loci.draw_family`.
-
-        Parameters
-        ----------
-        **options
-            Options of `gapwalk.plot.loci.draw_family`.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, **options)
 
     def __getitem__(self, name: str) -> SpecialPointPath:
         """Return the path of a name."""

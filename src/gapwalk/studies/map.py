@@ -224,18 +224,6 @@ class Map(Shown):
     def _units(self) -> Units | None:
         return self.branches[0].system.units if self.branches else None
 
-    def plot(self, **options: Any):
-        """Draw all loci in the plane; `options` are those of `gapwalk.plot.loci.draw_map`. Returns the axes.
-
-        Parameters
-        ----------
-        **options
-            Options of `gapwalk.plot.loci.draw_map`.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, **options)
-
     def __getitem__(self, name: str) -> Locus:
         """Return the locus with a name."""
         try:

@@ -347,25 +347,6 @@ class Sweep(Shown):
         values = self.values.tolist()
         return ((lane.way.value, lane.start, value) for lane in self.lanes for value in values)
 
-    def plot(self, coordinate: str | None = None, **options: Any) -> Any:
-        """Draw the section points over the parameter, with bands of regimes; see `gapwalk.plot.cells.draw_sweep`.
-
-        Parameters
-        ----------
-        coordinate
-            Its name, or that with a dash for its velocity; by default the first one.
-        **options
-            Options of the picture.
-
-        Returns
-        -------
-        Axes
-            The axes of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, coordinate, **options)
-
     def __repr__(self) -> str:
         low, high = self.values[0], self.values[-1]
         seen = int(np.count_nonzero(self.regimes != ""))

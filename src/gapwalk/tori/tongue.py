@@ -203,18 +203,6 @@ class Tongue(Shown):
             for one, other in side.values
         ]
 
-    def plot(self, **options: Any):
-        """Draw the tongue over both parameters; see `gapwalk.plot.tongue_pictures`. Return the axes.
-
-        Parameters
-        ----------
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, **options)
-
     def __repr__(self) -> str:
         tip = "no tip" if self.tip is None else f"tip at ({self.tip.values[0]:.9g}, {self.tip.values[1]:.9g})"
         return f"Tongue({self.ratio}, period {self.period}, {self.first} and {self.second}, {tip})"

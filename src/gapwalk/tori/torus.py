@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -213,18 +212,6 @@ class Torus(Shown):
         """Largest and least value of each coordinate, shape (2, n)."""
         positions = self.surface(_ANGLES)[:, :, : self.system.size]
         return np.array((positions.max(axis=(0, 1)), positions.min(axis=(0, 1))))
-
-    def plot(self, **options: Any):
-        """Draw the torus in section and in space; see `gapwalk.plot.torus_pictures`. Return the figure.
-
-        Parameters
-        ----------
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, **options)
 
     def __repr__(self) -> str:
         state = "stable" if self.stable else f"unstable ({self.unstable})"

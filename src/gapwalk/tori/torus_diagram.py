@@ -125,17 +125,5 @@ class TorusDiagram(Shown):
         for number, family in enumerate(self.families, start=1):
             yield from ({"family": f"T{number}", **row} for row in rows(family))
 
-    def plot(self, **options: Any):
-        """Draw size and rotation number of the tori; see `gapwalk.plot.torus_pictures`. Return the figure.
-
-        Parameters
-        ----------
-        **options
-            Options of the picture.
-        """
-        from gapwalk.plot import draw
-
-        return draw(self, **options)
-
     def __repr__(self) -> str:
         return f"TorusDiagram({len(self.families)} families of tori on {len(self.diagram.members)} branches)"
