@@ -35,27 +35,6 @@ def find_root(
 ) -> Root:
     """Return the zero of a function between two places where its signs differ.
 
-    Parameters
-    ----------
-    function
-        The function.
-    low, high
-        The two places.
-    absolute, relative
-        Error of the zero: ``absolute + relative * abs(zero)`` at most.
-    most
-        Iterations after which the search is given up.
-
-    Returns
-    -------
-    Root
-        The place of the zero.
-
-    Raises
-    ------
-    ValueError
-        If the signs at both places are equal, or the function has no value (nan).
-
     Notes
     -----
     Brent (1973), Algorithms for Minimization Without Derivatives, chapter 4: inverse interpolation where it shortens

@@ -52,35 +52,14 @@ def uninterrupted() -> Iterator[None]:
 
 
 def open_file(path: str | os.PathLike[str]) -> IO[bytes]:
-    """Open a file to read its bytes.
-
-    Raises
-    ------
-    OSError
-        If it cannot be opened; also if it is a pipe or a device, which is then not waited for.
-    """
+    """Open a file to read its bytes."""
     if os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path)):  # a folder has an error of its own
         raise OSError(errno.EINVAL, "it is a pipe or a device, and no file", os.fspath(path))
     return open(path, "rb")
 
 
 def check_npz(source: str | os.PathLike[str] | IO[bytes], most: int) -> None:
-    """Refuse an archive of arrays (NPZ) whose content is too large, or whose headers claim more than it contains.
-
-    Parameters
-    ----------
-    source
-        The archive: its name, or its bytes as a file.
-    most
-        Largest size of its content, in bytes.
-
-    Raises
-    ------
-    ValueError
-        If its content is larger, or an array contains objects or states more entries than it has.
-    zipfile.BadZipFile, OSError
-        If it is not an archive, or cannot be read.
-    """
+    """Refuse an archive of arrays (NPZ) whose content is too large, or whose headers claim more than it contains."""
     with zipfile.ZipFile(source) as archive:
         entries = archive.infolist()
         if sum(entry.file_size for entry in entries) > most:
@@ -91,22 +70,7 @@ def check_npz(source: str | os.PathLike[str] | IO[bytes], most: int) -> None:
 
 
 def array_header(content: IO[bytes], size: int, name: str = "it") -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Read shape and dtype of an array in NumPy's format (NPY), before its numbers.
-
-    Parameters
-    ----------
-    content
-        The array, as a file at its beginning.
-    size
-        Its bytes.
-    name
-        Name of the array in messages.
-
-    Raises
-    ------
-    ValueError
-        If it is not an array, contains objects, or states more entries than it has.
-    """
+    """Read shape and dtype of an array in NumPy's format (NPY), before its numbers."""
     version = np.lib.format.read_magic(content)
     heads = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
     if version not in heads:

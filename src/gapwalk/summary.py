@@ -131,13 +131,7 @@ class Described:
     default the row has all fields that are numbers or texts."""
 
     def summary(self) -> SummaryText:
-        """Return the record in words: lines of text, tables and trees.
-
-        Returns
-        -------
-        SummaryText
-            Printed, it is what the terminal shows.
-        """
+        """Return the record in words: lines of text, tables and trees."""
         return SummaryText((repr(self),))
 
     def tables(self) -> Tables:
@@ -145,11 +139,6 @@ class Described:
 
         A field with several records is a table with a row for each of them. Fields with arrays of one length are the
         columns of a table, which is named after the first of them.
-
-        Returns
-        -------
-        mapping of str to callable
-            Each function returns the rows of a table, the headings first; the most important table is the first.
         """
         tables: dict[str, Callable[[], Rows]] = {}
         arrays: dict[int, dict[str, Any]] = {}
@@ -168,11 +157,6 @@ class Described:
         """Return the record as plain JSON values.
 
         Complex numbers become pairs, and numbers that are not finite become None.
-
-        Returns
-        -------
-        dict
-            Its keys are the names of the fields.
         """
         from gapwalk.results.plain import plain
 
@@ -182,24 +166,6 @@ class Described:
         """Return the tables of the record as labelled arrays, with units as attributes.
 
         Needs xarray (``pip install "gapwalk[data]"``).
-
-        Returns
-        -------
-        xarray.DataTree
-            A group for each table of `tables`, and ``parameters`` with those of the system. Maps over a plane are
-            arrays over both parameters. Columns that differ by a coordinate, a contact or an order are one array
-            over it. Attributes ``units`` are missing where numbers are plain or the system has no units.
-
-        Raises
-        ------
-        ModelError
-            If xarray is not installed.
-
-        Examples
-        --------
-        >>> tree = gw.load("clutch.gapwalk").to_xarray()
-        >>> tree["points"]["half"].sel(coordinate="q1")
-        >>> tree.to_netcdf("clutch.nc", engine="h5netcdf")
         """
         from gapwalk.results.labelled import to_xarray
 

@@ -61,11 +61,13 @@ def things() -> Iterator[Thing]:
 
 
 def missing(thing: Thing) -> Iterator[str]:
-    """Yield what is missing in the docstring of a public thing."""
+    """Yield what is missing in the docstring of a public thing; a method needs no more than a sentence."""
     value, sections = thing.value, thing.sections
     if not own_text(value):
         yield "a docstring"
-    if thing.owner is None and ">>> " not in sections.get("Examples", ""):
+    if thing.owner is not None:
+        return
+    if ">>> " not in sections.get("Examples", ""):
         yield "Examples"
     if inspect.isclass(value):
         wanted = fields_of(value)

@@ -34,26 +34,6 @@ def other_motions(
 
     At each of some values of the parameter, motions from random starts are followed by the batch integrator until they
     have settled. Those whose gaps or peak forces differ are settled by the exact flow, and compared with the sweeps.
-
-    Parameters
-    ----------
-    system, sweeps
-        The system, and the sweeps.
-    gaps
-        Names of contacts; motions are distinguished by what these do.
-    values
-        Number of values of the parameter, spread evenly within its range.
-    starts, seed
-        Random starts at each value, and their seed.
-    options
-        Options of the sweeps.
-
-    Returns
-    -------
-    found : list of SettledSweep
-        Two for each motion that was found, in both directions from its value.
-    notes : list of str
-        What was searched, and what could not be followed, in sentences.
     """
     if not values or not starts or not sweeps:
         return [], []

@@ -234,26 +234,7 @@ def proved(
     *,
     complete: bool = True,
 ) -> Design:
-    """Return the design of the best route, judged on its response, which is walked again and searched.
-
-    Parameters
-    ----------
-    problem
-        The problem.
-    routes
-        The routes that were found, at least one.
-    values
-        Number of values in the bands of the goals at which isolated branches are searched for, or the values; 0: none.
-    options
-        Options of this search.
-    complete
-        False if the search for the least change was stopped.
-
-    Raises
-    ------
-    ConvergenceError
-        If no response of the present or of the new design can be walked.
-    """
+    """Return the design of the best route, judged on its response, which is walked again and searched."""
     best = best_route(routes)
     fine = replace(problem, options=replace(problem.options, walk=WalkOptions()))
     u = problem.relative(best.values)

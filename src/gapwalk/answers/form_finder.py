@@ -33,15 +33,7 @@ class Located(NamedTuple):
 
 
 class FormFinder:
-    """Finds forms of special points in samples.
-
-    Parameters
-    ----------
-    asked
-        The nominal special points, and the forms.
-    origin
-        A nominal point, with the nominal values of the parameters.
-    """
+    """Finds forms of special points in samples."""
 
     def __init__(self, asked: Tracking, origin: TrackedPoint) -> None:
         self.asked, self.origin = asked, origin

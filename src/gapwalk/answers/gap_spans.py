@@ -74,13 +74,7 @@ class BandEnd:
         return self.special is not None and self.special.kind is not Kind.GRAZING
 
     def with_movers(self) -> BandEnd:
-        """Return the end with the parameters that move it; without them if the point has no gradient.
-
-        Returns
-        -------
-        BandEnd
-            A new record.
-        """
+        """Return the end with the parameters that move it; without them if the point has no gradient."""
         if self.special is None or self.movers:
             return self
         try:

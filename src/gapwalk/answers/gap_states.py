@@ -90,13 +90,7 @@ def usual_gaps(system: System) -> tuple[str, ...]:
 
 
 def chosen_gaps(system: System, gaps: str | Iterable[str] = ()) -> tuple[str, ...]:
-    """Return the gaps of a request: those named, each once, or by default `usual_gaps`.
-
-    Raises
-    ------
-    ModelError
-        If the system has no gap, or none of a name.
-    """
+    """Return the gaps of a request: those named, each once, or by default `usual_gaps`."""
     known = known_gaps(system)
     if not known:
         raise ModelError("nothing can rattle: no contact of the system has a gap; give one a clearance")
@@ -110,20 +104,7 @@ def chosen_gaps(system: System, gaps: str | Iterable[str] = ()) -> tuple[str, ..
 
 
 def gap_state(motion: Orbit | Motion, gap: str) -> GapState:
-    """Return the state of a gap over a whole motion.
-
-    Parameters
-    ----------
-    motion
-        A periodic orbit, or a sampled motion with its contact events.
-    gap
-        Name of the contact.
-
-    Examples
-    --------
-    >>> gap_state(orbit, "mesh")
-    <GapState.CLOSED: 'closed'>
-    """
+    """Return the state of a gap over a whole motion."""
     inner = innermost(motion.system, gap)
     begin = 0.0 if isinstance(motion, Orbit) else float(motion.theta[0])
     # a stop that is let go of at once touches without a force; if the part leaves it, it comes back later
@@ -145,17 +126,7 @@ def gap_state(motion: Orbit | Motion, gap: str) -> GapState:
 def state_codes(impacts: NDArray[np.float64], is_closed: NDArray[np.bool_]) -> NDArray[np.int_]:
     """Return the states of a gap in many motions, as codes (`GapState.code`).
 
-    Parameters
-    ----------
-    impacts : shape (count, 2)
-        Impacts per period on the positive and on the negative side; nan for a motion that has diverged.
-    is_closed : shape (count,), bool
-        True if the contact is closed at some time.
-
-    Returns
-    -------
-    codes : shape (count,)
-        -1 for a motion that has diverged.
+    Shapes: `impacts` (count, 2); `is_closed` (count,), bool.
     """
     hits = (impacts > 0.0).sum(axis=1)
     quiet = np.where(is_closed, GapState.CLOSED.code, GapState.OPEN.code)
@@ -165,13 +136,7 @@ def state_codes(impacts: NDArray[np.float64], is_closed: NDArray[np.bool_]) -> N
 
 
 def watched(system: System, state: NDArray[np.float64], gaps: Sequence[str]) -> list[GapState]:
-    """Return the state of each gap over some forcing periods from a state at theta = 0, by the exact flow.
-
-    Raises
-    ------
-    FlowError
-        If the motion diverges.
-    """
+    """Return the state of each gap over some forcing periods from a state at theta = 0, by the exact flow."""
     arc = Strobe(system).arc(state, WATCHED)
     motion = Motion.of(system, np.zeros(1), state[None], arc.contacts)
     return [gap_state(motion, gap) for gap in gaps]
@@ -198,18 +163,7 @@ def judge_gaps(
 ) -> GapVerdicts:
     """Follow motions until they are periodic or patience ends, and return what their gaps do then.
 
-    Parameters
-    ----------
-    system
-        The system.
-    states : shape (count, state_size)
-        States at theta = 0.
-    values
-        Parameter values by name, each of shape (count,), one for each motion; None if they are those of the system.
-    gaps
-        Names of the contacts.
-    patience
-        The most forcing periods in which a motion may become periodic.
+    Shapes: `states` (count, state_size).
     """
     pace, places = system.structure.pace, [contact_place(system, gap) for gap in gaps]
     paces = (values or {}).get(pace, np.full(len(states), system[pace]))
@@ -294,26 +248,7 @@ class _Kept(Law):
 
 
 def kept(system: System, gap: str, side: int) -> System:
-    """Return the system whose gap never changes its state; its parameters are the same.
-
-    Parameters
-    ----------
-    system
-        The system.
-    gap
-        Name of the contact.
-    side
-        1 or -1: always closed on that side; 0: always open.
-
-    Raises
-    ------
-    ModelError
-        If the contact is a rigid stop that is to stay closed: it has no force by a formula.
-
-    Examples
-    --------
-    >>> glued = kept(system, "mesh", 1)
-    """
+    """Return the system whose gap never changes its state; its parameters are the same."""
     structure, place = system.structure, contact_place(system, gap)
     form = structure.contacts[place]
     if side and form.law.rebounds:

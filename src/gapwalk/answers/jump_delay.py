@@ -38,18 +38,7 @@ class JumpDelay(NamedTuple):
     delay: float  #: Time from the fold to the jump.
 
     def words(self, system: System) -> str:
-        """Return the jump and its delay as a sentence.
-
-        Parameters
-        ----------
-        system
-            The system.
-
-        Returns
-        -------
-        str
-            One sentence.
-        """
+        """Return the jump and its delay as a sentence."""
         pace, units = system.structure.pace, system.units
         fold = f"the fold at {value_words(self.fold, pace, units, 6)}, where a slow sweep jumps"
         if np.isnan(self.jump):

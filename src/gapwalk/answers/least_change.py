@@ -66,16 +66,6 @@ class Change:
         ----------
         system
             The system, with the present value.
-
-        Returns
-        -------
-        low, high : float
-            In the unit of the parameter.
-
-        Raises
-        ------
-        ModelError
-            For an unknown parameter, limits that do not contain its value, or values that it cannot have.
         """
         value = system[self.parameter]
         low = value - self.by * abs(value) if self.low is None else self.low
@@ -98,11 +88,6 @@ class Change:
         ----------
         system
             The system, with the present value.
-
-        Returns
-        -------
-        float
-            In the unit of the parameter.
         """
         low, high = self.bounds(system)
         return abs(system[self.parameter]) or 0.5 * (high - low)
@@ -242,15 +227,7 @@ class DesignProblem:
         return float(np.sqrt(np.sum(self.weights * u**2)))
 
     def response(self, u: NDArray[np.float64], lead: Orbit | None = None) -> LocalResponse:
-        """Return the response of a design, which is walked when it is first needed.
-
-        Parameters
-        ----------
-        u
-            Relative changes.
-        lead
-            Orbit at the beginning of the range of a design nearby, with the structure that the response is to have.
-        """
+        """Return the response of a design, which is walked when it is first needed."""
         lead = lead or self.lead
         system = System.from_values(lead.system.structure, self.system_at(u).values)
         moved, scales = carry(lead, system, self.names), tuple(self.scales.tolist())
@@ -269,17 +246,7 @@ class DesignProblem:
         return low + (high - low) * sampler.random(self.options.starts)
 
     def route(self, ways: tuple[str, ...], start: int, known: float = math.inf) -> Route:
-        """Search for the least change in one way.
-
-        Parameters
-        ----------
-        ways
-            The way of each goal.
-        start
-            0: from the present design; otherwise the number of another start.
-        known
-            The least change that is known to reach the goals.
-        """
+        """Search for the least change in one way."""
         u = self.starts()[start - 1] if start else np.zeros(len(self.changes))
         search = _Search(self, ways, known)
         try:

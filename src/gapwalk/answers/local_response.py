@@ -95,17 +95,7 @@ class LocalResponse:
     def lowest(
         self, measure: Callable[[BranchPoint], float], low: float, high: float, most: int = 1
     ) -> list[tuple[Place, float]]:
-        """Find the places of a stretch where a measure is lowest.
-
-        Parameters
-        ----------
-        measure
-            The measure.
-        low, high
-            The stretch of the walked parameter.
-        most
-            Number of local minima that are returned at most, the lowest first; the ends of the stretch count.
-        """
+        """Find the places of a stretch where a measure is lowest."""
         found: list[tuple[Place, float]] = []
         for run in self._runs(low, high):
             values = [measure(place.point) for place in run]

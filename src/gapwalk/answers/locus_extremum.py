@@ -51,26 +51,7 @@ def locus_extremum(
     to: tuple[tuple[float, float], tuple[float, float]],
     way: int,
 ) -> Extremum:
-    """Follow a special point over one parameter to the extremum of another.
-
-    Parameters
-    ----------
-    special
-        The point at which the locus starts.
-    parameter, over
-        The parameter of which the extremum is wanted, and the other one.
-    to
-        Ranges of `parameter` and of `over`.
-    way
-        1 for the largest value, -1 for the smallest.
-
-    Raises
-    ------
-    ModelError
-        If the kind of point has no locus.
-    ConvergenceError
-        If the locus cannot be followed.
-    """
+    """Follow a special point over one parameter to the extremum of another."""
     locus = follow_locus(special, parameter, over, to)
     points = list(locus.points)
     best = max(range(len(points)), key=lambda k: way * points[k].values[0])
@@ -104,15 +85,7 @@ class _Curve:
         self._known = [np.append(those, each.values[1]) / self._corrector.scales for those, each in known]
 
     def turning(self, low: float, high: float) -> tuple[float, float]:
-        """Return where the first parameter is stationary between two values of the second, and its value there.
-
-        Raises
-        ------
-        ValueError
-            If its slope has equal signs at both.
-        ConvergenceError
-            If a point cannot be found.
-        """
+        """Return where the first parameter is stationary between two values of the second, and its value there."""
         finest = _EXACT * abs(high - low)
         at = zero_between_signs(lambda value: self._solved(value)[1], low, high, absolute=finest, relative=1e-14)
         return at, self._solved(at)[0]

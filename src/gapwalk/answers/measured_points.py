@@ -59,13 +59,7 @@ class MeasuredPoint:
 
 
 def measured_of(row: MeasuredPoint | Sequence[object]) -> MeasuredPoint:
-    """Return a measured point from (kind, value, error) or (kind, value, error, which).
-
-    Raises
-    ------
-    ModelError
-        If it is not such a row.
-    """
+    """Return a measured point from (kind, value, error) or (kind, value, error, which)."""
     if isinstance(row, MeasuredPoint):
         return row
     if isinstance(row, str) or not isinstance(row, Sequence) or len(row) not in {3, 4}:
@@ -74,13 +68,7 @@ def measured_of(row: MeasuredPoint | Sequence[object]) -> MeasuredPoint:
 
 
 def match_points(specials: Sequence[SpecialPoint], measured: Sequence[MeasuredPoint]) -> list[SpecialPoint]:
-    """Return the special point that belongs to each measured one.
-
-    Raises
-    ------
-    ModelError
-        If there is none of its kind, if two are about as near, or if one is the nearest to two measured points.
-    """
+    """Return the special point that belongs to each measured one."""
     if not measured:
         raise ModelError("no point was measured; write some, as in [('fold', 0.619, 0.0005)]")
     if len({(each.parameter, each.orbit.system) for each in specials}) == 0:

@@ -61,15 +61,7 @@ def misses_of(branch: Branch) -> tuple[Miss, ...]:
 
 
 def watches_of(found: Sequence[tuple[int, Sequence[tuple[int, Miss]]]], regressions: Regressions) -> tuple[Watch, ...]:
-    """Return the predictions of near misses that walks met.
-
-    Parameters
-    ----------
-    found
-        Number of each walked sample, and its near misses with the numbers of their stretches.
-    regressions
-        Regressions at choices of all samples.
-    """
+    """Return the predictions of near misses that walks met."""
     groups: dict[tuple[str, int], dict[int, float]] = {}
     for sample, misses in found:
         for stretch, miss in misses:

@@ -74,48 +74,15 @@ class Variations:
         return self.how == VariedHow.NEIGHBOUR
 
     def of(self, index: int) -> dict[str, float]:
-        """Return all values of one variation by name.
-
-        Parameters
-        ----------
-        index
-            Its number.
-
-        Returns
-        -------
-        dict
-            Numbers by the names of parameters.
-        """
+        """Return all values of one variation by name."""
         return dict(zip(self.names, self.values[index].tolist(), strict=True))
 
     def changes(self, index: int) -> dict[str, float]:
-        """Return the values of one variation that differ from those of the system.
-
-        Parameters
-        ----------
-        index
-            Its number.
-
-        Returns
-        -------
-        dict
-            Numbers by the names of parameters.
-        """
+        """Return the values of one variation that differ from those of the system."""
         return {name: value for name, value in self.of(index).items() if value != self.of(0)[name]}
 
     def words(self, index: int) -> str:
-        """Describe one variation.
-
-        Parameters
-        ----------
-        index
-            Its number.
-
-        Returns
-        -------
-        str
-            The parameters that differ, with their values.
-        """
+        """Describe one variation."""
         if self.how[index] == VariedHow.NEIGHBOUR:
             return "random neighbour"
         changes = self.changes(index)

@@ -101,11 +101,6 @@ class Combination:
         ----------
         names
             Names of the parameters, in the order of the weights.
-
-        Returns
-        -------
-        str
-            The sum as a text.
         """
         parts = [(w, name) for w, name in zip(self.weights, names, strict=True) if abs(w) > _SMALL]
         parts.sort(key=lambda part: -abs(part[0]))

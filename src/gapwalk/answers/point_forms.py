@@ -168,17 +168,7 @@ def anchors_of(walks: Sequence[Walked], count: int) -> list[int]:
 def forms_of(
     walks: Sequence[Walked], anchors: Sequence[int], nominal: Sequence[SpecialPoint], mine: Sequence[Met]
 ) -> tuple[Form, ...]:
-    """Return the forms that some walks met, without predictors, in their order along the branch.
-
-    Parameters
-    ----------
-    walks
-        The walks that came to their end.
-    anchors
-        The nominal points that all of the first walks met.
-    nominal, mine
-        The nominal points.
-    """
+    """Return the forms that some walks met, without predictors, in their order along the branch."""
     places: dict[str, list[float]] = {}
     first: dict[str, tuple[int, Met]] = {}
     alike: dict[tuple[str, str], SpecialPoint] = {}
@@ -266,19 +256,7 @@ def with_predictors(
     known: NDArray[np.intp],
     scaled: tuple[Array, Array],
 ) -> tuple[Form, ...]:
-    """Return forms with predictors from their solutions.
-
-    Parameters
-    ----------
-    forms, points, pools
-        The forms, their points, and their solutions.
-    samples
-        All samples.
-    known
-        Numbers of the samples of which all forms are known.
-    scaled
-        Values of the parameters at zero, and their units.
-    """
+    """Return forms with predictors from their solutions."""
     found = []
     regressions = Regressions((samples - scaled[0]) / scaled[1])
     for number, (form, point, pool) in enumerate(zip(forms, points, pools, strict=True)):

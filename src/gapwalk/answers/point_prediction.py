@@ -51,10 +51,7 @@ def polynomial(values: Array, degree: int) -> Array:
 class Terms:
     """Terms of polynomials at some samples, and their leverages, each computed once.
 
-    Parameters
-    ----------
-    x : shape (samples, parameters)
-        The samples in scaled parameters.
+    Shapes: `x` (samples, parameters).
     """
 
     def __init__(self, x: Array) -> None:
@@ -88,12 +85,7 @@ class Cloud:
 class Regression:
     """Least squares of polynomials at some samples; the samples are decomposed once for all that is fitted there.
 
-    Parameters
-    ----------
-    x : shape (samples, parameters)
-        The samples in scaled parameters.
-    degree
-        Degree of the polynomials.
+    Shapes: `x` (samples, parameters).
     """
 
     def __init__(self, x: Array, degree: int) -> None:
@@ -147,10 +139,7 @@ class Regression:
 class Regressions:
     """Regressions at choices of some samples, each decomposed once.
 
-    Parameters
-    ----------
-    x : shape (samples, parameters)
-        All samples in scaled parameters.
+    Shapes: `x` (samples, parameters).
     """
 
     def __init__(self, x: Array) -> None:
@@ -286,24 +275,7 @@ class Fit:
     ) -> Fit | None:
         """Fit polynomials to solutions; None if there are too few of them.
 
-        Parameters
-        ----------
-        scaled
-            Values of the parameters at zero, and their units.
-        regressions
-            Regressions at choices of all samples.
-        rows
-            Numbers of the samples of the solutions.
-        unknowns : shape (samples, unknowns)
-            The solutions.
-        scales
-            Scales of the unknowns.
-        slopes
-            Derivatives of the unknowns by the parameters, which serve where there are few solutions.
-        derivatives : shape (samples, unknowns, unknowns)
-            Derivatives of the equation at the solutions; nan where they are not known.
-        curvatures
-            Curvatures seen by Newton's method; nan where they are not known.
+        Shapes: `unknowns` (samples, unknowns); `derivatives` (samples, unknowns, unknowns).
         """
         origin, widths = scaled
         of = regressions.best(rows)

@@ -84,15 +84,7 @@ class TrackedPoint:
 
     @classmethod
     def of(cls, special: SpecialPoint, names: Sequence[str]) -> TrackedPoint:
-        """Prepare a special point.
-
-        Raises
-        ------
-        ModelError
-            If its kind has no equation, or its orbits are not found by shooting.
-        ConvergenceError
-            If it does not satisfy its equation.
-        """
+        """Prepare a special point."""
         if special.kind.no_locus:
             raise ModelError(f"{special.kind.no_locus}: it cannot be tracked")
         way = special.orbit.method().for_loci()
@@ -133,15 +125,7 @@ class TrackedPoint:
         return _sign(self.equation.linearised(self.unknowns)[1])
 
     def found_at(self, values: Array, guess: Array | None = None) -> Corrected | None:
-        """Return the point in the system with other values of the parameters; None if it is lost.
-
-        Parameters
-        ----------
-        values
-            The values, in the order of `names`; the system must allow them.
-        guess
-            Predicted unknowns; by default the gradient predicts them.
-        """
+        """Return the point in the system with other values of the parameters; None if it is lost."""
         start = self.unknowns + self.slopes @ (values - self.origin) if guess is None else guess
         found = self._corrected(self._posed(values), start, _LONGEST if guess is None else _FITTED)
         if found is not None and self._is_like(found):
@@ -165,17 +149,7 @@ class TrackedPoint:
         return plane.with_system(System.from_values(system.structure, data))
 
     def fitted_at(self, plane: ShotPlane, guess: Guess, enough: float = ENOUGH) -> Corrected | None:
-        """Return the point near a fitted prediction; None if it is not there.
-
-        Parameters
-        ----------
-        plane
-            The plane of the system (`plane_at`).
-        guess
-            The prediction.
-        enough
-            Scaled error of the parameter that may be left.
-        """
+        """Return the point near a fitted prediction; None if it is not there."""
         equation, found = replace(self.equation, plane=plane), None
         if guess.inverse is not None and guess.mismatch < _SHRINKS and _sign(guess.inverse) == self.orientation:
             found = self._by_chords(equation, guess, enough)

@@ -144,28 +144,12 @@ class RattleBands(Shown):
             Name of the contact; None for the first one.
         met
             ``"rising"``, ``"falling"``, or ``"any"``.
-
-        Returns
-        -------
-        tuple of RattleBand
-            From low to high.
         """
         gap = self.gaps[0] if gap is None else gap
         return tuple(band for band in self.bands if band.gap == gap and band.met == met)
 
     def sentence(self, gap: str) -> str:
-        """Return the answer for one gap, as a sentence.
-
-        Parameters
-        ----------
-        gap
-            Name of the contact.
-
-        Returns
-        -------
-        str
-            One sentence.
-        """
+        """Return the answer for one gap, as a sentence."""
         low, high = (self._value(end) for end in self.within)
         bands = self.of(gap)
         if not bands:
@@ -199,13 +183,7 @@ class RattleBands(Shown):
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
-        """Return a sentence for each gap, the bands with their ends, the severity along them, and notes if wanted.
-
-        Parameters
-        ----------
-        notes
-            True to include the notes.
-        """
+        """Return a sentence for each gap, the bands with their ends, the severity along them, and notes if wanted."""
         yield from (self.sentence(gap) for gap in self.gaps)
         symbol = parameter_symbol(self.parameter, self.system.units)
         rows, groups = [], []

@@ -95,11 +95,6 @@ class RattleMap(Shown):
         ----------
         gap
             Name of the contact; None for the first one.
-
-        Returns
-        -------
-        dict of str to int
-            Number of cells by the state in words.
         """
         place = 0 if gap is None else self.gaps.index(gap)
         found = Counter(zip(self.codes[..., place].ravel().tolist(), (self.periods.ravel() > 0).tolist(), strict=True))
@@ -107,13 +102,7 @@ class RattleMap(Shown):
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
-        """Return the share of cells of each state of each gap, the loci, and the notes if wanted.
-
-        Parameters
-        ----------
-        notes
-            True to include the notes.
-        """
+        """Return the share of cells of each state of each gap, the loci, and the notes if wanted."""
         for gap in self.gaps:
             shares = "; ".join(f"{word}: {100 * n / self.periods.size:.3g} %" for word, n in self.cells(gap).items())
             yield f"{gap}: {shares}"
@@ -185,13 +174,6 @@ def borders(
 
     At each section, a value of the second parameter, the settled motion is followed from either end of the first range
     up to the first such point. A point that lies on a locus that is known already is not followed again.
-
-    Returns
-    -------
-    loci : list of Locus
-        The loci.
-    notes : list of str
-        What could not be followed.
     """
     loci: list[Locus] = []
     notes: list[str] = []

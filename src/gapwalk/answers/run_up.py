@@ -120,11 +120,6 @@ class RunUp(Shown):
         -------
         array, shape (samples,)
             In the unit of the signal.
-
-        Raises
-        ------
-        ModelError
-            If there is no such signal.
         """
         known = self.signals
         if name not in known:
@@ -147,11 +142,6 @@ class RunUp(Shown):
         ----------
         signal
             Name of a signal, as in `signal`.
-
-        Returns
-        -------
-        Tracked
-            The signal, with speed and time.
         """
         return Tracked(self.system, signal, self.samples, self.theta, self.time, self.speed, self.signal(signal))
 
@@ -166,18 +156,7 @@ class RunUp(Shown):
         return names[int(np.argmax(np.abs(numbers[layout.contacts[place].deflection])))]
 
     def coordinate_of(self, signal: str) -> str:
-        """Return the coordinate of a signal such as ``"q1'"``; for a force or torque, `loudest`.
-
-        Parameters
-        ----------
-        signal
-            Name of a signal.
-
-        Returns
-        -------
-        str
-            Name of the coordinate.
-        """
+        """Return the coordinate of a signal such as ``"q1'"``; for a force or torque, `loudest`."""
         name = signal.rstrip("'")
         return name if name in self.system.coordinates else self.loudest
 
@@ -243,16 +222,6 @@ class RunUp(Shown):
             A response over the speed.
         coordinate
             The coordinate by which motions differ.
-
-        Returns
-        -------
-        tuple of JumpDelay
-            One for each fold, in the order of the run-up.
-
-        Raises
-        ------
-        ModelError
-            If the branch is over another parameter, or the speed of the run-up changes its direction.
         """
         return jump_delays(self, branch, coordinate)
 
@@ -272,37 +241,11 @@ class RunUp(Shown):
             Length of a window; the resolution is one order over this number (four of them for Hann's window).
         overlap
             Share of a window that the next one repeats.
-
-        Returns
-        -------
-        Waterfall
-            A spectrum for each window.
-
-        Raises
-        ------
-        ModelError
-            If the run-up is shorter than a window, or has too few samples for the orders.
         """
         return self.tracked(signal).waterfall(top, periods, overlap, over_speed=self.course.is_invertible)
 
     def at(self, times: ArrayLike) -> RunUp:
-        """Return the run-up at other instants, by the exact flow from the samples before them.
-
-        Parameters
-        ----------
-        times : shape (instants,)
-            Increasing times within the run-up.
-
-        Returns
-        -------
-        RunUp
-            The same run-up with these samples.
-
-        Raises
-        ------
-        ModelError
-            If they are no such times.
-        """
+        """Return the run-up at other instants, by the exact flow from the samples before them."""
         wanted = np.asarray(times, dtype=float)
         last = float(self.time[-1])
         if wanted.ndim != 1 or not len(wanted) or not np.all(np.diff(wanted) > 0.0):
@@ -336,16 +279,6 @@ class RunUp(Shown):
             As in `signal`; by default the acceleration of `loudest`.
         rate, second
             As in `gapwalk.analysis.sound`.
-
-        Returns
-        -------
-        Sound
-            The signal over true time.
-
-        Raises
-        ------
-        ModelError
-            If there is no such signal, or a number is out of its range.
         """
         signal, system = signal or f"{self.loudest}''", self.system
         lasts = second_of(system, second)

@@ -70,15 +70,7 @@ def run_batch(
     bins: int,
     options: BatchOptions,
 ) -> BatchedRunUps:
-    """Integrate run-ups, and repeat them with shorter steps until the error is as small as allowed.
-
-    Raises
-    ------
-    ModelError
-        If the system has loads that vary a stiffness or another number.
-    FlowError
-        If the error cannot be reached.
-    """
+    """Integrate run-ups, and repeat them with shorter steps until the error is as small as allowed."""
     structure = ramped.system.structure
     if structure.equations.variations:
         raise ModelError(

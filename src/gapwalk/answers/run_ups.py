@@ -99,30 +99,15 @@ class RunUps(Shown):
     def peaks(self, contact: str) -> NDArray[np.float64]:
         """Return the largest magnitude of a contact's force in each run-up, shape (runs,); NaN if it diverged.
 
-        Parameters
-        ----------
-        contact
-            Name of the contact.
-
         Returns
         -------
         array, shape (runs,)
             In the unit of the force.
-
-        Raises
-        ------
-        ModelError
-            If there is no such contact.
         """
         return self.forces[:, :, self._place(contact)].max(axis=1)
 
     def places(self, contact: str) -> NDArray[np.float64]:
         """Return the speed of the bin with the largest force of a contact in each run-up, shape (runs,).
-
-        Parameters
-        ----------
-        contact
-            Name of the contact.
 
         Returns
         -------
@@ -134,13 +119,6 @@ class RunUps(Shown):
 
     def quantiles(self, contact: str, levels: Sequence[float] = LEVELS) -> tuple[NDArray, NDArray]:
         """Return the different rates, and quantiles of the largest force at each, shapes (rates,), (levels, rates).
-
-        Parameters
-        ----------
-        contact
-            Name of the contact.
-        levels
-            Shares from 0 to 1.
 
         Returns
         -------
@@ -214,18 +192,7 @@ class RunUps(Shown):
             )  # fmt: skip
 
     def joined(self, other: RunUps) -> RunUps:
-        """Return these run-ups with others of the same system; the error is the larger of both.
-
-        Parameters
-        ----------
-        other
-            Run-ups of the same system.
-
-        Returns
-        -------
-        RunUps
-            All of them, those of `other` last.
-        """
+        """Return these run-ups with others of the same system; the error is the larger of both."""
         rows = {name: np.concatenate((getattr(self, name), getattr(other, name))) for name in _ARRAYS}
         error, worst = max(self.error, other.error), max(self.worst, other.worst)
         return RunUps(

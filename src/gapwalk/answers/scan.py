@@ -121,33 +121,11 @@ class Scan(Shown):
         return tried[np.argsort(-self.scores[tried], kind="stable")].tolist()
 
     def words(self, index: int) -> str:
-        """Describe one variation.
-
-        Parameters
-        ----------
-        index
-            Its number.
-
-        Returns
-        -------
-        str
-            The parameters that differ, with their values.
-        """
+        """Describe one variation."""
         return self.variations.words(index)
 
     def luck(self, score: int) -> Luck:
-        """Return how likely it is that variations fulfil so many claims by chance.
-
-        Parameters
-        ----------
-        score
-            The number of claims.
-
-        Returns
-        -------
-        Luck
-            The share of random neighbours that fulfil as many, and what follows from it.
-        """
+        """Return how likely it is that variations fulfil so many claims by chance."""
         known = self.variations.neighbours & (self.holds != UNKNOWN).any(axis=1)
         count, tried = int(known.sum()), int(self.variations.tried.sum())
         hits = int((self.scores[known] >= score).sum())
@@ -187,13 +165,7 @@ class Scan(Shown):
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
-        """Return the claims, the best variations, and the chance of luck; with the notes or without.
-
-        Parameters
-        ----------
-        notes
-            True to include the notes.
-        """
+        """Return the claims, the best variations, and the chance of luck; with the notes or without."""
         yield self.sentence
         for number, claim in enumerate(self.claims, start=1):
             yield f"  claim {number}: {claim.words}"
@@ -219,13 +191,7 @@ class Scan(Shown):
 
 
 def check_claims(system: System, claims: tuple[AnyClaim, ...]) -> None:
-    """Refuse claims about parameters that the system does not have, or values that it cannot have.
-
-    Raises
-    ------
-    ModelError
-        The message says what is allowed.
-    """
+    """Refuse claims about parameters that the system does not have, or values that it cannot have."""
     if not claims:
         raise ModelError('there are no claims; write tables [[study.claim]], as with motion = "period 3"')
     for claim in claims:

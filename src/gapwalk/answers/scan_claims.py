@@ -61,18 +61,7 @@ class MotionClaim:
         return frozenset(self.at)
 
     def matches(self, motion: Motion) -> bool:
-        """Return True if a settled motion is of this kind.
-
-        Parameters
-        ----------
-        motion
-            Its regime and its period.
-
-        Returns
-        -------
-        bool
-            True if it is.
-        """
+        """Return True if a settled motion is of this kind."""
         regime, period = motion
         if found := _PERIOD.fullmatch(self.motion):
             return regime == Regime.PERIODIC and period == int(found[1])
@@ -168,11 +157,6 @@ class PointClaim:
 
     def judge(self, branch: Branch) -> tuple[bool | None, float]:
         """Return whether the claim holds, and the number of such points; None if the walk did not come that far.
-
-        Parameters
-        ----------
-        branch
-            The branch of the walk.
 
         Returns
         -------

@@ -168,28 +168,7 @@ def settled_sweep(
     start: str | tuple[float, ...] = "rest",
     options: SlowSweepOptions | None = None,
 ) -> SettledSweep:
-    """Follow the settled motion over a range of a parameter that changes slowly in one direction.
-
-    Parameters
-    ----------
-    system, parameter
-        The system, and the parameter that changes.
-    within
-        Its range.
-    direction
-        Direction of the change.
-    start
-        Start of the first transient: ``"rest"``, or a state at theta = 0.
-    options
-        Options of the sweep.
-
-    Raises
-    ------
-    ModelError
-        For an unknown parameter, or values that the system cannot have.
-    FlowError
-        If the first motion diverges.
-    """
+    """Follow the settled motion over a range of a parameter that changes slowly in one direction."""
     options = options or SlowSweepOptions()
     low, high = within
     sweep = _SlowSweep(system, parameter, (min(low, high), max(low, high)), direction, options)
@@ -202,20 +181,7 @@ def settled_sweep(
 def stable_stretch(
     orbit: Orbit, parameter: str, to: float, options: WalkOptions, begin: float | None = None
 ) -> tuple[Stretch, NDArray[np.float64]]:
-    """Follow a stable orbit until it loses its stability or reaches a value of the parameter.
-
-    Returns
-    -------
-    stretch : Stretch
-        The stable motions.
-    state : shape (state_size,)
-        The last state that was reached, at or just beyond the end.
-
-    Raises
-    ------
-    NumericalError
-        If the orbit cannot be followed.
-    """
+    """Follow a stable orbit until it loses its stability or reaches a value of the parameter."""
     steps = walk(orbit, parameter, to, walk=options)
     lost: SpecialPoint | None = None
     for point in steps:

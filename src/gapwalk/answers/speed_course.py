@@ -81,16 +81,6 @@ class SpeedCourse:
             Change of the speed per unit of time, positive.
         hold
             Time for which the last speed is held.
-
-        Returns
-        -------
-        SpeedCourse
-            The ramp, with the hold after it.
-
-        Raises
-        ------
-        ModelError
-            If the rate is not positive, the range is empty, or a speed is not positive.
         """
         if not rate > 0.0 or not np.isfinite(rate):
             raise ModelError(f"rate is {rate!r}; it must be a positive change of the speed per unit of time")
@@ -113,16 +103,6 @@ class SpeedCourse:
             the first row.
         system
             The system, whose unit of speed the course has.
-
-        Returns
-        -------
-        SpeedCourse
-            The course.
-
-        Raises
-        ------
-        ModelError
-            If there are no such columns, or as `SpeedCourse`.
         """
         units, pace = system.units, system.structure.pace
         kinds = (None, None) if units is None else (QuantityKind.TIME, QuantityKind.FREQUENCY)

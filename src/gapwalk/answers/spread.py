@@ -102,23 +102,7 @@ class Spread:
             raise ModelError(f"mean of {self.parameter} is {self.mean}, outside {self.low} to {self.high}")
 
     def about(self, system: System) -> Spread:
-        """Return the distribution with the value of a system for a missing mean.
-
-        Parameters
-        ----------
-        system
-            The system.
-
-        Returns
-        -------
-        Spread
-            The distribution with its mean.
-
-        Raises
-        ------
-        ModelError
-            For an unknown parameter, or if that value lies outside of a triangular law.
-        """
+        """Return the distribution with the value of a system for a missing mean."""
         value = system[self.parameter]
         return self if self.mean is not None or self.law is SpreadLaw.UNIFORM else replace(self, mean=value)
 
@@ -220,18 +204,7 @@ class Spreads:
         return self.names or tuple(law.parameter for law in self.laws)
 
     def about(self, system: System) -> Spreads:
-        """Return the distribution with the values of a system for missing means; see `Spread.about`.
-
-        Parameters
-        ----------
-        system
-            The system.
-
-        Returns
-        -------
-        Spreads
-            The distribution with all means.
-        """
+        """Return the distribution with the values of a system for missing means; see `Spread.about`."""
         for name in self.varied:
             system.structure.place(name)
         return replace(self, laws=tuple(law.about(system) for law in self.laws))

@@ -60,25 +60,7 @@ def walk_stretch(
     ends: Sequence[Mark],
     options: WalkOptions,
 ) -> tuple[list[SpecialPoint], Mark | None] | None:
-    """Walk a branch from a known special point until it meets another one, or the end of the range.
-
-    Parameters
-    ----------
-    system, parameter, period
-        The system and its branch.
-    within
-        Range of the parameter; the walk of the whole branch goes from the first to the second value.
-    start, ends
-        The known point, and those at which the walk may end.
-    options
-        Options of the walk.
-
-    Returns
-    -------
-    found
-        The special points between, in the order of the walk, and the known point that was met, or None at the end of
-        the range. None if the walk fails.
-    """
+    """Walk a branch from a known special point until it meets another one, or the end of the range."""
     width, low, high = abs(within[1] - within[0]), min(within), max(within)
     found: list[SpecialPoint] = []
     try:

@@ -143,16 +143,6 @@ class Threshold(Shown):
         ----------
         *names
             The parameters; by default all that are not zero.
-
-        Returns
-        -------
-        Gradient
-            Slopes, their errors, and percent per percent.
-
-        Raises
-        ------
-        ModelError
-            If there is no threshold, or for an unknown parameter.
         """
         if self.limit is None:
             raise ModelError("there is no threshold in the range, so it has no gradient")
@@ -190,13 +180,7 @@ class Threshold(Shown):
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
-        """Return the answer, its evidence, and what moves it most; with the notes or without.
-
-        Parameters
-        ----------
-        notes
-            True to include the notes.
-        """
+        """Return the answer, its evidence, and what moves it most; with the notes or without."""
         yield self.sentence
         units = self.system.units
         unit = units.parameter(self.parameter) if units else ""

@@ -97,18 +97,7 @@ class Round:
 
 
 class ThresholdSearch:
-    """Search for a threshold, round by round.
-
-    Parameters
-    ----------
-    request
-        What is sought.
-
-    Raises
-    ------
-    ModelError
-        If no system can have the values at a corner of the ranges.
-    """
+    """Search for a threshold, round by round."""
 
     def __init__(self, request: Request) -> None:
         request.check()

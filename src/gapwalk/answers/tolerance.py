@@ -62,13 +62,7 @@ class Chance(NamedTuple):
 
 
 def chance_of(count: int, samples: int) -> Chance:
-    """Return the probability of something that happened `count` times in independent samples.
-
-    Raises
-    ------
-    ModelError
-        If there are no samples, or the count is not one of them.
-    """
+    """Return the probability of something that happened `count` times in independent samples."""
     from scipy.stats import binomtest  # imported late, because the import is slow
 
     if not 0 <= count <= samples or not samples:
@@ -169,11 +163,6 @@ class Tolerance(Shown):
 
         A point that exists in no sample has nan.
 
-        Parameters
-        ----------
-        *shares
-            Shares from 0 to 1.
-
         Returns
         -------
         array, shape (shares, points)
@@ -197,11 +186,6 @@ class Tolerance(Shown):
         ----------
         low, high
             Ends of the band, in the unit of the branch's parameter.
-
-        Returns
-        -------
-        tuple of Chance
-            One for each nominal special point.
         """
         inside = [int(np.sum((column >= low) & (column <= high))) for column in self._columns]
         return tuple(chance_of(count, int(self.known.sum())) for count in inside)
@@ -217,11 +201,6 @@ class Tolerance(Shown):
             Ends of the band, in the unit of the branch's parameter.
         kind
             Name of the kind of special points.
-
-        Returns
-        -------
-        Chance
-            The probability, with its confidence interval.
         """
         columns = [j for j, special in enumerate(self.points) if special.kind.value == kind]
         inside = np.any((self.values[:, columns] >= low) & (self.values[:, columns] <= high), axis=1)
@@ -246,31 +225,14 @@ class Tolerance(Shown):
         return int(np.argmax(widths)) if max(widths, default=-1.0) > 0.0 else None
 
     def words(self, index: int) -> str:
-        """Name the parameters that matter most for a point, with their first-order indices.
-
-        Parameters
-        ----------
-        index
-            Index of the point.
-
-        Returns
-        -------
-        str
-            Such as ``stop.clearance 1.00``.
-        """
+        """Name the parameters that matter most for a point, with their first-order indices."""
         first = self.influences[index].first
         order = [k for k in np.argsort(-np.nan_to_num(first), kind="stable")[:_MOST] if first[k] >= _FAINT]
         return ", ".join(f"{self.names[k]} {first[k]:.2f}" for k in order)
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
-        """Return the distribution of each point, the probability of a jump in the band, and how sure; and the notes.
-
-        Parameters
-        ----------
-        notes
-            True to include the notes.
-        """
+        """Return the distribution of each point, the probability of a jump in the band, and how sure; and the notes."""
         units = self.branch.system.units
         symbol, known = parameter_symbol(self.parameter, units), int(self.known.sum())
         if self.band is not None and known:

@@ -294,15 +294,7 @@ class Compared(NamedTuple):
 
 
 def walk_sample(asked: Tracking, piece: tuple[Array, Array, tuple[tuple[str, float], ...]]) -> Compared | None:
-    """Walk the branch of a sample, and compare it with what was found otherwise; None if the walk fails.
-
-    Parameters
-    ----------
-    asked
-        The tracking.
-    piece
-        The sample, its values at the nominal points, and kinds and values of its further points.
-    """
+    """Walk the branch of a sample, and compare it with what was found otherwise; None if the walk fails."""
     sample, values, further = piece
     walked = tracker_of(asked).walked(sample)
     if walked is None:

@@ -137,11 +137,6 @@ class Settled(Shown):
             Forcing periods; by default those of the orbit, or 64.
         samples
             Samples per forcing period.
-
-        Returns
-        -------
-        Motion
-            Sampled evenly over the angle of the excitation.
         """
         return integrate(self.system, self.state, periods or self.period or 64, samples)
 

@@ -94,25 +94,7 @@ def explore(
 ) -> tuple[Catalogue, NDArray[np.int_]]:
     """Classify states that lead to no known attractor: settle the first, sort the others by its attractor, and repeat.
 
-    Parameters
-    ----------
-    catalogue
-        The attractors known so far.
-    advance
-        The flow of many motions.
-    states : shape (count, state_size)
-        The states.
-    longest
-        The most forcing periods for which a motion is followed with the fast flow.
-    max_period
-        The longest period m of the orbits that are searched for.
-    tries
-        The most motions that are settled and classified one by one with the exact flow.
-
-    Returns
-    -------
-    The catalogue with the attractors that were found, and the label of each state: an index into the catalogue, or
-    UNRESOLVED or RUNAWAY.
+    Shapes: `states` (count, state_size).
     """
     states = np.array(states, dtype=float)
     labels = np.full(len(states), UNRESOLVED)
@@ -151,16 +133,7 @@ def sort_states(
 ) -> Sorted:
     """Follow states until each has reached one of the attractors, or for `longest` forcing periods.
 
-    Parameters
-    ----------
-    advance
-        The flow of many motions.
-    states : shape (count, state_size)
-        Positions, then velocities, at theta = 0.
-    signatures
-        Signatures of the attractors.
-    longest
-        The most forcing periods.
+    Shapes: `states` (count, state_size).
     """
     states = np.array(states, dtype=float)
     labels = np.full(len(states), UNRESOLVED)

@@ -160,13 +160,7 @@ class Basins(Shown):
         return {"diverges": self.runaway, "unresolved": self.unresolved, "beyond a rigid stop": self.impossible}
 
     def tables(self) -> Tables:
-        """Return the tables of the cells, each with its attractor, and of the attractors.
-
-        Returns
-        -------
-        mapping of str to callable
-            Functions that return the rows of the tables, the headings first.
-        """
+        """Return the tables of the cells, each with its attractor, and of the attractors."""
         return {"cells": TableRows(self._cell_rows, 2), "attractors": self._attractor_rows}
 
     def _cell_rows(self) -> Rows:
@@ -238,13 +232,7 @@ class BasinShares:
         return tuple(self._share(name, int(np.sum(self.labels == label))) for label, name in names.items())
 
     def tables(self) -> Tables:
-        """Return the tables of the shares, and of the starts, each with its attractor.
-
-        Returns
-        -------
-        mapping of str to callable
-            Functions that return the rows of the tables, the headings first.
-        """
+        """Return the tables of the shares, and of the starts, each with its attractor."""
         return {"shares": lambda: rows_of(map(asdict, self.shares)), "starts": self._start_rows}
 
     def _start_rows(self) -> Rows:

@@ -48,16 +48,6 @@ class Box:
             The system.
         ranges
             Two numbers, or one, by the name of a coordinate or velocity.
-
-        Returns
-        -------
-        Box
-            The box.
-
-        Raises
-        ------
-        ModelError
-            For an unknown name or an empty range.
         """
         names = system.state_names
         low, high = np.zeros(len(names)), np.zeros(len(names))
@@ -96,11 +86,6 @@ class Box:
         -------
         array, shape (count, state_size)
             The states.
-
-        Raises
-        ------
-        ModelError
-            If hardly any of them is.
         """
         random, found = np.random.default_rng(seed), np.empty((0, len(self.names)))
         for _ in range(_DRAWS):
@@ -141,16 +126,6 @@ class Window:
             The two ranges by name, the horizontal one first.
         fixed
             Fixed values by name.
-
-        Returns
-        -------
-        Window
-            The window.
-
-        Raises
-        ------
-        ModelError
-            Unless there are exactly two different ranges and all names belong to the system.
         """
         if len(ranges) != 2:
             raise ModelError(
@@ -176,28 +151,12 @@ class Window:
         return (self.box.low[first], self.box.high[first]), (self.box.low[second], self.box.high[second])
 
     def centres(self, resolution: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the centres of `resolution` cells (columns, rows) along the two axes.
-
-        Parameters
-        ----------
-        resolution
-            Columns and rows.
-
-        Returns
-        -------
-        across, up : array
-            Centres of the columns, and of the rows.
-        """
+        """Return the centres of `resolution` cells (columns, rows) along the two axes."""
         across, up = (centres(ends, count) for ends, count in zip(self.within, resolution, strict=True))
         return across, up
 
     def states(self, resolution: tuple[int, int]) -> NDArray[np.float64]:
         """Return the states at the centres of all cells, row by row from the bottom; shape (cells, state_size).
-
-        Parameters
-        ----------
-        resolution
-            Columns and rows.
 
         Returns
         -------

@@ -180,16 +180,7 @@ def agreement(
 ) -> Agreement:
     """Compare two histories that are sampled at the same angles over whole periods.
 
-    Parameters
-    ----------
-    theta : shape (samples,)
-        Angles of the excitation, in radians.
-    first, second : shape (samples,)
-        The histories.
-    orders : shape (lines,)
-        Multiples of the excitation frequency at which spectral lines are compared.
-    turns
-        Forcing periods per turn of the shaft, as in `System.turns`; line orders are then counted per turn.
+    Shapes: `theta`, `first`, `second` (samples,); `orders` (lines,).
     """
     first, second = first - first.mean(), second - second.mean()
     rms, size = float(np.sqrt(np.mean((second - first) ** 2))), float(np.sqrt(np.mean(first**2)))

@@ -103,20 +103,7 @@ def motions_of(
 ) -> ManyMotions:
     """Create the flow of many motions: the batch integrator, or the exact flow where that is faster or the only one.
 
-    Parameters
-    ----------
-    system
-        The system.
-    states : shape (count, state_size)
-        Initial states of the motions; the steps are chosen on some of them.
-    values
-        Parameter values by name, each of shape (count,), one for each motion; without any, the number of motions may
-        vary.
-    error
-        The allowed error, as in `BatchOptions`.
-    periods
-        Forcing periods over which the steps are chosen: all of those over which the motions are followed, or so many
-        that most transients have ended.
+    Shapes: `states` (count, state_size).
     """
     batch = batch_of(system, states, values or {})
     pilot = batch.some(np.unique(np.linspace(0, batch.count - 1, _PILOT).astype(int)))
@@ -142,16 +129,7 @@ def has_kernel(system: System) -> bool:
 
 
 class ExactMotions:
-    """The exact flow of many motions, integrated one after the other.
-
-    Parameters
-    ----------
-    system
-        The system.
-    values
-        Parameter values by name, each of shape (count,), one for each motion; without any, the number of motions may
-        vary.
-    """
+    """The exact flow of many motions, integrated one after the other."""
 
     error = 0.0
 
@@ -219,21 +197,7 @@ def finite_rows(states: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 class BatchMotions:
-    """The flow of many motions by the batch integrator, in one thread.
-
-    Parameters
-    ----------
-    batch
-        The systems: one for all motions, or one for each motion.
-    block_plan
-        Steps of the systems.
-    lanes
-        Index of the system of each motion; None if one system serves all.
-    trials
-        Comparisons with the exact flow, each with its system; shared by all parts of this object.
-    allowed
-        The allowed error, as in `BatchOptions`.
-    """
+    """The flow of many motions by the batch integrator, in one thread."""
 
     def __init__(
         self,

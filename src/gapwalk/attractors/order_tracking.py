@@ -57,13 +57,7 @@ class Tracked(Described):
         return np.abs((self.theta - self.theta[0]) / PERIOD * self.samples % 1.0 - 0.5) > 0.5 - 1e-6
 
     def legs(self) -> tuple[Tracked, ...]:
-        """Return the parts in which the speed rises or falls; waves of a measured speed below 5 % make no leg.
-
-        Returns
-        -------
-        tuple of Tracked
-            In the order of time.
-        """
+        """Return the parts in which the speed rises or falls; waves of a measured speed below 5 % make no leg."""
         speed, reach = self.speed, _TURNS_BACK * float(np.ptp(self.speed))
         ends, way, low, high = [0], 0, 0, 0
         for place in range(0, len(speed), max(1, self.samples // 8)):
@@ -121,16 +115,6 @@ class Tracked(Described):
             Share of a window that the next one repeats.
         over_speed
             True for spectra over the speed, False over the time; by default over the speed if each is met once.
-
-        Returns
-        -------
-        Waterfall
-            Amplitudes over orders, one spectrum for each window.
-
-        Raises
-        ------
-        ModelError
-            If it is shorter than a window, or has too few samples for the orders.
         """
         turns, even = float(self.system.turns or 1), self._is_even
         values, length = self.values[even], periods * self.samples

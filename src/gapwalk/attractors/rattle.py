@@ -303,17 +303,7 @@ def _closures(events: Sequence[ContactEvent], switch: int) -> list[tuple[Contact
 
 
 def largest(along: Quadrature, nodes: NDArray[np.intp], function: Callable[[Motion], NDArray[np.float64]]) -> float:
-    """Find the largest value of a function of the motion near some successive nodes, refined on the exact flow.
-
-    Parameters
-    ----------
-    along
-        The motion.
-    nodes
-        Indices of the nodes among which the maximum is sought; for none the result is 0.
-    function
-        A function that returns its values, shape (samples,), for a motion.
-    """
+    """Find the largest value of a function of the motion near some successive nodes, refined on the exact flow."""
     if not len(nodes):
         return 0.0
     motion = along.motion

@@ -102,16 +102,7 @@ def wait(
 ) -> Waited:
     """Follow motions until they are periodic, or until patience ends; each no longer than it needs.
 
-    Parameters
-    ----------
-    motions
-        Their flow.
-    states, scales : shape (count, state_size)
-        States at theta = 0, and the scales of their entries (`System.state_scales`).
-    patience
-        The most forcing periods in which a motion may become periodic.
-    max_period
-        The longest period, in forcing periods, that is recognised.
+    Shapes: `states`, `scales` (count, state_size).
     """
     states, periods, total = states.copy(), np.zeros(len(states), dtype=int), 0
     rest = np.arange(len(states))
@@ -261,15 +252,7 @@ def is_doubtful(verdicts: Verdicts) -> NDArray[np.bool_]:
 
 
 def settle_doubts(verdicts: Verdicts, systems: Sequence[Callable[[], System]]) -> Verdicts:
-    """Search for a stable orbit near each motion that seems quasi-periodic or is undecided.
-
-    Parameters
-    ----------
-    verdicts
-        Classification by the fast flow.
-    systems
-        Functions that return the system of each motion.
-    """
+    """Search for a stable orbit near each motion that seems quasi-periodic or is undecided."""
     found = verdicts.copy()
     is_locked = (verdicts.regimes == Regime.UNDECIDED) | (verdicts.exponents < _CONTRACTING)
     for place in np.flatnonzero(is_doubtful(verdicts)).tolist():

@@ -108,16 +108,6 @@ class Regimes(Shown):
         ----------
         first, second
             Values of the horizontal and of the vertical parameter.
-
-        Returns
-        -------
-        str
-            Such as ``period 2`` or ``chaotic``.
-
-        Raises
-        ------
-        ModelError
-            If a value is outside of the map.
         """
         place = []
         for value, (low, high), count in zip((first, second), self.within, self.resolution, strict=True):
@@ -128,13 +118,7 @@ class Regimes(Shown):
         return regime_word(int(self.regimes[row, column]), int(self.periods[row, column]))
 
     def tables(self) -> Tables:
-        """Return the table of the cells.
-
-        Returns
-        -------
-        mapping of str to callable
-            Functions that return the rows of the tables, the headings first.
-        """
+        """Return the table of the cells."""
         return {"cells": TableRows(self._cell_rows, 2, units={"peak.force.": ".force"})}
 
     def _cell_rows(self) -> Rows:

@@ -47,12 +47,7 @@ class Rotation:
 def rotation(strobes: NDArray[np.float64], max_curves: int = 16) -> Rotation | None:
     """Compute the rotation number of a motion from its strobes; None if they do not lie on a few closed curves.
 
-    Parameters
-    ----------
-    strobes : shape (count, state_size)
-        Successive strobes of the settled motion, at least 256 per curve; the error falls fast with their number.
-    max_curves
-        Largest number of curves that is tried.
+    Shapes: `strobes` (count, state_size).
     """
     deviation = strobes.std(axis=0)
     scaled = (strobes - strobes.mean(axis=0)) / np.where(

@@ -112,20 +112,10 @@ class Plane:
     def weights(self, system: System) -> NDArray[np.float64]:
         """Return the weights of all entries of a state, shape (state_size,).
 
-        Parameters
-        ----------
-        system
-            The system.
-
         Returns
         -------
         array, shape (state_size,)
             The weights.
-
-        Raises
-        ------
-        ModelError
-            If the plane names a signal that is neither a position nor a velocity of the system.
         """
         names = system.state_names[: 2 * system.size]
         unknown = [name for name in self.normal if name not in names]
@@ -372,17 +362,7 @@ def at_phase(system: System, state: NDArray[np.float64], phase: float) -> NDArra
 
 
 class Strobe:
-    """Advances states of one system by one forcing period, or several.
-
-    Parameters
-    ----------
-    system
-        The system.
-    phase
-        Angle of the excitation at the states, in radians.
-    transition
-        True if the state transition matrix is computed too.
-    """
+    """Advances states of one system by one forcing period, or several."""
 
     def __init__(self, system: System, phase: float = 0.0, *, transition: bool = False) -> None:
         self.system, self.phase = system, float(phase)

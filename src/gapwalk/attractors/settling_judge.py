@@ -85,12 +85,7 @@ def judge_returns(track: NDArray[np.float64], longest: int) -> Returns:
     transient near a fold returns just as closely as a fast one, but each time with the same error. The factor is
     that between two windows at the end of the track, each a third of the track long.
 
-    Parameters
-    ----------
-    track : shape (strobes, count, state_size)
-        Successive strobes of the motions, in their units.
-    longest
-        The longest period, in forcing periods; at most a third of the length of the track is used.
+    Shapes: `track` (strobes, count, state_size).
     """
     length, count, limits = len(track) - 1, track.shape[1], TOLERANCES
     longest = min(longest, length // 3)
@@ -126,14 +121,7 @@ def judge_returns(track: NDArray[np.float64], longest: int) -> Returns:
 def has_settled(states: NDArray[np.float64], longest: int, tolerance: float) -> bool:
     """Decide whether one motion has settled, from all its strobes since its start.
 
-    Parameters
-    ----------
-    states : shape (strobes, state_size)
-        Successive strobes, in their units.
-    longest
-        The longest period, in forcing periods.
-    tolerance
-        Distance from an orbit at which a motion has settled on it, and change of the averages of any other motion.
+    Shapes: `states` (strobes, state_size).
     """
     found = judge_returns(states[:, None], longest)
     if found.missing[0] <= tolerance:
@@ -161,14 +149,7 @@ class Recurrence(NamedTuple):
 def recurrences(states: NDArray[np.float64], longest: int, near: float) -> list[Recurrence]:
     """Find periods up to `longest` after which scaled strobes nearly return, each nearer than those before it.
 
-    Parameters
-    ----------
-    states : shape (strobes, state_size)
-        Strobes of the motion, divided by its size; the last ones are compared.
-    longest
-        The longest period; at most half the number of strobes is used.
-    near
-        The distance below which a return counts.
+    Shapes: `states` (strobes, state_size).
     """
     found: list[Recurrence] = []
     best = np.inf

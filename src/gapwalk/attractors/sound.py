@@ -91,16 +91,6 @@ class Sound(Described):
         full_scale
             Amplitude, in the unit of the signal, that becomes the largest sample. Files with one full scale keep the
             ratio of their levels. By default `full_scale`.
-
-        Returns
-        -------
-        bytes
-            The content of the file.
-
-        Raises
-        ------
-        ModelError
-            If the sound exceeds the full scale: it would be distorted.
         """
         scale = self.full_scale if full_scale is None else full_scale
         if isinstance(scale, bool) or not isinstance(scale, int | float) or not (scale > 0.0 and math.isfinite(scale)):
@@ -120,22 +110,7 @@ class Sound(Described):
         return _chunk(b"RIFF", body)
 
     def save(self, path: str | os.PathLike[str], full_scale: float | None = None) -> None:
-        """Write a WAV file; see `wav`. Raise a StoreError if it cannot be written.
-
-        Parameters
-        ----------
-        path
-            Name of the file.
-        full_scale
-            As in `wav`.
-
-        Raises
-        ------
-        ModelError
-            If the sound exceeds the full scale.
-        StoreError
-            If the file cannot be written.
-        """
+        """Write a WAV file; see `wav`. Raise a StoreError if it cannot be written."""
         content = self.wav(full_scale)
         if why := why_no_file(path):
             raise StoreError(f"{os.fspath(path)} {why}")
@@ -229,13 +204,7 @@ def _struck(motion: Motion, signal: str, theta: NDArray[np.float64], whole: floa
 
 
 def instants(seconds: float, rate: int) -> NDArray[np.float64]:
-    """Return the times of the samples of a sound, in seconds.
-
-    Raises
-    ------
-    ModelError
-        If there are too few of them or too many.
-    """
+    """Return the times of the samples of a sound, in seconds."""
     if isinstance(rate, bool) or not isinstance(rate, int) or not _RATES[0] <= rate <= _RATES[1]:
         raise ModelError(f"rate is {given(rate)}; it must be an integer from {_RATES[0]} to {_RATES[1]} samples per s")
     if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not 2.0 <= seconds * rate <= _MOST:
@@ -244,13 +213,7 @@ def instants(seconds: float, rate: int) -> NDArray[np.float64]:
 
 
 def second_of(system: System, second: float | None) -> float:
-    """Return the units of time that a second lasts.
-
-    Raises
-    ------
-    ModelError
-        If a system with units is to have another second, or the number is not positive.
-    """
+    """Return the units of time that a second lasts."""
     if system.units is not None:
         if second not in (None, 1.0):
             raise ModelError("this model has units, so its time is in seconds; leave second out")

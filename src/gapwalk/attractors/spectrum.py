@@ -77,11 +77,6 @@ class Spectrum(Described):
         ----------
         order
             The order, a multiple of W or per turn, as in `orders`.
-
-        Returns
-        -------
-        float
-            In the unit of the signal.
         """
         nearest = int(np.argmin(np.abs(self.orders - order)))
         reach = max(self.resolution, 1e-9)
@@ -96,11 +91,6 @@ class Spectrum(Described):
             Largest number of peaks.
         least
             Smallest height, relative to the highest peak.
-
-        Returns
-        -------
-        tuple of Peak
-            Each with its order and its amplitude.
         """
         from scipy.signal import find_peaks  # imported late: it takes long
 
@@ -378,25 +368,7 @@ def order_heading(order: float) -> str:
 def line_name(
     order: float | Fraction, periods: Sequence[int] = (1,), within: float = 1e-9, turns: int | Fraction | None = None
 ) -> str:
-    """Return the name of a line at a multiple of W, or at an order per turn of a shaft.
-
-    Parameters
-    ----------
-    order
-        The multiple, or the order.
-    periods
-        Each m in it adds names for the multiples of W/m; the first name that fits is used.
-    within
-        Largest difference between the order and a named one.
-    turns
-        Forcing periods per turn of the shaft, if orders are counted per turn.
-
-    Returns
-    -------
-    str
-        ``"mean"``, ``"W"``, ``"2W"``, ``"W/3"``, ``"5W/3"``; or ``"0.231W"`` if no name fits. Per turn
-        ``"order 2"``, ``"order 2/3"``, ``"order 0.462"``.
-    """
+    """Return the name of a line at a multiple of W, or at an order per turn of a shaft."""
     for period in periods:
         nearest = Fraction(round(float(order) * period / (turns or 1)), period) * (turns or 1)
         if abs(float(order) - nearest) <= within:

@@ -38,24 +38,6 @@ def zero_between(
 
     Brent's method spends its last evaluation on the other side of a zero that it has reached. Here a secant to a place
     nearby tells that it has.
-
-    Parameters
-    ----------
-    function
-        The function. It is evaluated at the zero that is returned.
-    low, high
-        The two places.
-    beside
-        Values of the function at other places, also outside, where they are known.
-    jumps
-        False to give up where the function seems to jump, because it has no smooth zero there.
-
-    Returns
-    -------
-    place : float
-        Where the function is zero, or jumps from one sign to the other.
-    converged : bool
-        False if the bracket is still wide after all attempts, or if it was given up.
     """
     a, b = (low, function(low)), (high, function(high))
     if not a[1] or not b[1]:

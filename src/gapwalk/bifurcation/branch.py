@@ -126,11 +126,6 @@ class Branch(Shown):
         ----------
         kind
             The kind, or its name, such as ``fold``.
-
-        Returns
-        -------
-        tuple of SpecialPoint
-            In the order of the walk.
         """
         return tuple(special for special in self.special_points if special.kind == kind)
 
@@ -170,16 +165,6 @@ class Branch(Shown):
         """Return the points as a pandas DataFrame: parameter, stability, contacts, and measures of each coordinate.
 
         Needs pandas (``pip install gapwalk[dataframe]``).
-
-        Parameters
-        ----------
-        *measures
-            Further measures, as in `Orbit.measure`.
-
-        Returns
-        -------
-        pandas.DataFrame
-            One row for each point, in the order of the walk.
         """
         import pandas as pd
 

@@ -92,11 +92,6 @@ class Comparison(Shown):
         ----------
         tolerance
             The tolerance, as a share of the ranges.
-
-        Returns
-        -------
-        bool
-            False if they differ by more.
         """
         unmatched = self.only_first or self.only_second
         return not unmatched and max(self.largest, self.largest_shift / self.width) <= tolerance
@@ -213,10 +208,7 @@ def compare_in(first: Branch, second: Branch, names: tuple[str, ...], ranges: ND
 class SplineCurve:
     """Cubic spline through points in order.
 
-    Parameters
-    ----------
-    points : shape (points, dimensions)
-        The points, in units in which the whole range is about 1.
+    Shapes: `points` (points, dimensions).
 
     Attributes
     ----------

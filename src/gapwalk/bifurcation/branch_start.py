@@ -61,15 +61,7 @@ def start_branch(
     direction: int,
     method: Method | None = None,
 ) -> BranchStart:
-    """Begin a branch at an orbit, towards larger (+1) or smaller (-1) values of a parameter.
-
-    Raises
-    ------
-    ModelError
-        For an unknown parameter, a range that does not contain the orbit, or one that contains invalid systems.
-    ConvergenceError
-        If the orbit is not periodic to the tolerance of the method, or repeats a motion of a shorter period.
-    """
+    """Begin a branch at an orbit, towards larger (+1) or smaller (-1) values of a parameter."""
     start = orbit.system[parameter]
     _check_period(orbit, parameter)
     within = check_range(start, to).along(parameter, orbit.system)
@@ -160,22 +152,6 @@ def switch(
 
     At a flip there is one, on the branch of twice the period: the opposite direction gives the same motions, shifted by
     one period. At a branch point there are two, in both directions of the crossing branch.
-
-    Parameters
-    ----------
-    special
-        A flip or a branch point.
-    parameter
-        Name of the parameter to follow.
-    to
-        Range of the parameter.
-    method
-        Discretisation of the orbits.
-
-    Raises
-    ------
-    ModelError
-        If no other branch begins at a special point of this kind, or the range does not contain it.
     """
     within = check_range(special.value, to).along(parameter, special.orbit.system)
     if special.multiplicity > (2 if special.kind.is_turning else 1):

@@ -113,22 +113,7 @@ def _is_one_of_several(first: BranchPoint, special: Sequence[SpecialPoint], plac
 
 
 class BranchTracer(Iterator[Step]):
-    """Tracer of a branch in one direction: yields each point with the special points before it.
-
-    Parameters
-    ----------
-    beginning
-        First point and direction of the tracer.
-    walk
-        Options of the walk.
-    resume
-        `state` of a stopped tracer with the same beginning. The equation is refined again in the same way. Its points
-        are as they were yielded, so the one before the last may have been computed before a refinement.
-    events
-        User-defined kinds of special points.
-    judges
-        False to leave out what only other branches tell, such as the criticality of a flip: it costs a twentieth.
-    """
+    """Tracer of a branch in one direction: yields each point with the special points before it."""
 
     def __init__(
         self,
@@ -259,13 +244,7 @@ class BranchTracer(Iterator[Step]):
     def _examined(
         self, first: BranchPoint, point: BranchPoint, before: BranchPoint | None
     ) -> tuple[Step, HeldChange | None, HeldChange | None]:
-        """Return the step to a point, or to where a spring changes first, with that change or the end of its slip.
-
-        Raises
-        ------
-        NumericalError
-            If the step went astray, or is too long to tell.
-        """
+        """Return the step to a point, or to where a spring changes first, with that change or the end of its slip."""
         if has_merged(point):
             raise NumericalError("the step went onto a branch of motions of a shorter period")
         if self._is_astray(first, point):

@@ -45,13 +45,6 @@ class Detector:
     """Detector of the special points of a walk, step by step.
 
     It remembers the rate at which each test function varied in the step before, and the last zeros found.
-
-    Parameters
-    ----------
-    corrector
-        Corrector for the branch.
-    kinds
-        The kinds to detect; by default all that are registered.
     """
 
     def __init__(self, corrector: Corrector, kinds: Sequence[Kind] | None = None) -> None:
@@ -70,13 +63,7 @@ class Detector:
         self._recent = {kind: list(zeros) for kind, zeros in state.recent.items()}
 
     def inspect(self, first: BranchPoint, last: BranchPoint, before: BranchPoint | None = None) -> list[SpecialPoint]:
-        """Return the special points between two neighbouring points, in order; `before` is the point before `first`.
-
-        Raises
-        ------
-        NumericalError
-            If an orbit between the two cannot be found.
-        """
+        """Return the special points between two neighbouring points, in order; `before` is the point before `first`."""
         search = Search(self.corrector, first, last, before, self._rates, self._recent)
         for kind in self.kinds:
             kind.prepare(search)

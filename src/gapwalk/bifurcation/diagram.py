@@ -132,11 +132,6 @@ class Diagram(Shown):
         ----------
         name
             Name of the branch, such as ``P1-1``.
-
-        Returns
-        -------
-        tuple of DiagramBranch
-            In the order of the diagram.
         """
         return tuple(member for member in self.members if any(origin.parent == name for origin in member.origins))
 
@@ -149,27 +144,11 @@ class Diagram(Shown):
             Name of the branch.
         special
             Index of the special point, from 0.
-
-        Returns
-        -------
-        tuple of DiagramBranch
-            In the order of the diagram.
         """
         return tuple(member for member in self.members if Origin(name, special) in member.origins)
 
     def depth(self, member: DiagramBranch) -> int:
-        """Return the number of branches between a member and the branch found on its own from which it descends.
-
-        Parameters
-        ----------
-        member
-            A member of the diagram.
-
-        Returns
-        -------
-        int
-            0 for a branch that was found on its own.
-        """
+        """Return the number of branches between a member and the branch found on its own from which it descends."""
         return 0 if member.begins is None else 1 + self.depth(self[member.begins.parent])
 
     @cached_property
@@ -199,11 +178,6 @@ class Diagram(Shown):
             Its beginning on another branch.
         method
             Method by which its orbits were found.
-
-        Returns
-        -------
-        Diagram
-            A new record; this one does not change.
         """
         count = sum(member.period == branch.period for member in self.members) + 1
         member = DiagramBranch(f"P{branch.period}-{count}", branch, begins)

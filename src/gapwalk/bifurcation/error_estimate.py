@@ -37,13 +37,7 @@ ROUNDING = 2e-14
 
 
 class ErrorEstimator:
-    """Error estimator that computes the branch of a corrector with another discretisation.
-
-    Parameters
-    ----------
-    corrector
-        Corrector for the branch.
-    """
+    """Error estimator that computes the branch of a corrector with another discretisation."""
 
     def __init__(self, corrector: Corrector) -> None:
         self._equation = cast("OrbitEquation", corrector.equation)
@@ -62,13 +56,7 @@ class ErrorEstimator:
         return self._corrector
 
     def at(self, point: BranchPoint, shift: float = 0.0) -> BranchPoint:
-        """Return the point of the second computation in the plane normal to a point's tangent, `shift` along it.
-
-        Raises
-        ------
-        NumericalError
-            If there is no such point.
-        """
+        """Return the point of the second computation in the plane normal to a point's tangent, `shift` along it."""
         along = self._embedded(point.tangent)
         try:
             start = self._ahead(point, shift)
@@ -98,17 +86,7 @@ class ErrorEstimator:
     def blur(self, point: BranchPoint, rounding: NDArray[np.float64] | None = None) -> _Blur:
         """Return how rounding moves a point of the first computation across its tangent.
 
-        Parameters
-        ----------
-        point
-            The point.
-        rounding : shape (samples, N)
-            Samples of the rounding errors of the residual, if they are known from a point nearby.
-
-        Raises
-        ------
-        NumericalError
-            If the Jacobian is singular, or there is no motion so far aside.
+        Shapes: `rounding` (samples, N).
         """
         evaluation = self._own.evaluate(point.x) if rounding is None else self._own.evaluated_near(point.x)
         assert evaluation.by_parameter is not None
@@ -138,11 +116,6 @@ class ErrorEstimator:
 
         Close to the crossing no orbit can be corrected, but the branch and its determinant are smooth. Polynomials
         through points on both sides, up to `reach` away, give the zero of the determinant or another function.
-
-        Raises
-        ------
-        NumericalError
-            If there are no such points, or the function does not change its sign.
         """
         points = [self.at(point, float(share) * reach) for share in _NODES]
 
@@ -188,22 +161,6 @@ def location_error(
     At a graze the depth may rise on one side of the point and stay almost zero on the other, and rounding may move the
     motions of one side only. So its effect on the points of both sides is counted with the steepest of the rates, and
     so is a second computation that lies on the other side.
-
-    Parameters
-    ----------
-    zero
-        The point.
-    second
-        The second computation.
-    around
-        The points near it.
-    ends
-        Points that may be too near for a rate, but show the effect of rounding.
-
-    Raises
-    ------
-    NumericalError
-        If there is no such point.
     """
     there, blur = second.at(zero.point), second.blur(zero.point)
 

@@ -221,13 +221,7 @@ def _beginnings(
 
 
 def walk_out(beginnings: list[BranchStart], walk: WalkOptions | None = None, report: Report | None = None) -> Branch:
-    """Return the whole branch from one beginning, or from two at one point in opposite directions.
-
-    Raises
-    ------
-    Interrupted
-        After Ctrl-C; its `found` is the branch so far.
-    """
+    """Return the whole branch from one beginning, or from two at one point in opposite directions."""
     return _tracing(beginnings, walk).to_end(_traced, report)
 
 

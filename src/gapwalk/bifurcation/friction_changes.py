@@ -116,11 +116,6 @@ def find_changes(
     """Find the changes of friction between two neighbouring points of a walk, in order; `before` is the point before.
 
     A step in which they cannot be told apart is halved, and one in which changes that cancel each other may hide.
-
-    Raises
-    ------
-    NumericalError
-        If an orbit between the two points cannot be found.
     """
     changes, length = changes_between(first.orbit, last.orbit), last.arclength - first.arclength
     if changes == [] and not (

@@ -66,13 +66,7 @@ def own_phase(orbit: Orbit, change: Change, near: float) -> FrictionPhase | None
 
 
 def margin(orbit: Orbit, change: Change, near: float) -> tuple[float, float]:
-    """Return the angle nearest to another one at which a change happens, and its margin there.
-
-    Raises
-    ------
-    LookupError
-        If the motion has nothing of the kind there.
-    """
+    """Return the angle nearest to another one at which a change happens, and its margin there."""
     full, coefficients, readings = PERIOD * orbit.period, coefficients_of(orbit.system), flow_of(orbit.system).readings
     gauge = FrictionGauge(layout_of(orbit.system.structure), change.contact, readings)
     if change.reverses:

@@ -139,13 +139,7 @@ class HeldChange(NamedTuple):
 
 
 def first_change(corrector: Corrector, first: BranchPoint, last: BranchPoint) -> HeldChange | None:
-    """Return the first change of a spring that is held between two points of a walk.
-
-    Raises
-    ------
-    NumericalError
-        If an orbit between the two cannot be found.
-    """
+    """Return the first change of a spring that is held between two points of a walk."""
     found, interval = list[HeldChange](), StepInterval(corrector, first, last)
     for contact, side in held_in(corrector).items():
         for towards in {0, 1, -1} - {side}:
@@ -171,11 +165,6 @@ def end_of_slip(corrector: Corrector, first: BranchPoint, last: BranchPoint | No
 
     Among the motions at one of its bounds it is the one that just reaches the other bound too. Without a last point of
     the step, such a place just ahead of the first one is sought.
-
-    Raises
-    ------
-    NumericalError
-        If an orbit near it cannot be found.
     """
     if not first.orbit.slips or not isinstance(corrector.equation, ShootingEquation):
         return None

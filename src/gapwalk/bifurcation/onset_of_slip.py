@@ -101,11 +101,6 @@ def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, 
 
     The orbits there are some of a continuum, and those at the position that the friction keeps lie along the tangent.
     On the other side the position is another one.
-
-    Raises
-    ------
-    LookupError
-        If there is none before the far point, or the orbits end before it.
     """
     corrector, way = interval.corrector, math.copysign(1.0, far.arclength - stuck.arclength)
     length, theta = abs(far.arclength - stuck.arclength), change.theta
@@ -160,22 +155,6 @@ def find_rest(corrector: Corrector, stuck: BranchPoint, far: BranchPoint, contac
 
     Position and place along the branch are sought by Broyden's method for the two reserves, from the point at which
     friction sticks. Steps go a little less than all the way, since beyond there is slip.
-
-    Parameters
-    ----------
-    corrector
-        Corrector for the branch.
-    stuck
-        The point at which the contact never slips.
-    far
-        The point at which it slips in both directions.
-    contact
-        Number of the contact.
-
-    Raises
-    ------
-    LookupError
-        If there is no such place between the points, or positions are no freedom of the orbits.
     """
     search = _RestSearch(corrector, stuck, far, contact)
     first, matrix = search.at(np.zeros(2)), search.slopes()
@@ -237,13 +216,7 @@ class _RestSearch:
         return None
 
     def at(self, place: NDArray[np.float64], origin: _Tried | None = None) -> _Tried:
-        """Return the orbit at a place, sought from another one; by default the stuck point.
-
-        Raises
-        ------
-        LookupError
-            If friction slips there. A guess from far away may slip too, and then leads to another position.
-        """
+        """Return the orbit at a place, sought from another one; by default the stuck point."""
         point = self._stuck
         if origin is not None:
             away, ahead = place - origin.place, origin.point.tangent / float(origin.point.tangent @ self._along)

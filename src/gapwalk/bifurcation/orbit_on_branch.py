@@ -44,11 +44,6 @@ class Curve:
 
     Folds are among its points, so that the values between a fold and its neighbours are covered. A branch that ends
     where it joins another one is extrapolated to the junction.
-
-    Parameters
-    ----------
-    branch
-        The branch.
     """
 
     def __init__(self, branch: Branch) -> None:
@@ -186,15 +181,6 @@ class _Piece(NamedTuple):
 def lies_on(branch: Branch, orbit: Orbit, tolerance: float = SAME) -> bool:
     """Return True if an orbit lies on a branch, possibly with a start at a later forcing period.
 
-    Parameters
-    ----------
-    branch
-        The branch.
-    orbit
-        The orbit; its system may differ from that of the branch only in the parameter of the branch.
-    tolerance
-        Distance of two states, relative to their size, within which they count as equal.
-
     Notes
     -----
     To compare many orbits with one branch, `Curve(branch).holds` is faster.
@@ -208,19 +194,12 @@ class StateSpace:
     Here they are the states at some angles, by shooting the starts of the segments. A method whose unknowns are of
     another kind derives a class, which is registered with `space_of`.
 
-    Parameters
-    ----------
-    branch, points
-        The branch, and points of it.
-
     Attributes
     ----------
     size
         Number of leading variables that determine a motion.
     scales
         Scales of all variables: physical = scale * scaled.
-    corrector
-        Corrector for the branch.
     """
 
     _is_elsewhere = False  # True if the unknowns are states elsewhere than at the start of the period
@@ -247,13 +226,7 @@ class StateSpace:
         return space, first, last
 
     def knot(self, point: BranchPoint) -> Knot:
-        """Return the knot of a point of the branch, which may have been computed with fewer segments.
-
-        Raises
-        ------
-        NumericalError
-            If no orbit is found with as many segments.
-        """
+        """Return the knot of a point of the branch, which may have been computed with fewer segments."""
         lifted = point if len(point.x) == len(self.scales) else lift(point, self.corrector)
         if lifted is None:
             raise NumericalError(f"the orbit at {point.value:.12g} is not found in more segments")
@@ -289,15 +262,7 @@ class StateSpace:
 
 @singledispatch
 def space_of(orbit: Orbit, branch: Branch, points: Sequence[BranchPoint]) -> StateSpace:
-    """Return the space in which a branch of these orbits is a curve; by default the space of states.
-
-    Parameters
-    ----------
-    orbit
-        One of them: its class decides.
-    branch, points
-        The branch, and points of it.
-    """
+    """Return the space in which a branch of these orbits is a curve; by default the space of states."""
     return StateSpace(branch, points)
 
 
@@ -328,15 +293,6 @@ def junction_nearby(branch: Branch, within: tuple[float, float], method: Method 
     A walk may end just before its parent, if a contact grazes so close to the flip that the steps become too small, or
     if the parent's motion changes its sequence of slip and stick there. The parent's orbit is found from the mean of
     the two halves, and followed in both directions within the range.
-
-    Parameters
-    ----------
-    branch
-        The branch.
-    within
-        Range of its parameter.
-    method
-        Discretisation of the orbits.
     """
     last = branch.points[-1].orbit
     if last.period % 2:

@@ -172,18 +172,6 @@ class SpecialPoint(Shown):
         method
             How the orbits are posed; by default the method that found them.
 
-        Returns
-        -------
-        Gradient
-            Slopes, their errors, and percent per percent.
-
-        Raises
-        ------
-        ModelError
-            If the kind of point has no locus, or for an unknown parameter.
-        ConvergenceError
-            If the equations of the point are not satisfied, or its locus is vertical.
-
         Examples
         --------
         >>> round(fold.gradient("stop.clearance")["stop.clearance"], 6)

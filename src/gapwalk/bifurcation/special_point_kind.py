@@ -125,24 +125,12 @@ class Kind(str):
 
     @staticmethod
     def known() -> tuple[Kind, ...]:
-        """Return all kinds, in the order of tables and legends.
-
-        Returns
-        -------
-        tuple of Kind
-            One of each kind.
-        """
+        """Return all kinds, in the order of tables and legends."""
         return tuple(KINDS.values())
 
     @staticmethod
     def with_locus() -> tuple[Kind, ...]:
-        """Return the kinds whose points can be followed in two parameters, in the same order.
-
-        Returns
-        -------
-        tuple of Kind
-            Those that can be followed in two parameters.
-        """
+        """Return the kinds whose points can be followed in two parameters, in the same order."""
         return tuple(kind for kind in KINDS.values() if not kind.no_locus)
 
     @staticmethod
@@ -153,32 +141,11 @@ class Kind(str):
         ----------
         name
             Name of the kind, such as ``fold``.
-
-        Returns
-        -------
-        Kind
-            The kind.
-
-        Raises
-        ------
-        ModelError
-            If there is no such kind.
         """
         return KINDS.named(name)
 
     def function(self, point: BranchPoint) -> float:
-        """Evaluate the test function: smooth along a branch, and zero with a sign change at a point of this kind.
-
-        Parameters
-        ----------
-        point
-            A point of a branch.
-
-        Returns
-        -------
-        float
-            It changes its sign at a point of this kind.
-        """
+        """Evaluate the test function: smooth along a branch, and zero with a sign change at a point of this kind."""
         raise NotImplementedError(f"a {self} is not the zero of one function")
 
     def hides(self, a: BranchPoint, b: BranchPoint) -> bool:
@@ -188,11 +155,6 @@ class Kind(str):
         ----------
         a, b
             Two neighbouring points of a branch, at which the function has one sign.
-
-        Returns
-        -------
-        bool
-            False by default.
         """
         return False
 
@@ -207,18 +169,7 @@ class Kind(str):
         return type(self).function is not Kind.function
 
     def at(self, point: BranchPoint) -> float:
-        """Return the test function at a point; it is computed once.
-
-        Parameters
-        ----------
-        point
-            A point of a branch.
-
-        Returns
-        -------
-        float
-            As `function`.
-        """
+        """Return the test function at a point; it is computed once."""
         known = point.memo.get(self)
         if known is None:
             known = point.memo[self] = self.function(point)
@@ -229,32 +180,11 @@ class Kind(str):
 
         In a machine with equal parts several become critical at once. Their mean is then smooth and changes its sign,
         while the test function may not: see `Search.zeros`.
-
-        Parameters
-        ----------
-        multipliers : shape (state_size,)
-            Floquet multipliers.
-
-        Returns
-        -------
-        array
-            One for each multiplier, or each pair, that may become critical.
         """
         return np.zeros(0)
 
     def beyond(self, point: BranchPoint) -> int:
-        """Return the number of multipliers, or of pairs, beyond criticality at a point; it is computed once.
-
-        Parameters
-        ----------
-        point
-            A point of a branch.
-
-        Returns
-        -------
-        int
-            Number of positive offsets.
-        """
+        """Return the number of multipliers, or of pairs, beyond criticality at a point; it is computed once."""
         known = point.memo.get(("beyond", self))
         if known is None:
             offsets = self.offsets(point.orbit.free_multipliers)
@@ -270,11 +200,6 @@ class Kind(str):
             A point of a branch.
         ranks
             The first rank, and the one after the last: the numbers beyond criticality on both sides.
-
-        Returns
-        -------
-        float
-            Zero, with a change of sign, where so many become critical at once.
         """
         offsets, (first, last) = self.offsets(point.orbit.free_multipliers), ranks
         return float(np.sort(offsets)[::-1][first:last].mean()) if len(offsets) >= last else math.nan
@@ -288,11 +213,6 @@ class Kind(str):
             The located point.
         near
             The nearest point of the walk.
-
-        Returns
-        -------
-        bool
-            False if the zero has another cause.
         """
         return True
 
@@ -312,16 +232,6 @@ class Kind(str):
         ----------
         search
             The step in which points are sought.
-
-        Returns
-        -------
-        list
-            The zeros in the step, in their order.
-
-        Raises
-        ------
-        NumericalError
-            If an orbit between both ends of the step cannot be found.
         """
         return [zero for zero in search.zeros(self) if self.is_genuine(zero.point)]
 
@@ -334,11 +244,6 @@ class Kind(str):
             The step in which points are sought.
         a, b
             Fractions of the step between which the function changes its sign.
-
-        Returns
-        -------
-        zero or None
-            The located zero; None if there is none.
         """
         return None
 
@@ -353,11 +258,6 @@ class Kind(str):
             The points between which so many do.
         ranks
             As in `mean_offset`.
-
-        Returns
-        -------
-        zero or None
-            The located zero of their mean offset.
         """
         return search.bracketed_mean(self, a, b, ranks)
 
@@ -372,32 +272,11 @@ class Kind(str):
             The located zero.
         second
             The same zero of another discretisation.
-
-        Returns
-        -------
-        float
-            In the unit of the parameter.
-
-        Raises
-        ------
-        NumericalError
-            If there are no orbits to compare it with; the error is then infinite, too.
         """
         return location_error(zero, second, [search.near(zero.point)])
 
     def nature(self, before: BranchPoint, after: BranchPoint) -> str | None:
-        """Return the criticality that follows from the points on both sides, in words; None to reject the point.
-
-        Parameters
-        ----------
-        before, after
-            Points on both sides.
-
-        Returns
-        -------
-        str or None
-            In words; None to reject the point.
-        """
+        """Return the criticality that follows from the points on both sides, in words; None to reject the point."""
         return ""
 
     def examined(
@@ -436,68 +315,19 @@ class Kind(str):
             Name of the walked parameter.
         method
             Method of the orbits; None for the one that found them.
-
-        Returns
-        -------
-        SpecialPoint
-            The point, with its criticality if it is known.
         """
         return special
 
     def beginnings(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[BranchStart]:
-        """Return the beginnings of the other branches that begin or cross at a point of this kind.
-
-        Parameters
-        ----------
-        special
-            The special point.
-        parameter
-            Name of the walked parameter.
-        within
-            Range of the parameter.
-        method
-            Method of the orbits.
-
-        Returns
-        -------
-        list of BranchStart
-            One for each branch, in each direction.
-
-        Raises
-        ------
-        ModelError
-            If there are none.
-        """
+        """Return the beginnings of the other branches that begin or cross at a point of this kind."""
         raise ModelError(f"no other periodic branch begins at a {self}; switch at a flip or at a branch point")
 
     def condition(self, monodromy: NDArray[np.float64]) -> Criticality:
-        """Evaluate the locus equation in two parameters: the distance of a monodromy matrix from criticality.
-
-        Parameters
-        ----------
-        monodromy : shape (state_size, state_size)
-            Monodromy matrix of an orbit.
-
-        Returns
-        -------
-        Criticality
-            The distance, and its derivative by the matrix.
-        """
+        """Evaluate the locus equation in two parameters: the distance of a monodromy matrix from criticality."""
         raise NotImplementedError(f"a {self} is not defined by multipliers")
 
     def angle(self, multipliers: NDArray[np.complex128]) -> float:
-        """Return the argument of the critical multiplier, from 0 to pi.
-
-        Parameters
-        ----------
-        multipliers : shape (state_size,)
-            Floquet multipliers.
-
-        Returns
-        -------
-        float
-            In radians.
-        """
+        """Return the argument of the critical multiplier, from 0 to pi."""
         return math.pi if self.target is not None and self.target < 0.0 else 0.0
 
     def residual(self, orbit: Orbit, multipliers: NDArray[np.complex128]) -> float:
@@ -505,18 +335,6 @@ class Kind(str):
 
         It is a product over all multipliers, if the kind has such a function. So a factor that is small for
         another reason, as at a point of codimension two, does no harm.
-
-        Parameters
-        ----------
-        orbit
-            The orbit.
-        multipliers : shape (state_size,)
-            Its Floquet multipliers, computed again.
-
-        Returns
-        -------
-        float
-            0 at a point of this kind; non-dimensional.
         """
         if self.target is not None:
             return float(np.prod(np.minimum(np.abs(multipliers - self.target), 1.0)))
@@ -530,35 +348,13 @@ class Kind(str):
         return "" if has_one else f"a {self} has no locus in two parameters; {_WITH_A_LOCUS}"
 
     def critical(self, multipliers: NDArray[np.complex128]) -> NDArray[np.intp]:
-        """Return the indices of the multipliers that are critical at such a point, nearest first; may be empty.
-
-        Parameters
-        ----------
-        multipliers : shape (state_size,)
-            Floquet multipliers.
-
-        Returns
-        -------
-        array of int
-            Their indices.
-        """
+        """Return the indices of the multipliers that are critical at such a point, nearest first; may be empty."""
         if self.target is None:
             return np.zeros(0, dtype=np.intp)
         return np.argsort(np.abs(multipliers - self.target), kind="stable")[:1]
 
     def critical_multiplier(self, multipliers: NDArray[np.complex128]) -> complex:
-        """Return the critical multiplier of a point of this kind; nan if there is none.
-
-        Parameters
-        ----------
-        multipliers : shape (state_size,)
-            Floquet multipliers.
-
-        Returns
-        -------
-        complex
-            The multiplier nearest to the critical value.
-        """
+        """Return the critical multiplier of a point of this kind; nan if there is none."""
         places = self.critical(multipliers)
         return complex(multipliers[places[0]]) if len(places) else complex(np.nan, np.nan)
 

@@ -64,20 +64,6 @@ def pass_start(corrector: Corrector, walk: Walk, state: WalkState, kinds: Sequen
     """Return steps from a point of a walk until the event at the start of the period has passed it.
 
     If the start lies among the impacts of a chatter, a step of the walk's own length is taken, which many may pass.
-
-    Parameters
-    ----------
-    corrector
-        Corrector for the branch.
-    walk, state
-        The walk, and its state at a point with an event at the start of its period.
-    kinds
-        Kinds of special points to detect.
-
-    Returns
-    -------
-    Passage or None
-        None if no event is at the start, or if no orbit is found beyond.
     """
     equation, first = corrector.equation, state.point
     if not isinstance(equation, ShootingEquation) or not _may_pass(equation, first.orbit):
@@ -94,18 +80,6 @@ def smooth_between(
     """Return a section in which the orbits between two neighbouring points of a branch are smooth.
 
     That is the start of the period, unless an event of one of them is there.
-
-    Parameters
-    ----------
-    corrector
-        Corrector for the branch.
-    first, last
-        The points.
-
-    Returns
-    -------
-    Corrector, BranchPoint, BranchPoint
-        The corrector and both points with that section. Their orbits are those that were given.
     """
     equation = corrector.equation
     if isinstance(equation, ShootingEquation) and _may_pass(equation, first.orbit, last.orbit):

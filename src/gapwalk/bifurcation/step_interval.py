@@ -80,13 +80,7 @@ class StepInterval:
         return list(self._points)
 
     def at(self, arclength: float) -> BranchPoint:
-        """Return the point at an arclength.
-
-        Raises
-        ------
-        NumericalError
-            If the corrector does not converge.
-        """
+        """Return the point at an arclength."""
         index = bisect_left(self._lengths, arclength)
         if index < len(self._lengths) and self._lengths[index] == arclength:
             return self._points[index]
@@ -126,19 +120,6 @@ class StepInterval:
 class Search:
     """Search of one step of a walk.
 
-    Parameters
-    ----------
-    corrector
-        Corrector for the branch.
-    first, last
-        The points between which to search.
-    before
-        The point before them, if it is known.
-    rates
-        Per test function, its rate of change before `first` if known; updated.
-    recent
-        Per test function, the arclengths of its last zeros; updated.
-
     Attributes
     ----------
     interval
@@ -165,13 +146,7 @@ class Search:
         self.corners: list[float] = []
 
     def zeros(self, kind: Kind) -> list[Zero]:
-        """Return all distinguishable zeros of the test function of a kind, in no order.
-
-        Raises
-        ------
-        NumericalError
-            If an orbit between the two points cannot be found.
-        """
+        """Return all distinguishable zeros of the test function of a kind, in no order."""
         known, several = self.recent(kind), self.several(kind)
         zeros, taken = [*several], {zero.point.arclength for zero in several}
         # at a zero that is divided out, the sign is rounding
@@ -220,13 +195,7 @@ class Search:
         return self._several_between(kind, a, middle) + self._several_between(kind, middle, b)
 
     def bracketed_mean(self, kind: Kind, a: BranchPoint, b: BranchPoint, ranks: tuple[int, int]) -> Zero | None:
-        """Return the zero of the mean offset of several multipliers between two points; None if they differ.
-
-        Raises
-        ------
-        NumericalError
-            If an orbit between the two points cannot be found.
-        """
+        """Return the zero of the mean offset of several multipliers between two points; None if they differ."""
 
         def function(arclength: float) -> float:
             return kind.mean_offset(self.interval.at(arclength), ranks)
@@ -271,15 +240,7 @@ class Search:
         return [min(side, key=lambda known: known[0])[1] for side in sides if side]
 
     def sides(self, marks: list[float], index: int) -> tuple[BranchPoint, BranchPoint]:
-        """Return points on both sides of a special point: halfway to its neighbours, or the ends of the step.
-
-        Parameters
-        ----------
-        marks
-            Arclengths of the first point, all special points, and the last point.
-        index
-            Index of the special point among them.
-        """
+        """Return points on both sides of a special point: halfway to its neighbours, or the ends of the step."""
         before, here, after = marks[index - 1 : index + 2]
         before = before if index == 1 else 0.5 * (here + before)
         after = after if index == len(marks) - 2 else 0.5 * (here + after)

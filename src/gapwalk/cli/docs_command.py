@@ -21,22 +21,7 @@ ARCHIVE = Path(__file__).parents[1] / "offline_docs.zip"
 
 
 def open_docs(page: str | None, *, browser: bool = True, archive: Path = ARCHIVE) -> int:
-    """Print where a page is, and open it.
-
-    Parameters
-    ----------
-    page
-        Its name, or that of a function or class; None for the first page.
-    browser
-        True to open it in the browser.
-    archive
-        The built pages.
-
-    Raises
-    ------
-    GapwalkError
-        If this installation has no pages, or none of that name.
-    """
+    """Print where a page is, and open it."""
     if not archive.exists():
         raise GapwalkError(
             "this installation has no copy of the documentation; in the folder with gapwalk's sources, `make docs` "

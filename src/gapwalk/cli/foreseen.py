@@ -30,11 +30,6 @@ def foreseen_modules(text: str) -> list[str]:
     """Return the modules of the kinds of study in the text of a model file whose work processes will share.
 
     The text is not parsed: what is wrong here costs or saves time, and nothing else.
-
-    Parameters
-    ----------
-    text
-        The text of the file.
     """
     kinds = dict.fromkeys(_KIND.findall(text))
     return [] if _ALONE.search(text) else [f"gapwalk.studies.{_SHARED[kind]}" for kind in kinds if kind in _SHARED]

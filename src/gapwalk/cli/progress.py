@@ -34,19 +34,6 @@ class ProgressLine:
     """One line with the elapsed time, removed at the end; it is called with each report.
 
     If stderr is not a terminal (a log, say), a line is written at regular intervals, even without any change.
-
-    Parameters
-    ----------
-    first
-        The text at the beginning.
-    words
-        Function that describes a report.
-    bar
-        True for a bar of the finished part.
-    total
-        The value at the end of the bar, if it is known.
-    show
-        False to show nothing.
     """
 
     def __init__(

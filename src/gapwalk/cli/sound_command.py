@@ -14,15 +14,7 @@ from gapwalk.studies.result import Result
 
 
 def save_sound(result: Result, output: Path, signal: str | None, full_scale: float | None) -> int:
-    """Write a WAV file, and print its level.
-
-    Raises
-    ------
-    ModelError
-        If the result is neither a run-up nor a settled motion, there is no such signal, or it exceeds the full scale.
-    StoreError
-        If the file cannot be written.
-    """
+    """Write a WAV file, and print its level."""
     record = None if result.finding is None else result.finding.record
     if isinstance(record, RunUp):
         heard = record.sound(signal or "")

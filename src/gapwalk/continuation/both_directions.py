@@ -56,19 +56,8 @@ class TracingState(Generic[S]):
 class Tracing(Iterator[S], Generic[D, T, S]):
     """Iterator over the steps of a curve, traced in each direction in which it leaves its start.
 
-    Parameters
-    ----------
-    beginnings
-        The beginning in each direction.
-    begin
-        Function that returns the trace of one direction from its beginning, and from a state to resume (or None).
-    resume
-        `state` of a stopped tracing with the same beginnings.
-
     Attributes
     ----------
-    traces
-        The traces that were begun.
     steps
         The steps that each trace has yielded.
     """
@@ -85,13 +74,7 @@ class Tracing(Iterator[S], Generic[D, T, S]):
                 self.traces[-1].finish_with(end)
 
     def to_end(self, record: Callable[[Any], R], report: Callable[..., object] | None = None) -> R:
-        """Trace to the end, call `report` with the parts of each step, and return `record` of this tracing.
-
-        Raises
-        ------
-        Interrupted
-            After Ctrl-C; its `found` is the record so far.
-        """
+        """Trace to the end, call `report` with the parts of each step, and return `record` of this tracing."""
         try:
             for step in self:
                 if report is not None:
@@ -132,17 +115,7 @@ class Tracing(Iterator[S], Generic[D, T, S]):
 def in_one_direction(
     walked: Sequence[Sequence[tuple[P, list[F]]]], first: P, turn: Callable[[P], P], turn_found: Callable[[F], F]
 ) -> tuple[tuple[P, ...], tuple[F, ...]]:
-    """Join the steps of one or two traces into the points of a curve and the events between them.
-
-    Parameters
-    ----------
-    walked
-        The steps of each trace: a point, and the events before it.
-    first
-        The point at which the traces begin.
-    turn, turn_found
-        Functions that convert a point, or the events, for travel in the opposite direction.
-    """
+    """Join the steps of one or two traces into the points of a curve and the events between them."""
     *back, ahead = walked
     points, found = [first], []
     for steps in back:

@@ -59,14 +59,7 @@ class Correction(NamedTuple):
 class Corrector:
     """Newton corrector for the branch of one equation, in scaled variables.
 
-    Parameters
-    ----------
-    equation
-        The equation whose solutions form the branch.
-    scales : shape (N + 1,)
-        Scale of each unknown, and of the parameter: physical = scale * scaled.
-    iterations
-        Largest number of Newton steps.
+    Shapes: `scales` (N + 1,).
     """
 
     def __init__(self, equation: Equation, scales: NDArray[np.float64], iterations: int = 7) -> None:

@@ -65,11 +65,6 @@ class BranchPoint:
         ----------
         name
             Name of the measure, such as ``half.q1``.
-
-        Returns
-        -------
-        float
-            In the unit of the signal.
         """
         return self.orbit.measure(name)
 

@@ -111,35 +111,7 @@ class WalkState:
 
 
 class Walk(Iterator[BranchPoint]):
-    """Iterator over the points of one branch, from its first point on.
-
-    Parameters
-    ----------
-    first
-        The first point, as from `first_point`; it is not yielded.
-    within
-        Range of the parameter.
-    corrector
-        Corrector for the branch.
-    options
-        Options of the steps.
-    resume
-        State of a stopped walk, which continues as if it had never been stopped.
-    trust
-        Residual below which the next Newton step is accurate to rounding; 0 if the derivatives are approximate.
-    branched
-        True if the branch begins at a special point of another branch, where it may be perpendicular to the parameter
-        axis: then it cannot turn back to the side on which it started.
-    change
-        Function that returns how much two neighbouring points differ in quantities other than the unknowns (such as
-        multipliers), as a share of the change allowed in a step; 0 if there are none.
-    twins
-        Function that returns other points, scaled, that stand for the same solution as the first one, such as a motion
-        with another phase. Where the walk reaches one of them, the branch has closed on itself.
-    asks
-        True if the caller can try another way to continue: where steps become short the walk stops first, and goes on
-        with shorter ones by `persist`.
-    """
+    """Iterator over the points of one branch, from its first point on."""
 
     def __init__(
         self,

@@ -72,13 +72,7 @@ class Range:
         return scale / (_OCTAVES * abs(value)) if self.is_relative and value != 0.0 else 1.0
 
     def along(self, parameter: str, system: System) -> Range:
-        """Return this range for a parameter of a system; it ends where a table of a load over the speed does.
-
-        Raises
-        ------
-        ModelError
-            If nothing is left of it.
-        """
+        """Return this range for a parameter of a system; it ends where a table of a load over the speed does."""
         is_relative, tables = system.structure.place(parameter) == 0, system.structure.pace_limits
         if not (is_relative and tables.tables):
             return replace(self, is_relative=is_relative)

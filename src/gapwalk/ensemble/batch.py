@@ -153,14 +153,7 @@ class BatchRun:
 
 
 def batch_of(system: System, states: ArrayLike, parameters: Mapping[str, ArrayLike]) -> Batch:
-    """Create a batch from states of a system, with parameters that may differ from state to state.
-
-    Raises
-    ------
-    ModelError
-        If the states or the parameters have the wrong shape, a system cannot have such values, or a state is beyond a
-        rigid stop.
-    """
+    """Create a batch from states of a system, with parameters that may differ from state to state."""
     array = _states(system, states)
     columns = {name: _column(system, name, values, len(array)) for name, values in parameters.items()}
     batch = Batch(array, (system,), np.zeros(len(array), dtype=np.intp))

@@ -86,18 +86,6 @@ class BatchFlow:
             If not 0, the states are recorded every so many forcing periods.
         survey
             If not 0, extremes, contacts and largest forces are recorded over that many last periods.
-
-        Returns
-        -------
-        BatchRun
-            The states at the end, and the error of the run.
-
-        Raises
-        ------
-        ModelError
-            If the request is invalid.
-        FlowError
-            If the requested error cannot be reached with 20,000 steps per forcing period.
         """
         batch = batch_of(self.system, states, parameters or {})
         plan = _Plan(periods, every, survey)
@@ -116,18 +104,6 @@ class BatchFlow:
         """Choose the number of steps per forcing period for trajectories, on some of them and over some periods.
 
         They resolve the vibrations on closed contacts even if none closes one. It raises a FlowError as `run` does.
-
-        Parameters
-        ----------
-        batch
-            The trajectories.
-        periods
-            Number of forcing periods.
-
-        Returns
-        -------
-        int
-            Steps per forcing period.
         """
         return self._pilot(batch, periods, first_guess(batch.linear, self.options.error, batch.states))
 
@@ -286,18 +262,7 @@ class _Plan:
 class Blocks:
     """Trajectories in blocks of lanes; the last block is padded with copies.
 
-    Parameters
-    ----------
-    block_plan
-        The systems and the steps.
-    states : shape (N, state size)
-        States of the trajectories at theta = 0.
-    noted, every
-        Number of times at which the states are recorded, and forcing periods between them.
-    survey
-        True if a survey will be requested.
-    threads
-        Number of blocks that are processed at the same time.
+    Shapes: `states` (N, state size).
     """
 
     def __init__(
@@ -440,17 +405,7 @@ class Verdict:
 
 
 def judge(trials: Sequence[Trial], system_of: Callable[[int], System], limit: float) -> Verdict:
-    """Compare trials with the exact flow.
-
-    Parameters
-    ----------
-    trials
-        The trials to compare.
-    system_of
-        A function that returns the system of a lane.
-    limit
-        Size of a state above which a motion has diverged.
-    """
+    """Compare trials with the exact flow."""
     differences: list[NDArray[np.float64]] = []
     sizes: list[NDArray[np.float64]] = []
     false_alarms = 0

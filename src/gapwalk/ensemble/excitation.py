@@ -24,18 +24,7 @@ _Key = tuple[Any, ...]
 class Excitation:
     """Writer of the terms that read the table ``T``, and the columns of it that they need.
 
-    Parameters
-    ----------
-    layout
-        The layout of the coefficients.
-    shared
-        True if all lanes have the same coefficients.
-    loaded : shape (2n,), bool
-        Components of the state on which loads act.
-    name
-        Function that returns the name of a coefficient in the kernel.
-    active
-        Function that returns True if a coefficient may differ from zero.
+    Shapes: `loaded` (2n,), bool.
     """
 
     def __init__(
@@ -60,19 +49,7 @@ class Excitation:
         return f"t{int(self._loaded[:component].sum())}"
 
     def sway(self, sheet: Sheet, contact: int, argument: int, derivative: int = 0, *, start: bool = False) -> Any:
-        """Write the displacement of a deflection, or its rate over time, at the end (or start) of a step; else 0.
-
-        Parameters
-        ----------
-        sheet
-            Where the lines are written.
-        contact, argument
-            Numbers of the contact and of the argument of its law.
-        derivative
-            1 for the rate.
-        start
-            True for the start of the step.
-        """
+        """Write the displacement of a deflection, or its rate over time, at the end (or start) of a step; else 0."""
         slots = self._layout.contacts[contact]
         wave = slots.waves.get(slots.form.law.arguments[argument])
         if wave is None:
@@ -95,14 +72,7 @@ class Excitation:
     def table(self, coefficients: NDArray[np.float64], loads: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
         """Compute the table over one forcing period, shape (steps, columns).
 
-        Parameters
-        ----------
-        coefficients
-            Those of the first lane.
-        loads : shape (2n, 1 + 2 orders)
-            Contribution of ``1, cos h theta, sin h theta, ...`` to the state of the first lane over a step.
-        steps
-            Steps per forcing period.
+        Shapes: `loads` (2n, 1 + 2 orders).
         """
         theta = 2.0 * np.pi * np.arange(steps) / steps
         after = 2.0 * np.pi * np.arange(1, steps + 1) / steps
@@ -162,16 +132,7 @@ def share_at(
 ) -> NDArray[np.float64]:
     """Return the share of the higher level in samples at some angles, so that their sums are those of the jumps.
 
-    Parameters
-    ----------
-    coefficients : shape (..., number of coefficients)
-        The coefficients.
-    cycle
-        The cycle of two levels.
-    theta
-        The angles.
-    steps
-        Steps per forcing period.
+    Shapes: `coefficients` (..., number of coefficients).
     """
     up, down = coefficients[..., cycle.up], coefficients[..., cycle.down]
     return _share(theta, up, down, cycle.order, steps / (2.0 * np.pi), np.floor, lambda t: np.clip(t, 0.0, 1.0))

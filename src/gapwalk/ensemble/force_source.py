@@ -98,17 +98,7 @@ class Chunk:
 
 
 class ForceSource:
-    """Writer of the lines for the force of one contact.
-
-    Parameters
-    ----------
-    slots
-        Positions of its coefficients.
-    name
-        Function that returns the name of a coefficient in the kernel.
-    active
-        Function that returns whether a coefficient may differ from zero.
-    """
+    """Writer of the lines for the force of one contact."""
 
     def __init__(self, slots: ContactSlots, name: Callable[[int], str], active: Callable[[int], bool]) -> None:
         self._slots, self._name, self._active = slots, name, active
@@ -120,13 +110,6 @@ class ForceSource:
         the jump of the slope (Euler and Maclaurin), where ``s`` is its position in the step. The bump
         ``(1 - a)(1 - 3a) / 12``, ``a`` the distance from the breakpoint in steps, adds up to that over the steps next
         to the kink. A force that jumps is averaged over the step.
-
-        Parameters
-        ----------
-        span
-            Name of the length of a step.
-        result
-            Name of the force.
         """
         lines = [f"w = abs(r) * {span} + {_TINY}", "inverse = 1.0 / w", "bump = w * (1.0 / 12.0)"]
         sums: dict[_Factor, list[str]] = {}

@@ -24,13 +24,6 @@ class FormulaSource:
     Where a guard changes its sign between two steps, ``abs``, ``min`` and ``max`` have a kink. They are corrected by
     the bump of `gapwalk.ensemble.force_source.ForceSource`, with the change of the guard since the last step as the
     distance. So is the depth of a stage; what the force jumps by at its breakpoint is averaged over the step.
-
-    Parameters
-    ----------
-    slots
-        Positions of its coefficients.
-    number
-        Function that returns the term of a coefficient by its slot.
     """
 
     def __init__(self, slots: ContactSlots, number: Callable[[int], Term]) -> None:
@@ -39,26 +32,7 @@ class FormulaSource:
     def lines(
         self, sheet: Sheet, moves: Sequence[tuple[str, str]], span: str, past: Sequence[str], result: str
     ) -> tuple[list[str], dict[str, str]]:
-        """Write the lines for the force; return them, and the names of those guards whose last values it needs.
-
-        Parameters
-        ----------
-        sheet
-            Where the lines are written.
-        moves
-            Names of its deflections and their rates.
-        span
-            Name of the length of a step.
-        past
-            Names of the guards at the last step.
-        result
-            Name of the force.
-
-        Raises
-        ------
-        UnfitError
-            If the law cannot be evaluated with terms.
-        """
+        """Write the lines for the force; return them, and the names of those guards whose last values it needs."""
         form, law = self._slots.form, self._slots.form.law
         if law.rebounds:
             form.closed_form("the batch integrator")  # refuses it

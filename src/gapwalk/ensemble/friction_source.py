@@ -40,21 +40,7 @@ class HostTerms(NamedTuple):
 
 
 class JenkinsSource:
-    """Writer of the lines for the extension and the force of one Jenkins element.
-
-    Parameters
-    ----------
-    slots
-        Positions of its coefficients.
-    number
-        Function that returns the term of a coefficient by its slot, with what it varies by.
-    active
-        Function that returns True if a coefficient may differ from zero.
-    sheet
-        Where the lines are written.
-    span
-        Length of a step.
-    """
+    """Writer of the lines for the extension and the force of one Jenkins element."""
 
     def __init__(
         self,
@@ -70,19 +56,7 @@ class JenkinsSource:
         self._own = {name: number(slot) if active(slot) else 0.0 for name, slot in slots.numbers.items()}
 
     def terms(self, move: tuple[Term, Term], extension: Term, past: Sequence[Term], host: HostTerms | None) -> Jenkins:
-        """Write the lines for a step.
-
-        Parameters
-        ----------
-        move
-            The deflection and its rate at the end of the step.
-        extension
-            The extension at its start.
-        past
-            Deflection, slip rate and limit of the extension at its start.
-        host
-            The host, if it has one.
-        """
+        """Write the lines for a step."""
         sheet, spring = self._sheet, self._own["stiffness"]
         x, rate = move[0], move[1] - self._own["speed"]
         before, last_rate, last_width, *_ = past
@@ -204,13 +178,7 @@ def _within(value: Term, width: Any) -> Term:
 
 
 def refuse(structure: Structure) -> None:
-    """Refuse what a kernel cannot carry.
-
-    Raises
-    ------
-    UnfitError
-        It names the contact, the reason, and what to write.
-    """
+    """Refuse what a kernel cannot carry."""
     by_name: Mapping[str, Any] = {contact.name: contact.law for contact in structure.contacts}
     for contact in structure.contacts:
         law, cannot = contact.law, f"the batch integrator cannot include {contact.name!r}: "

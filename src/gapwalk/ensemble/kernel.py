@@ -61,15 +61,7 @@ def _compile(form: Form) -> Kernel:
 
 
 def kernel_file(text: str, *, folder: Path | None = None) -> Path | None:
-    """Return a file with the text of a kernel in the user's cache; None if no folder can be trusted or written to.
-
-    Parameters
-    ----------
-    text
-        The text; its hash is the name of the file.
-    folder
-        The folder; by default ``gapwalk/kernels`` in ``$XDG_CACHE_HOME`` or ``~/.cache``.
-    """
+    """Return a file with the text of a kernel in the user's cache; None if no folder can be trusted or written to."""
     try:
         folder = cache_folder("kernels") if folder is None else folder
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)

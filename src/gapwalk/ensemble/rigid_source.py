@@ -30,17 +30,7 @@ class Impact(NamedTuple):
 
 
 class RigidSource:
-    """Writer of the lines for one rigid stop.
-
-    Parameters
-    ----------
-    sheet
-        Where the lines are written.
-    clearances
-        The clearance on each side on which it acts, 1 or -1.
-    span
-        Length of a step.
-    """
+    """Writer of the lines for one rigid stop."""
 
     def __init__(self, sheet: Sheet, clearances: Mapping[int, Any], span: Term) -> None:
         self._sheet, self._clearances, self._span = sheet, clearances, span
@@ -53,20 +43,7 @@ class RigidSource:
         rebound: Callable[[Any], Any],
         echo: Callable[[int, Any], Any],
     ) -> Impact:
-        """Write the lines for a step.
-
-        Parameters
-        ----------
-        start, end
-            The deflection with its rate at the start, and at the end without the stop.
-        held
-            It is held at the start unless this is 0.
-        rebound
-            Function that returns the rate after an impact from that before it.
-        echo
-            Function that returns the deflection (0) or the rate (1) at the end after a unit impulse, the rest of the
-            step before that.
-        """
+        """Write the lines for a step."""
         sheet, span = self._sheet, self._span
         side, clearance = self._side(end[0])
         (before, rate), (after, last) = ((_turned(x, side) - clearance, _turned(v, side)) for x, v in (start, end))

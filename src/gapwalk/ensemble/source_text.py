@@ -9,13 +9,7 @@ import numpy as np
 
 
 class Sheet:
-    """Lines of source text, one for each operation; an operation that occurs twice is written once.
-
-    Parameters
-    ----------
-    prefix
-        Beginning of the names of its variables.
-    """
+    """Lines of source text, one for each operation; an operation that occurs twice is written once."""
 
     def __init__(self, prefix: str = "e") -> None:
         self._prefix = prefix
@@ -88,17 +82,7 @@ class Term:
 
 
 class Switch(Term):
-    """A mode, 1 where a term is positive and otherwise 0; it selects, so what it switches off may be infinite.
-
-    Parameters
-    ----------
-    sheet
-        The sheet.
-    condition
-        Text of the condition.
-    opposite
-        Text of the condition of the opposite mode.
-    """
+    """A mode, 1 where a term is positive and otherwise 0; it selects, so what it switches off may be infinite."""
 
     __slots__ = ("condition", "opposite")
 

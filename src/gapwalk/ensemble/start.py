@@ -33,14 +33,7 @@ def history_of(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArr
 
     The motion is integrated backwards by the classical Runge-Kutta method, which is accurate enough for two steps.
 
-    Parameters
-    ----------
-    linear
-        The systems, one for each state or one for all.
-    states : shape (lanes, state size)
-        Positions, then velocities, then extensions of Jenkins elements, at theta = 0.
-    steps
-        Steps per forcing period.
+    Shapes: `states` (lanes, state size).
 
     Notes
     -----
@@ -107,13 +100,7 @@ def past_numbers(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.floa
 
 
 def check_stops(linear: Linear, states: NDArray[np.float64]) -> None:
-    """Refuse states at theta = 0 that are beyond a rigid stop.
-
-    Raises
-    ------
-    ModelError
-        If there is one; a little, as by rounding, is allowed.
-    """
+    """Refuse states at theta = 0 that are beyond a rigid stop."""
     for slots, beyond, lanes in _beyond_stops(linear, states):
         if len(lanes):
             raise ModelError(
@@ -330,14 +317,7 @@ def lag(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArray[np.f
     that of the kernel is the polynomial through samples. The zeroth and the first moment of their difference over all
     time vanish, but not those over the time before theta = 0.
 
-    Parameters
-    ----------
-    linear
-        The systems, one for each state or one for all.
-    states : shape (lanes, state size)
-        Positions, then velocities, then extensions of Jenkins elements, of either.
-    steps
-        Steps per forcing period.
+    Shapes: `states` (lanes, state size).
     """
     total = np.zeros((1, states.shape[1]))
     own, slips = 2 * linear.n, slips_of(linear, states)

@@ -33,11 +33,6 @@ class AnswerView:
 
     Subclasses override what they have; `shown` registers them. Amounts are in the units of the model. The entries of
     lists may have the key ``of``, the name of a contact: they are shown while that contact is chosen.
-
-    Parameters
-    ----------
-    finding
-        The finding of a study.
     """
 
     script: ClassVar[str] = "()"
@@ -85,18 +80,7 @@ class AnswerView:
         return first or [self.finding.stored]
 
     def drawn(self) -> Json:
-        """Return the curves and axes of the picture.
-
-        Returns
-        -------
-        dict
-            Any of these lists: ``shades``, spans of a parameter (``over``, ``low``, ``high``, ``tint``, ``text``);
-            ``lines``, its values (``over``, ``at``, ``text``, ``exact``); ``cells`` of a plane; ``layers`` over the
-            diagram, series with the names of their ``axes``; ``below``, panels of series over a parameter; ``bars``;
-            ``shares``; ``space``, the depth of each curve in three dimensions; ``ribs``, paths of special points;
-            ``ends``, special points to choose (``text``, with ``branch`` and ``special``, or with ``place`` and
-            ``gradient``); and ``within``, the range of each parameter.
-        """
+        """Return the curves and axes of the picture."""
         return {}
 
     def content(self) -> Json:

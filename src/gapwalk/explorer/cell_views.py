@@ -34,16 +34,7 @@ def cells_of(
 ) -> Json:
     """Return a plane of cells as JSON values.
 
-    Parameters
-    ----------
-    axes
-        Names of the quantities across and up.
-    within
-        Their ranges.
-    codes : shape (rows, columns)
-        The entry of each cell; the first row is the lowest.
-    entries
-        Legend and colour of each code.
+    Shapes: `codes` (rows, columns).
     """
     every = max(1, int(np.ceil(np.sqrt(codes.size / _MOST))))
     return {

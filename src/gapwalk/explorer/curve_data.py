@@ -58,17 +58,7 @@ class Node(NamedTuple):
 
 
 class Quantities:
-    """Two quantities of the orbits of a line; where that takes integrations, they are computed in small parts.
-
-    Parameters
-    ----------
-    line
-        The branch or the locus.
-    names
-        Names of parameters or measures.
-    first
-        Index of the first point.
-    """
+    """Two quantities of the orbits of a line; where that takes integrations, they are computed in small parts."""
 
     def __init__(self, line: Line, names: tuple[str, str], first: int = 0) -> None:
         self.line, self.names, self.first = line, names, first
@@ -93,20 +83,7 @@ class Quantities:
 
 
 def curve_of(wanted: Quantities) -> dict[str, Any]:
-    """Return the points and special points of a branch or a locus in the order of the walk.
-
-    Parameters
-    ----------
-    wanted
-        Two quantities of a line, and the first point: of a growing branch, only new points are requested.
-
-    Returns
-    -------
-    dict
-        ``x``, ``y`` (float64), ``node`` (int32: the number of a point, or -1 - the number of a special point), and
-        ``label`` (uint8: the place in `labels` of what follows), each in base64, little-endian; ``count``, the points
-        of the line; and ``special``, all its special points.
-    """
+    """Return the points and special points of a branch or a locus in the order of the walk."""
     line = wanted.line
     nodes = nodes_of(line.points, line.special_points, wanted.first, line.kind)
     places = [wanted.of(node.orbit) for node in nodes]

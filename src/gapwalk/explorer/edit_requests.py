@@ -14,13 +14,7 @@ WORDS = ("starts", "start", "open", "save")
 
 
 async def edit(session: Session, word: str, body: dict[str, Any]) -> dict[str, Any]:
-    """Answer a request: what to begin with, the text of a beginning or of a file, or a text to save.
-
-    Raises
-    ------
-    ModelError
-        If the request makes no sense, or the file cannot be read or written; see `gapwalk.explorer.model_editor`.
-    """
+    """Answer a request: what to begin with, the text of a beginning or of a file, or a text to save."""
     workspace, name = session.workspace, str(body.get("file", ""))
     if word == "starts":
         session.live.warm_behind()

@@ -29,13 +29,7 @@ if TYPE_CHECKING:
 
 
 def obey_control(held: Any) -> None:
-    """Pause, resume and end as the control pipe requests; call it in the main thread of the process.
-
-    Parameters
-    ----------
-    held
-        The readable end of the pipe.
-    """
+    """Pause, resume and end as the control pipe requests; call it in the main thread of the process."""
     free = threading.Event()
     free.set()
 
@@ -76,13 +70,7 @@ class Engine:
         self._start()
 
     def do(self, task: Task, hear: Callable[[Progress], object]) -> bool:
-        """Do a task and call `hear` with its progress; return True if it was completed, False after `stop`.
-
-        Raises
-        ------
-        GapwalkError
-            The error of the task; a `WorkError` if the process died.
-        """
+        """Do a task and call `hear` with its progress; return True if it was completed, False after `stop`."""
         with self._guard:
             if not self._process.is_alive():
                 self._start()

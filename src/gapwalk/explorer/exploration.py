@@ -184,20 +184,7 @@ def _growing(live: Progress) -> Iterator[Line]:
 
 
 class Exploration:
-    """A model file or a result, and the results computed from it.
-
-    Parameters
-    ----------
-    workspace
-        The folder.
-    name
-        The file in it.
-
-    Raises
-    ------
-    ModelError
-        If there is no such file, or it is neither a model nor a result.
-    """
+    """A model file or a result, and the results computed from it."""
 
     def __init__(self, workspace: Workspace, name: str) -> None:
         self.workspace, self.file = workspace, workspace.path(name)
@@ -301,15 +288,7 @@ class Exploration:
             return () if entry.result is None else entry.result.branches
 
     def prepare(self, action: Action) -> tuple[Entry, Task]:
-        """Return a new entry for an action, and the task that computes it, with a result file of its own.
-
-        Raises
-        ------
-        ModelError
-            If the action is not possible.
-        StoreError
-            If no file can be written.
-        """
+        """Return a new entry for an action, and the task that computes it, with a result file of its own."""
         self._refuse_unfinished(action)
         title, task = plan(action, self)
         output = self.workspace.claim(self.file, action.do)
@@ -383,13 +362,7 @@ class Exploration:
                         tidy(path)
 
     def resumed(self, entry: Entry) -> Task:
-        """Return the task that continues a stopped result; one that had found nothing begins again.
-
-        Raises
-        ------
-        ModelError
-            If the result is complete.
-        """
+        """Return the task that continues a stopped result; one that had found nothing begins again."""
         if entry.action is None or not entry.can_resume:
             raise ModelError(f"{entry.title} is complete; there is nothing to resume")
         self._refuse_unfinished(entry.action)

@@ -31,15 +31,7 @@ def is_element(form: ContactForm) -> bool:
 
 
 def sampled_with_corners(orbit: Orbit, count: int) -> Motion:
-    """Sample one period, evenly but also just before and after each event, where forces and rates may jump.
-
-    Parameters
-    ----------
-    orbit
-        The orbit. Evenly only, if it has no friction and no rigid stops, or is one of harmonic balance.
-    count
-        Samples per forcing period.
-    """
+    """Sample one period, evenly but also just before and after each event, where forces and rates may jump."""
     if not orbit.is_exact or not is_dry(orbit.system.structure):
         return orbit.motion(count)
     end = PERIOD * orbit.period
@@ -55,14 +47,7 @@ def phases_of(sampled: Motion) -> StickSlip | None:
 
 
 def elements_of(found: StickSlip) -> dict[str, Any]:
-    """Return phases and impacts for the page.
-
-    Returns
-    -------
-    dict
-        ``names``; ``phases``: number of the element, mode, begin and end in forcing periods; ``strikes``: number of the
-        element, forcing periods, and the rate before; ``shares`` of the time, by mode, for each element.
-    """
+    """Return phases and impacts for the page."""
     names = list(found.elements)
     return {
         "names": names,
@@ -93,14 +78,7 @@ def element_curve(sampled: Motion, index: int) -> dict[str, NDArray[np.float64]]
 
 
 def energy_table(motion: Orbit | Settled) -> dict[str, Any]:
-    """Return work and losses of a motion in one of its periods, or the reason why they are not known.
-
-    Returns
-    -------
-    dict
-        ``work`` and ``losses``: element, kind, energy, and share of the work; ``unit``, such as ``J``, or empty;
-        ``imbalance``; and ``reason``, a sentence, if there are none.
-    """
+    """Return work and losses of a motion in one of its periods, or the reason why they are not known."""
     orbit = motion if isinstance(motion, Orbit) else motion.orbit
     try:
         if orbit is None:
@@ -134,15 +112,7 @@ def _item(book: Energy, item: EnergyItem) -> list[str | float]:
 
 
 def log_of(sampled: Motion, found: StickSlip | None, most: int) -> list[dict[str, Any]]:
-    """Return the contact log: where stages close and open, stops are struck and held, and friction slips and sticks.
-
-    Parameters
-    ----------
-    sampled, found
-        The motion, and the phases of its friction and rigid stops.
-    most
-        Entries, at most.
-    """
+    """Return the contact log: where stages close and open, stops are struck and held, and friction slips and sticks."""
     entries: list[tuple[float, str, str, float | None]] = []
     rigid = {form.name for form in sampled.system.structure.contacts if form.law.rebounds}
     for event in sampled.contacts:

@@ -19,13 +19,7 @@ _MOST = 400  # parameters that are listed
 
 
 class GradientWork:
-    """Gradient of a special point, computed in parts, so that a click need not wait for all of it.
-
-    Parameters
-    ----------
-    special
-        The special point.
-    """
+    """Gradient of a special point, computed in parts, so that a click need not wait for all of it."""
 
     def __init__(self, special: SpecialPoint) -> None:
         self.special = special
@@ -64,15 +58,7 @@ def gradient_of(special: SpecialPoint) -> dict[str, Any]:
 
 
 def gradient_content(found: Gradient) -> dict[str, Any]:
-    """Return a gradient for the page.
-
-    Returns
-    -------
-    dict
-        ``parameter`` that is moved, with ``symbol`` and ``unit``; ``at``, its value; and ``rows``, those that move it
-        most first: ``name``, ``words`` and ``unit`` of a parameter, its ``value``, the ``slope``, and ``share``, the
-        percent by which one percent more moves the point. ``doubtful`` rows are not accurate to four digits.
-    """
+    """Return a gradient for the page."""
     special = found.special
     units, parameter = special.orbit.system.units, special.parameter
     shares, values = found.elasticities, found.values

@@ -26,13 +26,7 @@ _NAME = 300  # longest text of a request
 
 
 class HeardRequests:
-    """Handlers of these requests.
-
-    Parameters
-    ----------
-    session
-        The session of the server.
-    """
+    """Handlers of these requests."""
 
     def __init__(self, session: Session) -> None:
         self.session = session

@@ -22,17 +22,7 @@ _ICON = "/static/icon.svg"
 
 
 def html_file(title: str, shown: Any, numbers: bytes | bytearray) -> bytes:
-    """Return the whole file.
-
-    Parameters
-    ----------
-    title
-        Title of the page.
-    shown
-        Content of the page as a JSON value; see `content_of`.
-    numbers
-        Its arrays.
-    """
+    """Return the whole file."""
     plotly = (files("plotly") / "package_data" / "plotly.min.js").read_bytes()
     head = [
         f"<title>{html.escape(title)} – gapwalk</title>",
@@ -85,13 +75,7 @@ _SHORTEST = 8  # of a list that is packed
 
 
 class Blob:
-    """Collector of arrays in one run of bytes, which ``page/saved_data.js`` reads.
-
-    Attributes
-    ----------
-    content
-        All bytes.
-    """
+    """Collector of arrays in one run of bytes, which ``page/saved_data.js`` reads."""
 
     def __init__(self) -> None:
         self.content = bytearray()

@@ -16,15 +16,7 @@ _MOST = 50  # waiting jobs
 
 
 class Jobs:
-    """The queue of jobs, and the thread that gives them to the process.
-
-    Parameters
-    ----------
-    changed
-        Function that is called, from any thread, when a result has changed.
-    engine
-        The process that does the tasks; by default a new one.
-    """
+    """The queue of jobs, and the thread that gives them to the process."""
 
     def __init__(self, changed: Callable[[], object], engine: Engine | None = None) -> None:
         self._changed = changed

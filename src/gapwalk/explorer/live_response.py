@@ -58,19 +58,7 @@ class Asked:
 
 
 def response(asked: Asked) -> Iterator[dict[str, Any]]:
-    """Walk the response of a text quickly.
-
-    Yields
-    ------
-    dict
-        First ``across`` and ``up``, the titles of the axes, and ``range``; after each point ``x``, ``y`` and ``label``,
-        the kind of stability; at last ``end``, in words, empty at the end of the range.
-
-    Raises
-    ------
-    GapwalkError
-        If the text has errors, or no motion to begin with is found.
-    """
+    """Walk the response of a text quickly."""
     study = _shown(check_studies(parse_source(asked.text, asked.name, asked.root)))
     options = study.options
     assert isinstance(options, RangeStudy)

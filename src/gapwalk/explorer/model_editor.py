@@ -39,24 +39,7 @@ _STAGE = re.compile(r"(.+)\.stage(\d+)\.\w+")
 
 
 def checked_text(text: str, name: str, root: str) -> dict[str, Any]:
-    """Check the text of a model file, and describe it for the page.
-
-    Parameters
-    ----------
-    text
-        The text, as far as it is typed.
-    name
-        Name of the file, from which those of its matrices and tables are found.
-    root
-        The folder outside of which no file is read.
-
-    Returns
-    -------
-    dict
-        ``problems``, each with its line; ``numbers`` of the text that are parameters (see `numbers_of`), and ``lines``
-        of its named tables, None while the text is not TOML; ``machine``, the drawings, None while there is no system;
-        and in words ``title``, ``contents``, ``plans`` of the studies, and ``warnings``.
-    """
+    """Check the text of a model file, and describe it for the page."""
     found: dict[str, Any] = {"problems": [], "numbers": None, "lines": None, "machine": None, "system": False}
     found |= {"title": "", "contents": [], "plans": [], "warnings": []}
     try:
@@ -80,21 +63,7 @@ def checked_text(text: str, name: str, root: str) -> dict[str, Any]:
 
 
 def numbers_of(source: Source, system: System | None) -> Iterator[dict[str, Any]]:
-    """Yield the numbers of a text that are parameters of its system.
-
-    Parameters
-    ----------
-    source
-        The text.
-    system
-        Its system; None while it has errors. Then the names are those that the numbers are likely to have.
-
-    Yields
-    ------
-    dict
-        ``name`` and ``words`` of the parameter, ``value`` and ``unit`` as they are written, its ``line``, and where the
-        digits stand: the first character ``begin``, and ``end``, the one after the last.
-    """
+    """Yield the numbers of a text that are parameters of its system."""
     names = None if system is None else system.parameters
     for path, (begin, end) in value_spans(source.text).items():
         raw = source.text[begin:end]
@@ -185,13 +154,7 @@ def starts() -> list[dict[str, str]]:
 
 
 def start_text(name: str) -> str:
-    """Return the text of a model to begin with.
-
-    Raises
-    ------
-    ModelError
-        If there is none of that name.
-    """
+    """Return the text of a model to begin with."""
     if name == _TEMPLATE:
         return template()
     if name not in _NAMES:
@@ -209,13 +172,7 @@ def _about(name: str) -> dict[str, str]:
 
 
 def text_of(workspace: Workspace, name: str) -> dict[str, str]:
-    """Return the text of a model file in the workspace, and its stamp, with which it is saved again.
-
-    Raises
-    ------
-    ModelError
-        If it cannot be read as text.
-    """
+    """Return the text of a model file in the workspace, and its stamp, with which it is saved again."""
     path = _model_path(workspace, name)
     try:
         content = path.read_bytes() if path.stat().st_size <= MAX_BYTES else b"\xff"
@@ -231,30 +188,6 @@ def save_text(workspace: Workspace, name: str, text: str, stamp: str) -> dict[st
     """Write a model file of the workspace, whole or not at all.
 
     Line ends and the mark at the beginning of an existing file stay as they are there.
-
-    Parameters
-    ----------
-    workspace
-        The folder.
-    name
-        Name of the file.
-    text
-        Its text; it may have errors, because it belongs to the user.
-    stamp
-        That of the file as it was read (`text_of`); empty for a new file, ``"*"`` to replace any.
-
-    Returns
-    -------
-    dict
-        The new ``stamp``; or ``conflict``, in words, if the file was changed meanwhile or is there already. In that
-        case nothing is written.
-
-    Raises
-    ------
-    ModelError
-        If the name is not that of a model file in the folder.
-    StoreError
-        If it cannot be written.
     """
     path, content = _model_path(workspace, name), _checked_size(text)
     before = _stamp(path)

@@ -51,17 +51,7 @@ _STROBES = 400  # of a motion without period
 
 
 def panels_of(motion: Orbit | Settled, signal: str, most: int = _SAMPLES) -> dict[str, Any]:
-    """Return all panels of a motion except its spectrum, its section and its energy (see `details_of`).
-
-    Parameters
-    ----------
-    motion
-        An orbit or a settled motion.
-    signal
-        The signal whose history is shown; its coordinate, if it has one, is that of the phase portrait.
-    most
-        Samples of the motion, at most (but 32 a period).
-    """
+    """Return all panels of a motion except its spectrum, its section and its energy (see `details_of`)."""
     system = motion.system
     sampled = _sampled(motion, most)
     found = phases_of(sampled)
@@ -261,13 +251,7 @@ class Flows:
                 await self.do(part)
 
     async def do_last(self, tab: str, call: Callable[[], T]) -> T:
-        """Return the value of a call, unless the same tab sends a newer request before it begins.
-
-        Raises
-        ------
-        SupersededError
-            After a newer request.
-        """
+        """Return the value of a call, unless the same tab sends a newer request before it begins."""
         return await self.do(self._unless_newer(tab, self._number(tab), call))
 
     async def do_last_in_parts(self, tab: str, parts: Iterable[Callable[[], object]]) -> None:

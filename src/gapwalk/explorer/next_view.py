@@ -17,13 +17,7 @@ _HEARD = ("hear", "pin")  # steps that need no job, and so no end of the result
 
 
 def next_of(exploration: Exploration, place: Place) -> dict[str, Any]:
-    """Return the meaning of a point for the machine, and the next steps that work now; see `at_special`.
-
-    Raises
-    ------
-    ModelError
-        If there is no such point.
-    """
+    """Return the meaning of a point for the machine, and the next steps that work now; see `at_special`."""
     exploration.motion(place)  # raises an error if there is none
     with exploration.guard:
         entry = exploration.entry(place.result)

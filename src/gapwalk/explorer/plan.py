@@ -49,17 +49,7 @@ class _Part(BaseModel):
 
 
 class Place(_Part):
-    """An orbit on the page: a point or a special point of a branch, or a settled motion.
-
-    Parameters
-    ----------
-    result
-        Key of the result; empty for the one that was opened.
-    branch
-        Index of the branch.
-    point, special
-        Index of the point or the special point of the branch; both None for a settled motion.
-    """
+    """An orbit on the page: a point or a special point of a branch, or a settled motion."""
 
     result: Annotated[str, Field(max_length=100)] = ""
     branch: Annotated[int, Field(ge=0)] = 0
@@ -94,19 +84,7 @@ class Switch(_Part):
 
 
 class Search(_Part):
-    """Search for isolated branches: motions connected to no known branch, between two values of a parameter.
-
-    Parameters
-    ----------
-    start
-        A motion of the system to search; None for the system of the file that was opened.
-    parameter, low, high
-        Name of the parameter, and its range.
-    count
-        Number of parameter values at which to search.
-    known
-        Keys of the results whose branches are known.
-    """
+    """Search for isolated branches: motions connected to no known branch, between two values of a parameter."""
 
     do: Literal["search"]
     start: Place | None = None
@@ -138,21 +116,7 @@ class Settle(_Part):
 
 
 class RunUp(_Part):
-    """Run the speed up, down, or both, in some seconds, from the motion that settles at the first speed.
-
-    Parameters
-    ----------
-    start
-        A motion of the system that runs up; None for the system of the file that was opened.
-    values
-        Changed values, if there are any.
-    low, high
-        Values of the speed between which it goes.
-    seconds
-        How long it takes; without units of the model, seconds as they are heard.
-    way
-        Up, down, or up and then down in twice the time.
-    """
+    """Run the speed up, down, or both, in some seconds, from the motion that settles at the first speed."""
 
     do: Literal["runup"]
     start: Place | None = None
@@ -168,13 +132,7 @@ _ACTION: TypeAdapter[Action] = TypeAdapter(Annotated[Action, Field(discriminator
 
 
 def read_action(plain: object) -> Action:
-    """Read an action from the JSON values of a request or a stored record.
-
-    Raises
-    ------
-    ModelError
-        If they are not an action; the message lists the errors.
-    """
+    """Read an action from the JSON values of a request or a stored record."""
     try:
         return _ACTION.validate_python(plain)
     except ValidationError as error:
@@ -188,13 +146,7 @@ def plain_action(action: Action) -> dict[str, object]:
 
 
 def plan(action: Action, shown: Exploration) -> tuple[str, Task]:
-    """Return the title of the result of an action, and its task, still without a result file.
-
-    Raises
-    ------
-    ModelError
-        If the action is not possible, for example because a range is empty.
-    """
+    """Return the title of the result of an action, and its task, still without a result file."""
     return _PLANS[type(action)](action, shown)
 
 

@@ -52,13 +52,7 @@ class Progress:
 
 
 class News:
-    """Collector of progress, which reports it from time to time.
-
-    Parameters
-    ----------
-    report
-        Function that receives the progress.
-    """
+    """Collector of progress, which reports it from time to time."""
 
     def __init__(self, report: Callable[[Progress], object]) -> None:
         self._report, self._progress, self._reported = report, Progress(), 0.0
@@ -108,13 +102,7 @@ _ALIVE = 15.0  # seconds after which something is sent in any case, to notice a 
 
 
 class Events:
-    """The connected pages.
-
-    Parameters
-    ----------
-    state
-        Function that returns what the pages receive; called after a change.
-    """
+    """The connected pages."""
 
     def __init__(self, state: Callable[[], Any]) -> None:
         self._state = state
@@ -129,13 +117,7 @@ class Events:
             loop.call_soon_threadsafe(self._wake)
 
     def join(self) -> asyncio.Event:
-        """Reserve a connection for one more page, at once: pages that connect together do not exceed the limit.
-
-        Raises
-        ------
-        ModelError
-            If all connections are taken.
-        """
+        """Reserve a connection for one more page, at once: pages that connect together do not exceed the limit."""
         if len(self._pages) >= _PAGES:
             raise ModelError(f"{_PAGES} pages are open on this server; close some of them")
         self._loop = asyncio.get_running_loop()

@@ -93,18 +93,6 @@ class Guard:
     - The origin, if the browser sends one, must be this server itself.
     - Requests that change something must be JSON: a form of a foreign page cannot send it without a preflight request.
     - Bodies are small.
-
-    Parameters
-    ----------
-    app
-        The guarded application.
-    token
-        If it is not empty, each request must carry it: once in the address (``?token=...``), then in a cookie.
-    once
-        Another token that does the same at its first use only, for the address that the browser is started with: other
-        users of the machine can read the command lines of its processes.
-    is_local
-        True if the server listens on the loopback address.
     """
 
     def __init__(

@@ -17,19 +17,7 @@ COLOURS = ("blue", "orange", "green", "purple", "red", "grey")
 
 
 class Look(BaseModel):
-    """What a user has chosen for a result.
-
-    Parameters
-    ----------
-    name
-        A name in place of the automatic title; empty for none.
-    drawn
-        How its lines are drawn: as they are, pale, or not at all.
-    colour
-        One of `COLOURS`; empty for the colours of stability.
-    deleted
-        True if it is left out of the list. It can be restored until it is removed for good.
-    """
+    """What a user has chosen for a result."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -48,15 +36,7 @@ def read_look(plain: object) -> Look:
 
 
 def change_look(exploration: Exploration, key: str, changes: dict[str, Any]) -> dict[str, Any]:
-    """Change the name, the colour, how a result is drawn, or delete and restore it; return what undoes the change.
-
-    Raises
-    ------
-    ModelError
-        If there is no such result, or a change is not allowed.
-    StoreError
-        If it cannot be stored.
-    """
+    """Change the name, the colour, how a result is drawn, or delete and restore it; return what undoes the change."""
     entry = exploration.entry(key)
     if changes.get("deleted") and not entry.state.is_over:
         raise ModelError(f"{entry.title} is {entry.state}; stop it first, then delete it")
@@ -78,13 +58,7 @@ def change_look(exploration: Exploration, key: str, changes: dict[str, Any]) -> 
 
 
 def remove_deleted(exploration: Exploration) -> int:
-    """Remove the files of deleted results from which no other starts; return how many were removed.
-
-    Raises
-    ------
-    StoreError
-        If a file cannot be removed.
-    """
+    """Remove the files of deleted results from which no other starts; return how many were removed."""
     count = 0
     while True:
         with exploration.guard:

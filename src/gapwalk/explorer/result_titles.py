@@ -49,17 +49,7 @@ def study_title(study: Study, values: Mapping[str, float]) -> str:
 
 
 def changed_words(system: System, base: System | None, others: Collection[str]) -> str:
-    """Return the values in which a system differs from that of the file, for the end of a title.
-
-    Parameters
-    ----------
-    system
-        The system.
-    base
-        That of the file; None if it has none at present, or another structure.
-    others
-        Names of the parameters that the title has named already.
-    """
+    """Return the values in which a system differs from that of the file, for the end of a title."""
     if base is None or base.structure != system.structure:
         return ""
     one, two = (np.asarray(each.values, dtype=float) for each in (system, base))
@@ -74,15 +64,7 @@ def _listed(words: list[str]) -> str:
 
 
 def verdict(motion: Orbit | Settled, finding: SettleFinding | None = None) -> str:
-    """Describe a motion in a few words: ``torus, rotation number 0.313``.
-
-    Parameters
-    ----------
-    motion
-        The motion.
-    finding
-        The finding of a settled motion, with its attractor.
-    """
+    """Describe a motion in a few words: ``torus, rotation number 0.313``."""
     attractor = None if finding is None else finding.attractor
     orbit = motion if isinstance(motion, Orbit) else motion.orbit
     if orbit is not None:

@@ -111,17 +111,7 @@ class RunUpView(AnswerView):
         }
 
     def heard(self, signal: str, record: Tracked | None = None, name: str = "") -> Json:
-        """Return order maps and the lines of single orders of a signal, with a measured record laid over.
-
-        Parameters
-        ----------
-        signal
-            One of the signals of the run-up.
-        record
-            A measured run-up of the same signal.
-        name
-            Its name.
-        """
+        """Return order maps and the lines of single orders of a signal, with a measured record laid over."""
         run, system = self.record, self.record.system
         own = legs(run, signal)
         maps = [(_WAYS[leg.rises][1], leg.rises, "", self._map(leg)) for leg in own]

@@ -114,13 +114,7 @@ class Lines(NamedTuple):
 
 
 def lines_of(found: Found) -> Lines:
-    """Return the branches, the motion or the answer of a record.
-
-    Raises
-    ------
-    ModelError
-        If it has none, or none yet.
-    """
+    """Return the branches, the motion or the answer of a record."""
     match found:
         case Branch():
             return _along([(f"P{found.period}-1", found)])
@@ -185,23 +179,7 @@ _LEFT_OUT = ("parameters", "others")  # of the panels: only a page with a server
 def content_of(
     lines: Lines, measure: str, title: str, most: int, blob: Blob, most_gradients: int = 20
 ) -> dict[str, Any]:
-    """Return the content of the page as a JSON value; its arrays go into a blob.
-
-    Parameters
-    ----------
-    lines
-        The branches, the motion or the answer.
-    measure
-        Measure that the diagram shows first.
-    title
-        Title of the page.
-    most
-        Largest number of points, in addition to special points, whose motions are stored.
-    blob
-        Takes the arrays.
-    most_gradients
-        Largest number of special points of which it is stored what moves them.
-    """
+    """Return the content of the page as a JSON value; its arrays go into a blob."""
     system = lines.system
     measure = full_measure(measure, system.coordinates)
     nodes = [nodes_of(line.points, line.special_points, 0, line.kind) for line in lines.named]

@@ -19,13 +19,7 @@ _MOST = 100  # results from which one may start
 
 
 def script_of(exploration: Exploration, entry: Entry) -> str:
-    """Return a script that computes the branches of an entry again, in the folder of the file that was opened.
-
-    Raises
-    ------
-    ModelError
-        If a result from which it starts is not on the page any more.
-    """
+    """Return a script that computes the branches of an entry again, in the folder of the file that was opened."""
     return _Script(exploration).text(entry)
 
 

@@ -34,26 +34,7 @@ def serve(
     browser: bool = True,
     engine: Engine | None = None,
 ) -> None:
-    """Serve the explorer until Ctrl-C.
-
-    Parameters
-    ----------
-    file
-        The model or result to show first, or a folder; its folder is the workspace. None: the current folder.
-    host
-        Address to listen on. Every request needs a token, which the printed address contains.
-    port
-        The port; 0 for a free one.
-    browser
-        True to open the page.
-    engine
-        The process that computes; by default a new one.
-
-    Raises
-    ------
-    ModelError
-        If there is no such file, it cannot be opened, or the server cannot listen there.
-    """
+    """Serve the explorer until Ctrl-C."""
     root, name = _workspace(file)
     if name:
         Exploration(Workspace(root), name)  # errors of the file are reported here, not on a page
@@ -82,17 +63,7 @@ def serve(
 
 
 class _Server(uvicorn.Server):
-    """A server that announces its address once it answers, and closes the streams of pages when it ends.
-
-    Parameters
-    ----------
-    config
-        As in `uvicorn.Server`.
-    tell
-        Function that is called once it listens.
-    close
-        Function that is called when it ends, before it waits for open requests: streams of events have no end.
-    """
+    """A server that announces its address once it answers, and closes the streams of pages when it ends."""
 
     def __init__(self, config: uvicorn.Config, tell: Callable[[], object], close: Callable[[], object]) -> None:
         super().__init__(config)

@@ -31,17 +31,7 @@ _PARAMETERS = 400  # that a page can choose from
 
 
 class Session:
-    """State of the explorer that is kept when a page is closed or reloaded.
-
-    Parameters
-    ----------
-    root
-        The workspace.
-    name
-        The file to show first; empty for none.
-    engine
-        The process that computes; by default a new one.
-    """
+    """State of the explorer that is kept when a page is closed or reloaded."""
 
     def __init__(self, root: Path, name: str = "", engine: Engine | None = None) -> None:
         self.workspace = Workspace(root)
@@ -55,13 +45,7 @@ class Session:
         self.live = LiveResponses()
 
     def exploration(self, name: str) -> Exploration:
-        """Return the exploration of a file; open the file if it is not open yet.
-
-        Raises
-        ------
-        ModelError
-            If it cannot be opened.
-        """
+        """Return the exploration of a file; open the file if it is not open yet."""
         name = self.workspace.name(self.workspace.path(name))  # one file has one exploration, however it is spelt
         found = self._explorations.get(name)
         if found is not None:

@@ -114,13 +114,7 @@ def follow_special_point(special: SpecialPoint, study: Study, output: Path, news
 
 
 def _to_end(steps: Iterator[S], report: Callable[[S], None]) -> bool:
-    """Take all steps, or those until Ctrl-C, and report each one; return True if they were completed.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        After Ctrl-C before the first step.
-    """
+    """Take all steps, or those until Ctrl-C, and report each one; return True if they were completed."""
     walked = False
     try:
         for step in steps:

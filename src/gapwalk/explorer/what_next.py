@@ -53,25 +53,7 @@ def at_point(orbit: Orbit) -> dict[str, Any]:
 def at_special(
     special: SpecialPoint, measure: str, near: Iterable[Stretch] = (), beside: Sequence[BranchPoint] = ()
 ) -> dict[str, Any]:
-    """Return the meaning of a special point for the machine, and the next steps that make sense there.
-
-    Parameters
-    ----------
-    special
-        The special point.
-    measure
-        Measure by which motions are compared, such as ``half.q1``.
-    near
-        Branches of the same system, on which motions beyond a fold are looked for.
-    beside
-        The points of its branch before and after it.
-
-    Returns
-    -------
-    dict
-        ``text``, a sentence; and ``steps``, each with ``do`` (``switch``, ``locus``, ``settle``, ``hear`` or ``pin``),
-        a ``label``, and ``values`` for a motion that is settled beside the point.
-    """
+    """Return the meaning of a special point for the machine, and the next steps that make sense there."""
     kind = special.kind
     if kind.is_turning:
         text, beyond = _fold(special, measure, list(near))

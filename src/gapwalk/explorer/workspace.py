@@ -27,11 +27,6 @@ class Workspace:
 
     An exploration is a folder next to that file, such as ``clutch.explorer`` for ``clutch.toml``. It holds a result
     file for each job, with a record of the request in JSON.
-
-    Parameters
-    ----------
-    root
-        The folder; nothing outside of it is read or written.
     """
 
     def __init__(self, root: Path) -> None:
@@ -68,13 +63,7 @@ class Workspace:
             return False
 
     def path(self, name: str, endings: tuple[str, ...] = (MODEL, RESULT)) -> Path:
-        """Return the file of a name in a request.
-
-        Raises
-        ------
-        ModelError
-            If it lies outside of the workspace, is hidden, or has another ending: that of a model or a result.
-        """
+        """Return the file of a name in a request."""
         given = f"{name[:100]!r}"
         if not name or "\0" in name or len(name) > 300 or not _can_be_asked(name):
             raise ModelError(f"{given} is not the name of a file; write that of a file in {self.root.name}")
@@ -95,13 +84,7 @@ class Workspace:
         return file.with_name(f"{file.name.removesuffix(RESULT).removesuffix(MODEL)}.explorer")
 
     def claim(self, file: Path, word: str) -> Path:
-        """Reserve a new name for the result of a job, which no other job gets, in this process or another.
-
-        Raises
-        ------
-        StoreError
-            If the folder cannot be written, or is full.
-        """
+        """Reserve a new name for the result of a job, which no other job gets, in this process or another."""
         folder = self.exploration(file)
         try:
             folder.mkdir(exist_ok=True)
@@ -134,13 +117,7 @@ def _can_be_asked(name: str) -> bool:
 
 
 def write_record(output: Path, record: dict[str, Any]) -> None:
-    """Write the record of a request next to its result, whole or not at all.
-
-    Raises
-    ------
-    StoreError
-        If it cannot be written.
-    """
+    """Write the record of a request next to its result, whole or not at all."""
     new = output.with_suffix(".json-new")
     try:
         new.write_text(json.dumps(record, indent=1), encoding="utf-8")
@@ -179,13 +156,7 @@ def read_record(output: Path) -> dict[str, Any]:
 
 
 def forget(output: Path) -> None:
-    """Remove a result file and its record; the record goes first, so that no result is shown that is half gone.
-
-    Raises
-    ------
-    StoreError
-        If one of them cannot be removed.
-    """
+    """Remove a result file and its record; the record goes first, so that no result is shown that is half gone."""
     for path in (output.with_suffix(".json"), output, *output.parent.glob(f"{output.name}-*")):
         try:
             path.unlink(missing_ok=True)
@@ -197,26 +168,7 @@ _HEADER = re.compile(r"\s*\[\[?\s*([\w-]+|\"[^\"]*\")")
 
 
 def model_file(text: str, name: str, within: str, orbit: Orbit, parameter: str, to: float, measure: str) -> str:
-    """Return the text of a model file with a response study that starts at the orbit.
-
-    Parameters
-    ----------
-    text
-        The text of the file that was opened.
-    name
-        Its name, from which the files of its matrices are found.
-    within
-        The folder outside of which no file is read.
-    orbit
-        The orbit.
-    parameter, to, measure
-        Parameter of the response, its last value, and the measure to show.
-
-    Raises
-    ------
-    ModelError
-        If the file cannot be written so that it describes the same system: one that was reduced, for example.
-    """
+    """Return the text of a model file with a response study that starts at the orbit."""
     text = _with_frequency(_without_studies(text), orbit, parameter)
     changes = _changes(text, name, within, orbit, parameter)
     study = [

@@ -20,15 +20,10 @@ _CLOSE = 1e-6  # relative distance of two breakpoints of a contact within which 
 class BreakpointGeometry:
     """Geometry of the breakpoints of one compiled integrator.
 
-    Parameters
-    ----------
-    equations
-        Its equations.
+    Shapes: `signs` (count,).
 
     Attributes
     ----------
-    count
-        Number of switches.
     signs : shape (count,)
         Side of each switch: 1 or -1.
     """

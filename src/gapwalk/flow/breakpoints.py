@@ -14,13 +14,6 @@ class Gauge:
     """Gauge of the depth of a motion beyond the breakpoint of a switch: positive where the stage is closed.
 
     The deflection may contain a prescribed displacement, so the depth depends on the angle too.
-
-    Parameters
-    ----------
-    layout
-        The layout of the coefficients.
-    switch
-        Stage and side of the breakpoint: index into `Equations.switches`.
     """
 
     def __init__(self, layout: CoefficientLayout, switch: int) -> None:

@@ -83,13 +83,7 @@ class Characteristics:
 
 
 def characteristics_of(system: System) -> Characteristics:
-    """Compute the characteristics of a system.
-
-    Parameters
-    ----------
-    system
-        The system; loads that grow with the frequency are those at its frequency.
-    """
+    """Compute the characteristics of a system."""
     loads = _loads(system)
     size = 0.0 if loads is None else float(np.abs(loads.values).max())
     size = max(size, *np.abs(system.vector("mean")).tolist())

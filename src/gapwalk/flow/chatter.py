@@ -82,12 +82,7 @@ class Chatter(NamedTuple):
 def sum_chatter(stop: Stop, theta: Array, q: Array, v: Array) -> Chatter | None:
     """Sum all impacts that follow one on a stop; None if they do not end, or not as smoothly as needed.
 
-    Parameters
-    ----------
-    stop
-        The stop.
-    theta, q, v : shape (...), (..., n), (..., n)
-        The state just after an impact, real or complex.
+    Shapes: `theta`, `q`, `v` (...), (..., n), (..., n).
     """
     n, side = q.shape[-1], stop.side
     sums, own = _sums(complex(stop.restitution)), slice(2 * n + 1, 2 * n + 2)

@@ -18,13 +18,7 @@ Array = NDArray[np.float64]
 
 
 class CompiledReadings:
-    """The compiled readings of some equations, which all their integrators share, and derivatives of them.
-
-    Parameters
-    ----------
-    equations
-        The equations.
-    """
+    """The compiled readings of some equations, which all their integrators share, and derivatives of them."""
 
     def __init__(self, equations: Equations) -> None:
         self._equations = equations
@@ -64,19 +58,7 @@ class CompiledReadings:
     def along(self, coefficients: Array, states: Array, thetas: Array, slips: Array) -> Array | None:
         """Return the columns of the accelerations, then `Readings.friction` of all contacts, at samples of a motion.
 
-        Parameters
-        ----------
-        coefficients
-            All coefficients of the flow.
-        states, thetas : shape (samples, state_size), (samples,)
-            The states, and their angles.
-        slips : shape (contacts that are friction,)
-            The modes of friction, the same at all samples: 1 or -1 in slip, 0 in stick.
-
-        Returns
-        -------
-        shape (samples, values)
-            None where stages close by more than deflections, as with displacements of a base.
+        Shapes: `states`, `thetas` (samples, state_size), (samples,); `slips` (contacts that are friction,).
         """
         if not self._is_plain:
             return None
@@ -98,15 +80,7 @@ class CompiledReadings:
         return self.readings(given)[: equations.layout.accelerations.shape[1] + 3 * len(slips)].T
 
     def table(self, coefficients: Array, held: Sequence[int]) -> Array:
-        """Return the rows by which accelerations, then reactions, follow from the columns of `along`.
-
-        Parameters
-        ----------
-        coefficients
-            All coefficients of the flow, of which the first, 1/W, does not matter: no deflection is displaced.
-        held
-            Numbers of the reactions that are held, stops before friction.
-        """
+        """Return the rows by which accelerations, then reactions, follow from the columns of `along`."""
         key = coefficients[1:].tobytes(), tuple(held)
         if self._table is None or self._table[0] != key:
             layout = self._equations.layout
@@ -123,21 +97,7 @@ class CompiledReadings:
             return hy.cfunc(expressions, vars=variables)
 
     def tangents(self, state: Array, parameters: Array, theta: float, changes: Sequence[Array]) -> Array:
-        """Return the derivatives of what the accelerations consist of, and of the limits, along some changes.
-
-        Parameters
-        ----------
-        state, parameters, theta
-            The state, all run-time parameters, and the angle.
-        changes
-            Each is a change of the state, of theta, and of the coefficients `Equations.tangent_slots`.
-
-        Returns
-        -------
-        shape (changes, columns)
-            For each change, that of the forces of all contacts, of 1, and of the waves; then those of the force in slip
-            and of the force at which slip begins, of each contact that is friction.
-        """
+        """Return the derivatives of what the accelerations consist of, and of the limits, along some changes."""
         function = self._tangents
         given = parameters[: function.nparams]
         return np.array([function(np.concatenate((state, each)), pars=given, time=theta) for each in changes])

@@ -29,20 +29,10 @@ _ROUNDING = 8e-16  # share of two terms within which their difference is roundin
 class Constraint:
     """The constraint by some reactions, for given coefficients, real or complex.
 
-    Parameters
-    ----------
-    layout
-        The layout of the coefficients.
-    coefficients
-        The coefficients of the system without constraints.
-    held
-        Numbers of the reactions in the structure, stops before friction. One that depends on those before it is left
-        out: its reaction is 0.
+    Shapes: `vectors` (independent, n); `impulses` (n, independent).
 
     Attributes
     ----------
-    vectors : shape (independent, n)
-        Their deflection vectors ``E``.
     impulses : shape (n, independent)
         ``W (E W)^-1``: change of the velocities by which the rate of one of them changes by 1.
     independent
@@ -179,17 +169,7 @@ def reachable(layout: CoefficientLayout, pattern: NDArray[np.bool_]) -> NDArray[
 def reachable_changes(
     layout: CoefficientLayout, pattern: NDArray[np.bool_], changed: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Return the coefficients that a parameter can change in a system or under any of its constraints.
-
-    Parameters
-    ----------
-    layout
-        The layout.
-    pattern
-        The coefficients that are not zero, as `reachable` returns them.
-    changed
-        The coefficients that the parameter changes in the system without constraints.
-    """
+    """Return the coefficients that a parameter can change in a system or under any of its constraints."""
     reactions = layout.structure.reactions
     if not reactions:
         return changed

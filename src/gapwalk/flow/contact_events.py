@@ -70,11 +70,6 @@ class EventCall:
     heyoka copies the callbacks together with the integrator, and holds them where Python's garbage collector does not
     look. A callback that refers to the owner of the integrator would keep both alive for good, 2 MB for each structure.
     Callbacks therefore hold a weak reference, and each copy of an integrator has its own.
-
-    Parameters
-    ----------
-    index
-        Index of the event among those of its owner.
     """
 
     __slots__ = ("index", "owner")

@@ -167,22 +167,7 @@ def add_delay(
 
     R is the projection on what is held after the event.
 
-    Parameters
-    ----------
-    state
-        The state after the event.
-    before
-        The values before the event; those after it are those of now.
-    theta
-        The angle.
-    shifts : shape (columns,)
-        Change of the guard along each column.
-    speed
-        Rate of the guard over time before the event.
-    forgotten
-        Places of the state that the event resets: to a constant, or (True) to a limit that they follow.
-    after
-        The values after the event, if they are known.
+    Shapes: `shifts` (columns,).
     """
     n, now, constraint = state.n, after or state.read(theta), state.entry.constraint
     size = max(largest(before.accelerations), largest(now.accelerations))

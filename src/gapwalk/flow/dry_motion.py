@@ -41,34 +41,13 @@ class DryModes(NamedTuple):
     held: NDArray[np.bool_]
 
     def at(self, sample: int) -> DryModes:
-        """Return the modes at one of the instants.
-
-        Parameters
-        ----------
-        sample
-            Index of the instant.
-
-        Returns
-        -------
-        DryModes
-            The modes.
-        """
+        """Return the modes at one of the instants."""
         return DryModes(self.slips[sample], self.held[sample])
 
     def order(self, structure: Structure) -> list[int]:
         """Return the numbers of the reactions held at one instant: stops first.
 
         Where they depend on each other, friction has no reaction.
-
-        Parameters
-        ----------
-        structure
-            Structure of the system.
-
-        Returns
-        -------
-        list of int
-            Their numbers.
         """
         reactions = structure.reactions
         return sorted(np.flatnonzero(self.held).tolist(), key=lambda each: (reactions[each][1] < 0, each))
@@ -87,20 +66,7 @@ def modes_along(
     *,
     before: bool = False,
 ) -> DryModes:
-    """Return the modes at some angles of a motion, from its logs.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    theta
-        The angles.
-    slips, holds
-        The logs, which begin with the modes at the start.
-    before
-        True for the modes just before an angle at which they change, otherwise those from there on. Before the start
-        they are those at the end: the motion is then a period of one that repeats.
-    """
+    """Return the modes at some angles of a motion, from its logs."""
     edges = theta - _AT if before else np.maximum(theta, min((hold.theta for hold in holds), default=-np.inf))
     found = np.zeros((len(theta), len(structure.friction)), dtype=np.int8)
     for place, contact in enumerate(structure.friction):
@@ -158,25 +124,7 @@ def forces_and_accelerations(
 ) -> tuple[NDArray, NDArray]:
     """Compute the forces of all contacts, reactions included, and the accelerations; real or complex.
 
-    Parameters
-    ----------
-    layout, coefficients
-        The coefficients of the system without constraints, and their layout.
-    theta : shape (samples,)
-        Angles of the excitation.
-    q, v : shape (samples, n)
-        Positions and velocities.
-    z : shape (samples, memories)
-        Extensions of the contacts with a memory.
-    modes
-        The modes at these angles; None for a system without friction and rigid stops.
-
-    Returns
-    -------
-    forces : shape (samples, contacts)
-        They satisfy ``M q'' + C q' + K q + sum_k d_k f_k = loads``.
-    accelerations : shape (samples, n)
-        Over time.
+    Shapes: `theta` (samples,); `q`, `v` (samples, n); `z` (samples, memories).
     """
     angles = Angles(layout, coefficients, theta)
     if modes is None:

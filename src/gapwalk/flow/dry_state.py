@@ -70,18 +70,7 @@ class Kink(NamedTuple):
         return before is not after and not np.array_equal(before, after)
 
     def scaled(self, unit: float) -> Kink:
-        """Return it with lengths in another unit, of which this is the size.
-
-        Parameters
-        ----------
-        unit
-            Size of the unit.
-
-        Returns
-        -------
-        Kink
-            A new record.
-        """
+        """Return it with lengths in another unit, of which this is the size."""
         before, after = ((unit * each[0], unit * each[1]) for each in (self.velocities, self.accelerations))
         return Kink(self.theta, unit * self.positions, before, after)
 
@@ -123,22 +112,20 @@ class _Held(NamedTuple):
 class DryState:
     """Modes of friction and of rigid stops of one compiled integrator.
 
-    Parameters
-    ----------
-    equations
-        Its equations.
+    Shapes: `column_signs` (columns,).
 
     Attributes
     ----------
     slots, laws, reaction_of, memory_of
-        For each contact that is friction: its slots, its law, the number of its reaction or None, and the place of its
-        extension in a state or None.
+        For each contact that is friction: its slots, its law, the number of its reaction or None, and the place of
+        its extension in a state or None.
     slips, sticks
         The modes of these: 1 or -1 in slip, 0 otherwise; and True in stick.
     held
         The numbers of the reactions that are held.
     hold_log
-        The changes of `held` since the start, which begin with those held at the start; the last of an instant holds.
+        The changes of `held` since the start, which begin with those held at the start; the last of an instant
+        holds.
     sign_of
         For each reaction of a stop, its side: 1 or -1.
     coefficients
@@ -149,8 +136,6 @@ class DryState:
         The number of the reaction of each switch of a rigid stop.
     has_constant_limit
         For each friction, True if its force in slip is the same all the time.
-    columns
-        Number of sensitivity columns.
     velocity_rows
         The part of `rows` that changes velocities.
     vectors
@@ -160,8 +145,8 @@ class DryState:
     is_moved
         For each of them, True if a direction changes its deflection, or the rate of its base.
     rate_factors
-        For each friction the places in a state, and the factors, of the velocities that are its slip rate; None if it
-        depends on more than these.
+        For each friction the places in a state, and the factors, of the velocities that are its slip rate; None if
+        it depends on more than these.
     is_strained
         For each friction with a spring whose limit is constant, True if a direction changes the extension in slip.
     has_base
@@ -383,24 +368,7 @@ class DryState:
         return Readings(known.velocities, values[: self.n], extending, values[self.n :], known.friction, columns)
 
     def tangents(self, theta: float, rows: Array, along: Array, turn: float = 0.0) -> tuple[Array, Array]:
-        """Return the derivatives of the columns of the accelerations, and of the limits, along some changes.
-
-        Parameters
-        ----------
-        theta
-            The angle.
-        rows, along
-            Changes of the state, and of the coefficients, one in each row.
-        turn
-            The change of theta along each of them.
-
-        Returns
-        -------
-        columns : shape (changes, columns)
-            Those of `Readings.columns`.
-        limits : shape (changes, contacts that are friction, 2)
-            Those of the force in slip, and of the force at which slip begins.
-        """
+        """Return the derivatives of the columns of the accelerations, and of the limits, along some changes."""
         turns = np.full((len(rows), 1), turn)
         changes = np.hstack((rows, turns, along[:, self.equations.tangent_slots]))
         found = self._compiled.tangents(self._own, self._parameters, theta, list(changes))

@@ -37,11 +37,6 @@ Array = NDArray[np.float64]
 class DrySwitches(LoneFriction):
     """Control of the modes of friction and of held stops of one compiled integrator.
 
-    Parameters
-    ----------
-    equations
-        Its equations.
-
     Attributes
     ----------
     missed

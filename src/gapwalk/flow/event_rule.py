@@ -51,18 +51,7 @@ def pass_event(
 ) -> NDArray[np.float64]:
     """Return the changes of the state after an event by the general rule, shape (columns, 2n).
 
-    Parameters
-    ----------
-    changes : shape (columns, 2n)
-        Changes before the event.
-    directions : shape (columns, number of coefficients)
-        Change of the coefficients along each column; zero for a change of the initial state.
-    state, coefficients, theta
-        State and coefficients at the event, before the reset, and its angle.
-    guard, reset
-        The functions g and R.
-    flows
-        The right-hand sides F before and after the event.
+    Shapes: `changes` (columns, 2n); `directions` (columns, number of coefficients).
     """
     before, after = flows
     rows, step = len(changes), 1j * _STEP  # the last row below is the motion itself

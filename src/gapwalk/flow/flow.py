@@ -102,17 +102,7 @@ class Variations(NamedTuple):
 
 
 class Flow:
-    """A compiled flow: see `flow_of`. Several threads may call one at the same time.
-
-    Parameters
-    ----------
-    equations
-        The equations to compile.
-    transition
-        True to integrate the state transition matrix too.
-    survey
-        True to integrate the positions and their squares, and to record where coordinates and deflections turn.
-    """
+    """A compiled flow: see `flow_of`. Several threads may call one at the same time."""
 
     calls = 0
     """Number of integrations in this process, for tests of work done."""
@@ -175,26 +165,7 @@ class Flow:
     ) -> Arc:
         """Integrate a state from one theta to another.
 
-        Parameters
-        ----------
-        coefficients
-            All coefficients of the flow, as from `coefficients_of`.
-        state : shape (2n,)
-            Positions, then velocities (over time, not theta).
-        start, stop
-            Theta at the start and at the end, in radians; ``stop > start``.
-        direction
-            The direction of coefficients along which the sensitivity is wanted, or k of them in an array of k rows;
-            needs a flow compiled with as many.
-        keeps
-            Number of a contact whose friction keeps the mode of the start, even where it would slip or stick.
-        sums
-            False to follow each impact of a chatter, so that all are among the impacts of the arc.
-
-        Raises
-        ------
-        FlowError
-            If the motion diverges, chatters without end, or a contact event is missed.
+        Shapes: `state` (2n,).
         """
         return self._lend(lambda each: each.integrate(coefficients, state, start, stop, direction, keeps, sums))
 
@@ -264,15 +235,7 @@ class Flow:
 
 
 class _Integrator:
-    """One integrator of a flow, with its switches; one thread at a time uses it. Its methods are those of `Flow`.
-
-    Parameters
-    ----------
-    flow
-        The flow.
-    taylor
-        heyoka's integrator.
-    """
+    """One integrator of a flow, with its switches; one thread at a time uses it. Its methods are those of `Flow`."""
 
     def __init__(self, flow: Flow, taylor: hy.taylor_adaptive) -> None:
         self.equations, self.size = flow.equations, flow.size
@@ -502,19 +465,7 @@ class _Integrator:
 
 
 def flow_of(system: System, *parameters: str | tuple[str, ...], transition: bool = False, survey: bool = False) -> Flow:
-    """Return the compiled flow of a system; systems of equal structure and pattern share one.
-
-    Parameters
-    ----------
-    system
-        The system.
-    *parameters
-        Names of the parameters for which sensitivities are needed; several names for a direction that serves each.
-    transition
-        True to integrate the state transition matrix too.
-    survey
-        True for a flow that surveys orbits; see `Flow.survey`.
-    """
+    """Return the compiled flow of a system; systems of equal structure and pattern share one."""
     pattern, directions = coefficients_of(system) != 0.0, varying(system, parameters)
     for mask in directions:
         pattern |= mask

@@ -38,16 +38,7 @@ _one_at_a_time = RLock()  # the path of heyoka's database is global to the proce
 
 @contextmanager
 def kept(equations: str, *, folder: Path | None = None) -> Iterator[None]:
-    """Context in which a flow is compiled: machine code that exists is loaded, new machine code is stored.
-
-    Parameters
-    ----------
-    equations
-        A text that identifies them; flows of one text share a database.
-    folder
-        Folder of the databases; by default ``gapwalk/flows`` in ``$XDG_CACHE_HOME`` or ``~/.cache``. If no folder
-        can be trusted or written to, nothing is stored.
-    """
+    """Context in which a flow is compiled: machine code that exists is loaded, new machine code is stored."""
     state = hy.llvm_state
     with _one_at_a_time:
         before = state.get_diskcache_path(), state.get_diskcache_enabled()

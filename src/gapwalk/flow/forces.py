@@ -21,19 +21,7 @@ from gapwalk.model.laws.formula import NUMPY_FUNCTIONS
 class Angles:
     """The angle of the excitation, one or many, with what varies over it.
 
-    Parameters
-    ----------
-    layout
-        The layout of the coefficients.
-    coefficients : shape (..., number of coefficients)
-        The coefficients.
-    theta
-        The angles, real or complex.
-    levels
-        For each cycle of two levels, True or 1 at the high one, 0 at the low one, or a share of the high one between
-        them; by default the angle decides.
-    unit
-        The unit of length of the coefficients and states, in units of the model.
+    Shapes: `coefficients` (..., number of coefficients).
     """
 
     def __init__(
@@ -174,19 +162,7 @@ def contact_force(
     moves: Sequence[tuple[NDArray, NDArray]],
     closed: Sequence[bool] | None = None,
 ) -> NDArray:
-    """Compute the force of one contact by its law.
-
-    Parameters
-    ----------
-    slots
-        The contact.
-    angles
-        The angles of the excitation, with the coefficients of one system, or of one system for each deflection.
-    moves
-        Its deflections with their rates, of any equal shapes.
-    closed
-        For each stage on each side whether it acts; by default the deflection decides.
-    """
+    """Compute the force of one contact by its law."""
     law, unit = slots.form.law, angles.unit
     if law.rebounds:
         return 0.0 * moves[0][1]

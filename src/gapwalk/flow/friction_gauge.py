@@ -45,17 +45,7 @@ class Course(NamedTuple):
 
 
 class FrictionGauge:
-    """Gauge of one contact that is dry friction.
-
-    Parameters
-    ----------
-    layout
-        The layout of the coefficients.
-    contact
-        Number of the contact in the structure.
-    readings
-        The compiled readings of a flow of the system; they only make it faster.
-    """
+    """Gauge of one contact that is dry friction."""
 
     def __init__(self, layout: CoefficientLayout, contact: int, readings: CompiledReadings | None = None) -> None:
         structure = layout.structure

@@ -48,15 +48,7 @@ class Rest(NamedTuple):
 
 
 class Impacts:
-    """Impacts of the motions of one integrator.
-
-    Parameters
-    ----------
-    dry
-        Its modes of friction and stops.
-    modes
-        The modes of its laws, which are set for the rates after an impact: those of ``abs(v)`` jump with them.
-    """
+    """Impacts of the motions of one integrator."""
 
     def __init__(self, dry: DrySwitches, modes: ModeSwitches) -> None:
         self._dry, self._layout, self._modes = dry, dry.layout, modes
@@ -73,11 +65,6 @@ class Impacts:
 
         Impacts that would last together for a moment only are summed up: the contact is held from here on. Their
         impulses act along one direction, so that leaves an error of the second order of that time.
-
-        Returns
-        -------
-        list of int
-            The switches of further stops, which were held, and which the impulse presses on.
         """
         dry, begin, first = self._dry, self._dry.read(theta), self._dry.stop_reaction[switch]
         before, struck = dry.state[: dry.size].copy(), [first]

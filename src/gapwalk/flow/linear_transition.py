@@ -70,13 +70,7 @@ class _Spectrum(NamedTuple):
 
 
 class LinearTransition:
-    """The transition matrices of the motions of one integrator; see `serves`.
-
-    Parameters
-    ----------
-    equations
-        Its equations.
-    """
+    """The transition matrices of the motions of one integrator; see `serves`."""
 
     def __init__(self, equations: Equations) -> None:
         layout = equations.layout
@@ -110,21 +104,7 @@ class LinearTransition:
     def along(
         self, coefficients: Array, inside: Sequence[bool], events: Sequence[ContactEvent], thetas: Array, unit: float
     ) -> Array:
-        """Return the transition matrices from the first of some angles to each, shape (angles, 2n, 2n).
-
-        Parameters
-        ----------
-        coefficients
-            All coefficients of the flow.
-        inside
-            For each switch whether its stage is closed at the start.
-        events
-            The contact events of the motion, in their order, with rates in multiples of `unit`.
-        thetas
-            The increasing angles.
-        unit
-            The unit of length of the coefficients.
-        """
+        """Return the transition matrices from the first of some angles to each, shape (angles, 2n, 2n)."""
         self._read(coefficients)
         n, rate, closed, now = self._n, float(coefficients[0]), list(inside), float(thetas[0])
         changes: Array | None = None

@@ -57,11 +57,6 @@ class Push(NamedTuple):
 class LoneFriction(DryState):
     """Control of friction that changes its mode alone.
 
-    Parameters
-    ----------
-    equations
-        The equations of the integrator.
-
     Attributes
     ----------
     unseen

@@ -31,11 +31,6 @@ _AHEAD = 1e-3  # share of the reach of the Taylor series at which guards decide 
 class ModeSwitches:
     """Control of the modes and levels of one compiled integrator.
 
-    Parameters
-    ----------
-    equations
-        Its equations.
-
     Attributes
     ----------
     kinks
@@ -236,18 +231,7 @@ class ModeSwitches:
 
         The angle does not depend on the state, so ``g_y`` is 0 and the transition matrix continues.
 
-        Parameters
-        ----------
-        theta, number, rises
-            An entry of `jumps_between`.
-        columns : shape (columns, 2n)
-            The sensitivities; those along directions of coefficients are the last ones.
-        directions : shape (directions, number of coefficients)
-            The directions.
-        closed
-            For each contact which of its stages are closed.
-        dry
-            The modes of friction.
+        Shapes: `columns` (columns, 2n); `directions` (directions, number of coefficients).
         """
         layout, n = self.equations.layout, self.n
         cycle, place = layout.cycles[number], self._levels + number

@@ -86,11 +86,6 @@ class Motion:
             States.
         events, slips, holds, impacts
             Logs, as the attributes of these names.
-
-        Returns
-        -------
-        Motion
-            The motion.
         """
         q, v, z = np.split(states, (system.size, 2 * system.size), axis=1)
         return cls(system, theta, q, v, tuple(events), z, tuple(slips), tuple(holds), tuple(impacts))
@@ -158,11 +153,6 @@ class Motion:
     def deflection_rate(self, contact: int) -> NDArray[np.float64]:
         """Return the rate of the deflection of a contact.
 
-        Parameters
-        ----------
-        contact
-            The index of the contact.
-
         Returns
         -------
         array, shape (samples,)
@@ -203,11 +193,6 @@ class Motion:
         -------
         array, shape (samples,)
             In the unit of the signal.
-
-        Raises
-        ------
-        ModelError
-            If there is no such signal.
         """
         place, size, structure = signal_place(self.system, name), self.system.size, self.system.structure
         widths = {"q": size, "v": size, "a": size, "forces": len(structure.contacts), "z": len(structure.memories)}
@@ -222,11 +207,6 @@ class Motion:
         """Return the impulses of a signal where rigid stops strike, which `signal` leaves out.
 
         An acceleration or a force is infinite there for no time; its integral is that of the jump of velocities.
-
-        Parameters
-        ----------
-        name
-            As in `signal`.
 
         Returns
         -------
@@ -343,13 +323,7 @@ def sample(system: System, state: NDArray[np.float64], theta: NDArray[np.float64
 
 
 def check_state(system: System, state) -> NDArray[np.float64]:
-    """Return the state as an array of finite numbers, with extensions of zero if it has none.
-
-    Raises
-    ------
-    ModelError
-        If it is no state; the message says what is allowed.
-    """
+    """Return the state as an array of finite numbers, with extensions of zero if it has none."""
     try:
         array = np.asarray(state, dtype=float)
     except (TypeError, ValueError):
@@ -373,11 +347,6 @@ def signal_place(system: System, name: str) -> int:
 
     The name of a contact is short for its force, unless a coordinate has that name. In a drive train it is not short
     for the force, because a link's name is that of its deflection.
-
-    Raises
-    ------
-    ModelError
-        If there is no such signal.
     """
     known = signal_names(system)
     if name in known:
@@ -426,16 +395,7 @@ def train_histories(
 ) -> NDArray:
     """Compute all signals of a train, shape (samples, signals), real or complex.
 
-    Parameters
-    ----------
-    system
-        The system.
-    theta : shape (samples,)
-        Angles of the excitation.
-    q, v, a : shape (samples, n)
-        Deflections with their derivatives over time.
-    forces : shape (samples, contacts)
-        Contact forces.
+    Shapes: `theta` (samples,); `q`, `v`, `a` (samples, n); `forces` (samples, contacts).
     """
     assembly = system.structure.assembly
     assert isinstance(assembly, TrainAssembly)

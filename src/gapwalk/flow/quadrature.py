@@ -38,11 +38,6 @@ def quadrature(system: System, state: NDArray[np.float64], periods: int, restart
     """Integrate the motion from a state at theta = 0 and sample it at Gauss nodes over some forcing periods.
 
     At the angles of `restarts` the motion continues from their states.
-
-    Raises
-    ------
-    FlowError
-        If the motion diverges.
     """
     end = PERIOD * periods
     flow, coefficients = flow_of(system), coefficients_of(system)

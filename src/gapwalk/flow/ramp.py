@@ -37,14 +37,7 @@ _EXACT = 1e-11  # relative difference above which a coefficient is no parabola o
 
 @dataclass(frozen=True, eq=False)
 class Ramped:
-    """Coefficients of a system as functions of the speed, and its exact flow at a constant acceleration.
-
-    Raises
-    ------
-    ModelError
-        If the system has dry friction, rigid stops, or numbers that depend on the speed in another way than loads that
-        grow with its first or second power.
-    """
+    """Coefficients of a system as functions of the speed, and its exact flow at a constant acceleration."""
 
     system: System  #: The system; its own speed does not matter.
 
@@ -141,16 +134,7 @@ class Ramped:
     ) -> NDArray[np.float64]:
         """Return the accelerations ``q''`` over time, shape (samples, n).
 
-        Parameters
-        ----------
-        theta : shape (samples,)
-            Angles of the excitation.
-        q, v : shape (samples, n)
-            Positions and velocities.
-        forces : shape (samples, contacts)
-            Contact forces.
-        speed, acceleration : shape (samples,)
-            Speed W and its derivative by time, in consistent units.
+        Shapes: `theta`, `speed`, `acceleration` (samples,); `q`, `v` (samples, n); `forces` (samples, contacts).
         """
         layout = layout_of(self.system.structure)
         waves = Angles(layout, self.growth[0], theta).waves
@@ -165,19 +149,7 @@ class Ramped:
     ) -> Variations:
         """Return the states at increasing angles, of which the first is the start, with the events; see `Flow.sample`.
 
-        Parameters
-        ----------
-        state : shape (2n,)
-            Positions and velocities at ``thetas[0]``.
-        thetas
-            Angles in radians; small ones are the most accurate, so whole turns may be left out.
-        speed, acceleration
-            Speed W at ``thetas[0]`` and its derivative by time, in consistent units.
-
-        Raises
-        ------
-        FlowError
-            As `Flow.sample`.
+        Shapes: `state` (2n,).
         """
         square, growth = speed**2 - 2.0 * acceleration * thetas[0], 2.0 * acceleration
         given = self.growth.copy()

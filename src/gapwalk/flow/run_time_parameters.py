@@ -13,15 +13,7 @@ from gapwalk.model.coefficients import CoefficientLayout
 
 @dataclass(frozen=True, eq=False)
 class RunTimeParameters:
-    """Run-time parameters of the equations for one coefficient layout and one pattern of non-zero coefficients.
-
-    Parameters
-    ----------
-    The run-time parameters are the components of the directions, one direction after the other, then the switches,
-    then the weights of the event functions, the modes, those that wait, the levels of the cycles, the slips and sticks
-    of friction, the stops that are held, the unit of length, then the coefficients. The last one, `1/W`, occurs in
-    every equation, so heyoka allocates room for all of them.
-    """
+    """Run-time parameters of the equations for one coefficient layout and one pattern of non-zero coefficients."""
 
     layout: CoefficientLayout  #: Positions of the coefficients in an array.
     #: shape (number of coefficients,), bool: True for each coefficient that is included; the others are zero.

@@ -44,11 +44,6 @@ class Signal:
     def of(self, motion: Motion) -> NDArray[np.float64]:
         """Return its values along a motion, shape (samples,).
 
-        Parameters
-        ----------
-        motion
-            The motion.
-
         Returns
         -------
         array, shape (samples,)
@@ -82,11 +77,6 @@ class Signal:
         -------
         array, shape (samples,)
             In the unit of the signal.
-
-        Raises
-        ------
-        ModelError
-            If the signal is that of a part of a drive train, and the coefficients change.
         """
         system, layout, step = motion.system, layout_of(motion.system.structure), 1j * _STEP
         n = system.size
@@ -111,13 +101,7 @@ class Signal:
 
 
 def signal_of(system: System, given: str | Mapping[str, float] | Signal) -> Signal:
-    """Return a signal of a system's motions from its name, or from names with factors.
-
-    Raises
-    ------
-    ModelError
-        If the system has no such signal, or a factor is not a finite number.
-    """
+    """Return a signal of a system's motions from its name, or from names with factors."""
     if isinstance(given, str):
         terms = ((given, 1.0),)
     else:
@@ -137,14 +121,7 @@ def contact_to_show(system: System, signal: str, forces: NDArray[np.float64]) ->
     It is the one that the signal names. Otherwise it is a contact that touches, if possible one that acts on the
     signal's coordinate, and of these the one with the largest force.
 
-    Parameters
-    ----------
-    system
-        The system; it has contacts.
-    signal
-        The signal shown with it, as in `Motion.signal`; empty for none.
-    forces : shape (contacts,)
-        Largest absolute force of each; 0 or NaN for a contact that never touches.
+    Shapes: `forces` (contacts,).
     """
     base, coordinates, sizes = signal.rstrip("'"), system.coordinates, np.nan_to_num(forces)
 

@@ -94,16 +94,6 @@ class StickSlip(Shown):
             Name of the contact.
         mode
             ``"slip +"``, ``"slip -"``, ``"stick"``; ``"held"`` for a rigid stop.
-
-        Returns
-        -------
-        float
-            From 0 to 1.
-
-        Raises
-        ------
-        ModelError
-            If there is no friction and no rigid stop of that name, or it has no such mode.
         """
         if element not in self.elements:
             raise ModelError(f"there is no friction or rigid stop {element!r}; there are {', '.join(self.elements)}")

@@ -67,15 +67,6 @@ def symmetries_of(system: System) -> tuple[Symmetry, ...]:
 
     They are found by comparing accelerations at random states, which works for every force law. With more than four
     coordinates, only a change of all signs and the reversed order are examined.
-
-    Examples
-    --------
-    >>> import gapwalk as gw
-    >>> gap = gw.backlash("gap", {"x": 1.0}, clearance=1.0, stiffness=20.0)
-    >>> load = gw.Harmonic(0.5, {"x": 1.0})
-    >>> system = gw.System(["x"], [[1.0]], [[0.1]], contacts=[gap], harmonics=[load], frequency=1.0)
-    >>> symmetries_of(system)
-    (Symmetry(order=(0,), signs=(-1,), shift=0.5),)
     """
     n, generator = system.size, np.random.default_rng(_SEED)
     theta = generator.uniform(0.0, math.tau, _SAMPLES)

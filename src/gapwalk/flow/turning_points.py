@@ -25,17 +25,7 @@ class Turn(NamedTuple):
 
 
 class TurningPoints:
-    """The turning points that one integrator finds.
-
-    Parameters
-    ----------
-    equations
-        Its equations.
-    taylor
-        heyoka's integrator.
-    switches
-        The control of its modes.
-    """
+    """The turning points that one integrator finds."""
 
     def __init__(self, equations: Equations, taylor: Any, switches: Switchboard) -> None:
         self._equations, self._taylor, self._switches = equations, taylor, switches

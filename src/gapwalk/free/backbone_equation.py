@@ -58,13 +58,7 @@ class BackboneEquation:
         return flow_of(self.system, self.parameter, transition=True)
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Return residual and derivatives at positions of rest and a frequency; the evidence is half of the motion.
-
-        Raises
-        ------
-        FlowError
-            If the motion diverges.
-        """
+        """Return residual and derivatives at positions of rest and a frequency; the evidence is half of the motion."""
         size = self.system.size
         coefficients, direction = self._line.coefficients(value)
         state = np.append(unknowns, np.zeros(size))
@@ -151,13 +145,5 @@ class WhirlEquation:
 
 
 def free_equation(system: System, coordinate: int) -> BackboneEquation | WhirlEquation:
-    """Return the equation of free vibrations of a system without losses.
-
-    Parameters
-    ----------
-    system
-        The system, at a frequency of about that of the vibrations.
-    coordinate
-        The coordinate that is at rest at the start, if others are not.
-    """
+    """Return the equation of free vibrations of a system without losses."""
     return WhirlEquation(system, coordinate) if system.matrix("damping").any() else BackboneEquation(system)

@@ -165,11 +165,6 @@ class Backbone(Shown):
     def half(self, coordinate: str) -> NDArray[np.float64]:
         """Return half the peak to peak of a coordinate between the places of rest, at each point.
 
-        Parameters
-        ----------
-        coordinate
-            Name of a coordinate.
-
         Returns
         -------
         array, shape (points,)
@@ -179,20 +174,7 @@ class Backbone(Shown):
         return np.array([point.half[place] for point in self.points])
 
     def motion(self, point: BackbonePoint, samples: int = 256) -> Motion:
-        """Return the motion of a point over a period, sampled.
-
-        Parameters
-        ----------
-        point
-            A point of the backbone.
-        samples
-            Number of samples.
-
-        Returns
-        -------
-        Motion
-            It begins at rest; where it whirls, with a coordinate at its largest deflection.
-        """
+        """Return the motion of a point over a period, sampled."""
         system = self.system.at({self.system.structure.pace: point.value})
         return integrate(system, point.state, 1, samples)
 

@@ -239,17 +239,7 @@ def _first(
 
 
 class _Walked:
-    """A walk along a backbone in one direction: its points, and the events between them.
-
-    Parameters
-    ----------
-    first
-        The first point.
-    walk
-        The walk.
-    largest
-        Amplitude at which it ends.
-    """
+    """A walk along a backbone in one direction: its points, and the events between them."""
 
     def __init__(self, first: BranchPoint, walk: Walk, largest: float) -> None:
         self.walk, self.corrector, self.largest, self._last = walk, walk.corrector, largest, first

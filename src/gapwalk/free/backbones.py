@@ -36,13 +36,7 @@ class Backbones(Shown):
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
-        """Return each backbone in words.
-
-        Parameters
-        ----------
-        notes
-            True to include the failures.
-        """
+        """Return each backbone in words."""
         for line in self.lines:
             yield from line.summary()
         if self.births:

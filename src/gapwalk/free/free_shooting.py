@@ -65,13 +65,7 @@ class FreeShooting(Method):
             raise ModelError(f"segments is {self.segments!r}; it must be an integer from 1 to 1000")
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> FreeEquation:
-        """Return the equation of the free motions of a system.
-
-        Raises
-        ------
-        ModelError
-            For a system with excitation, for the frequency as parameter, or for an unknown coordinate.
-        """
+        """Return the equation of the free motions of a system."""
         if parameter == system.structure.pace:
             raise ModelError(
                 f"{parameter} is an unknown of free motions, so it cannot be the parameter; write another one, such as "
@@ -108,18 +102,7 @@ class FreeOrbit(Orbit):
         return FreeShooting
 
     def posed_in(self, count: int) -> Method:
-        """Return the method with the section on which this orbit begins.
-
-        Parameters
-        ----------
-        count
-            Number of unknowns.
-
-        Returns
-        -------
-        Method
-            The method.
-        """
+        """Return the method with the section on which this orbit begins."""
         return FreeShooting(self.coordinate, max(1, (count - 1) // self.system.state_size))
 
     @property
@@ -174,30 +157,11 @@ class FreeEquation(OrbitEquation):
         return self.system_of(value, self.system[self._names[-1]])
 
     def system_of(self, value: float, pace: float) -> System:
-        """Return the system at a value of the parameter and a frequency.
-
-        Parameters
-        ----------
-        value
-            Value of the parameter; not used if the equation has none.
-        pace
-            The frequency, in the unit of the model.
-
-        Returns
-        -------
-        System
-            The system, not checked.
-        """
+        """Return the system at a value of the parameter and a frequency."""
         return self._plane.system_at(*(() if self.parameter is None else (value,)), pace)
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Return residual and derivatives; see `Equation.evaluate`.
-
-        Raises
-        ------
-        FlowError
-            If the motion diverges, or the frequency is not positive.
-        """
+        """Return residual and derivatives; see `Equation.evaluate`."""
         states, pace = unknowns[:-1].reshape(self.options.segments, -1), float(unknowns[-1])
         if not pace > _LOWEST * abs(self.system[self._names[-1]]):
             raise FlowError(f"the frequency of a free motion became {pace:.3g}; it must be positive")

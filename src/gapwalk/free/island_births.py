@@ -144,18 +144,7 @@ class Foretold(Shown):
         return there, self._balance.states(birth.point, birth.harmonic, amplitude)
 
     def box(self, birth: IslandBirth) -> tuple[float, ...]:
-        """Return the half-widths of a box of starts for `gw.search` that holds the motion that is foretold.
-
-        Parameters
-        ----------
-        birth
-            One of its births.
-
-        Returns
-        -------
-        tuple of float
-            2n numbers, for `gw.SearchOptions`.
-        """
+        """Return the half-widths of a box of starts for `gw.search` that holds the motion that is foretold."""
         system = self.line.system.at({self._balance.pace: birth.point.value})
         theta = PERIOD * np.arange(_SAMPLES) / _SAMPLES
         states = flow_of(system).sample(coefficients_of(system), birth.point.state, theta).states

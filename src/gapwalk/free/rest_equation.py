@@ -56,13 +56,7 @@ class RestEquation:
         return float(np.sqrt(self._square))
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Return residual and derivatives at positions and a value of the parameter.
-
-        Raises
-        ------
-        FlowError
-            If a force has no finite value or slope there.
-        """
+        """Return residual and derivatives at positions and a value of the parameter."""
         layout = layout_of(self.system.structure)
         coefficients, slope = self.line.coefficients(value)
         rest = np.zeros(len(unknowns))

@@ -183,11 +183,6 @@ class Rests(Shown):
     def coordinate(self, name: str) -> NDArray[np.float64]:
         """Return a coordinate at each point.
 
-        Parameters
-        ----------
-        name
-            Name of a coordinate.
-
         Returns
         -------
         array, shape (points,)

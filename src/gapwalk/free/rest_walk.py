@@ -194,23 +194,7 @@ class _Corner(NamedTuple):
 
 
 class _RestWalk:
-    """A walk along equilibria in one direction, over corners: its points, and the events between them.
-
-    Parameters
-    ----------
-    first
-        The first point.
-    within
-        Range of the parameter.
-    corrector
-        The corrector.
-    options
-        Options of the steps.
-    length
-        A length of the system.
-    one_way
-        True if nothing is followed in the other direction, so that the walk may turn back beyond its start.
-    """
+    """A walk along equilibria in one direction, over corners: its points, and the events between them."""
 
     def __init__(
         self,

@@ -40,12 +40,7 @@ def companion(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> N
 def length_at_rest(system: System, positions: NDArray[np.float64]) -> float:
     """Return a length of a system: its largest clearance, or the smallest motion that is not small, or 1.
 
-    Parameters
-    ----------
-    system
-        The system.
-    positions : shape (n,)
-        Positions about which it moves.
+    Shapes: `positions` (n,).
     """
     gaps = [slope.clearance for spring in springs_of(system) for slope in spring.slopes if slope.clearance > 0.0]
     if gaps:

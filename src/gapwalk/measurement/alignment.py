@@ -79,24 +79,7 @@ class Alignment(Pictured):
 
 
 class Misfit:
-    """A record to compare with the orbits of one branch, over as many whole periods of them as it contains.
-
-    Parameters
-    ----------
-    orbit
-        The first orbit; the orbits to compare have its period, and its frequency unless the frequency is fitted.
-    record
-        The measured record.
-    signal
-        The measured signal of the motion.
-    order
-        Excitation periods per turn of the shaft whose speed was measured.
-
-    Raises
-    ------
-    ModelError
-        If the record is too short or too coarse for the orbit, constant, or at another speed.
-    """
+    """A record to compare with the orbits of one branch, over as many whole periods of them as it contains."""
 
     def __init__(self, orbit: Orbit, record: Record, signal: Signal, order: float = 1.0) -> None:
         self.record, self.signal, self.period, self._order = record, signal, orbit.period, order

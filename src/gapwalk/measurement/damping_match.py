@@ -75,11 +75,6 @@ class DampingMatch:
             The signals, as in `Motion.signal`; by default as in `gapwalk.analysis.contrast`.
         **options
             Options of `gapwalk.analysis.contrast`.
-
-        Returns
-        -------
-        Contrast
-            The comparison.
         """
         return contrast(self.viscous, self.impact, signals, names=("viscous damping", "impact damping"), **options)
 

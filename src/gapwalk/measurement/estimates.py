@@ -63,11 +63,6 @@ def limits_of(
     """Check names of parameters; return them with their lowest and highest values, shape (2, k).
 
     Clearances and damping coefficients are never negative.
-
-    Raises
-    ------
-    ModelError
-        For an unknown parameter, one that is named twice, or a bound that is invalid.
     """
     names = (parameters,) if isinstance(parameters, str) else tuple(parameters)
     limits: list[tuple[float, float]] = []
@@ -112,35 +107,7 @@ def determined(
 ) -> tuple[tuple[Estimate, ...], Array, NDArray[np.bool_], tuple[str, ...]]:
     """Estimate errors of fitted parameters, and find those that the data do not determine.
 
-    Parameters
-    ----------
-    names
-        Names of the k parameters.
-    first, values : shape (k,)
-        The first guess, and the fitted values.
-    bounds
-        Lowest and highest values.
-    table : shape (samples, k)
-        Derivatives of the residual by the parameters.
-    moving : shape (k,)
-        True for parameters that have an effect.
-    variance
-        Variance of the errors of the residual.
-    evidence
-        Words of the data.
-    rank
-        Singular value, relative to the largest of slopes of equal size, below which a direction is undetermined.
-
-    Returns
-    -------
-    estimates : tuple of Estimate
-        The estimates of the parameters.
-    correlation : shape (k, k)
-        Correlations of the errors; nan where there are none.
-    held : shape (k,)
-        True for parameters that ended at a bound.
-    undetermined : tuple of str
-        Sentences on the parameters that are not determined.
+    Shapes: `first`, `values`, `moving` (k,); `table` (samples, k).
     """
     count = len(names)
     scale = np.maximum(np.abs(values), np.abs(first))

@@ -302,20 +302,7 @@ def judge(
 ) -> Verdict:
     """Estimate errors of fitted parameters, and find those that the record does not determine.
 
-    Parameters
-    ----------
-    names
-        Names of the k parameters.
-    first, values : shape (k,)
-        The first guess, and the fitted values.
-    bounds
-        Lowest and highest values.
-    residual : shape (samples,)
-        Residual at the fitted values.
-    slopes
-        Derivatives of the residual by the parameters.
-    size
-        Norm of the record.
+    Shapes: `first`, `values` (k,); `residual` (samples,).
     """
     variance = float(residual @ residual) / max(1, len(residual) - len(names) - 1)
     estimates, correlation, held, undetermined = determined(

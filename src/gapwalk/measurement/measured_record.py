@@ -55,23 +55,7 @@ class Record:
         return len(self.time)
 
     def scaled(self, time: float = 1.0, acceleration: float = 1.0, speed: float = 1.0) -> Record:
-        """Convert the record to other units: multiply each column by its factor.
-
-        Parameters
-        ----------
-        time, acceleration, speed
-            Factors of the columns.
-
-        Returns
-        -------
-        Record
-            A new record; this one does not change.
-
-        Raises
-        ------
-        ModelError
-            If a factor is not a positive number.
-        """
+        """Convert the record to other units: multiply each column by its factor."""
         for what, factor in (("time", time), ("acceleration", acceleration), ("speed", speed)):
             if not (np.isfinite(factor) and factor != 0.0) or (what == "time" and factor < 0.0):
                 raise ModelError(f"the factor of {what} is {factor!r}; it must be a number other than zero")
@@ -85,11 +69,6 @@ class Record:
         ----------
         begin, end
             Times, in the unit of the record.
-
-        Returns
-        -------
-        Record
-            The part.
         """
         keep = (self.time >= begin) & (self.time <= end)
         speed = None if self.speed is None else self.speed[keep]
@@ -102,11 +81,6 @@ class Record:
         ----------
         order
             Periods of the excitation in a turn of the shaft.
-
-        Returns
-        -------
-        float or None
-            Angular frequency, in radians per unit of time.
         """
         if self.speed is None:
             return None
@@ -128,11 +102,6 @@ class Record:
         -------
         array, shape (samples,)
             The first one is 0.
-
-        Raises
-        ------
-        ModelError
-            If the measured speed does not agree with the frequency.
         """
         time, measured = self.time - self.time[0], self.frequency(order)
         if self.speed is None or measured is None:

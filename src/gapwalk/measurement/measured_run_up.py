@@ -120,13 +120,7 @@ def _tracked(
 
 
 def value_columns(source: NamedFile, system: System, signal: str) -> list[str]:
-    """Return the names of the columns of a file that may be a signal: those of its unit; without units all others.
-
-    Raises
-    ------
-    ModelError
-        If the file cannot be read.
-    """
+    """Return the names of the columns of a file that may be a signal: those of its unit; without units all others."""
     heads = [head for head in read_heads(source) if head.name]
     if system.units is None:
         others = ("time", "t", "speed", "frequency", "n", system.structure.pace)

@@ -311,13 +311,7 @@ def layout_of(structure: Structure) -> CoefficientLayout:
 
 
 def coefficients_of(system: System) -> NDArray[np.float64]:
-    """Return the coefficients of the flow for the values of `system`.
-
-    Raises
-    ------
-    OutsideError
-        If its speed is beyond a table over the speed.
-    """
+    """Return the coefficients of the flow for the values of `system`."""
     known = getattr(system, "_coefficients", None)
     if known is None:
         structure = system.structure
@@ -331,13 +325,7 @@ def coefficients_of(system: System) -> NDArray[np.float64]:
 
 
 def static_load(system: System) -> NDArray[np.float64]:
-    """Return the constant load of a system: its mean, and the constant parts of its other loads; shape (n,).
-
-    Raises
-    ------
-    OutsideError
-        As `coefficients_of`.
-    """
+    """Return the constant load of a system: its mean, and the constant parts of its other loads; shape (n,)."""
     system = system.equations
     total, structure = system.vector("mean"), system.structure
     constant = [load for load in structure.driving if 0 in load.orders]
@@ -378,18 +366,7 @@ class ParameterLine:
         return self._place == 0 and not layout_of(self.system.structure).frequency_in_loads
 
     def system_at(self, value: float) -> System:
-        """Return the system at one value of the parameter; unlike `System.at`, without checks.
-
-        Parameters
-        ----------
-        value
-            Value of the parameter.
-
-        Returns
-        -------
-        System
-            The system, not checked.
-        """
+        """Return the system at one value of the parameter; unlike `System.at`, without checks."""
         system = System.beside(self.system, self._place, value)
         if self._only_period:  # cheap here, costly to compute later
             coefficients = coefficients_of(self.system).copy()
@@ -399,11 +376,6 @@ class ParameterLine:
 
     def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Compute the coefficients at one value of the parameter, and their derivative by it.
-
-        Parameters
-        ----------
-        value
-            Value of the parameter.
 
         Returns
         -------

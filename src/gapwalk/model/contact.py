@@ -36,13 +36,7 @@ class Side(StrEnum):
 
 
 def side_of(side: Side | str) -> Side:
-    """Return a side by its name.
-
-    Raises
-    ------
-    ModelError
-        If there is none of that name.
-    """
+    """Return a side by its name."""
     try:
         return Side(side)
     except ValueError:
@@ -78,18 +72,7 @@ class Stage:
         object.__setattr__(self, "side", side_of(self.side))
 
     def number(self, parameter: Parameter) -> float | None:
-        """Return the value of one of its parameters; None if it has none.
-
-        Parameters
-        ----------
-        parameter
-            The parameter of the law.
-
-        Returns
-        -------
-        float or None
-            Its value.
-        """
+        """Return the value of one of its parameters; None if it has none."""
         if parameter.name in ("clearance", "stiffness", "cubic"):
             return getattr(self, parameter.name)
         return self.numbers.get(parameter.name, parameter.default)
@@ -157,13 +140,7 @@ class Contact:
         return [self.deflection[each] for each in self.law.arguments]  # type: ignore
 
     def values(self) -> Iterator[float]:
-        """Iterate over the values of its parameters: of its stages, then of the contact as a whole.
-
-        Returns
-        -------
-        iterator of float
-            In the order of its parameters.
-        """
+        """Iterate over the values of its parameters: of its stages, then of the contact as a whole."""
         for stage in self.stages:
             for parameter in self.law.stage_parameters:
                 value = stage.number(parameter)

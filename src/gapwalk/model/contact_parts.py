@@ -50,13 +50,7 @@ class ContactParts:
     has_spring: bool = False  #: True if a spring that acts always is beside them, which is no contact.
 
     def contacts(self) -> tuple[Contact, ...]:
-        """Make the contacts: springs, friction, rigid stop.
-
-        Raises
-        ------
-        ModelError
-            If there can be no such contacts.
-        """
+        """Make the contacts: springs, friction, rigid stop."""
         if problems := [*self._problems()]:
             raise ModelError("; ".join(problems))
         found = [self._springs(), self._friction(), self._stop()]

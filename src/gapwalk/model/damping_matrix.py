@@ -98,11 +98,6 @@ class ModalDamping:
         -------
         array, shape (n, n)
             The damping matrix.
-
-        Raises
-        ------
-        ModelError
-            If a matrix is not symmetric, the mass is not positive definite, or a mode is unstable.
         """
         for name, matrix in (("mass", mass), ("stiffness", stiffness)):
             if not np.allclose(matrix, matrix.T, rtol=0.0, atol=_ROUNDING * np.abs(matrix).max(initial=0.0)):

@@ -124,11 +124,6 @@ def tangent(
 
     Just past the clearances of the stages, where no force has built up, and at zero deflection of forces by formulas.
     Dry friction is left out; with `stuck`, Jenkins elements stick, and have the stiffness of their springs.
-
-    Raises
-    ------
-    ModelError
-        If a formula has no finite value and slope there.
     """
     stiffness, damping = formula_matrices(system)
     stiffness += system.matrix("stiffness")

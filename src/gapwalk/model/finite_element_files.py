@@ -116,15 +116,7 @@ def _check_label(row: Any, column: Any, number: int) -> None:
 
 
 def read_dmig(path: str, wanted: str) -> LabelledMatrix:
-    """Read a matrix from the DMIG cards of a Nastran file (bulk data or punch); other cards are ignored.
-
-    Parameters
-    ----------
-    path
-        The file.
-    wanted
-        Name of the matrix; empty if there is only one.
-    """
+    """Read a matrix from the DMIG cards of a Nastran file (bulk data or punch); other cards are ignored."""
     heads: dict[str, int] = {}
     matrices: defaultdict[str, _Entries] = defaultdict(_Entries)
     for number, cells in _cards(path):
@@ -215,15 +207,7 @@ class _Head(NamedTuple):
 
 
 def read_op4(path: str, wanted: str) -> LabelledMatrix:
-    """Read a matrix of a Nastran OP4 file written as text (OUTPUT4, ``FORM=FORMATTED``); rows have no names.
-
-    Parameters
-    ----------
-    path
-        The file.
-    wanted
-        Name of the matrix; empty if there is only one.
-    """
+    """Read a matrix of a Nastran OP4 file written as text (OUTPUT4, ``FORM=FORMATTED``); rows have no names."""
     found: dict[str, Any] = {}
     lines = (line for _, line in lines_of(path))
     for line in lines:

@@ -83,13 +83,7 @@ class PlainFrictionBase(FrictionBase):
 
 
 def friction_part(base: type[FrictionBase] = PlainFrictionBase) -> Any:
-    """Return the schema of a table of dry friction, with its numbers.
-
-    Parameters
-    ----------
-    base
-        The keys of it that are no numbers of its law.
-    """
+    """Return the schema of a table of dry friction, with its numbers."""
     fields: dict[str, Any] = {
         name: (Annotated[number_of(each) | None, Field(description=each.words)], None)
         for name, each in FRICTION.items()

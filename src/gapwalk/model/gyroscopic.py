@@ -26,11 +26,6 @@ def gyroscopic_part(system: System, stiffness: Array, damping: Array) -> Array |
 
     In the modes of ``M^-1 K`` it lets two modes act on each other with opposite signs. Whether it does is seen in any
     form of the equations; how large it is needs their energy.
-
-    Raises
-    ------
-    ModelError
-        If it is there, and the equations do not show their energy.
     """
     if is_symmetric(damping) or isinstance(system.structure.assembly, TrainAssembly):
         return None
@@ -50,17 +45,7 @@ def gyroscopic_part(system: System, stiffness: Array, damping: Array) -> Array |
 def whirls(
     mass: Array, gyroscopic: Array, stiffness: Array, losses: Array
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], Array]:
-    """Compute the modes of ``M q'' + G q' + K q = 0``.
-
-    Returns
-    -------
-    squares : shape (n,)
-        Squares of their angular frequencies, complex where one is not a vibration; the slowest first.
-    shapes : shape (n, n)
-        A complex mode in each column: the motion is the real part of its product with ``exp(i W t)``.
-    decay : shape (n,)
-        Rates at which small losses, a damping matrix, let them decay, to first order.
-    """
+    """Compute the modes of ``M q'' + G q' + K q = 0``."""
     n = len(mass)
     rows = np.linalg.solve(mass, np.hstack((stiffness, gyroscopic, losses)))
     unit = max(np.sqrt(np.abs(rows[:, :n]).max()), np.abs(rows[:, n : 2 * n]).max())  # a frequency
@@ -97,11 +82,6 @@ def mass_of_energy(system: System, *, strict: bool = False) -> Array:
     Equations that were divided by masses, or combined, have matrices that are not symmetric. Their energy has the
     symmetric mass matrix A with ``A M^-1 d = e`` for each contact, and a symmetric ``A M^-1 K``. If `strict`, a
     symmetric mass matrix alone is not taken for it.
-
-    Raises
-    ------
-    ModelError
-        If there is none.
     """
     n, mass, stiffness = system.size, system.matrix("mass"), system.matrix("stiffness")
     forms = _single(system)

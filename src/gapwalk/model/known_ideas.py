@@ -86,13 +86,7 @@ IDEAS = (
 
 
 def idea_of(key: str) -> str:
-    """Return the line to write for an idea that a key names, with the page that says more; empty if it names none.
-
-    Examples
-    --------
-    >>> idea_of("bounce")[:35]
-    'a rigid stop is a [[contact]], a [['
-    """
+    """Return the line to write for an idea that a key names, with the page that says more; empty if it names none."""
     word = key.lower().replace("-", "_")
     for idea in IDEAS:
         if re.fullmatch(rf"(\w+_)?({idea.words})s?(_\w+)?", word):

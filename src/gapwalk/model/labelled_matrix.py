@@ -45,21 +45,7 @@ def name_of(label: Label) -> str:
 
 
 def assembled(entries: Mapping[tuple[Any, Any], float], *, symmetric: bool | None) -> LabelledMatrix:
-    """Make the matrix of its entries.
-
-    Parameters
-    ----------
-    entries
-        Entries by their rows and columns: by labels, or by indices from 1, which have no names.
-    symmetric
-        True if the entries of one triangle stand for both; None if the file does not say: then they do if no entry has
-        its mirror image.
-
-    Raises
-    ------
-    UnusableError
-        If there are none, too many, or entries that contradict each other.
-    """
+    """Make the matrix of its entries."""
     if not entries:
         raise UnusableError("which holds no entries")
     labels: list[Any] = sorted({label for pair in entries for label in pair})
@@ -92,25 +78,6 @@ def arranged(matrices: Mapping[str, LabelledMatrix], coordinates: object) -> tup
 
     Coordinates that have an entry of 1e36 on the diagonal of the stiffness, as Abaqus marks fixed ones, are left out.
     Coordinates that one of the files lacks have zeros in its matrix.
-
-    Parameters
-    ----------
-    matrices
-        The matrices by their keys, ``mass``, ``damping`` and ``stiffness``.
-    coordinates
-        What the model file has for its coordinates: all names in the wanted order, or None for the order of the files.
-
-    Returns
-    -------
-    arrays : dict
-        The matrices as arrays.
-    names : list of str or None
-        The coordinates; None if the files have no names.
-
-    Raises
-    ------
-    ValueError
-        If the coordinates are others; the message continues the key ``coordinates``.
     """
     named = {key: each for key, each in matrices.items() if each.names}
     if not named:

@@ -215,13 +215,7 @@ def _load_part(kind: type[Load], base: type[LoadBase]) -> type[LoadBase]:
 
 
 def load_fields(base: type[LoadBase] = LoadBase) -> dict[str, Any]:
-    """Make the fields of the tables of all registered loads, one list for each kind.
-
-    Parameters
-    ----------
-    base
-        The keys that all have in common.
-    """
+    """Make the fields of the tables of all registered loads, one list for each kind."""
     lists: dict[str, Any] = {key: list[_load_part(kind, base)] for key, kind in LOADS.items()}  # pyright: ignore
     return {key: (each, Field(default=[], max_length=MAX_COORDINATES)) for key, each in lists.items()}
 

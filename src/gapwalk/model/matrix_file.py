@@ -38,18 +38,6 @@ def read_labelled(path: str, name: str = "") -> LabelledMatrix:
     """Read the matrix of a file, shape (n, n), with the names of its rows; an array of NumPy may also be its diagonal.
 
     Nothing in the file is executed, and no memory is allocated for more than the largest system.
-
-    Parameters
-    ----------
-    path
-        The file.
-    name
-        Name of the matrix in a file that may hold several.
-
-    Raises
-    ------
-    ValueError
-        If the file has no usable matrix; the message continues the name of the file.
     """
     ending = os.path.splitext(path)[1].lower()
     form, read = _READERS.get(ending, ("", None))

@@ -41,15 +41,7 @@ class Model:
 
 
 def check_model(source: Source) -> tuple[Model | None, list[Problem]]:
-    """Validate a model file, and build its system.
-
-    Returns
-    -------
-    model : Model or None
-        The model, if the file has no problems.
-    problems : list of Problem
-        All problems of the file but those of its studies.
-    """
+    """Validate a model file, and build its system."""
     is_train = describes_train(source.data)
     files, unread = read_files(source)
     full, unused = read_parts(source, files, units=is_train and Names.of_train(source.data).units)
@@ -90,15 +82,7 @@ def in_order(problems: list[Problem]) -> list[Problem]:
 
 
 def read_files(source: Source) -> tuple[dict[Path, Any], list[Problem]]:
-    """Read the files that a source names.
-
-    Returns
-    -------
-    files : dict
-        Their contents by the paths of their keys: a `LabelledMatrix`, or a `NamedFile`.
-    problems : list of Problem
-        Files that cannot be read.
-    """
+    """Read the files that a source names."""
     files: dict[Path, Any] = {}
     problems, known = [], {}
     for path, name in _named(source):
@@ -119,22 +103,6 @@ def read_parts(source: Source, files: Mapping[Path, Any], *, units: bool) -> tup
     ``stiffness = "stiffness.mtx"`` and ``file = "gas.csv"`` name files in the folder of the model file. A matrix
     becomes a list of rows, a curve the stages of its contact, any other file a `NamedFile`. ``coordinates = 100`` is
     short for q1 ... q100; where the files of matrices name their rows, these are the coordinates.
-
-    Parameters
-    ----------
-    source
-        The model file.
-    files
-        The contents of the files, as from `read_files`; keys of others are left out.
-    units
-        True if the quantities of the file have units.
-
-    Returns
-    -------
-    source : Source
-        The source with the contents and names.
-    problems : list of Problem
-        Numbers of coordinates and curves that cannot be used.
     """
     data: Any = dict(source.data)
     problems: list[Problem] = []

@@ -106,13 +106,7 @@ class Source:
 
 
 def read_source(path: str | os.PathLike[str] | io.StringIO, within: str = "") -> Source:
-    """Read a TOML file, or its text as ``io.StringIO``; for `within`, see `Source`.
-
-    Raises
-    ------
-    ModelFileError
-        If there is no such file, or it is not a TOML text of at most 10 MB in UTF-8.
-    """
+    """Read a TOML file, or its text as ``io.StringIO``; for `within`, see `Source`."""
     if isinstance(path, io.StringIO):
         return parse_source(path.getvalue(), "", within)
     name = os.fspath(path)
@@ -135,13 +129,7 @@ def read_source(path: str | os.PathLike[str] | io.StringIO, within: str = "") ->
 
 
 def parse_source(text: str, name: str = "", within: str = "") -> Source:
-    """Parse a TOML text; for `name` and `within`, see `Source`.
-
-    Raises
-    ------
-    ModelFileError
-        If it is empty, not TOML, or larger than any model.
-    """
+    """Parse a TOML text; for `name` and `within`, see `Source`."""
     _check_size(text, name)
     try:
         data = tomllib.loads(text)
@@ -230,18 +218,7 @@ def _long_tables(source: Source) -> Iterator[Problem]:
 
 
 def key_lines(text: str) -> dict[Path, int]:
-    """Find the line of every key, table and list item of a TOML text; tomllib keeps no lines.
-
-    Parameters
-    ----------
-    text
-        A text that tomllib accepts. For any other, the lines before its first error are returned.
-
-    Returns
-    -------
-    dict
-        Line, from 1, by path, for example ``{("contact", 0, "clearance"): 12}``.
-    """
+    """Find the line of every key, table and list item of a TOML text; tomllib keeps no lines."""
     scan = _Scan(text)
     with suppress(ValueError, RecursionError):  # a line is a help, never a reason to fail
         scan.document()
@@ -249,18 +226,7 @@ def key_lines(text: str) -> dict[Path, int]:
 
 
 def value_spans(text: str) -> dict[Path, tuple[int, int]]:
-    """Find where in a TOML text each number, text or other single value stands, so that it alone can be replaced.
-
-    Parameters
-    ----------
-    text
-        As for `key_lines`.
-
-    Returns
-    -------
-    dict
-        First character, and the one after the last, by path; quotes are included.
-    """
+    """Find where in a TOML text each number, text or other single value stands, so that it alone can be replaced."""
     scan = _Scan(text)
     with suppress(ValueError, RecursionError):
         scan.document()

@@ -190,12 +190,6 @@ def dissipation_doubts(system: System) -> list[str]:
 
     The rates at which the damping takes energy out of free motions are the eigenvalues of ``M^-1 C``. If one is
     negative, motions grow until a contact limits them, or without limit; if all are zero, resonances have no limit.
-
-    Examples
-    --------
-    >>> import gapwalk as gw
-    >>> dissipation_doubts(gw.System(["x"], [[1.0]], [[0.1]]))
-    []
     """
     doubts = []
     damping = of_angles(system, system.matrix("stiffness"), system.matrix("damping"))[1]

@@ -20,13 +20,7 @@ def path_of(name: str, source: Source) -> str:
 
 
 def read_named(name: str, source: Source) -> NamedFile:
-    """Read a file that a model file names.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be read, or is too large; the message continues its name.
-    """
+    """Read a file that a model file names."""
     try:
         with open_file(path_of(name, source)) as file:
             content = file.read(MAX_BYTES + 1)

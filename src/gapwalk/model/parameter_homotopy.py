@@ -69,20 +69,7 @@ class PathAssembly:
 
 
 def on_the_way(system: System, to: Mapping[str, float]) -> System:
-    """Add a parameter ``way`` to a system: at 0 it is the given system, at 1 some parameters have other values.
-
-    Parameters
-    ----------
-    system
-        The system.
-    to
-        Values of those parameters at 1; in between they move linearly.
-
-    Raises
-    ------
-    ModelError
-        For an unknown parameter, a value that is not allowed, the frequency, or a system that is on a path already.
-    """
+    """Add a parameter ``way`` to a system: at 0 it is the given system, at 1 some parameters have other values."""
     system.at(to)
     structure = system.structure
     if structure.pace in to:

@@ -48,13 +48,7 @@ class Problem:
 
 
 class ModelFileError(ModelError):
-    """A model file that cannot be used; it lists all problems of the file.
-
-    Parameters
-    ----------
-    problems
-        All problems, one for each thing to correct.
-    """
+    """A model file that cannot be used; it lists all problems of the file."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         super().__init__(tuple(problems))

@@ -20,27 +20,7 @@ class UnknownNameError(ModelError):
 
 
 class Registry(dict[str, T]):
-    """Registry of the kinds of one concept by name, in the order of their registration.
-
-    Parameters
-    ----------
-    words
-        Words for one of them: ``"force law"``.
-    plural
-        Words for several of them; by default `words` with an s.
-    homes
-        Modules and names in them of kinds that are loaded only when they are asked for, by the names of the kinds:
-        ``{"map": "gapwalk.studies.map_study.MapStudyOptions"}``. `names` and `named` know them before.
-
-    Examples
-    --------
-    >>> laws = Registry("force law")
-    >>> laws.add("elastic", "springs")
-    'springs'
-    >>> laws.named("elastik")
-    Traceback (most recent call last):
-    gapwalk.model.registry.UnknownNameError: there is no force law 'elastik'; did you mean elastic?
-    """
+    """Registry of the kinds of one concept by name, in the order of their registration."""
 
     def __init__(self, words: str, plural: str = "", homes: Mapping[str, str] = MappingProxyType({})) -> None:
         super().__init__()
@@ -57,13 +37,7 @@ class Registry(dict[str, T]):
         return tuple(name for name in self if name not in self._homes)
 
     def add(self, name: str, kind: T) -> T:
-        """Register a kind under its name, and return it; a class defined again replaces its earlier definition.
-
-        Raises
-        ------
-        ModelError
-            If a kind of another class has the name.
-        """
+        """Register a kind under its name, and return it; a class defined again replaces its earlier definition."""
         known = _class(self.named(name) if name in self._homes else self.get(name, kind)).__qualname__
         if known != _class(kind).__qualname__:
             raise ModelError(f"there is a {self.words} {name!r} already, {known}; choose another name")
@@ -73,13 +47,7 @@ class Registry(dict[str, T]):
         return kind
 
     def named(self, name: str) -> T:
-        """Return the kind with a name.
-
-        Raises
-        ------
-        UnknownNameError
-            If there is none.
-        """
+        """Return the kind with a name."""
         if not isinstance(name, str) or name not in self.names:
             hint = did_you_mean(str(name), [*self.names], f"{self._plural} are")
             raise UnknownNameError(f"there is no {self.words} {name!r:.60}; {hint}")

@@ -300,26 +300,7 @@ P = TypeVar("P", bound=Part)
 def validate(
     model: type[P], data: object, source: Source, at: Path = (), context: Callable[[], object] = lambda: None
 ) -> tuple[P | None, list[Problem]]:
-    """Check a table against its schema, and report all of its problems.
-
-    Parameters
-    ----------
-    model
-        The schema.
-    data
-        The table.
-    source, at
-        The file with the table, and its path in the file.
-    context
-        Function that makes the context of the validators, once for each pass.
-
-    Returns
-    -------
-    part : Part or None
-        The table, if it has no problems.
-    problems : list of Problem
-        The problems of the table.
-    """
+    """Check a table against its schema, and report all of its problems."""
     try:
         return model.model_validate(data, context=context()), []
     except ValidationError as error:

@@ -42,14 +42,7 @@ class ForcePolynomials:
     def table(self, coefficients: NDArray[Any]) -> NDArray[Any]:
         """Return the force of each switch by powers of the rate and of the penetration.
 
-        Parameters
-        ----------
-        coefficients : shape (number of coefficients, ...)
-            Real or complex.
-
-        Returns
-        -------
-        table : shape (switches, powers of the rate, powers of the penetration, ...)
+        Shapes: `coefficients` (number of coefficients, ...).
         """
         rest = coefficients.shape[1:]
         known = np.concatenate((coefficients, np.ones((1, *rest))))

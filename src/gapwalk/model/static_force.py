@@ -63,10 +63,7 @@ class StaticForce:
     def at(self, q: NDArray[np.float64], v: NDArray[np.float64] | None = None) -> Tangent:
         """Evaluate the force and its derivatives, at rest by default; NaN where it has no value.
 
-        Parameters
-        ----------
-        q, v : shape (..., n)
-            Positions and velocities.
+        Shapes: `q`, `v` (..., n).
         """
         return self.by_deflections(q @ self.deflections.T, (np.zeros_like(q) if v is None else v) @ self.deflections.T)
 
@@ -193,11 +190,6 @@ def formula_matrices(
     """Compute the stiffness and damping of the formulas for small motions about a position, each shape (n, n).
 
     By default about zero.
-
-    Raises
-    ------
-    ModelError
-        If a formula has no finite value or slope there, and `strict` is true; the message names it.
     """
     n = system.size
     stiffness, damping = np.zeros((n, n)), np.zeros((n, n))

@@ -83,12 +83,7 @@ class StaticBalance:
         1 if it pulls back on both sides, -1 if it pushes away on one, 0 if there is none on one side. A slope may be
         zero at a rest, or different on both sides of it.
 
-        Parameters
-        ----------
-        x, way : shape (n,)
-            The rest and the direction.
-        share
-            Displacement, as a share of the smallest length at which a force bends.
+        Shapes: `x`, `way` (n,).
         """
         lengths = self.lengths[self.lengths > 0.0]
         step = max(share * float(lengths.min() if len(lengths) else 1.0), _ROUNDED * float(np.abs(x).max()))

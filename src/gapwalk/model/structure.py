@@ -75,13 +75,7 @@ class ParameterNames(Sequence[str]):
         return self._starts[self._blocks[prefix]]
 
     def place(self, name: str) -> int:
-        """Return the place of one parameter.
-
-        Raises
-        ------
-        ModelError
-            If there is no parameter of that name; the message offers the nearest ones.
-        """
+        """Return the place of one parameter."""
         place = self._find(name) if isinstance(name, str) else None
         if place is None:
             raise ModelError(self._unknown(str(name)))
@@ -202,13 +196,7 @@ class ContactForm:
         return not self.law.rebounds and closed_form_of(self.law, self.shapes) is not None
 
     def closed_form(self, backend: str) -> tuple[Term, ...]:
-        """Return the force as a sum of products.
-
-        Raises
-        ------
-        UnfitError
-            If it is not a sum of products; the message names the backend that needs one.
-        """
+        """Return the force as a sum of products."""
         terms = closed_form_of(self.law, self.shapes)
         if terms is None or not self.has_closed_form:
             reason = "reverses the rate at an impact" if self.law.rebounds else "is not a polynomial of the penetration"
@@ -415,13 +403,7 @@ class Structure:
 
     @cached_property
     def variations(self) -> tuple[Variation, ...]:
-        """The numbers of contacts that vary over the angle, and the loads by which they do.
-
-        Raises
-        ------
-        ModelError
-            If a load varies what there is not, or what cannot vary.
-        """
+        """The numbers of contacts that vary over the angle, and the loads by which they do."""
         found: dict[Variation, list[tuple[int, float]]] = {}
         for number, load in enumerate(self.harmonics):
             for name, factor in load.varies:
@@ -450,13 +432,7 @@ class Structure:
         return self.assembly.expand(values) if self.assembly else values
 
     def place(self, name: str) -> int:
-        """Return the place of one parameter.
-
-        Raises
-        ------
-        ModelError
-            If there is no parameter of that name; the message offers the nearest ones.
-        """
+        """Return the place of one parameter."""
         return self.names.place(name)
 
     def block(self, prefix: str, *shape: int) -> NDArray[np.intp]:

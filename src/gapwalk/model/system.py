@@ -148,16 +148,6 @@ class System(Shown):
             in the unit of its parameter, and a text has its own: ``{"clutch.clearance": "2 deg"}``.
         **more
             The same, for names without a dot: ``system.at(frequency=0.5)``.
-
-        Returns
-        -------
-        System
-            The new system; this one does not change.
-
-        Raises
-        ------
-        ModelError
-            For an unknown name or a value that is not allowed.
         """
         values = self.values.copy()
         for name, value in {**(changes or {}), **more}.items():
@@ -180,18 +170,6 @@ class System(Shown):
         """Make a system from its structure and its flat vector of values, in the order of `structure.names`.
 
         It uses the vector without a copy or a check, and makes it read-only: for values that are known to be valid.
-
-        Parameters
-        ----------
-        structure
-            Structure of the system.
-        values : shape (parameters,)
-            Values of all parameters.
-
-        Returns
-        -------
-        System
-            The system.
         """
         system = object.__new__(cls)
         system._set(structure, np.asarray(values, dtype=float))
@@ -211,11 +189,6 @@ class System(Shown):
             Index of the parameter in `values`.
         value
             Its new value.
-
-        Returns
-        -------
-        System
-            The system.
         """
         system = object.__new__(cls)
         system._set(other.structure, other.values, {place: float(value)})
@@ -348,11 +321,6 @@ class System(Shown):
     def matrix(self, which: str) -> NDArray[np.float64]:
         """Return the ``"mass"``, ``"damping"`` or ``"stiffness"`` matrix, shape (n, n).
 
-        Parameters
-        ----------
-        which
-            ``"mass"``, ``"damping"`` or ``"stiffness"``.
-
         Returns
         -------
         array, shape (n, n)
@@ -363,11 +331,6 @@ class System(Shown):
 
     def vector(self, which: str) -> NDArray[np.float64]:
         """Return the vector ``"mean"``, ``"stage2.deflection"``, ``"harmonic1.acts_on"`` and so on, shape (n,).
-
-        Parameters
-        ----------
-        which
-            Name of the vector.
 
         Returns
         -------

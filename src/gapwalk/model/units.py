@@ -115,13 +115,7 @@ _BY_WORD = {
 
 
 def name_kind(word: str, kind: QuantityKind) -> None:
-    """Set the kind of the parameters whose names end in a word, as in ``stop.impact_damping``.
-
-    Raises
-    ------
-    ValueError
-        If such parameters are of another kind.
-    """
+    """Set the kind of the parameters whose names end in a word, as in ``stop.impact_damping``."""
     if _BY_WORD.setdefault(word, kind) is not kind:
         raise ValueError(f"parameters named {word!r} are {_BY_WORD[word].words} already; choose another name")
 
@@ -159,23 +153,7 @@ class Quantity:
 
 
 def read_quantity(value: object, kind: QuantityKind, written: str = "") -> Quantity:
-    """Read a quantity of a kind from a text.
-
-    Parameters
-    ----------
-    value
-        A text such as ``"0.14 kg m^2"``; also ``kg*m**2``, ``kg·m²``, ``Nm/deg``. A `Quantity` is taken as it is.
-    kind
-        Expected kind of the quantity.
-    written
-        The unit that a text of this kind should have in a hint, if one is known.
-
-    Raises
-    ------
-    ValueError
-        If it is no text, has no unit, an unknown one, or one of another kind. The message reads on after the name of
-        what is wrong, and says what to write.
-    """
+    """Read a quantity of a kind from a text."""
     usual = written or kind.usual[0]
     if isinstance(value, Quantity):
         if value.kind is not kind:
@@ -201,13 +179,7 @@ def read_quantity(value: object, kind: QuantityKind, written: str = "") -> Quant
 
 
 def read_unit(text: str, kind: QuantityKind) -> Unit:
-    """Read a unit of a kind, such as ``N m/deg`` for a stiffness.
-
-    Raises
-    ------
-    ValueError
-        If it is no unit, or one of another kind; the message says which.
-    """
+    """Read a unit of a kind, such as ``N m/deg`` for a stiffness."""
     with READING:
         return Unit(normalised(text), _factor(text, kind))
 
@@ -220,20 +192,7 @@ def has_unit(value: object) -> bool:
 
 
 def read_formula_number(value: object) -> tuple[float, Unit]:
-    """Read a parameter of a formula: a number, or a text with a unit made of angle, s and N m.
-
-    Returns
-    -------
-    number : float
-        The number as it was written.
-    unit : Unit
-        Its unit, with its size in rad, s and N m; an empty one of a plain number.
-
-    Raises
-    ------
-    ValueError
-        If it is neither. The message reads on after the name of what is wrong.
-    """
+    """Read a parameter of a formula: a number, or a text with a unit made of angle, s and N m."""
     if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
         return float(value), PLAIN
     match = re.fullmatch(rf"\s*({_NUMBER})\s*(\S.*?)\s*", value, re.DOTALL) if isinstance(value, str) else None
@@ -323,49 +282,16 @@ class Units:
             raise ValueError(f"{self.turns} is no number of periods in a turn")
 
     def of(self, kind: QuantityKind) -> Unit:
-        """Return the unit of a kind.
-
-        Parameters
-        ----------
-        kind
-            The kind.
-
-        Returns
-        -------
-        Unit
-            The unit.
-        """
+        """Return the unit of a kind."""
         return self._units.get(kind, kind.unit)
 
     def parameter(self, name: str) -> str:
-        """Return the unit of a parameter by its name; empty for a plain number.
-
-        Parameters
-        ----------
-        name
-            Name of the parameter.
-
-        Returns
-        -------
-        str
-            Such as ``N m/rad``.
-        """
+        """Return the unit of a parameter by its name; empty for a plain number."""
         kind = self.kind(name)
         return self.unit(name).text if kind is None else self.of(kind).text
 
     def kind(self, name: str) -> QuantityKind | None:
-        """Return the kind of a parameter by its name; None for a plain number, and for one of a formula.
-
-        Parameters
-        ----------
-        name
-            Name of the parameter.
-
-        Returns
-        -------
-        QuantityKind or None
-            The kind.
-        """
+        """Return the kind of a parameter by its name; None for a plain number, and for one of a formula."""
         return self._own[name][0] if name in self._own else kind_of(name)
 
     @property
@@ -393,11 +319,6 @@ class Units:
     def factors(self, names: Iterable[str]) -> NDArray[np.float64]:
         """Return the size of one unit of each parameter in consistent units, shape (names,).
 
-        Parameters
-        ----------
-        names
-            Names of the parameters.
-
         Returns
         -------
         array, shape (names,)
@@ -406,20 +327,7 @@ class Units:
         return np.array([self._factor(name) for name in names])
 
     def number(self, quantity: Quantity, kind: QuantityKind) -> float:
-        """Convert a quantity to the unit of its kind.
-
-        Parameters
-        ----------
-        quantity
-            The quantity.
-        kind
-            Its kind.
-
-        Returns
-        -------
-        float
-            In the unit of that kind.
-        """
+        """Convert a quantity to the unit of its kind."""
         unit = self.of(kind)
         return quantity.number if quantity.factor == unit.factor else quantity.number * (quantity.factor / unit.factor)
 
@@ -432,16 +340,6 @@ class Units:
             Name of the parameter.
         value
             The text, such as ``"2 deg"``.
-
-        Returns
-        -------
-        float
-            In the unit of the parameter.
-
-        Raises
-        ------
-        ValueError
-            If it is no such text, or not of the parameter's kind.
         """
         kind = self.kind(parameter)
         if kind is None:
@@ -459,11 +357,6 @@ class Units:
 
         Positions, deflections and velocities are as in states, accelerations in rad/s^2, torques in N m. The mode of
         friction has none.
-
-        Parameters
-        ----------
-        name
-            Name of the signal.
 
         Returns
         -------
@@ -485,11 +378,6 @@ class Units:
         ----------
         name
             Name of a position, deflection or velocity.
-
-        Returns
-        -------
-        str
-            Such as ``deg`` or ``deg/s``.
         """
         return self.of(QuantityKind.ANGLE).text + ("/s" if name.endswith("'") else "")
 
@@ -502,18 +390,7 @@ class Units:
         return {name: (kind, unit) for name, kind, unit in self.own}
 
     def unit(self, name: str) -> Unit:
-        """Return the unit of a parameter without a kind: `PLAIN`, or that of a parameter of a formula.
-
-        Parameters
-        ----------
-        name
-            Name of the parameter.
-
-        Returns
-        -------
-        Unit
-            The unit.
-        """
+        """Return the unit of a parameter without a kind: `PLAIN`, or that of a parameter of a formula."""
         return self._own[name][1] if name in self._own else PLAIN
 
     def _factor(self, name: str) -> float:

@@ -27,13 +27,7 @@ class Variation(NamedTuple):
 
 
 def varied(contacts: Sequence[ContactForm], load: LoadForm, name: str) -> Iterator[tuple[Variation, float]]:
-    """Find the numbers that a load varies, by a name such as ``mesh.stiffness``: each with a sign.
-
-    Raises
-    ------
-    ModelError
-        If there is nothing of that name, or it cannot vary.
-    """
+    """Find the numbers that a load varies, by a name such as ``mesh.stiffness``: each with a sign."""
 
     def refuse(reason: str) -> ModelError:
         return ModelError(f"{load.name} varies {name!r}, {reason}")

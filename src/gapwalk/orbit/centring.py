@@ -49,22 +49,7 @@ def centre_of(
 ) -> Centre:
     """Compute the centre of the deflection of a contact over one period, or one of its extremes.
 
-    Parameters
-    ----------
-    flow
-        The flow, with its transition and one direction.
-    light
-        The flow without its transition.
-    slots
-        The contact.
-    coefficients, direction
-        The coefficients of the flow, and their derivative by the parameter.
-    knots
-        Angles at which the segments begin, and the end.
-    states : shape (segments, state_size)
-        The states at the start of each segment.
-    picks
-        The extremes whose mean is the centre.
+    Shapes: `states` (segments, state_size).
     """
     deflection = _Deflection(light, slots, coefficients)
     turns = [turn for number, pair in enumerate(pairwise(knots)) for turn in deflection.turns(number, *pair, states)]

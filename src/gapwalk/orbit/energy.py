@@ -131,11 +131,6 @@ class Energy(Shown):
         -------
         float
             Energy lost in one period: in J in a system with units, otherwise a force times a length.
-
-        Raises
-        ------
-        ModelError
-            If no loss is that of an element of this name.
         """
         own = [each.energy for each in self.losses if each.element == element]
         if not own:
@@ -199,13 +194,7 @@ def energy(orbit: Moving) -> Energy:
 
 
 def impact_losses(system: System, along: Quadrature) -> dict[tuple[float, int], float]:
-    """Compute the energy loss of each impact on a rigid stop, by its angle and the number of its contact.
-
-    Raises
-    ------
-    ModelError
-        As `energy`, where no kinetic energy is known.
-    """
+    """Compute the energy loss of each impact on a rigid stop, by its angle and the number of its contact."""
     book = _Book(system, along)
     return {(kink.theta, contact): loss for kink in along.motion.impacts for contact, loss, _ in book.impact(kink)}
 

@@ -244,17 +244,6 @@ def other_starts(
     If the orbit is unstable, the motion settles on another one around it, or on chaos. Such motions come near the orbit
     now and then, and it lies near their mean. Otherwise it is found at a frequency at which it is stable, and followed
     to this one.
-
-    Parameters
-    ----------
-    system
-        The system.
-    period
-        m: forcing periods after which the orbit repeats.
-    settled
-        End of the transient from rest; None if it diverges.
-    find
-        Function that finds an orbit of another system by a transient, or raises a `NumericalError`.
     """
     if settled is not None:
         flow, coefficients, motion = flow_of(system), coefficients_of(system), [settled]
@@ -287,25 +276,7 @@ def other_starts(
 
 
 def carry(orbit: Orbit, system: System, names: Sequence[str] = ()) -> Orbit:
-    """Follow an orbit along a straight line in parameter space, and return the orbit of its branch at the other end.
-
-    Parameters
-    ----------
-    orbit
-        The orbit.
-    system
-        A system of the same structure, with the values at which the orbit is required.
-    names
-        Parameters that may differ; by default those that do. Many calls with the same names share one compiled flow.
-
-    Raises
-    ------
-    ModelError
-        If the two systems differ in structure, or in other parameters than those named.
-    ConvergenceError
-        If the branch does not extend that far, because it turns back at a fold or crosses another one; the message says
-        how far it could be followed.
-    """
+    """Follow an orbit along a straight line in parameter space, and return the orbit of its branch at the other end."""
     origin = orbit.system
     if system.structure != origin.structure:
         raise ModelError("an orbit can be followed only to other parameter values of its own system")

@@ -35,12 +35,7 @@ def unheld(system: System) -> NDArray[np.float64]:
 def floats(orbit: Orbit, ways: NDArray[np.float64]) -> str:
     """Return the reason why an orbit is not isolated, but one of a family, with advice; empty if it is isolated.
 
-    Parameters
-    ----------
-    orbit
-        The orbit.
-    ways : shape (n, ways)
-        The directions in which only contacts and formulas restrain the system, as from `unheld`.
+    Shapes: `ways` (n, ways).
     """
     if not ways.shape[1]:
         return ""

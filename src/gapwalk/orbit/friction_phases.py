@@ -58,45 +58,17 @@ class FrictionPhase(NamedTuple):
             The circumference, in radians.
         margin
             Distance from the ends that the angle must keep, in radians.
-
-        Returns
-        -------
-        bool
-            True if it lies within.
         """
         return (theta - self.start + margin) % full <= self.length + 2.0 * margin
 
     def away(self, theta: float, full: float) -> float:
-        """Return the distance of an angle from it, on a circle of circumference `full`; 0 within it.
-
-        Parameters
-        ----------
-        theta
-            The angle, in radians.
-        full
-            The circumference, in radians.
-
-        Returns
-        -------
-        float
-            In radians.
-        """
+        """Return the distance of an angle from it, on a circle of circumference `full`; 0 within it."""
         after = (theta - self.start) % full
         return 0.0 if after <= self.length else min(after - self.length, full - after)
 
 
 def friction_phases(slips: Sequence[SlipEvent], contact: int, full: float) -> list[FrictionPhase]:
-    """Return the phases of one contact in one period, in order; one that lasts all the period begins at 0.
-
-    Parameters
-    ----------
-    slips
-        The log of an orbit, with the modes at the start of the period first.
-    contact
-        Number of the contact.
-    full
-        Length of the period in radians.
-    """
+    """Return the phases of one contact in one period, in order; one that lasts all the period begins at 0."""
     own = [event for event in slips if event.contact == contact]
     # of changes at one instant the last one counts: a phase without length is none
     own = [each for each, after in zip(own, [*own[1:], None], strict=True) if after is None or after.theta > each.theta]
@@ -143,19 +115,7 @@ class Margin(NamedTuple):
 def margins_of(
     orbit: Orbit, thetas: Array, found: Variations, readings: CompiledReadings | None = None
 ) -> list[Margin]:
-    """Return the margins of all friction over one period.
-
-    Parameters
-    ----------
-    orbit
-        The orbit.
-    thetas
-        Angles of one period: even ones, and those where the phases begin.
-    found
-        Its motion at these angles, with the logs of the flow.
-    readings
-        The compiled readings of a flow of the system; they only make it faster.
-    """
+    """Return the margins of all friction over one period."""
     layout = layout_of(orbit.system.structure)
     return [
         each

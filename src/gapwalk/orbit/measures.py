@@ -59,20 +59,7 @@ class Turns(NamedTuple):
     values: list[float]  #: Values of the quantity there.
 
     def nearest(self, theta: float, full: float) -> int:
-        """Return the index of the turning point nearest to an angle, on a circle of circumference `full`.
-
-        Parameters
-        ----------
-        theta
-            The angle, in radians.
-        full
-            The circumference, in radians.
-
-        Returns
-        -------
-        int
-            The index.
-        """
+        """Return the index of the turning point nearest to an angle, on a circle of circumference `full`."""
         after = bisect_left(self.thetas, theta)
         before, after = after - 1, after % len(self.thetas)
         nearer = apart(self.thetas[before], theta, full) <= apart(self.thetas[after], theta, full)

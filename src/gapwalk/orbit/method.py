@@ -51,13 +51,7 @@ class Method:
 
     @staticmethod
     def known() -> tuple[type[Method], ...]:
-        """Return all methods, the default first.
-
-        Returns
-        -------
-        tuple of type
-            The classes of the methods.
-        """
+        """Return all methods, the default first."""
         return tuple(METHODS.values())
 
     @staticmethod
@@ -68,35 +62,12 @@ class Method:
         ----------
         name
             Name of the method, such as ``shooting``.
-
-        Returns
-        -------
-        type
-            Its class.
-
-        Raises
-        ------
-        ModelError
-            If there is none.
         """
         return METHODS.named(name)
 
     @classmethod
     def resolving(cls, orbit: Orbit, count: int) -> Method:
-        """Return the method that poses one of its orbits with a given number of unknowns.
-
-        Parameters
-        ----------
-        orbit
-            One of its orbits.
-        count
-            Number of unknowns.
-
-        Returns
-        -------
-        Method
-            The method, with options that give that number.
-        """
+        """Return the method that poses one of its orbits with a given number of unknowns."""
         return cls()
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> OrbitEquation:
@@ -110,22 +81,11 @@ class Method:
             Name of a parameter that may vary; None for a fixed system.
         period
             m, number of forcing periods.
-
-        Returns
-        -------
-        OrbitEquation
-            The equation.
         """
         raise NotImplementedError(f"the method {self.name} poses no equation")
 
     def for_loci(self) -> Method:
-        """Return the method by which loci are followed from one of its orbits.
-
-        Returns
-        -------
-        Method
-            The method itself, unless loci need other options.
-        """
+        """Return the method by which loci are followed from one of its orbits."""
         return self
 
     @staticmethod
@@ -136,11 +96,6 @@ class Method:
         ----------
         orbits
             Orbits that the method has found.
-
-        Returns
-        -------
-        str
-            One sentence, or none.
         """
         return ""
 
@@ -178,13 +133,7 @@ def register(method: type[Method]) -> None:
 
 
 def chosen(method: Method | None) -> Method:
-    """Return the method that was asked for, or the default.
-
-    Raises
-    ------
-    ModelError
-        If it is not a method.
-    """
+    """Return the method that was asked for, or the default."""
     if method is None:
         return Method.known()[0]()
     if not isinstance(method, Method):

@@ -173,18 +173,7 @@ class Orbit(Shown):
         return Method.named(self.found_by)
 
     def posed_in(self, count: int) -> Method:
-        """Return the method, with the options that pose this orbit with a given number of unknowns.
-
-        Parameters
-        ----------
-        count
-            Number of unknowns.
-
-        Returns
-        -------
-        Method
-            The method.
-        """
+        """Return the method, with the options that pose this orbit with a given number of unknowns."""
         return self.method.resolving(self, count)
 
     @cached_property
@@ -236,11 +225,6 @@ class Orbit(Shown):
         ----------
         switch
             The stage and its side: index into `System.breakpoints`.
-
-        Returns
-        -------
-        bool
-            False too if the stop is not rigid.
         """
         return self.held.get(switch) == (1, 0)
 
@@ -355,33 +339,11 @@ class Orbit(Shown):
         return sample(self.system, self.state, angles, self.known_states)
 
     def begun_in(self, state: NDArray[np.float64]) -> Orbit:
-        """Return the orbit with another state at theta = 0, such as that of another phase.
-
-        Parameters
-        ----------
-        state : shape (state_size,)
-            The state.
-
-        Returns
-        -------
-        Orbit
-            The orbit, with no other known states if it is another state.
-        """
+        """Return the orbit with another state at theta = 0, such as that of another phase."""
         return self if np.array_equal(state, self.state) else replace(self, state=state, restarts=_NO_STATES)
 
     def repeated(self, times: int) -> Orbit:
-        """Return the same motion as an orbit of a multiple of its period.
-
-        Parameters
-        ----------
-        times
-            The multiple.
-
-        Returns
-        -------
-        Orbit
-            The orbit; its other fields are those of one period.
-        """
+        """Return the same motion as an orbit of a multiple of its period."""
         restarts = [*self.restarts, *[self.state, *self.restarts] * (times - 1)] if len(self.restarts) else _NO_STATES
         return replace(self, period=times * self.period, restarts=np.array(restarts))
 
@@ -470,16 +432,6 @@ class Orbit(Shown):
             ``max``, ``min``, ``half`` (half the peak-to-peak), ``mean``, ``rms`` or ``h0``, ``h1``, ... (amplitude
             of a harmonic of W; ``h1/2`` for half of it), a dot, and a signal: ``half.q1``, ``max.q1''``,
             ``rms.stage2``.
-
-        Returns
-        -------
-        float
-            In the unit of the signal.
-
-        Raises
-        ------
-        ModelError
-            For an unknown measure or signal.
         """
         return measure(self, name)
 

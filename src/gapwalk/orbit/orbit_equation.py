@@ -46,57 +46,19 @@ class Equation(Protocol):
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
         """Return residual and derivatives; raise a NumericalError where they do not exist.
 
-        Parameters
-        ----------
-        unknowns : shape (N,)
-            The unknowns.
-        value
-            Value of the parameter.
-
-        Returns
-        -------
-        Evaluation
-            Residual and derivatives.
-
-        Raises
-        ------
-        NumericalError
-            Where they do not exist.
+        Shapes: `unknowns` (N,).
         """
         ...
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
         """Return the orbit of a solution.
 
-        Parameters
-        ----------
-        unknowns : shape (N,)
-            A solution.
-        value
-            Value of the parameter.
-        evaluation
-            The evaluation there.
-
-        Returns
-        -------
-        Orbit
-            The orbit, with its multipliers.
+        Shapes: `unknowns` (N,).
         """
         ...
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
-        """Return the unknowns of an orbit found by any method.
-
-        Parameters
-        ----------
-        orbit
-            An orbit, found by any method.
-
-        Returns
-        -------
-        array, shape (N,)
-            The unknowns.
-        """
+        """Return the unknowns of an orbit found by any method."""
         ...
 
 
@@ -140,11 +102,6 @@ class OrbitEquation:
     def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
         """Return the coefficients of the flow at a value of the parameter, and their derivative if there is one.
 
-        Parameters
-        ----------
-        value
-            Value of the parameter.
-
         Returns
         -------
         coefficients : array, shape (coefficients,)
@@ -155,54 +112,15 @@ class OrbitEquation:
         return (coefficients_of(self.system), None) if self.parameter is None else self.line.coefficients(value)
 
     def system_at(self, value: float) -> System:
-        """Return the system at a value of the parameter; the equation's own if it has no parameter.
-
-        Parameters
-        ----------
-        value
-            Value of the parameter.
-
-        Returns
-        -------
-        System
-            The system.
-        """
+        """Return the system at a value of the parameter; the equation's own if it has no parameter."""
         return self.system if self.parameter is None else self.line.system_at(value)
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """See `Equation.evaluate`.
-
-        Parameters
-        ----------
-        unknowns : shape (N,)
-            The unknowns.
-        value
-            Value of the parameter.
-
-        Returns
-        -------
-        Evaluation
-            Residual and derivatives.
-        """
+        """See `Equation.evaluate`."""
         raise NotImplementedError
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
-        """See `Equation.orbit`.
-
-        Parameters
-        ----------
-        unknowns : shape (N,)
-            A solution.
-        value
-            Value of the parameter.
-        evaluation
-            The evaluation there.
-
-        Returns
-        -------
-        Orbit
-            The orbit, with its multipliers.
-        """
+        """See `Equation.orbit`."""
         raise NotImplementedError
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
@@ -257,11 +175,6 @@ class OrbitEquation:
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the unknowns of the motion from a state, as a start for Newton's method.
 
-        Parameters
-        ----------
-        state : shape (state_size,)
-            State at theta = 0.
-
         Returns
         -------
         array, shape (N,)
@@ -270,30 +183,11 @@ class OrbitEquation:
         raise NotImplementedError
 
     def otherwise(self) -> OrbitEquation:
-        """Return the equation of the same orbits with another or finer discretisation, for an error estimate.
-
-        Returns
-        -------
-        OrbitEquation
-            The other equation.
-        """
+        """Return the equation of the same orbits with another or finer discretisation, for an error estimate."""
         raise NotImplementedError
 
     def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
-        """Return a change of the unknowns as one of the unknowns of `otherwise()`; additional ones are zero.
-
-        Parameters
-        ----------
-        direction : shape (N,)
-            The change of the unknowns.
-        other
-            The equation from `otherwise`.
-
-        Returns
-        -------
-        array
-            The change of the unknowns of the other equation.
-        """
+        """Return a change of the unknowns as one of the unknowns of `otherwise()`; additional ones are zero."""
         raise NotImplementedError
 
     @property
@@ -302,28 +196,11 @@ class OrbitEquation:
         return None
 
     def inaccuracy(self, orbit: Orbit) -> str:
-        """Return the reason why the orbit of a solution is not accurate enough, with advice; empty if it is.
-
-        Parameters
-        ----------
-        orbit
-            The orbit.
-
-        Returns
-        -------
-        str
-            A sentence, or none.
-        """
+        """Return the reason why the orbit of a solution is not accurate enough, with advice; empty if it is."""
         return ""
 
     def finer(self) -> OrbitEquation | None:
-        """Return the equation of the same orbits with a finer resolution, or None if the method has none.
-
-        Returns
-        -------
-        OrbitEquation or None
-            The finer equation.
-        """
+        """Return the equation of the same orbits with a finer resolution, or None if the method has none."""
         return None
 
     def divided(self, state: NDArray[np.float64]) -> Iterator[tuple[OrbitEquation, NDArray[np.float64]]]:
@@ -383,13 +260,7 @@ def check_period(period: object) -> None:
 def solve(
     equation: OrbitEquation, unknowns: NDArray[np.float64], value: float, options: Newton | None = None
 ) -> tuple[NDArray[np.float64], Evaluation]:
-    """Return the solution nearest to a start, and the evaluation there.
-
-    Raises
-    ------
-    ConvergenceError
-        If there is none within reach; the message gives the last residual.
-    """
+    """Return the solution nearest to a start, and the evaluation there."""
     options = options or Newton()
     try:
         evaluation = equation.evaluate(unknowns, value)
@@ -421,16 +292,7 @@ def roundings(
     differs there from the linear change is rounding, however it arises: in each step of a flow, and amplified by what
     follows it.
 
-    Parameters
-    ----------
-    equation
-        The equation.
-    unknowns, value
-        Unknowns and parameter, near a solution.
-    evaluation
-        The equation evaluated there, with its derivatives.
-    scales : shape (N + 1,)
-        Scales of the unknowns, relative to which 1e-14 is meant, and of the parameter.
+    Shapes: `scales` (N + 1,).
     """
     assert evaluation.by_parameter is not None
     x = np.append(unknowns, value)

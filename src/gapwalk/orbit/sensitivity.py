@@ -47,13 +47,7 @@ class Sensitivity:
 
     @cached_property
     def state(self) -> NDArray[np.float64]:
-        """Derivative of the orbit's state at theta = 0, shape (state_size, k).
-
-        Raises
-        ------
-        NumericalError
-            At a fold or a branch point, where the derivative does not exist.
-        """
+        """Derivative of the orbit's state at theta = 0, shape (state_size, k)."""
         length = PERIOD * self.orbit.period
         arc = self._flow.integrate(self._coefficients, self.orbit.state, 0.0, length, self.slopes)
         size = len(self.orbit.state)

@@ -97,11 +97,6 @@ class ShootingEquation(OrbitEquation):
 
     The unknowns are the states at the start of each segment, one after the other. Over theta the period is ``2 pi m``
     at any frequency, so the frequency is a parameter like any other.
-
-    Parameters
-    ----------
-    system, parameter, period, options
-        See `OrbitEquation`.
     """
 
     options: Shooting = Shooting()
@@ -121,13 +116,7 @@ class ShootingEquation(OrbitEquation):
         return None if self.begin else partial(TouchEquation, self)
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Return residual and derivatives; see `Equation.evaluate`.
-
-        Raises
-        ------
-        FlowError
-            If the motion diverges or chatters without end.
-        """
+        """Return residual and derivatives; see `Equation.evaluate`."""
         coefficients, direction = self.coefficients(value)
         bounded, knots, flow = coefficients, self.knots, self._flow
         for spring in self.held:
@@ -366,16 +355,7 @@ class ShootingEquation(OrbitEquation):
     ) -> NDArray[np.float64]:
         """Return the change of a motion and of the parameter at an angle, as the change of the state at a later one.
 
-        Parameters
-        ----------
-        state : shape (state_size,)
-            The state of the motion at `start`.
-        change : shape (state_size + 1,)
-            The change of that state, then that of the parameter.
-        value
-            Value of the parameter.
-        start, stop
-            The two angles, in radians.
+        Shapes: `state` (state_size,); `change` (state_size + 1,).
         """
         coefficients, direction = self.coefficients(value)
         arc = self._flow.integrate(coefficients, state, start, stop, direction)

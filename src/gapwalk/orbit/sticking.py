@@ -44,15 +44,6 @@ def stuck_in(layout: CoefficientLayout, coefficients: NDArray[np.float64], arcs:
     """Return the numbers of the contacts whose friction sticks all through some arcs, and keeps what it had.
 
     Friction of a stage that opens neither slips nor keeps anything meanwhile, so the transitions decide.
-
-    Parameters
-    ----------
-    layout
-        The layout of the coefficients.
-    coefficients
-        The coefficients of the flow.
-    arcs
-        The successive arcs of one period, with their transitions.
     """
     found = []
     for contact in never_slipping(arcs):
@@ -83,14 +74,7 @@ def released(
 ) -> list[Arc]:
     """Return the arcs of one period with the reset of what friction keeps at the end of the last one.
 
-    Parameters
-    ----------
-    layout, coefficients, arcs
-        As in `stuck_in`.
-    start : shape (state_size,)
-        The state at the start of the first arc.
-    length
-        A length of the system, for the grid; the transitions do not depend on it. It is the same all along a branch.
+    Shapes: `start` (state_size,).
     """
     stuck = stuck_in(layout, coefficients, arcs)
     if not stuck:

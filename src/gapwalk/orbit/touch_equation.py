@@ -114,23 +114,7 @@ def touches(orbit: Orbit) -> list[Touch]:
 class TouchEquation:
     """Equation of shooting orbits near one or several touches, each with a segment that begins just before it.
 
-    Parameters
-    ----------
-    equation
-        The equation.
-    near
-        An orbit nearby.
-    touches
-        The touches, which all have the same depth: more than one only if the motion is symmetric.
-    scales : shape (N + 1,)
-        Scales of the equation's unknowns, and of the parameter.
-    lead
-        Angle before each touch, in radians, at which its segment begins; less if another event is nearer.
-
-    Raises
-    ------
-    ConvergenceError
-        If the period begins with the touch, or the acceleration of the deflection is zero there.
+    Shapes: `scales` (N + 1,).
     """
 
     def __init__(
@@ -172,13 +156,7 @@ class TouchEquation:
         return self._solve(unknowns, float(self._depths(unknowns)[0][0]))
 
     def hold(self, start: Held, depth: float) -> Held:
-        """Return the orbit with a prescribed depth near another orbit.
-
-        Raises
-        ------
-        NumericalError
-            If there is no such orbit.
-        """
+        """Return the orbit with a prescribed depth near another orbit."""
         unknowns, ahead = np.append(start.states.ravel(), start.value), 0.0
         if self._jumps and start.depth * self.free > 0.0 > depth * self.free:
             return self._solve(self._struck(start, depth), depth)
@@ -257,20 +235,7 @@ class TouchEquation:
         return found
 
     def calibrate(self, start: Held, depth: float) -> Held:
-        """Correct for changes of the acceleration before the touch, by means of an orbit that just misses it.
-
-        Parameters
-        ----------
-        start
-            An orbit nearby.
-        depth
-            Absolute depth by which the orbit misses the breakpoint; less if its deflection would not turn there then.
-
-        Returns
-        -------
-        Held
-            The orbit with about that depth.
-        """
+        """Correct for changes of the acceleration before the touch, by means of an orbit that just misses it."""
         for _ in range(_CALIBRATIONS):
             start = self.hold(start, self.free * min(depth, self.turns))
             unknowns, evaluation = self.evaluation(start)

@@ -30,17 +30,6 @@ class Cluster:
 
     Workers may come and go while it is used. Each is asked for its software before it gets any work: one whose results
     may differ is named and left out. Dask itself does a piece of work again whose worker has died.
-
-    Parameters
-    ----------
-    address
-        Address of the scheduler, such as ``tcp://node7:8786``; or the name of its scheduler file, which ends with
-        ``.json``.
-
-    Raises
-    ------
-    ModelError
-        If Dask is not installed, no scheduler answers, or it has workers but none that can do the work of this version.
     """
 
     tries = 3

@@ -26,32 +26,7 @@ def do_by_groups(
     is_needed: Callable[[int], bool],
     workers: Workers,
 ) -> Iterator[tuple[int, Result]]:
-    """Do the pieces that are needed, in their order; those in progress are of different groups, if possible.
-
-    Parameters
-    ----------
-    function
-        Function of a piece; importable by name.
-    pieces, groups
-        The pieces, and the group of each.
-    is_needed
-        Called before a piece begins and when it is its turn; False to leave it out, because earlier results have made
-        it superfluous. Then it stays so.
-    workers
-        Executor of the work.
-
-    Yields
-    ------
-    index, result
-        The index of a piece, and what the function returned; the same for any number of workers.
-
-    Raises
-    ------
-    Exception
-        What the function raises for a piece that is needed when it is its turn.
-    WorkError
-        If the processes die over such a piece.
-    """
+    """Do the pieces that are needed, in their order; those in progress are of different groups, if possible."""
     queue = _GroupQueue(pieces, groups, is_needed)
     for number, outcome in outcomes(function, queue, workers):
         queue.take(number, outcome)
@@ -72,28 +47,7 @@ class Outcome(NamedTuple):
 
 
 def outcomes(function: Callable[[Any], Any], pieces: Sequence[Any], workers: Workers) -> Iterator[tuple[int, Outcome]]:
-    """Do pieces of which some may prove superfluous: an error counts only if its piece is needed.
-
-    Parameters
-    ----------
-    function
-        Function of a piece; importable by name.
-    pieces
-        The pieces, which may become more while they are done.
-    workers
-        Executor of the work.
-
-    Yields
-    ------
-    number, outcome
-        The number of a piece, and its result or error, in the order of completion. That of a piece over which its
-        process dies at each try is a WorkError, and comes last.
-
-    Raises
-    ------
-    WorkError
-        If the whole cluster has gone.
-    """
+    """Do pieces of which some may prove superfluous: an error counts only if its piece is needed."""
     try:
         yield from workers.each(partial(_attempt, function), pieces, in_order=False)
     except WorkError as error:

@@ -33,11 +33,6 @@ class Processes:
     from this process, because the compiled flows of a forked process are not its own. On Linux they are forked from a
     server that has only loaded what this process has loaded of gapwalk, so that each takes some hundredths of a second
     instead of seconds to start; the server ends with this process. They die with this one, however it dies.
-
-    Parameters
-    ----------
-    count
-        Number of processes; each is started when it is first needed.
     """
 
     tries = 3
@@ -100,13 +95,7 @@ class Processes:
 
 
 def start_server(modules: Sequence[str]) -> None:
-    """Begin to start the server from which processes are forked, unless there is one; on Linux.
-
-    Parameters
-    ----------
-    modules
-        The modules that it loads, in this order.
-    """
+    """Begin to start the server from which processes are forked, unless there is one; on Linux."""
     if sys.platform == "linux":
         get_context("forkserver").set_forkserver_preload([*modules, "gapwalk.parallel.in_use"])
         with undisturbed():

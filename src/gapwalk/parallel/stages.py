@@ -25,28 +25,6 @@ def do_in_stages(
     """Do items of work, and what each of them leaves to be done: items whose costs differ much end in small pieces.
 
     What an item leaves is done before further items are begun, by whoever is free.
-
-    Parameters
-    ----------
-    first, second
-        Functions of an item, and of a piece of what it leaves; importable by name.
-    items
-        The items.
-    further
-        Returns the pieces that an item leaves, given its result; called in this process.
-    workers
-        Executor of the work.
-
-    Yields
-    ------
-    index, result, parts
-        The index of an item, what `first` returned, and what `second` returned for each of its pieces; in the order of
-        completion.
-
-    Raises
-    ------
-    WorkError
-        If the processes die over an item. All others have been yielded by then.
     """
     queue: _StageQueue = _StageQueue(items)
     results: dict[int, Result] = {}

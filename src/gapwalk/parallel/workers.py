@@ -118,12 +118,6 @@ class Workers:
         ------
         index, result
             The index of a piece, and what the function returned.
-
-        Raises
-        ------
-        WorkError
-            If a process dies each time that it does one of the pieces. All the others have come by then; in order,
-            those before it. Or if the whole cluster has gone.
         """
         modules = extensions()
         if self.executor is not None and "__main__" in modules:  # no other process runs the user's script

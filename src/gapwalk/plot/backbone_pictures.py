@@ -36,15 +36,7 @@ def draw_backbone(
     response: Branch | Sequence[Branch] = (),
     title: str = "",
 ) -> Finish | None:
-    """Draw one backbone; see `draw_backbones`.
-
-    Parameters
-    ----------
-    line, figure
-        The backbone and the figure.
-    measure, response, title
-        As in `draw_backbones`.
-    """
+    """Draw one backbone; see `draw_backbones`."""
     return draw_backbones(Backbones((line,)), figure, measure, response=response, title=title)
 
 
@@ -57,19 +49,7 @@ def draw_backbones(
     response: Branch | Sequence[Branch] = (),
     title: str = "",
 ) -> Finish | None:
-    """Draw amplitudes over the frequency, and the frequency over the energy if the equations show it.
-
-    Parameters
-    ----------
-    found, figure
-        The backbones and the figure.
-    measure
-        ``half`` of a coordinate, as ``half.q1``; by default of the first one.
-    response
-        Branches over the frequency, of the system with its damping and excitation, to be drawn beside them.
-    title
-        Title above the picture.
-    """
+    """Draw amplitudes over the frequency, and the frequency over the energy if the equations show it."""
     if not found.lines:
         raise ModelError("there is no backbone yet, so there is nothing to draw")
     system = found.lines[0].system

@@ -214,25 +214,7 @@ def draw_branches(
     closeup: bool = False,
     within: tuple[float, float] | None = None,
 ) -> Finish:
-    """Draw a branch, or several over the same parameter.
-
-    Parameters
-    ----------
-    branches, ax
-        The branches and the axes.
-    measure
-        The quantity on the vertical axis: a measure (``"max.q1"``), a coordinate (``"q1"``: half its peak to peak) or
-        ``"half"`` (that of the first coordinate).
-    labels
-        True to write short names next to the special points.
-    legend
-        True for a legend; ``"above"`` places it above the axes.
-    closeup
-        True to enlarge, where there is room, a region with many special points; by default only on a separate
-        sheet.
-    within
-        Range of the parameter that is shown; by default all of it.
-    """
+    """Draw a branch, or several over the same parameter."""
     branches = [branches] if isinstance(branches, Branch) else list(branches)
     first = branches[0]
     measure = full_measure(measure, first.system.coordinates)

@@ -76,16 +76,7 @@ def fill_colors(ax: Axes, codes: NDArray[Any], colors: Sequence[str], within: Ra
 
 @draws(Basins, size=(6.6, 6.2))
 def draw_basins(found: Basins, ax: Axes, *, strobes: str = "in the plane") -> None:
-    """Draw the basins of attraction: the plane of initial states, each cell in the colour of its attractor.
-
-    Parameters
-    ----------
-    found, ax
-        The basins and the axes.
-    strobes
-        Strobes of the attractors to mark: those ``"in the plane"``, ``"all"`` of them, projected along the other
-        components of the state, or ``"none"``.
-    """
+    """Draw the basins of attraction: the plane of initial states, each cell in the colour of its attractor."""
     if strobes not in _STROBES:
         raise ModelError(f'strobes is {strobes!r}; write "in the plane", "all" or "none"')
     window, units = found.window, found.system.units
@@ -151,22 +142,7 @@ def draw_regimes(
     contact: int | str | None = None,
     title: str = "",
 ) -> None:
-    """Draw a regime map: kinds of motion in the plane of two parameters, and the severity of contacts.
-
-    Parameters
-    ----------
-    found, figure
-        The map and the figure.
-    panels
-        Panels below the regimes: ``"peak force"``, ``"impacts"``, both or neither; by default the first, if there are
-        contacts, or the second, if all are rigid stops, whose impacts have no finite force.
-    loci
-        Bifurcation loci in the same plane, drawn over the regimes.
-    contact
-        Name or number of the contact of these panels; by default the one with the largest force.
-    title
-        Title above the picture.
-    """
+    """Draw a regime map: kinds of motion in the plane of two parameters, and the severity of contacts."""
     shown = _shown(found, panels)
     axes = figure.subplots(1 + len(shown), 1, sharex=True, squeeze=False)[:, 0]
     axes[0].set_title(title, wrap=True)
@@ -268,17 +244,6 @@ def draw_sweep(
     """Draw the section points of a sweep over its parameter, below a strip of regimes for each lane.
 
     The points are drawn as an image, so that pictures with a hundred thousand points remain small as SVG or PDF.
-
-    Parameters
-    ----------
-    sweep, figure
-        The sweep and the figure.
-    signal
-        A coordinate, or with a prime its velocity (``q1'``); by default the first coordinate.
-    title
-        Title above the picture.
-    legend
-        True for a legend.
     """
     _check(sweep, signal)
     shown = _shown_lanes(sweep)

@@ -83,15 +83,7 @@ def _contrast_size(found: Contrast, **_: object) -> Inches:
 
 @draws(Contrast, panels=True, size=_contrast_size)
 def draw_contrast(found: Contrast, figure: AnyFigure, *, title: str | None = None) -> None:
-    """Draw two motions for comparison, a row for each signal: histories on the left, spectra on the right.
-
-    Parameters
-    ----------
-    found, figure
-        The comparison and the figure.
-    title
-        Title above the picture; by default the frequencies of the two motions.
-    """
+    """Draw two motions for comparison, a row for each signal: histories on the left, spectra on the right."""
     axes = figure.subplots(len(found.pairs), 2, squeeze=False, width_ratios=[1.35, 1.0])
     for (left, right), pair in zip(axes, found.pairs, strict=True):
         for values, options in zip(pair.histories, (_FIRST.options(), _SECOND.options()), strict=True):
@@ -139,17 +131,7 @@ def draw_alignment(
     names: Sequence[str] = (),
     title: str | None = None,
 ) -> None:
-    """Draw a record over the computed motion: history, spectral lines, and the residual over the phase.
-
-    Parameters
-    ----------
-    found, figure
-        The alignment and the figure; several records are drawn one below the other, a fit after its last step.
-    names
-        Names of several records.
-    title
-        Title above rms error and correlation.
-    """
+    """Draw a record over the computed motion: history, spectral lines, and the residual over the phase."""
     if isinstance(found, (list, tuple)):
         write_heading(figure, title or "")
         parts = figure.subfigures(len(found), 1, squeeze=False)[:, 0]
@@ -208,21 +190,7 @@ def draw_comparison(
     names: tuple[str, str] = ("the first", "the second"),
     title: str | None = None,
 ) -> None:
-    """Draw two results in one picture, and below them their distance over the parameter.
-
-    Parameters
-    ----------
-    found, figure
-        The comparison and the figure.
-    measure
-        The quantity for branches, as in `draw_branches`; by default that of the first study. Maps show their loci.
-    tolerance
-        Drawn as a line in the lower panel.
-    names
-        Names of the results.
-    title
-        Title above the picture; by default that of the first study.
-    """
+    """Draw two results in one picture, and below them their distance over the parameter."""
     first, second = found.results
     units = first.system.units
     full = full_measure(measure or first.walked.measure, first.system.coordinates)

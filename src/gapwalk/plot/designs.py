@@ -24,17 +24,7 @@ _DASHES = (0, (4, 2))
 
 @draws(Design, panels=True, size=_SIZE)
 def draw_design(found: Design, figure: AnyFigure, measure: str = "", *, title: str = "") -> None:
-    """Draw the responses before and after with the bands of the goals shaded, and the changes as bars.
-
-    Parameters
-    ----------
-    found, figure
-        The design and the figure.
-    measure
-        Measure of the responses; by default that of the gap or signal of the first goal.
-    title
-        Title above the picture.
-    """
+    """Draw the responses before and after with the bands of the goals shaded, and the changes as bars."""
     count = len(found.changes)
     panels = figure.subplots(2, 1, height_ratios=[2.6, 0.45 + 0.26 * count])
     write_answer(figure, title, [found.sentence])

@@ -91,22 +91,6 @@ def draw_diagram(
 
     The first panel shows a measure of all motions; the second one shows their states once per forcing period, so that
     a motion of period m gives m curves.
-
-    Parameters
-    ----------
-    diagram, figure
-        The diagram and the figure.
-    measure
-        The quantity of the first panel, as in `draw_branches`; the others show the same coordinate.
-    labels
-        True to write names next to special points and branches.
-    legend
-        True for a legend.
-    closeup
-        Range of the parameter that a third panel enlarges; by default the one in which most branches begin, if it is a
-        small part of the whole. False: no third panel.
-    title
-        Title above the picture.
     """
     if not diagram.members:
         raise ModelError("the diagram has no branches yet, so there is nothing to draw")
@@ -152,21 +136,7 @@ def draw_strobes(
     legend: bool = True,
     within: Range | None = None,
 ) -> Finish:
-    """Draw one panel of a diagram: the states of all motions once per forcing period, or a measure of them.
-
-    Parameters
-    ----------
-    diagram, ax
-        The diagram and the axes.
-    measure
-        A coordinate, whose states are drawn, by default the first one; or a measure, as in `draw_branches`.
-    labels
-        True to write names next to branches.
-    legend
-        True for a legend of the colours above the axes.
-    within
-        Range of the parameter that is shown; by default that of the diagram.
-    """
+    """Draw one panel of a diagram: the states of all motions once per forcing period, or a measure of them."""
     if not diagram.members:
         raise ModelError("the diagram has no branches yet, so there is nothing to draw")
     coordinates = diagram.branches[0].system.coordinates
@@ -186,15 +156,7 @@ def draw_strobes(
 
 
 class Strobes:
-    """Curves of the states of a diagram, for the whole picture and for a close-up.
-
-    Parameters
-    ----------
-    diagram
-        The diagram.
-    coordinate
-        The coordinate to draw; the first one if this is not a coordinate.
-    """
+    """Curves of the states of a diagram, for the whole picture and for a close-up."""
 
     def __init__(self, diagram: Diagram, coordinate: str) -> None:
         self.system = diagram.branches[0].system

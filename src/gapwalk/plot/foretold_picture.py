@@ -18,17 +18,7 @@ _SPAN = 30.0  # largest amplitude that is shown, in the largest birth or in the 
 
 @draws(Foretold, size=(7.5, 4.6))
 def draw_foretold(found: Foretold, ax: Axes, coordinate: str = "", *, title: str = "") -> None:
-    """Draw the amplitude of the load over that of the motion, one line for each harmonic, with births.
-
-    Parameters
-    ----------
-    found, ax
-        What is foretold, and the axes.
-    coordinate
-        Name of the coordinate whose half peak to peak is the amplitude; by default the first one.
-    title
-        Title above the picture.
-    """
+    """Draw the amplitude of the load over that of the motion, one line for each harmonic, with births."""
     system = found.line.system
     coordinate = coordinate or system.coordinates[0]
     half, place = found.line.half(coordinate), system.coordinates.index(coordinate)

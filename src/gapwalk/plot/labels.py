@@ -49,14 +49,7 @@ class Label(NamedTuple):
 def place_labels(ax: Axes, labels: list[Label], curve: NDArray[np.float64], symbols: NDArray[np.float64]) -> None:
     """Write labels into a picture with final limits and layout.
 
-    Parameters
-    ----------
-    ax
-        The axes.
-    labels
-        The labels and their points.
-    curve, symbols : shape (points, 2)
-        Curves and symbols that should stay visible, in data coordinates; rows of nan separate curves.
+    Shapes: `curve`, `symbols` (points, 2).
     """
     unit = ax.figure.dpi / 72.0  # pixels in a point
     inside = ax.get_window_extent()
@@ -88,12 +81,7 @@ def clusters_of(ax: Axes, symbols: NDArray[np.float64]) -> list[NDArray[np.intp]
 
     Symbols closer than they are wide are merged into their middle, again and again, until no two marks touch.
 
-    Parameters
-    ----------
-    ax
-        The axes.
-    symbols : shape (points, 2)
-        Places of the symbols, in data coordinates.
+    Shapes: `symbols` (points, 2).
     """
     places = ax.transData.transform(symbols) * (72.0 / ax.figure.dpi)
     groups = [np.array([number]) for number in range(len(places))]
@@ -119,12 +107,7 @@ def clusters_of(ax: Axes, symbols: NDArray[np.float64]) -> list[NDArray[np.intp]
 def apart(ax: Axes, places: NDArray[np.float64]) -> list[int]:
     """Return the indices of ticks that can be told apart in a picture with final limits, in their order.
 
-    Parameters
-    ----------
-    ax
-        The axes.
-    places : shape (points, 2)
-        Places of the ticks, in data coordinates.
+    Shapes: `places` (points, 2).
     """
     spots = ax.transData.transform(places) * (72.0 / ax.figure.dpi)
     kept: list[int] = []
@@ -217,14 +200,7 @@ def crowded_region(ax: Axes, symbols: NDArray[np.float64]) -> Region | None:
 def draw_closeup(ax: Axes, region: Region, curve: NDArray[np.float64]) -> Axes | None:
     """Create empty axes for a region in the largest free place of the picture; None if no place is large enough.
 
-    Parameters
-    ----------
-    ax
-        The axes of the whole picture.
-    region
-        The region of the new axes.
-    curve : shape (points, 2)
-        Curve that must not be covered, in data coordinates.
+    Shapes: `curve` (points, 2).
     """
     inside = ax.transAxes.inverted()
     line = inside.transform(ax.transData.transform(curve))

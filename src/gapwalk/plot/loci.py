@@ -55,15 +55,6 @@ def draw_map(chart: Map, ax: Axes, *, labels: bool = True, legend: bool = True) 
     """Draw all loci of a map in the plane of its two parameters.
 
     A thin line is a section, on which branches were computed; the isolas on it (closed branches) are bars.
-
-    Parameters
-    ----------
-    chart, ax
-        The map and the axes.
-    labels
-        True to name points of codimension two and sections.
-    legend
-        True for a legend.
     """
     xlim, ylim = _shown(chart)
     ax.set(xlim=xlim, ylim=ylim)
@@ -186,17 +177,6 @@ def draw_family(
 
     In the first panel the colour shows the member, and the line style shows stability. The second panel has the
     parameter of the family on its vertical axis: lines connect special points of neighbouring members.
-
-    Parameters
-    ----------
-    family, figure
-        The family and the figure.
-    measure
-        The quantity of the first panel, as in `draw_branches`.
-    legend
-        True for a legend.
-    title
-        Title above the picture.
     """
     colours = ScalarMappable(Normalize(min(family.over.axis), max(family.over.axis)), _COLOURS)
     _check(family, measure)

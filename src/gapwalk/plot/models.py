@@ -147,17 +147,7 @@ def machine_svg(system: System, width: float = 660.0) -> str:
 
 @draws(System, panels=True, size=_size, shows="forces and loads")
 def draw_system(system: System, figure: AnyFigure, points: Points | None = None, *, title: str = "") -> None:
-    """Draw what is in a system: the machine, the force of each contact at rest, what varies over the angle, loads.
-
-    Parameters
-    ----------
-    system, figure
-        The system and the figure.
-    points
-        Measured points that are drawn beside the forces of contacts, by their names: deflections and forces.
-    title
-        Title above the picture.
-    """
+    """Draw what is in a system: the machine, the force of each contact at rest, what varies over the angle, loads."""
     found = characteristics_of(system)
     panels = _panels(found)
     write_heading(figure, title)

@@ -75,17 +75,6 @@ def draw_history(
 
     Phases in which friction sticks, or a rigid stop is held, are shaded. Where a rigid stop strikes, its force and
     accelerations have no finite value; their impulses are bars.
-
-    Parameters
-    ----------
-    motion, ax
-        The motion and the axes.
-    signal
-        As in `Motion.signal`; by default the first coordinate.
-    contact
-        Name of a contact whose force is drawn over its deflection instead: the area of the loop is the dissipated
-        energy. The motion should last a whole period if it has one. The force of a rigid stop is no curve: the rate of
-        its deflection is drawn instead.
     """
     if isinstance(motion, Attractor):
         motion = _as_settled(motion)
@@ -190,17 +179,7 @@ def _levels(system: System, index: int) -> list[float]:
 def draw_section(
     found: Section, ax: Axes, first: str | None = None, second: str | None = None, *, heading: bool = True
 ) -> None:
-    """Draw a section of a motion: a few points for an orbit, closed curves for a torus, a point cloud for chaos.
-
-    Parameters
-    ----------
-    found, ax
-        The section and the axes.
-    first, second
-        The signals, such as ``"q1"`` and ``"q1'"``; by default the first coordinate and its velocity.
-    heading
-        True for a heading with the plane or phase of the section.
-    """
+    """Draw a section of a motion: a few points for an orbit, closed curves for a torus, a point cloud for chaos."""
     first = first or found.system.coordinates[0]
     second = second or f"{first}'"
     x, y = found.signal(first), found.signal(second)
@@ -219,17 +198,7 @@ def draw_section(
 
 @draws(Spectrum)
 def draw_spectrum(found: Spectrum, ax: Axes, *, top: float | None = None, labels: bool = True) -> Finish:
-    """Draw the amplitudes of a spectrum over its orders: exact lines for periodic motions, curves for all others.
-
-    Parameters
-    ----------
-    found, ax
-        The spectrum and the axes.
-    top
-        The highest order; by default that of the last significant line.
-    labels
-        True to name the highest lines (``2Ω``, ``Ω/3``).
-    """
+    """Draw the amplitudes of a spectrum over its orders: exact lines for periodic motions, curves for all others."""
     heights = found.amplitudes.copy()
     heights[0] = abs(heights[0])
     largest = float(heights[1:].max()) if len(heights) > 1 else 0.0
@@ -284,21 +253,6 @@ def draw_settled(
     """Draw a settled motion: time history, spectrum, section, and the loop of a contact's force.
 
     The layout follows figures 17 to 19 of Padmanabhan and Singh (1995), and the loop follows their figures 5 and 6.
-
-    Parameters
-    ----------
-    motion, figure
-        The motion and the figure.
-    signal
-        The signal of history and spectrum; by default the first coordinate.
-    phase
-        Phase of the excitation for the section, in radians.
-    contact
-        The contact of the loop; by default the one that the signal names, otherwise one that closes.
-    options
-        Options of the spectrum.
-    title
-        Title above the picture; by default the kind of motion and its frequency.
     """
     write_heading(figure, _settled_title(motion) if title is None else title)
     settled = _as_settled(motion)
@@ -343,15 +297,7 @@ def _settled_title(motion: Settled | Attractor) -> str:
 
 @draws(Hysteresis, size=(6.0, 4.4), several=True)
 def draw_hysteresis(loops: Hysteresis | Sequence[Hysteresis], ax: Axes, names: Sequence[str] = ()) -> None:
-    """Draw one or several loops of contact force over deflection: the area is the energy dissipated per cycle.
-
-    Parameters
-    ----------
-    loops, ax
-        The loops and the axes.
-    names
-        Names of the loops; by default their damping laws.
-    """
+    """Draw one or several loops of contact force over deflection: the area is the energy dissipated per cycle."""
     loops = [loops] if isinstance(loops, Hysteresis) else list(loops)
     entries = []
     for place, loop in enumerate(loops):
@@ -373,13 +319,6 @@ def draw_waterfall(found: Waterfall, ax: Axes, *, depth: float = _WATERFALL_DEPT
     """Draw the amplitudes of all orders along a branch as colours, on a logarithmic scale.
 
     The horizontal axis is the path along the branch; a dashed line marks each fold, where the parameter reverses.
-
-    Parameters
-    ----------
-    found, ax
-        The waterfall and the axes.
-    depth
-        Smallest amplitude with a colour, relative to the largest.
     """
     mesh = fill_waterfall(found, ax, depth)
     ax.figure.colorbar(
@@ -443,17 +382,7 @@ def _modes_size(modes: Modes, **_: object) -> Inches:
 
 @draws(Modes, panels=True, size=_modes_size)
 def draw_modes(modes: Modes, figure: AnyFigure, system: System, *, title: str = "") -> None:
-    """Draw the modes of lowest frequency, one panel each: along the inertias of a drive train, or by coordinates.
-
-    Parameters
-    ----------
-    modes, figure
-        The modes and the figure.
-    system
-        The system of the modes.
-    title
-        Title above the picture.
-    """
+    """Draw the modes of lowest frequency, one panel each: along the inertias of a drive train, or by coordinates."""
     write_heading(figure, title)
     panels = figure.subplots(min(len(modes), _MODES), 1, sharex=True, squeeze=False)[:, 0]
     assembly = system.structure.assembly

@@ -48,17 +48,7 @@ _CLOSE = 0.12  # share of the range below which the labels of two ends would tou
 
 @draws(RattleBands, panels=True, size=_SIZE)
 def draw_rattle(found: RattleBands, figure: AnyFigure, gap: str | None = None, *, title: str = "") -> Finish:
-    """Draw the bands of one gap over the response, and the peak force and the impacts along them.
-
-    Parameters
-    ----------
-    found, figure
-        The bands and the figure.
-    gap
-        Name of the contact; by default the first.
-    title
-        Title above the picture.
-    """
+    """Draw the bands of one gap over the response, and the peak force and the impacts along them."""
     gap = _checked(found, gap)
     panels = figure.subplots(3, 1, sharex=True, height_ratios=[1.25, 1.0, 0.8])
     write_answer(figure, title, [found.sentence(gap)])
@@ -188,15 +178,7 @@ def _write_ends(ax: Axes, found: RattleBands, gap: str) -> None:
 
 @draws(RattleMap, size=_MAP)
 def draw_rattle_map(found: RattleMap, ax: Axes, gap: str | None = None) -> None:
-    """Draw the state of one gap in the plane of two parameters, with the exact borders over the cells.
-
-    Parameters
-    ----------
-    found, ax
-        The map and the axes.
-    gap
-        Name of the contact; by default the first.
-    """
+    """Draw the state of one gap in the plane of two parameters, with the exact borders over the cells."""
     name = found.gaps[0] if gap is None else gap
     if name not in found.gaps:
         raise ModelError(f"gap is {gap!r}; {did_you_mean(name, found.gaps)}")

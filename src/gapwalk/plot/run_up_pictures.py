@@ -45,25 +45,7 @@ def draw_run_up(
     window: int = 8,
     title: str = "",
 ) -> Finish:
-    """Draw a signal of a run-up over the speed; below it the response that a slow sweep meets, and a waterfall.
-
-    Parameters
-    ----------
-    run, figure
-        The run-up and the figure.
-    signal
-        A coordinate, velocity, contact force or torque, as in `RunUp.signal`; by default the coordinate of the contact
-        with the largest force.
-    branch
-        A response over the speed, of the same system: half the range of the coordinate in each period is laid over it.
-        For a signal that is no coordinate, it is that of `RunUp.coordinate_of`.
-    orders
-        Highest order of the waterfall; 0: none.
-    window
-        Length of its spectra in forcing periods.
-    title
-        Title above the picture, to which the largest forces are added.
-    """
+    """Draw a signal of a run-up over the speed; below it the response that a slow sweep meets, and a waterfall."""
     signal = signal or run.loudest
     delays: tuple[JumpDelay, ...] = ()
     if branch is not None and run.course.is_one_way:
@@ -152,19 +134,7 @@ def draw_run_ups(
     branch: Branch | None = None,
     title: str = "",
 ) -> None:
-    """Draw the largest force of a contact over the rate, and its envelope over the speed below.
-
-    Parameters
-    ----------
-    found, figure
-        The run-ups and the figure.
-    contact
-        Name of the contact; by default the one with the largest force.
-    branch
-        A response over the speed, of the same system: the largest force along it is drawn below.
-    title
-        Title above the picture, to which the largest forces are added.
-    """
+    """Draw the largest force of a contact over the rate, and its envelope over the speed below."""
     if not found.contacts:
         raise ModelError("these run-ups have no contact, so there is no force to draw")
     units, pace = found.system.units, found.system.structure.pace

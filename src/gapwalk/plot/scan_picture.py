@@ -31,15 +31,7 @@ def _size(found: Scan, **_: object) -> tuple[float, float]:
 
 @draws(Scan, panels=True, size=_size)
 def draw_scan(found: Scan, figure: AnyFigure, *, title: str | None = None) -> Finish | None:
-    """Draw a table of the best variations and claims, and beside it the shares of variations by number of claims.
-
-    Parameters
-    ----------
-    found, figure
-        The scan and the figure.
-    title
-        Title above the picture; below it stand the answer and the claims.
-    """
+    """Draw a table of the best variations and claims, and beside it the shares of variations by number of claims."""
     claims = [f"claim {number}: {claim.words}" for number, claim in enumerate(found.claims, start=1)]
     write_answer(figure, title or "", [found.sentence, *claims])
     panels: Any = figure.subplots(1, 2, width_ratios=[2.0, 1.0])

@@ -32,17 +32,7 @@ _STABLE_WORDS, _UNSTABLE_WORDS = "stable equilibrium", "unstable equilibrium"
 
 @draws(Rests, size=(7.5, 4.2))
 def draw_rests(line: Rests, ax: Axes, coordinate: str = "", *, title: str = "") -> None:
-    """Draw a coordinate of equilibria over the parameter, dashed where they are unstable.
-
-    Parameters
-    ----------
-    line, ax
-        The equilibria and the axes.
-    coordinate
-        Name of the coordinate; by default the first one.
-    title
-        Title above the picture.
-    """
+    """Draw a coordinate of equilibria over the parameter, dashed where they are unstable."""
     coordinate = _coordinate(line, coordinate)
     _draw_line(ax, line, coordinate)
     ax.set_title(title, loc="left")
@@ -55,19 +45,7 @@ def draw_rests(line: Rests, ax: Axes, coordinate: str = "", *, title: str = "") 
 def draw_self_excited(
     found: SelfExcited, figure: AnyFigure, coordinate: str = "", *, labels: bool = True, title: str = ""
 ) -> Finish | None:
-    """Draw equilibria with the largest and smallest values of the motions above the frequency of the motions.
-
-    Parameters
-    ----------
-    found, figure
-        Equilibria and motions, and the figure.
-    coordinate
-        Name of the coordinate; by default the first one.
-    labels
-        True to write short names next to special points of motions.
-    title
-        Title above the picture.
-    """
+    """Draw equilibria with the largest and smallest values of the motions above the frequency of the motions."""
     coordinate = _coordinate(found.rests[0], coordinate)
     system, finish = found.system, None
     panels = np.atleast_1d(figure.subplots(2 if found.cycles else 1, 1, sharex=True))

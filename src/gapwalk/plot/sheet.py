@@ -81,15 +81,7 @@ def close_window(figure: Figure) -> None:
 
 
 def lay_out(figure: Figure, *, keep: bool = False) -> None:
-    """Compute the layout of a figure, so that labels placed afterwards stay in place.
-
-    Parameters
-    ----------
-    figure
-        The figure.
-    keep
-        True to keep its layout engine; otherwise it is removed, as it would repeat the layout for each file.
-    """
+    """Compute the layout of a figure, so that labels placed afterwards stay in place."""
     engine = figure.get_layout_engine()
     with in_style():
         if engine is not None:
@@ -125,19 +117,7 @@ def write_legend(
     where: Literal["below", "above", "inside"] = "below",
     note: str = "",
 ) -> None:
-    """Write a legend of lines, symbols and fills.
-
-    Parameters
-    ----------
-    place
-        The axes, or the figure whose panels share the legend.
-    entries
-        Texts, each with the options of a matplotlib line or the colour of a fill.
-    where
-        Above the axes, inside them where it hides least, or below a picture without another panel nearby.
-    note
-        A line above the entries, in small grey letters.
-    """
+    """Write a legend of lines, symbols and fills."""
     handles: list[Artist] = [
         Patch(facecolor=options, edgecolor=GREY, linewidth=0.5, label=text)
         if isinstance(options, str)

@@ -26,17 +26,7 @@ def _phases_size(found: StickSlip, **_: object) -> Inches:
 def draw_stick_slip(
     found: StickSlip, figure: AnyFigure, signal: str | None = None, *, loops: tuple[str, ...] | None = None
 ) -> None:
-    """Draw a time history with stick phases shaded, a strip of the modes of each element below, and their loops.
-
-    Parameters
-    ----------
-    found, figure
-        The phases of a motion, and the figure.
-    signal
-        The signal of the history, as in `Motion.signal`; by default the first coordinate.
-    loops
-        Names of contacts whose force is drawn over the deflection; by default the first four of friction and stops.
-    """
+    """Draw a time history with stick phases shaded, a strip of the modes of each element below, and their loops."""
     motion, names = found.motion, found.elements
     shown = loops if loops is not None else names[:_MOST]
     outer = figure.add_gridspec(2 if shown else 1, 1, height_ratios=[3.0, 2.2] if shown else [1.0])
@@ -81,15 +71,7 @@ def _energy_size(book: Energy, **_: object) -> Inches:
 
 @draws(Energy, size=_energy_size)
 def draw_energy(book: Energy, ax: Axes, *, power: bool = False) -> None:
-    """Draw a bar for each load that does work, and for each element that takes energy.
-
-    Parameters
-    ----------
-    book, ax
-        The energy of an orbit, and the axes.
-    power
-        True for the mean power, False for the energy in one period of the orbit.
-    """
+    """Draw a bar for each load that does work, and for each element that takes energy."""
     rows = [(each, VERMILLION) for each in book.work] + [(each, BLUE) for each in book.losses]
     for place, (item, colour) in enumerate(rows):
         value = item.power if power else item.energy

@@ -21,15 +21,7 @@ _LINE = 60  # letters in a line of a reason why nothing is drawn
 
 @draws(Threshold, panels=True)
 def draw_threshold_with_answer(found: Threshold, figure: AnyFigure, *, title: str = "") -> Finish | None:
-    """Draw the loci, the quiet side and the limit below the answer in a sentence.
-
-    Parameters
-    ----------
-    found, figure
-        The threshold and the figure.
-    title
-        Title above the picture, to which the answer is added.
-    """
+    """Draw the loci, the quiet side and the limit below the answer in a sentence."""
     write_answer(figure, title, [found.sentence])
     return draw_threshold(found, figure.subplots())
 

@@ -32,17 +32,7 @@ def _size(found: Tolerance, measure: str = "", **_: object) -> tuple[float, floa
 
 @draws(Tolerance, panels=True, size=_size)
 def draw_tolerance(found: Tolerance, figure: AnyFigure, measure: str = "", *, title: str | None = None) -> Finish:
-    """Draw the nominal response, below it the distribution of each special point, and bars of Sobol indices.
-
-    Parameters
-    ----------
-    found, figure
-        The tolerances and the figure.
-    measure
-        The quantity of the response, as in `draw_branches`; by default that of the first gap whose numbers vary.
-    title
-        Title above the picture; below it stands the number of samples.
-    """
+    """Draw the nominal response, below it the distribution of each special point, and bars of Sobol indices."""
     rows = max(1, len(found.points))
     halves: Any = figure.subfigures(2, 1, height_ratios=[3.6, 1.6 + 0.5 * rows])
     top, bottom = halves

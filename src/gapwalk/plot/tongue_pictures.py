@@ -22,17 +22,7 @@ _PALE = 0.25
 
 @draws(Tongue, several=True, size=(7.5, 4.8))
 def draw_tongue(found: Tongue | Sequence[Tongue], ax: Axes, *, labels: bool = True, title: str = "") -> None:
-    """Draw both sides of a tongue, or of several, over both parameters, and the regions between them.
-
-    Parameters
-    ----------
-    found, ax
-        The tongue, or some of the same parameters, and the axes.
-    labels
-        True to write the fractions.
-    title
-        Title above the picture.
-    """
+    """Draw both sides of a tongue, or of several, over both parameters, and the regions between them."""
     tongues = [found] if isinstance(found, Tongue) else list(found)
     entries: list[tuple[str, Any]] = []
     for number, tongue in enumerate(tongues):

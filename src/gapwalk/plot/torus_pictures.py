@@ -45,19 +45,7 @@ _ANGLES = 48  # angles of the excitation in a picture in space, per forcing peri
 def draw_torus_diagram(
     found: TorusDiagram, figure: AnyFigure, measure: str = "half", *, labels: bool = True, title: str = ""
 ) -> Finish:
-    """Draw the branches with the families of tori above the rotation numbers of the tori.
-
-    Parameters
-    ----------
-    found, figure
-        The tori and the figure.
-    measure
-        The quantity of the upper panel: ``max``, ``min`` or ``half`` of a coordinate.
-    labels
-        True to write names next to special points and resonances.
-    title
-        Title above the picture.
-    """
+    """Draw the branches with the families of tori above the rotation numbers of the tori."""
     branches = [member.branch for member in found.diagram.members]
     if not branches:  # with a second tone no motion is periodic
         if found.families:
@@ -102,19 +90,7 @@ def _within(found: TorusDiagram) -> tuple[float, float] | None:
 def draw_torus_family(
     family: TorusFamily, figure: AnyFigure, measure: str = "half", *, labels: bool = True, title: str = ""
 ) -> None:
-    """Draw a measure and the rotation number of a family of tori over its parameter.
-
-    Parameters
-    ----------
-    family, figure
-        The family and the figure.
-    measure
-        ``max``, ``min`` or ``half`` of a coordinate.
-    labels
-        True to write fractions next to resonances.
-    title
-        Title above the picture.
-    """
+    """Draw a measure and the rotation number of a family of tori over its parameter."""
     system = family.points[0].torus.system
     measure = full_measure(measure, system.coordinates)
     upper, lower = figure.subplots(2, 1, sharex=True)
@@ -178,17 +154,7 @@ def _torus_size(torus: Torus, *_: object, **__: object) -> Inches:
 
 @draws(Torus, panels=True, size=_torus_size)
 def draw_torus(torus: Torus, figure: AnyFigure, coordinate: str = "", *, title: str = "") -> None:
-    """Draw each curve of a torus in the stroboscopic section, and the torus in space.
-
-    Parameters
-    ----------
-    torus, figure
-        The torus and the figure.
-    coordinate
-        The coordinate, with its velocity; by default the first one.
-    title
-        Title above the picture.
-    """
+    """Draw each curve of a torus in the stroboscopic section, and the torus in space."""
     names, units = torus.system.coordinates, torus.system.units
     coordinate = coordinate or names[0]
     place = names.index(coordinate)

@@ -72,18 +72,7 @@ class Basis:
         return self.vectors.shape[1]
 
     def reduce(self, matrices: Matrices) -> Matrices:
-        """Project the system on this basis; entries that are zero or one by construction are set exactly.
-
-        Parameters
-        ----------
-        matrices
-            Matrices of the full system.
-
-        Returns
-        -------
-        Matrices
-            Matrices of the reduced system.
-        """
+        """Project the system on this basis; entries that are zero or one by construction are set exactly."""
         small = matrices.projected(self.vectors)
         b = len(self.kept)
         mass, stiffness = small.mass.toarray(), small.stiffness.toarray()
@@ -109,13 +98,7 @@ class Bases:
 
     @classmethod
     def of(cls, matrices: Matrices, coordinates: Sequence[str], names: Sequence[str] = ()) -> Bases:
-        """Create the bases of a system with these coordinates, which retain also those of the given `names`.
-
-        Raises
-        ------
-        ModelError
-            If a name is not that of a coordinate.
-        """
+        """Create the bases of a system with these coordinates, which retain also those of the given `names`."""
         if isinstance(names, str):
             raise ModelError(f'keep is {names!r}; it must be a list of coordinates: write keep=["{names}"]')
         for name in names:

@@ -81,16 +81,6 @@ class Reduction:
         ----------
         reduced
             The reduced system, at other values.
-
-        Returns
-        -------
-        System
-            The full system at these values.
-
-        Raises
-        ------
-        ModelError
-            If it is not the reduced system at other values, or a parameter of a mode was changed.
         """
         if reduced.structure != self.system.structure:
             raise ModelError("the system is not the reduced one at other values; take `reduction.system.at(...)`")
@@ -120,11 +110,6 @@ class Reduction:
             An orbit (one period is used) or a sampled motion.
         samples
             Samples per forcing period, for an orbit.
-
-        Returns
-        -------
-        Motion
-            The motion of the full system.
         """
         sampled = motion.motion(samples) if isinstance(motion, Orbit) else motion
         full, back = self.full_at(sampled.system), self.basis.vectors.T
@@ -134,20 +119,10 @@ class Reduction:
     def expand_state(self, state: ArrayLike) -> NDArray[np.float64]:
         """Expand a state of the reduced system, shape (..., state_size), to all coordinates.
 
-        Parameters
-        ----------
-        state : shape (..., state_size)
-            States of the reduced system.
-
         Returns
         -------
         array
             States of the full system, shape (..., state_size of the full system).
-
-        Raises
-        ------
-        ModelError
-            If it is not a state of the reduced system.
         """
         given, r = np.asarray(state, dtype=float), self.system.size
         if given.ndim == 0 or given.shape[-1] != self.system.state_size:
@@ -169,19 +144,6 @@ class Reduction:
             An orbit or a branch of the reduced system, by shooting or by harmonic balance.
         method
             Options of the harmonic balance; by default 15 harmonics, or as many as the orbits were found with.
-
-        Returns
-        -------
-        OrbitCheck or BranchCheck
-            The estimated errors.
-
-        Raises
-        ------
-        ModelError
-            If it is not an orbit or branch of the reduced system, or the parameter of the branch has no meaning in the
-            full one.
-        NumericalError
-            If so few harmonics do not suffice for the motion.
         """
         from gapwalk.reduction.reduction_error import check_branch, check_orbit  # imported late: few need it
 
@@ -213,17 +175,7 @@ class Reduction:
 
 
 def reduced_system(full: System, basis: Basis, small: Matrices) -> System:
-    """Build the reduced system with all values of the full one.
-
-    Parameters
-    ----------
-    full
-        The full system.
-    basis
-        The basis.
-    small
-        The matrices of the full system in the basis.
-    """
+    """Build the reduced system with all values of the full one."""
     structure = structure_of(full.structure, basis)
     n, r = full.size, basis.size
     values = np.zeros(len(structure.names))

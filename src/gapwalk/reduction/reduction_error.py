@@ -379,15 +379,7 @@ def _secant(at: Callable[[float], tuple[BranchPoint, float]]) -> tuple[BranchPoi
 
 
 def test_of(special: SpecialPoint, point: BranchPoint) -> Test | None:
-    """Return the test function of a special point for points of either branch; None if it has none.
-
-    Parameters
-    ----------
-    special
-        The special point.
-    point
-        Its motion by harmonic balance.
-    """
+    """Return the test function of a special point for points of either branch; None if it has none."""
     kind = special.kind
     if kind.has_function:
         return kind.at

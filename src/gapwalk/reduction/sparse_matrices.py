@@ -66,13 +66,7 @@ class Matrices:
 
 
 def matrices_of(system: System) -> Matrices:
-    """Extract the linear part of a system.
-
-    Raises
-    ------
-    ModelError
-        If mass or stiffness is not symmetric.
-    """
+    """Extract the linear part of a system."""
     n, structure, values = system.size, system.structure, system.values
     for which in ("mass", "stiffness"):
         matrix = system.matrix(which)

@@ -45,35 +45,14 @@ class Packed(NamedTuple):
 
 
 def encode(value: Any, kind: Any, base: Any = None) -> Packed:
-    """Return a value as JSON and bytes.
-
-    Parameters
-    ----------
-    value
-        The value.
-    kind
-        Its type, as a type hint.
-    base
-        The system from which the systems of its orbits differ by a few parameters; only the differences are written.
-
-    Raises
-    ------
-    ModelError
-        If something in it is not of the type that its hint names.
-    """
+    """Return a value as JSON and bytes."""
     writer = Writer(base)
     node = column_of(kind).write([value], writer)
     return Packed(json.dumps(node, allow_nan=False, separators=(",", ":")), b"".join(writer.chunks))
 
 
 def decode(packed: Packed, kind: Any, base: Any = None) -> Any:
-    """Return the value of JSON and bytes; parameters as `encode`.
-
-    Raises
-    ------
-    ValueError, TypeError, LookupError
-        If the JSON and the bytes are not those of a value of this type.
-    """
+    """Return the value of JSON and bytes; parameters as `encode`."""
     reader = Reader(packed.arrays, len(packed.head) + len(packed.arrays), base)
     (value,) = column_of(kind).read(json.loads(packed.head), 1, reader)
     reader.check_empty()
@@ -297,17 +276,7 @@ class Record(Column):
 
 
 class OneOf(Column):
-    """Values of several types, each by its tag, and None where the union is optional.
-
-    Parameters
-    ----------
-    tag_of
-        The tag of a value; None if it is of none of the types.
-    column_of_tag
-        The column of a tag; raise a LookupError if there is none.
-    optional
-        True if a value may be None.
-    """
+    """Values of several types, each by its tag, and None where the union is optional."""
 
     tag = "union"
 
@@ -377,17 +346,7 @@ class Free(Column):
 
 
 class Converted(Column):
-    """Values that are written as those of another type.
-
-    Parameters
-    ----------
-    kind
-        Their type.
-    hint
-        The type as which they are written.
-    to, of
-        Make the other value, and this one from it; `of` raises a ValueError where that is impossible.
-    """
+    """Values that are written as those of another type."""
 
     def __init__(self, kind: type, hint: Any, to: Callable[[Any], Any], of: Callable[[Any], Any]) -> None:
         self.tag, self._kind, self._hint, self._to, self._of = kind.__name__, kind, hint, to, of

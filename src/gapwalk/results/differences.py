@@ -16,22 +16,7 @@ _SHOWN = 3  # differences that are named
 
 
 def check_same(name: str, now: Any, then: Any, otherwise: str = "choose another name, or remove the file") -> None:
-    """Refuse to continue a file with another request.
-
-    Parameters
-    ----------
-    name
-        The file.
-    now, then
-        The request, and that of the file. Fields that are not compared change nothing of the result.
-    otherwise
-        The advice, in words.
-
-    Raises
-    ------
-    StoreError
-        With the differences.
-    """
+    """Refuse to continue a file with another request."""
     found = list(differences(now, then))
     if found:
         more = f"; and {len(found) - _SHOWN} more differences" if len(found) > _SHOWN else ""

@@ -147,13 +147,7 @@ def parameter_table(system: System) -> LabelledTable:
 
 
 def needed(module: str, what: str) -> Any:
-    """Import a module of the extra ``data``.
-
-    Raises
-    ------
-    ModelError
-        If it is not installed; the message has the line that installs it.
-    """
+    """Import a module of the extra ``data``."""
     try:
         return import_module(module)
     except ModuleNotFoundError as error:

@@ -171,15 +171,7 @@ def _orbits_of(name: str) -> Column:
 
 
 class Registered(Converted):
-    """Members of a registry, by their names; an unregistered object is refused, because it could not be read again.
-
-    Parameters
-    ----------
-    registry
-        The registry.
-    name_of
-        The name of a member.
-    """
+    """Members of a registry, by their names; an unregistered object is refused, because it could not be read again."""
 
     def __init__(self, registry: Registry[Any], name_of: Callable[[Any], str]) -> None:
         super().__init__(object, str, name_of, registry.named)

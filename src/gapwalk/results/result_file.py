@@ -80,11 +80,6 @@ class Part:
             The contents.
         number
             Number of the part; 0 if there is only one.
-
-        Returns
-        -------
-        Entry
-            The entry.
         """
         return Entry(self, number, value)
 
@@ -126,20 +121,10 @@ class Parts:
     def all(self, part: Part) -> Iterator[tuple[int, Any]]:
         """Yield the number and the value of each part of a kind, in order.
 
-        Parameters
-        ----------
-        part
-            Kind of part.
-
         Yields
         ------
         number, value
             The number and the contents of each.
-
-        Raises
-        ------
-        StoreError
-            If one of them is damaged.
         """
         with undamaged(self.path):
             for _, number, *packed, _ in _rows(self._connection, "WHERE name = ? ORDER BY number", part.name):
@@ -148,62 +133,19 @@ class Parts:
                 yield number, value
 
     def one(self, part: Part) -> Any:
-        """Return the only part of a kind; errors as `all`, and if it is missing.
-
-        Parameters
-        ----------
-        part
-            Kind of part.
-
-        Returns
-        -------
-        object
-            Its contents.
-
-        Raises
-        ------
-        StoreError
-            If it is missing or damaged.
-        """
+        """Return the only part of a kind; errors as `all`, and if it is missing."""
         found = self.get(part)
         if found is None:
             raise StoreError(f"{os.fspath(self.path)} is damaged: its part {part.name} is missing")
         return found
 
     def get(self, part: Part) -> Any:
-        """Return the only part of a kind, or None if it is missing.
-
-        Parameters
-        ----------
-        part
-            Kind of part.
-
-        Returns
-        -------
-        object or None
-            Its contents.
-        """
+        """Return the only part of a kind, or None if it is missing."""
         return next((value for _, value in self.all(part)), None)
 
 
 class ResultFile:
-    """File that grows part by part during a job; it is created with the first part.
-
-    Parameters
-    ----------
-    path
-        The file.
-    head
-        Its first parts, of which the first is the request: the systems of all others are written as they differ from
-        its `system`. They replace those of an earlier run.
-    exists
-        True to continue an existing file; otherwise a new one replaces it.
-
-    Raises
-    ------
-    StoreError
-        If the file cannot be written.
-    """
+    """File that grows part by part during a job; it is created with the first part."""
 
     def __init__(self, path: str | os.PathLike[str], *head: Entry, exists: bool) -> None:
         self.path, self._head = path, head
@@ -235,13 +177,7 @@ class ResultFile:
         return count
 
     def write(self, *entries: Entry) -> None:
-        """Write some parts, all or none; they are stored safely when this returns. Ctrl-C is delayed until then.
-
-        Raises
-        ------
-        StoreError
-            If the file cannot be written.
-        """
+        """Write some parts, all or none; they are stored safely when this returns. Ctrl-C is delayed until then."""
         with uninterrupted():
             if self._exists:
                 with _transaction(self.path, connection := self._opened()):
@@ -273,20 +209,7 @@ class ResultFile:
 
 @contextmanager
 def reading(path: str | os.PathLike[str], *, sealed: bool = True) -> Iterator[Parts]:
-    """Open a consistent view of a file, even while another program writes it.
-
-    Parameters
-    ----------
-    path
-        The file.
-    sealed
-        True to refuse a file with a wrong checksum.
-
-    Raises
-    ------
-    StoreError
-        If there is no such file, or it is none that this version can read, or damaged.
-    """
+    """Open a consistent view of a file, even while another program writes it."""
     check_place(path)
     if not os.path.exists(path):
         raise StoreError(f"there is no file {os.fspath(path)}; `gapwalk run FILE` writes a result")

@@ -89,18 +89,7 @@ class BasinWork(CellWork):
 
     States beyond a rigid stop are left out: `states`, `neighbours` and `labels` are those of the others.
 
-    Parameters
-    ----------
-    system
-        The system.
-    states : shape (count, state_size)
-        The states.
-    neighbours : shape (count, any number)
-        Indices of the neighbours of each state.
-    resolution
-        Columns and rows of the states.
-    options
-        Options for the computation of basins.
+    Shapes: `states` (count, state_size); `neighbours` (count, any number).
     """
 
     chunk_part = Part("cells", BasinChunk, numbered=True)

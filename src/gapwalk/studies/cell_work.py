@@ -28,8 +28,6 @@ class CellWork(Work):
     ----------
     chunk_part, whole_part
         The parts of a file that hold a chunk, and the whole record.
-    found_as
-        Class of the study's `Finding`.
     resolution
         Columns and rows of a map.
     """
@@ -156,21 +154,7 @@ def check_until_right(
 ) -> int:
     """Check cells of all kinds, then those beside wrong ones and more of their kinds, until none is wrong.
 
-    Parameters
-    ----------
-    kinds : shape (first, second, numbers)
-        What distinguishes cells: their labels, and which contacts they touch.
-    may, costly : shape (first, second), bool
-        The cells that can be checked; those that take seconds, of which a sample has few.
-    most, seed
-        Cells of a sample, and the seed of its choice.
-    find_wrong
-        Checks cells, by their numbers, and marks the wrong ones.
-
-    Returns
-    -------
-    int
-        Number of cells that were checked.
+    Shapes: `kinds` (first, second, numbers); `may`, `costly` (first, second), bool.
     """
     _, group, sizes = np.unique(kinds.reshape(may.size, -1), axis=0, return_inverse=True, return_counts=True)
     group, left, random = group.ravel(), may.ravel().copy(), np.random.default_rng(seed)

@@ -112,11 +112,6 @@ class Pair:
         ----------
         tolerance
             The tolerance, as a share of the ranges.
-
-        Returns
-        -------
-        bool
-            False if they differ by more.
         """
         return not any(self.only) and max(self.largest, self.largest_shift, self.missing) <= tolerance
 
@@ -161,11 +156,6 @@ class ResultComparison(Shown):
         ----------
         tolerance
             The tolerance, as a share of the ranges.
-
-        Returns
-        -------
-        bool
-            False if they differ by more.
         """
         return not any(self.only) and all(pair.within(tolerance) for pair in self.pairs)
 

@@ -67,28 +67,11 @@ class CellComparison(Shown):
         return self.resolution[0] * self.resolution[1]
 
     def within_share(self, share: float) -> bool:
-        """Return True if both have the same gaps, and at most a share of the cells differs in each label.
-
-        Parameters
-        ----------
-        share
-            The share.
-
-        Returns
-        -------
-        bool
-            False if more cells differ.
-        """
+        """Return True if both have the same gaps, and at most a share of the cells differs in each label."""
         return not any(self.only) and max(self.counts.values(), default=0) <= share * self.cells
 
     def lines(self) -> SummaryParts:
-        """Return the differences in words: counts, changes of labels, and the first cells.
-
-        Returns
-        -------
-        iterator
-            Lines and tables.
-        """
+        """Return the differences in words: counts, changes of labels, and the first cells."""
         yield from remarks(self.notes, ())
         axes = (f"{name} from {a:.6g} to {b:.6g}" for name, (a, b) in zip(self.names, self.within, strict=True))
         yield f"compared: {' x '.join(map(str, self.resolution))} cells, {', '.join(axes)}"
@@ -111,11 +94,6 @@ class CellComparison(Shown):
         ----------
         tolerance
             The share of cells that may differ.
-
-        Returns
-        -------
-        dict
-            The values.
         """
         return {
             "agree": self.within_share(tolerance),
@@ -155,20 +133,7 @@ def map_of(result: Result) -> Regimes | Basins | RattleMap | None:
 
 
 def compare_cells(first: Result, second: Result, notes: Sequence[str] = ()) -> CellComparison:
-    """Compare two maps of one kind cell by cell.
-
-    Parameters
-    ----------
-    first, second
-        The results, which hold maps.
-    notes
-        Other differences of the studies, in sentences.
-
-    Raises
-    ------
-    ModelError
-        If they are not maps of one kind over the same cells.
-    """
+    """Compare two maps of one kind cell by cell."""
     a, b = map_of(first), map_of(second)
     if a is None or b is None or type(a) is not type(b):
         words = [

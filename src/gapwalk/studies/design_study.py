@@ -109,13 +109,7 @@ class GoalTable:
             )
 
     def goal(self, system: System, parameter: str, ends: tuple[float, float]) -> AnyGoal:
-        """Return the goal that it describes.
-
-        Raises
-        ------
-        ModelError
-            For a value without its unit, or one that is missing.
-        """
+        """Return the goal that it describes."""
         if self.resonance is not None:
             pace = system.structure.pace
             below, above = (None if each is None else _number(system, pace, each) for each in (self.below, self.above))
@@ -182,15 +176,7 @@ def _suit(changes: tuple[Change, ...], info: ValidationInfo[Surroundings]) -> tu
 
 @dataclass(frozen=True)
 class DesignStudy(DesignOptions, RangeStudy):
-    """A design: the least change of some parameters that reaches all goals over a range of another one.
-
-    Parameters
-    ----------
-    parameter, begin, end
-        The walked parameter, and the range of the response. It should reach a little beyond the bands of the goals.
-    finding, search_values, search
-        Options, as `gapwalk.ask.DesignOptions`. In a table, the keys of `finding` are among the others.
-    """
+    """A design: the least change of some parameters that reaches all goals over a range of another one."""
 
     kind: ClassVar[str] = "design"
     table_types: ClassVar[Mapping[str, Any]] = {

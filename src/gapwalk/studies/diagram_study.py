@@ -124,11 +124,6 @@ class DiagramStudyOptions(DiagramOptions, BranchOptions):
             Known branches.
         searching
             Called with the progress of the search.
-
-        Returns
-        -------
-        DiagramWork
-            The work.
         """
         known = empty_diagram(self.parameter, self.ends)
         return DiagramWork(system, known, self, self.walk, self.method, apart=apart, searching=searching)
@@ -150,21 +145,6 @@ class DiagramWork(Work):
     """Computation of a diagram, generation by generation; each branch is stored as a whole when it is accepted.
 
     It reports the diagram so far, and the branch that was added last.
-
-    Parameters
-    ----------
-    system
-        The system for a search.
-    known
-        The part of the diagram that is known already.
-    options, walk, method
-        As in `diagram`.
-    first
-        Finds the orbit from which the first branch starts; None: all branches come from a search.
-    apart
-        Known branches that do not belong to the diagram: orbits on one of them are not added.
-    searching
-        Called with the progress of a search.
     """
 
     def __init__(

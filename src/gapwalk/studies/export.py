@@ -66,13 +66,7 @@ def export_csv(record: Described, paths: Mapping[str, str | os.PathLike[str]]) -
 
 
 def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write a file atomically: it always has either the old or the new content, never a part of it.
-
-    Raises
-    ------
-    StoreError
-        If it cannot be written.
-    """
+    """Write a file atomically: it always has either the old or the new content, never a part of it."""
     check_place(path)  # a device would be replaced
     final = Path(path)
     part = final.with_name(f".{final.name}.{os.getpid()}.part")

@@ -70,33 +70,11 @@ class Family(Shown):
         return (*found, *(f"{self._told(connection)} {connection.text}" for connection in lost))
 
     def special(self, place: Place) -> SpecialPoint:
-        """Return the special point at a place.
-
-        Parameters
-        ----------
-        place
-            Indices of the special point.
-
-        Returns
-        -------
-        SpecialPoint
-            The point.
-        """
+        """Return the special point at a place."""
         return self._by_number[place.member].branches[place.branch].special_points[place.special]
 
     def value(self, place: Place) -> float:
-        """Return the value of the quantity that the family is over, at a place.
-
-        Parameters
-        ----------
-        place
-            Indices of the special point.
-
-        Returns
-        -------
-        float
-            In the unit of the parameter that differs.
-        """
+        """Return the value of the quantity that the family is over, at a place."""
         return self._by_number[place.member].value
 
     @cached_property
@@ -136,11 +114,6 @@ class Family(Shown):
         ----------
         kind
             The kind, or its name, such as ``fold``.
-
-        Returns
-        -------
-        tuple of SpecialPointPath
-            In the order of their names.
         """
         return tuple(point_path for point_path in self.point_paths if point_path.kind == kind)
 

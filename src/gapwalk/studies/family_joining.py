@@ -116,13 +116,7 @@ JOINTS = Part("connections", tuple[Connection, ...], numbered=True)
 
 
 class FamilyWork(Work):
-    """The work on one family: its members, then the connections of special points between them.
-
-    Parameters
-    ----------
-    finding
-        Function that makes the finding of a study from a family.
-    """
+    """The work on one family: its members, then the connections of special points between them."""
 
     def __init__(self, system: System, asked: FamilyStudy, finding: Callable[[Family], Finding]) -> None:
         self.asked, self._finding = asked, finding
@@ -247,13 +241,6 @@ class _Joiner:
 
     A single parameter keeps its name; several parameters that change together are replaced by one, the path from the
     first member to the second.
-
-    Parameters
-    ----------
-    asked
-        The request for the family.
-    members
-        The two neighbouring members.
 
     Attributes
     ----------

@@ -140,11 +140,6 @@ class MemberParameter:
             Name of the quantity that differs.
         values
             Its values.
-
-        Returns
-        -------
-        MemberParameter
-            The parameters.
         """
         if isinstance(over, MemberParameter):
             return over
@@ -173,11 +168,6 @@ class MemberParameter:
         ----------
         number
             Index of the member, from 0.
-
-        Returns
-        -------
-        dict of str to float
-            Values by name.
         """
         return {name: values[number] for name, values in self.moved}
 
@@ -192,11 +182,6 @@ class MemberParameter:
             The parameter along which members are walked.
         names_only
             True to check the names, and not the values.
-
-        Raises
-        ------
-        ModelError
-            If they cannot.
         """
         for name in self.names:
             try:

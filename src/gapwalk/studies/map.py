@@ -64,16 +64,6 @@ class MapOptions:
         ----------
         low, high
             The bounds, in the unit of the second parameter.
-
-        Returns
-        -------
-        tuple of float
-            Increasing.
-
-        Raises
-        ------
-        ModelError
-            If one of them lies outside.
         """
         if isinstance(self.sections, int):
             count = self.sections
@@ -154,11 +144,6 @@ class Map(Shown):
         ----------
         kind
             The kind, or its name, such as ``fold``.
-
-        Returns
-        -------
-        tuple of Locus
-            In the order in which they were found.
         """
         return tuple(locus for locus in self.loci if locus.kind == kind)
 
@@ -382,11 +367,6 @@ class Which:
         ----------
         specials
             The special points of a branch.
-
-        Returns
-        -------
-        list of SpecialPoint
-            The selected ones.
         """
         found = [special for special in specials if special.kind is self.kind and self._touches(special.contact)]
         if self.near is None or not found:

@@ -47,15 +47,6 @@ class MapQueue(Sequence[tuple[bool, Any]]):
     may prove superfluous are followed only while a single family is left, on the section of its first point: a locus
     seldom crosses a section twice, except that it often connects two points. What is found is the same, in the same
     order, however many pieces are in progress.
-
-    Parameters
-    ----------
-    systems
-        The systems of the sections that are left.
-    width
-        Width of the range of the first parameter.
-    loci, tried
-        The loci that were known before, and the number of special points from which they were followed.
     """
 
     def __init__(self, systems: Sequence[System], width: float, loci: Iterable[Locus] = (), tried: int = 0) -> None:
@@ -158,17 +149,7 @@ class MapQueue(Sequence[tuple[bool, Any]]):
 
 
 def lies_on_locus(locus: Locus, special: SpecialPoint, value: float, width: float) -> bool:
-    """Return True if a special point is on a locus: between two of its points, with an orbit like theirs.
-
-    Parameters
-    ----------
-    locus
-        The locus.
-    special, value
-        The special point, and the value of the second parameter there.
-    width
-        Width of the range of the first parameter.
-    """
+    """Return True if a special point is on a locus: between two of its points, with an orbit like theirs."""
     if locus.kind is not special.kind or locus.period != special.orbit.period or locus.contact != special.contact:
         return False
     places = locus.values

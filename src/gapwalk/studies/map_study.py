@@ -132,13 +132,6 @@ class MapWork(Work):
 
     At any time the known sections and loci are the first ones of the complete map. It reports the map so far, and the
     section or the locus that was added last.
-
-    Parameters
-    ----------
-    system, first, second, to, options, start, period, walk, method
-        As in `bifurcation_map`.
-    which
-        Follow only these special points, of one branch on each section; by default all of whole diagrams.
     """
 
     def __init__(
@@ -318,13 +311,7 @@ def _follow_section(
     tree: DiagramOptions | None,
     system: System,
 ) -> tuple[tuple[Branch, ...], list[str], list[str]]:
-    """Follow the branch through the first orbit of a section; with options of a diagram, also those that leave it.
-
-    Returns
-    -------
-    branches, notes, failures
-        Branches of the section, remarks, and reasons why there are none.
-    """
+    """Follow the branch through the first orbit of a section; with options of a diagram, also those that leave it."""
     (low, high), value = within, system[first]
     where = f"at {second} = {system[second]:.10g}"
     try:

@@ -103,20 +103,7 @@ class MeasuredModel(Measurement):
 def read_measured_model(
     path: str | os.PathLike[str], changes: Mapping[str, object] | None = None
 ) -> MeasuredModel | SweptModel:
-    """Read a model file with its table ``[measurement]``: for a record, or with ``sweep`` for special points.
-
-    Parameters
-    ----------
-    path
-        A TOML file.
-    changes
-        Values that replace those of the file, by parameter, or by ``measurement.`` and a key of that table.
-
-    Raises
-    ------
-    ModelFileError
-        With all problems of the file, each with its line.
-    """
+    """Read a model file with its table ``[measurement]``: for a record, or with ``sweep`` for special points."""
     source, rest = read_source(path), {}
     for name, value in (changes or {}).items():
         if name == "frequency" or name.startswith("measurement."):
@@ -249,15 +236,7 @@ class Measured(Described):
 
 
 def measure(model: MeasuredModel, record: Record) -> Measured:
-    """Compare a record with the motion of a model, and fit the parameters that the model names.
-
-    Raises
-    ------
-    ModelError
-        If the record does not suit the motion, or the frequency is unknown.
-    ConvergenceError
-        If there is no such motion, or no fit is found.
-    """
+    """Compare a record with the motion of a model, and fit the parameters that the model names."""
     system, measured = model.system, record.frequency(model.order)
     if measured is not None:
         system = system.at(frequency=measured)

@@ -14,13 +14,6 @@ def measure_doubts(system: System, options: StudyKind) -> list[str]:
 
     Beyond the clearance of a rigid stop there is no motion: where the stop is struck, the largest value of its
     coordinate is that clearance, whatever the motion does.
-
-    Examples
-    --------
-    >>> wall = gw.rigid_stop("wall", {"x": 1.0}, clearance=0.4, restitution=0.7)
-    >>> hit = gw.System(["x"], [[1.0]], [[0.1]], contacts=[wall], harmonics=[gw.Harmonic(0.5, {"x": 1.0})])
-    >>> measure_doubts(hit, gw.studies.ResponseOptions("frequency", 0.6, 1.6, measure="max.x"))[0][:47]
-    'max.x is the clearance of wall wherever it is s'
     """
     if not isinstance(options, BranchOptions):
         return []

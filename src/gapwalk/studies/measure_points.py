@@ -107,22 +107,7 @@ class SweptModel(SweptMeasurement):
 
 
 def measure_points(model: SweptModel, points: Sequence[MeasuredPoint] = ()) -> PointFit:
-    """Compute the branch of a model, and fit the parameters that it names to measured special points.
-
-    Parameters
-    ----------
-    model
-        The model.
-    points
-        Measured points; by default those of the model.
-
-    Raises
-    ------
-    ModelError
-        If no points or parameters are named, or a point matches no special point of the branch, or several.
-    ConvergenceError
-        If there is no such branch, or no fit is found.
-    """
+    """Compute the branch of a model, and fit the parameters that it names to measured special points."""
     wanted: Sequence[Any] = points or model.point
     if not wanted:
         raise ModelError(f"no point was measured; {_POINT}; or name a CSV file with the columns kind,value,error")

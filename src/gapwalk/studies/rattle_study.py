@@ -76,15 +76,7 @@ GAPS = Annotated[
 
 @dataclass(frozen=True)
 class RattleStudy(RattleOptions, RangeStudy):
-    """Rattle bands: where gaps open and close over a range of a parameter, and how badly.
-
-    Parameters
-    ----------
-    parameter, begin, end
-        The parameter, and its range.
-    sweep, search, starts, seed, reference, check, workers
-        Options; as `gapwalk.ask.RattleOptions`. In a table, the keys of `sweep` are among the others.
-    """
+    """Rattle bands: where gaps open and close over a range of a parameter, and how badly."""
 
     kind: ClassVar[str] = "rattle"
     table_types: ClassVar[Mapping[str, Any]] = {

@@ -80,17 +80,7 @@ Keeper = ResultFile | NoFile
 def request_file(
     request: Study | Call, output: str | os.PathLike[str] | None, before: Mapping[str, str] | None = None
 ) -> Keeper:
-    """Return the file of a request, open for writing.
-
-    Parameters
-    ----------
-    request
-        The request.
-    output
-        Its name; None for no file.
-    before
-        Versions of gapwalk that wrote the existing file, which is continued; None to replace it by a new one.
-    """
+    """Return the file of a request, open for writing."""
     if output is None:
         return NoFile()
     written_by = versions(None if before is None else dict(before))
@@ -99,13 +89,7 @@ def request_file(
 
 @contextmanager
 def claimed(request: Study | Call, output: str | os.PathLike[str] | None) -> Iterator[Mapping[str, str] | None]:
-    """Lock the file of a request; yield the versions that wrote it, if it is to be continued.
-
-    Raises
-    ------
-    StoreError
-        If the file is of something else, or is being written by another run.
-    """
+    """Lock the file of a request; yield the versions that wrote it, if it is to be continued."""
     with nullcontext() if output is None else lock(output):
         before = None
         if output is not None and os.path.exists(output) and os.path.getsize(output):
@@ -205,13 +189,7 @@ def _record_of(call: Call, work: Work, parts: Parts) -> Any:
 
 
 def earlier_result(path: str | os.PathLike[str] | None, study: Study, *, resume: bool, force: bool) -> Result | None:
-    """Return the result to continue in a file; None if there is none, or if it is to be overwritten.
-
-    Raises
-    ------
-    StoreError
-        If there is a file that is neither to be resumed nor overwritten, or that cannot be resumed.
-    """
+    """Return the result to continue in a file; None if there is none, or if it is to be overwritten."""
     if path is None:
         return None
     result = check_claim(path, study, resume=resume, force=force)

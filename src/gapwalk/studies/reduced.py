@@ -46,17 +46,7 @@ class ReducedFrom:
 
 
 def reduce_for(source: Source, at: Path, part: ReductionPart, full: System) -> tuple[ReducedFrom | None, list[Problem]]:
-    """Reduce the system of a study; every coordinate that the study names is kept.
-
-    Parameters
-    ----------
-    source, at
-        The file, and the path of the study in it.
-    part
-        Options of the reduction.
-    full
-        The system, with all values that the study gives it.
-    """
+    """Reduce the system of a study; every coordinate that the study names is kept."""
     from gapwalk.reduction import reduce  # only now: few studies need it
 
     table = study_tables(source)[at]

@@ -189,13 +189,7 @@ class Result(Shown):
             yield from (f"not explained: {name}, {symbol} {each}" for each in branch.unexplained)
 
     def special_points(self) -> Table:
-        """Return the table of the special points of all branches, rounded for reading.
-
-        Returns
-        -------
-        Table
-            One row for each special point; printed, it is what the terminal shows.
-        """
+        """Return the table of the special points of all branches, rounded for reading."""
         units, diagram, measure = self.system.units, self.diagram, shown_measure(self.system, self.walked)
         numbers = (parameter_symbol(self.walked.parameter, units), "±", measure_symbol(measure, units))
         headings = ["kind", *(f">{each}" for each in (*numbers, "multiplier"))]

@@ -93,28 +93,7 @@ def call(
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> AnyWork:
-    """Do the work that a Python function requests; if its file contains a part of it, continue that.
-
-    Parameters
-    ----------
-    asked, work
-        The request, which is a kind of study if there is a file, and the work.
-    system
-        The system, as it is stored in the file.
-    workers
-        Number of local processes, or workers that were started before; by default as `asked` says.
-    report
-        Called with each new result, once it is in the file.
-    output
-        The file to write; None for none.
-
-    Raises
-    ------
-    StoreError
-        If the file is of something else, is being written by another run, or cannot be written.
-    Interrupted
-        After Ctrl-C, with the record of the work.
-    """
+    """Do the work that a Python function requests; if its file contains a part of it, continue that."""
     request = Call(system, asked)
     with claimed(request, output) as before:
         if output is not None and before is not None:
@@ -139,13 +118,6 @@ def _carry_out(
     """Do the remaining work; store and report it part by part.
 
     The file is opened when the first part is ready: if the work cannot be continued, the file stays unchanged.
-
-    Returns
-    -------
-    finished : bool
-        True if the work was finished; False after Ctrl-C.
-    is_kept : bool
-        True if something was written.
     """
     begun, before = time.monotonic(), work.done
     waiting: list[tuple[Any, ...]] = []

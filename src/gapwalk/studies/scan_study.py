@@ -92,13 +92,7 @@ class ClaimTable:
             )
 
     def claim(self, system: System) -> AnyClaim:
-        """Return the claim that it describes.
-
-        Raises
-        ------
-        ModelError
-            For a value without its unit, or one that is missing.
-        """
+        """Return the claim that it describes."""
         at = _values(system, {} if self.at is None else self.at, "at")
         if self.motion is not None:
             if self.begin is not None or self.end is not None or self.over is not None:
@@ -158,19 +152,7 @@ def _known(parameters: tuple[str, ...] | None, info: ValidationInfo[Surroundings
 
 @dataclass(frozen=True)
 class ScanStudy(ScanOptions, StudyKind):
-    """A scan: which claims hold for which variations of a system.
-
-    Parameters
-    ----------
-    factors, pairs, neighbours, spread, starts, seed, judging, check, workers
-        Options; as `gapwalk.ask.ScanOptions`. In a table, the keys of `judging` are among the others.
-
-    Examples
-    --------
-    >>> claims = (gw.ask.MotionClaim("period 2", {"frequency": 0.9}),)
-    >>> gw.studies.ScanStudy(claims=claims, parameters=("stop.clearance",)).plan
-    'scan of 1 claim over variations of stop.clearance, with 200 random neighbours'
-    """
+    """A scan: which claims hold for which variations of a system."""
 
     kind: ClassVar[str] = "scan"
     gives_frequency: ClassVar[bool] = False
@@ -198,13 +180,7 @@ class ScanStudy(ScanOptions, StudyKind):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """Return the study of a table.
-
-        Raises
-        ------
-        ModelError
-            If a claim or a listed variation makes no sense for the system.
-        """
+        """Return the study of a table."""
         rest = dict(values)
         claims = tuple(table.claim(system) for table in rest.pop("claim"))
         listed = tuple(_values(system, each, "listed") for each in rest.pop("listed", ()))

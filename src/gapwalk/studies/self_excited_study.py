@@ -25,13 +25,7 @@ from gapwalk.summary import row_of
 
 @dataclass(frozen=True)
 class SelfExcitedStudy(RangeStudy):
-    """Self-excited motions over a range of one parameter: equilibria, and motions from their Hopf points.
-
-    Parameters
-    ----------
-    parameter, begin, end
-        As `RangeStudy`; the equilibria are sought at the beginning of the range.
-    """
+    """Self-excited motions over a range of one parameter: equilibria, and motions from their Hopf points."""
 
     kind: ClassVar[str] = "self-excited"
     gives_frequency: ClassVar[bool] = True

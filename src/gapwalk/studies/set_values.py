@@ -21,13 +21,7 @@ def parse_changes(texts: Iterable[str]) -> dict[str, object]:
 
 
 def parse_change(text: str) -> tuple[str, object]:
-    """Split ``name=value``; the value is TOML, except that a word needs no quotes and .5 needs no leading zero.
-
-    Raises
-    ------
-    ModelError
-        If there is no name or no value.
-    """
+    """Split ``name=value``; the value is TOML, except that a word needs no quotes and .5 needs no leading zero."""
     name, sign, value = (part.strip() for part in text.partition("="))
     if not name or not sign or not value:
         raise ModelError(f"the change {text!r} is not of the form name=value, as in stage2.clearance=0.5")
@@ -52,15 +46,6 @@ def change_source(source: Source, changes: Mapping[str, object]) -> tuple[Source
     """Apply those changes that concern the text of the file.
 
     ``study.to`` concerns all studies of the file, ``study.light.to`` the one that is named light.
-
-    Returns
-    -------
-    source : Source
-        With the changes of the frequency and of the studies.
-    rest : dict
-        The other changes; they concern parameters of the system.
-    problems : list of Problem
-        Changes that are not possible.
     """
     rest, problems = {}, []
     tables = study_tables(source).values()

@@ -441,13 +441,7 @@ def template() -> str:
 
 
 def text_of_sheet(path: str | os.PathLike[str]) -> str:
-    """Return the text of a model file that is made from a table of a drive train; see `train_of_sheet`.
-
-    Raises
-    ------
-    ModelError
-        If the table is wrong, or the train that it describes; each line names the row.
-    """
+    """Return the text of a model file that is made from a table of a drive train; see `train_of_sheet`."""
     text, places = train_of_sheet(path)
     _, problems = check_model(parse_source(text))
     if problems:
@@ -463,22 +457,7 @@ def _placed(problem: Problem, places: Mapping[str, str]) -> str:
 
 
 def write_template(path: str | os.PathLike[str], *, overwrite: bool = False, text: str = "") -> None:
-    """Write the model file to begin with.
-
-    Parameters
-    ----------
-    path
-        The file to write.
-    overwrite
-        True to overwrite an existing file.
-    text
-        Its text; by default that of `template`.
-
-    Raises
-    ------
-    ModelError
-        If the file exists already, or cannot be written.
-    """
+    """Write the model file to begin with."""
     name = os.fspath(path)
     if overwrite and (why := why_no_file(name)):
         raise ModelError(f"{name} {why}")

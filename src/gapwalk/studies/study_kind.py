@@ -77,16 +77,6 @@ class StudyKind:
             Checked values of the table, by the names of fields; fields that are missing have their defaults.
         system
             The system, from which further defaults may come.
-
-        Returns
-        -------
-        StudyKind
-            The study.
-
-        Raises
-        ------
-        ModelError
-            If the values do not fit together.
         """
         return cls(**values)
 
@@ -104,11 +94,6 @@ class StudyKind:
         ----------
         table
             The table ``[study]`` of the file.
-
-        Returns
-        -------
-        tuple of str
-            Names of tables inside it.
         """
         return ()
 
@@ -119,11 +104,6 @@ class StudyKind:
         ----------
         system
             The system of the model file.
-
-        Returns
-        -------
-        System
-            It, at the first value of the range if there is one.
         """
         return system
 
@@ -134,16 +114,6 @@ class StudyKind:
         ----------
         system
             The system at the beginning of the study.
-
-        Returns
-        -------
-        Work
-            It has not begun yet.
-
-        Raises
-        ------
-        ModelError
-            If the study is invalid.
         """
         raise NotImplementedError
 
@@ -167,22 +137,7 @@ class Found(NamedTuple):
 
     @classmethod
     def part(cls, part: Part, value: Any, number: int = 0) -> Found:
-        """Return one part of the work, counted by its pace.
-
-        Parameters
-        ----------
-        part
-            Kind of part.
-        value
-            Its contents.
-        number
-            Its number.
-
-        Returns
-        -------
-        Found
-            With one entry.
-        """
+        """Return one part of the work, counted by its pace."""
         return cls((part.entry(value, number),))
 
 
@@ -202,18 +157,7 @@ class Work(ABC):
 
     @abstractmethod
     def take(self, known: Parts) -> None:
-        """Read the parts of a file; raise a LookupError, TypeError or ValueError if they are inconsistent.
-
-        Parameters
-        ----------
-        known
-            The parts of the file.
-
-        Raises
-        ------
-        LookupError, TypeError, ValueError
-            If they are inconsistent.
-        """
+        """Read the parts of a file; raise a LookupError, TypeError or ValueError if they are inconsistent."""
 
     @abstractmethod
     def parts(self, workers: Workers) -> Generator[Found]:
@@ -242,11 +186,6 @@ class Work(ABC):
         ----------
         finished
             True if all is done, False after Ctrl-C.
-
-        Returns
-        -------
-        iterable of Entry
-            The entries to write.
         """
         return ()
 
@@ -281,13 +220,7 @@ class Work(ABC):
         """Record so far, as the Python function of the same work returns it."""
 
     def finding(self) -> Finding | None:
-        """Return the finding so far; None for a branch, a diagram or a map.
-
-        Returns
-        -------
-        Finding or None
-            It may be incomplete.
-        """
+        """Return the finding so far; None for a branch, a diagram or a map."""
         return None
 
 
@@ -355,13 +288,7 @@ class Finding(ABC):
 
     @summarizes
     def summary(self) -> SummaryParts:
-        """Return lines, `Table` and `Tree` for the terminal, without notes and failures.
-
-        Returns
-        -------
-        SummaryText
-            Printed, it is what the terminal shows.
-        """
+        """Return lines, `Table` and `Tree` for the terminal, without notes and failures."""
         return (repr(self.record),)
 
     @abstractmethod
@@ -372,22 +299,11 @@ class Finding(ABC):
         ----------
         points
             True for everything, point by point.
-
-        Returns
-        -------
-        dict
-            Plain JSON values.
         """
 
     @abstractmethod
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """The tables by name, the most important one first.
-
-        Returns
-        -------
-        mapping of str to callable
-            Each function returns the rows of a table, the headings first.
-        """
+        """The tables by name, the most important one first."""
 
 
 class Answer(Protocol):
@@ -456,8 +372,6 @@ class AnswerWork(Work, Generic[A]):
 
     Attributes
     ----------
-    found_as
-        Class of the study's finding.
     whole
         The complete record; None before it is known.
     """

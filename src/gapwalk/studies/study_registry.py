@@ -27,22 +27,7 @@ MAX_VALUES = 100_000
 
 
 def check_integers(options: object, most: float = math.inf, **least: int) -> None:
-    """Refuse options that are not integers in their range.
-
-    Parameters
-    ----------
-    options
-        The options.
-    most
-        The largest value of any of them.
-    **least
-        The smallest value of each, by its name.
-
-    Raises
-    ------
-    ModelError
-        If one is not; the message says what is allowed.
-    """
+    """Refuse options that are not integers in their range."""
     for name, low in least.items():
         value = getattr(options, name)
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= most:
@@ -99,13 +84,7 @@ def added_kinds() -> tuple[str, ...]:
 
 
 def kind_of(name: str) -> type[StudyKind]:
-    """Return a kind of study by its name, one of `kinds`.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is none.
-    """
+    """Return a kind of study by its name, one of `kinds`."""
     return _KINDS.named(name)
 
 

@@ -123,18 +123,7 @@ class SweepOptions:
         self.each_way()
 
     def each_way(self) -> tuple[Way, ...]:
-        """Return the ways, in the order in which they are written.
-
-        Returns
-        -------
-        tuple of Way
-            Each way once.
-
-        Raises
-        ------
-        ModelError
-            If one of them is unknown or occurs twice.
-        """
+        """Return the ways, in the order in which they are written."""
         words = [word.strip() for word in self.ways.split(" and ")]
         words = [str(Way.AGAIN) if word == "afresh" else word for word in words]  # as older files say
         if not set(words) <= set(Way) or len(set(words)) < len(words):
@@ -251,18 +240,7 @@ class Sweep(Shown):
     notes: tuple[str, ...] = ()  #: Failures: what could not be done, in sentences.
 
     def bands(self, lane: int = 0) -> tuple[Band, ...]:
-        """Return the bands of equal regimes along a lane, in the order of the parameter.
-
-        Parameters
-        ----------
-        lane
-            Index of the lane.
-
-        Returns
-        -------
-        tuple of Band
-            Each with its regime and its ends.
-        """
+        """Return the bands of equal regimes along a lane, in the order of the parameter."""
         return bands_of(self.values, self.regimes[lane].tolist())
 
     def section(self, coordinate: str | None = None, lane: int | None = None) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -281,11 +259,6 @@ class Sweep(Shown):
             Values of the parameter, one for each section point.
         points : array, shape (count,)
             The coordinate or velocity at each.
-
-        Raises
-        ------
-        ModelError
-            If there is no such coordinate.
         """
         place = self.place(coordinate)
         sections = self.sections if lane is None else self.sections[lane : lane + 1]
@@ -301,16 +274,6 @@ class Sweep(Shown):
         ----------
         coordinate
             Its name, or that with a dash for its velocity; None for the first one.
-
-        Returns
-        -------
-        int
-            The index.
-
-        Raises
-        ------
-        ModelError
-            If there is no such coordinate.
         """
         names = self.system.state_names
         name = names[0] if coordinate is None else coordinate
@@ -319,13 +282,7 @@ class Sweep(Shown):
         return names.index(name)
 
     def tables(self) -> Tables:
-        """Return the tables of section points and of the regime of each motion.
-
-        Returns
-        -------
-        mapping of str to callable
-            Functions that return the rows of the tables, the headings first.
-        """
+        """Return the tables of section points and of the regime of each motion."""
         return {"points": self._point_rows, "regimes": self._regime_rows}
 
     def _point_rows(self) -> Rows:

@@ -50,23 +50,7 @@ def let_settle(
     `gapwalk.attractors.settling_judge` judges it: its nearest returns shrink towards an orbit that is closer than the
     tolerance, or they neither shrink nor grow and its averages do not drift, as on a torus or in chaos.
 
-    Parameters
-    ----------
-    flow, coefficients
-        The flow and the coefficients of the system.
-    state : shape (state_size,)
-        Where it begins, at theta = 0.
-    box : shape (state_size,)
-        Half-widths of the box of states: the unit of all distances.
-    max_period
-        Longest period, in forcing periods, for which a return is looked for.
-    patience
-        Limits on the length of the transient.
-
-    Raises
-    ------
-    FlowError
-        If the motion diverges or chatters without end.
+    Shapes: `state`, `box` (state_size,).
     """
     states, length = np.asarray(state, dtype=float)[None, :], max(patience.shortest, 2 * max_period + 8)
     length = min(length, patience.longest)
@@ -87,14 +71,7 @@ NOT_PERIODIC, RUNS_AWAY = "not periodic", Regime.RUNAWAY.text
 def regime_of(section: NDArray[np.float64], box: NDArray[np.float64], max_period: int) -> str:
     """Return the regime of section points: ``period m`` with the smallest m after which all return, or not periodic.
 
-    Parameters
-    ----------
-    section : shape (points, state_size)
-        States a forcing period apart, on a motion that has settled.
-    box : shape (state_size,)
-        Half-widths of the box of states.
-    max_period
-        Longest period in question, in forcing periods.
+    Shapes: `section` (points, state_size); `box` (state_size,).
     """
     period = period_of(section / box, max_period)
     return regime_word(Regime.PERIODIC, period) if period else NOT_PERIODIC
@@ -108,24 +85,7 @@ def wandering_words(
 ) -> Sequence[str]:
     """Return the regimes of motions in words; all are judged together, as for a regime map.
 
-    Parameters
-    ----------
-    system
-        The system; its own value of the parameter plays no role.
-    parameter
-        Name of the parameter.
-    values : shape (count,)
-        Its values, one for each motion.
-    states : shape (count, state_size)
-        States of the motions at theta = 0.
-    max_period
-        Longest period, in forcing periods, that was searched for.
-
-    Returns
-    -------
-    list of str
-        ``quasi-periodic``, ``chaotic``, ``period 18``, ...; ``not periodic``, without more detail, if the batch
-        integrator cannot follow the system: the exact flow would take minutes for each motion of a large system.
+    Shapes: `values` (count,); `states` (count, state_size).
     """
     if not len(values):
         return []

@@ -178,13 +178,7 @@ class _Done(NamedTuple):
 
 
 class SweepWork(Work):
-    """The work on one sweep: its segments, their order, and the combined result.
-
-    Raises
-    ------
-    ModelError
-        For an unknown parameter, an empty range, or starts that are no states.
-    """
+    """The work on one sweep: its segments, their order, and the combined result."""
 
     def __init__(self, system: System, asked: SweepStudy) -> None:
         parameter, (low, high) = asked.parameter, asked.ends

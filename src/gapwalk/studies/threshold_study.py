@@ -33,13 +33,7 @@ Over = Annotated[
 
 @dataclass(frozen=True)
 class ThresholdStudy(RangeStudy):
-    """The value of a parameter beyond which gaps do not rattle over a whole range of another parameter.
-
-    Parameters
-    ----------
-    parameter, begin, end
-        The parameter, and its range: from the side that rattles to the side that is quiet.
-    """
+    """The value of a parameter beyond which gaps do not rattle over a whole range of another parameter."""
 
     kind: ClassVar[str] = "threshold"
     table_types: ClassVar[Mapping[str, Any]] = {"gaps": GAPS}

@@ -109,14 +109,7 @@ def _known(parameter: object, info: ValidationInfo[Surroundings]) -> object:
 
 @dataclass(frozen=True, slots=True)
 class SpreadTable(Spread):
-    """Distribution of one parameter, as a table of a study has it: numbers with units, or in percent.
-
-    Parameters
-    ----------
-    parameter, law, sd, low, high, mean
-        As in `gapwalk.ask.Spread`. In percent, `sd` is that share of the value in the model, and `low`, `high` and
-        `mean` are that far from it.
-    """
+    """Distribution of one parameter, as a table of a study has it: numbers with units, or in percent."""
 
     parameter: Annotated[str, BeforeValidator(_known), Field(description='write parameter = "stage2.clearance"')]
     sd: Annotated[float | None, _quantity(relative=True)] = None
@@ -194,13 +187,7 @@ class ToleranceStudy(ToleranceOptions, RangeStudy):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """Return the study of a table.
-
-        Raises
-        ------
-        ModelError
-            If laws and parts are both given, or neither.
-        """
+        """Return the study of a table."""
         rest = dict(values)
         laws, matrix, parts = (rest.pop(key, None) for key in ("spread", "correlation", "parts"))
         if not laws and parts is None:

@@ -46,11 +46,6 @@ class ToriStudy(BranchOptions):
 
     With a `tone` there are no branches: it is the family of the motion under both excitations, from the first value of
     the range to the second.
-
-    Parameters
-    ----------
-    parameter, begin, end, measure, period, start, walk, method, verify
-        As `BranchOptions`, for the first branch; the range is that of all. With a `tone`, `walk` is for the tori.
     """
 
     kind: ClassVar[str] = "tori"
@@ -75,13 +70,7 @@ class ToriStudy(BranchOptions):
         return f"tori over {self.range_words}, on branches of period {self.period} to {self.max_period}{tongues}"
 
     def work(self, system: System) -> ToriWork | TwoToneWork:
-        """Return the work on the branches and the families, or on the family of the motion under both excitations.
-
-        Raises
-        ------
-        ModelError
-            For a system with dry friction or rigid stops, or one that does not fit the tone.
-        """
+        """Return the work on the branches and the families, or on the family of the motion under both excitations."""
         refuse_without_tori(system)
         if self.tongues is not None:
             self._check_tongues(system, self.tongues)

@@ -205,11 +205,6 @@ def with_verification(result: Result, options: StudyKind, output: str | os.PathL
     """Return a complete result with its verification, if the options of its study request one.
 
     It is written to the result file too. A result that was resumed has the options of the run before.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        After Ctrl-C; its message says that the result is nevertheless complete.
     """
     wanted = isinstance(options, BranchOptions) and options.verify and result.complete
     if not wanted or result.verification is not None:

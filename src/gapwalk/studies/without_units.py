@@ -13,13 +13,7 @@ from gapwalk.studies.study_kind import StudyKind
 
 
 def without_units(study: Study) -> Study:
-    """Return a study in non-dimensional form; its changes state the scaling of its numbers.
-
-    Raises
-    ------
-    ModelError
-        If the system has no units, or the study is of basins, whose plane is given by states with units.
-    """
+    """Return a study in non-dimensional form; its changes state the scaling of its numbers."""
     form = nondimensional(study.system)
     changes = (*study.changes, ("units", f"none: {form.scales.words}"))
     return replace(study, system=form.system, options=_options(study.options, form), changes=changes)

@@ -104,16 +104,7 @@ def of_quasi_periodic(
     that vanish at both ends, it converges faster than any power of the number of samples (Das, Saiki, Sander and Yorke
     2017, Nonlinearity 30, 4111-4140), and the curve may have any shape.
 
-    Parameters
-    ----------
-    samples : shape (length, size)
-        Successive states on one curve.
-    rotation
-        The share of a turn.
-    count
-        Odd number of samples of the curve that is returned.
-    weights : shape (length,)
-        Weights of the average, with the sum 1.
+    Shapes: `samples` (length, size); `weights` (length,).
     """
     turns = TURN * rotation * np.arange(len(samples))
     found = np.array([(weights * np.exp(-1j * k * turns)) @ samples for k in range(count // 2 + 1)])

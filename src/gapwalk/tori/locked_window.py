@@ -67,16 +67,6 @@ class LockedWindow:
     def distance(self, value: float) -> float:
         """Return the distance of a value of the parameter from the range; 0 inside.
 
-        Parameters
-        ----------
-        value
-            The value.
-
-        Returns
-        -------
-        float
-            The distance, in units of the parameter.
-
         Examples
         --------
         >>> window.distance(window.low)
@@ -148,21 +138,7 @@ def find_window(
 def locked_window(
     torus: Torus, ratio: Fraction, parameter: str, value: float, within: tuple[float, float]
 ) -> LockedWindow | None:
-    """Find the orbits to which a motion locks near a torus whose rotation number is nearly a fraction.
-
-    Parameters
-    ----------
-    torus
-        A torus next to the resonance.
-    ratio
-        The fraction p/q.
-    parameter
-        Name of the parameter.
-    value
-        Value at which the rotation number of the family is the fraction.
-    within
-        The range in which the locked orbits are followed.
-    """
+    """Find the orbits to which a motion locks near a torus whose rotation number is nearly a fraction."""
     period = torus.curves * ratio.denominator
     if period > _PERIODS:
         return None

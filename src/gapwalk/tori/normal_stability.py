@@ -29,23 +29,7 @@ def normal_exponents(
 ) -> tuple[NDArray[np.float64], float]:
     """Return the growth of deviations from a torus in one return to the curve, and the error of the largest.
 
-    Parameters
-    ----------
-    states : shape (N, size)
-        The curve.
-    transitions : shape (N, size, size)
-        Derivative of the image of each state by the state.
-    rotation
-        The rotation number.
-    unit : shape (size,)
-        Scales of the entries of a state.
-
-    Returns
-    -------
-    exponents : shape (size - 1,)
-        The growth as natural logarithms, largest first.
-    error
-        Estimated error of the largest: the difference from the average over the first half of the returns.
+    Shapes: `states` (N, size); `transitions` (N, size, size); `unit` (size,).
     """
     count, size = states.shape
     scaled = (transitions * unit / unit[:, None]).reshape(count, -1)

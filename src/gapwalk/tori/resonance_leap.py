@@ -69,17 +69,7 @@ class Stride(NamedTuple):
 
 
 class Strides:
-    """The last steps of a walk.
-
-    Parameters
-    ----------
-    within
-        The range.
-    options
-        Accuracy of the tori.
-    longest
-        The longest step.
-    """
+    """The last steps of a walk."""
 
     def __init__(self, within: Range, options: TorusOptions, longest: float) -> None:
         self.within, self.options, self.longest = within, options, longest
@@ -101,17 +91,7 @@ class Strides:
         return next((each for each in reversed(self._last) if abs(each.turned) >= _GOOD * most), None)
 
     def leap(self, last: BranchPoint, count: int, lengths: tuple[float, ...]) -> Stride | None:
-        """Return a step from the last good one to the other side of a resonance; None if no torus is found there.
-
-        Parameters
-        ----------
-        last
-            The last point; its rotation number must be passed, in the direction of the good step.
-        count
-            Number of samples of a curve now.
-        lengths
-            Changes of the rotation number to try, over that of the good step.
-        """
+        """Return a step from the last good one to the other side of a resonance; None if no torus is found there."""
         good = self.good
         if good is None or good.turned == 0.0:
             return None
@@ -201,15 +181,6 @@ def far_from_fractions(
     """Return a step that is not longer, and not much shorter, whose rotation number is far from fractions.
 
     Near fractions p/q with a small q curves need more samples, and the sum of ``1 / (q^2 |rho - p/q|)`` is large.
-
-    Parameters
-    ----------
-    step
-        The step.
-    earlier, previous, point
-        The last points; None if there are none.
-    corrector
-        The corrector.
     """
     scale = float(corrector.scales[-2])
     turns = np.array([ahead(earlier, previous, point, share * step)[0][-2] for share in _SHARES]) * scale

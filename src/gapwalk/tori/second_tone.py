@@ -74,16 +74,6 @@ class Tone:
         system
             A system; of a drive train its equations of motion, ``system.equations``.
 
-        Returns
-        -------
-        System
-            The system with the tone.
-
-        Raises
-        ------
-        ModelError
-            For a drive train, a name that is taken, or a coordinate that there is not.
-
         Examples
         --------
         >>> mass = gw.System(["x"], [[1.0]], [[0.1]], harmonics=[gw.Harmonic(0.5, {"x": 1.0})])

@@ -134,11 +134,6 @@ class Tongue(Shown):
     def edges(self, second: float) -> tuple[float, float]:
         """Return the ends of the window at a value of the second parameter, to the tolerance of the loci.
 
-        Parameters
-        ----------
-        second
-            Value of the second parameter.
-
         Returns
         -------
         tuple of two floats
@@ -154,18 +149,7 @@ class Tongue(Shown):
         return _edges(self.sides, second)
 
     def width(self, second: float) -> float:
-        """Return the width of the window at a value of the second parameter; see `edges`.
-
-        Parameters
-        ----------
-        second
-            Value of the second parameter.
-
-        Returns
-        -------
-        float
-            In the unit of the first parameter.
-        """
+        """Return the width of the window at a value of the second parameter; see `edges`."""
         low, high = self.edges(second)
         return high - low
 
@@ -190,13 +174,7 @@ class Tongue(Shown):
         return {"sides": lambda: rows_of(self.rows())}
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return the points of both sides as rows of a table.
-
-        Returns
-        -------
-        list of dict
-            The fraction, the side, and the values of both parameters.
-        """
+        """Return the points of both sides as rows of a table."""
         return [
             {"ratio": str(self.ratio), "side": name, self.first: float(one), self.second: float(other)}
             for name, side in zip(("lower", "upper"), self.sides, strict=True)
@@ -356,26 +334,7 @@ def _resonant_point(
     ratio: Fraction,
     curves: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Return the parameters at which the multipliers of the orbit of m forcing periods turn by the fraction.
-
-    Parameters
-    ----------
-    locked
-        A locked orbit close to it.
-    names
-        Names of both parameters.
-    guess
-        Their values, shape (2,).
-    extents
-        Their scales.
-    ratio, curves
-        The fraction, and m.
-
-    Returns
-    -------
-    tuple of two arrays, or None
-        The values and the errors of both; None if Newton's method fails.
-    """
+    """Return the parameters at which the multipliers of the orbit of m forcing periods turn by the fraction."""
     strobe, state, strobes = Strobe(locked.system), locked.state, []
     for _ in range(ratio.denominator):
         strobes.append(state)

@@ -116,11 +116,6 @@ class Torus(Shown):
     def state(self, psi: float = 0.0) -> NDArray[np.float64]:
         """Return the state of the curve at a phase, in radians; shape (state_size,).
 
-        Parameters
-        ----------
-        psi
-            The phase.
-
         Returns
         -------
         array, shape (state_size,)
@@ -138,11 +133,6 @@ class Torus(Shown):
 
     def strobes(self, count: int) -> NDArray[np.float64]:
         """Return successive strobes of the motion from phase 0, without integration; shape (count, state_size).
-
-        Parameters
-        ----------
-        count
-            Number of strobes.
 
         Returns
         -------
@@ -187,16 +177,6 @@ class Torus(Shown):
         ----------
         name
             ``max.``, ``min.`` or ``half.``, and a coordinate.
-
-        Returns
-        -------
-        float
-            In the unit of the coordinate.
-
-        Raises
-        ------
-        ModelError
-            For any other name.
         """
         what, _, coordinate = name.partition(".")
         if what not in ("max", "min", "half") or coordinate not in self.system.coordinates:

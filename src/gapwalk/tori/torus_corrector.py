@@ -75,12 +75,7 @@ class _Factors:
 class TorusCorrector(Corrector):
     """Corrector for families of tori; see `Corrector`.
 
-    Parameters
-    ----------
-    curves
-        The equation of the tori.
-    scales : shape (N * size + 2,)
-        Scale of each unknown, and of the parameter.
+    Shapes: `scales` (N * size + 2,).
     """
 
     def __init__(self, curves: TorusEquation, scales: Array) -> None:

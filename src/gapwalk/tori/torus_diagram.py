@@ -69,18 +69,7 @@ class TorusDiagram(Shown):
         return self.diagram.notes
 
     def holds(self, special: SpecialPoint) -> bool:
-        """Return True if a known family begins or ends at a Neimark-Sacker point.
-
-        Parameters
-        ----------
-        special
-            A Neimark-Sacker point.
-
-        Returns
-        -------
-        bool
-            True if so.
-        """
+        """Return True if a known family begins or ends at a Neimark-Sacker point."""
         return any(
             family.curves == special.orbit.period and abs(end.value - special.value) <= _SAME * abs(special.value)
             for family in self.families

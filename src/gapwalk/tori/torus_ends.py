@@ -124,17 +124,7 @@ def _solved(equation: ShootingEquation, start: NDArray[np.float64]):
 
 
 def rough(last: BranchPoint, beyond: Torus, passed: Fraction | None) -> TorusEnd:
-    """Return the end of a family whose tori need more samples than allowed, with the evidence.
-
-    Parameters
-    ----------
-    last
-        The last point.
-    beyond
-        The torus whose samples are too few.
-    passed
-        The simplest fraction among the last rotation numbers.
-    """
+    """Return the end of a family whose tori need more samples than allowed, with the evidence."""
     torus = torus_at(last)
     why = f"the error is {beyond.error:.1g}{_roughness(beyond)}"
     near = resonance_near(torus.rotation) or passed

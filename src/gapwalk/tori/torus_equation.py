@@ -130,13 +130,7 @@ class TorusEquation:
         return self._plane.system_at(*self.split(unknowns, value)[2])
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Return residual and derivatives; the evidence is the `TorusLinearisation`.
-
-        Raises
-        ------
-        FlowError
-            If a motion diverges.
-        """
+        """Return residual and derivatives; the evidence is the `TorusLinearisation`."""
         found = self.linearise(unknowns, value)
         return Evaluation(found.residual, found.dense(), found.columns[:, 1], found)
 

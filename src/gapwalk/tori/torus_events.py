@@ -31,15 +31,6 @@ def events_between(before: BranchPoint, after: BranchPoint, corrector: Corrector
     """Locate what happens in a step between two tori, in order along it.
 
     One normal exponent passes zero at a fold too; that is no event of its own.
-
-    Parameters
-    ----------
-    before, after
-        The points at both ends of the step.
-    corrector
-        Corrector of the family.
-    within
-        The range in which locked motions are followed.
     """
     first, last = torus_at(before), torus_at(after)
     found: list[tuple[float, TorusEvent]] = []
@@ -79,11 +70,6 @@ def events_in_leap(before: BranchPoint, after: BranchPoint, corrector: Corrector
 
     Places are known to half of the leap, those of resonances better if their locked motions are found. If there is no
     fraction of a small denominator between both tori, the simplest one is reported.
-
-    Parameters
-    ----------
-    before, after, corrector, within
-        As in `events_between`.
     """
     first, last = torus_at(before), torus_at(after)
     middle, width = 0.5 * (before.value + after.value), 0.5 * abs(after.value - before.value)

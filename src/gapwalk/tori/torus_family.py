@@ -230,11 +230,6 @@ class TorusFamily(Shown):
     def measure(self, name: str) -> NDArray[np.float64]:
         """Return one measure at each point; see `Torus.measure`.
 
-        Parameters
-        ----------
-        name
-            As in `Torus.measure`.
-
         Returns
         -------
         array, shape (points,)

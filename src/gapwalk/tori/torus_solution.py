@@ -66,34 +66,12 @@ class TorusOptions:
             raise ModelError(f"samples is {self.samples}, more than max_samples = {self.max_samples}")
 
     def finer(self, count: int) -> int | None:
-        """Return the next number of samples, half as many more; None if that would be too many.
-
-        Parameters
-        ----------
-        count
-            Number of samples now.
-
-        Returns
-        -------
-        int or None
-            An odd number.
-        """
+        """Return the next number of samples, half as many more; None if that would be too many."""
         more = min(odd(3 * count // 2), odd(self.max_samples - 1))
         return more if more > count else None
 
     def accepts(self, torus: Torus) -> bool:
-        """Return True if a torus is accurate enough for its number of samples.
-
-        Parameters
-        ----------
-        torus
-            A torus.
-
-        Returns
-        -------
-        bool
-            True if so.
-        """
+        """Return True if a torus is accurate enough for its number of samples."""
         if not torus.is_resolved:
             return False
         return torus.error <= (self.accuracy if self.finer(torus.count) else max(self.accuracy, self.tolerated))
@@ -149,13 +127,7 @@ def find_torus(motion: Settled | Attractor | Torus, options: TorusOptions | None
 def resolved_torus(
     system: System, curve: NDArray[np.float64], turns: float, curves: int, options: TorusOptions
 ) -> Torus:
-    """Return the torus next to a curve, with as many samples as its accuracy needs.
-
-    Raises
-    ------
-    ConvergenceError
-        If there is none to that accuracy.
-    """
+    """Return the torus next to a curve, with as many samples as its accuracy needs."""
     count = odd(options.samples - 1) if len(curve) < options.samples else len(curve)
     while True:
         curve = resampled(curve, count)
@@ -199,15 +171,7 @@ def _start(motion: Settled | Attractor, count: int, options: TorusOptions) -> tu
 
 
 def solve(system: System, curves: int, turns: float, curve: NDArray[np.float64]) -> Torus:
-    """Return the torus next to a curve, with as many samples, by Newton's method.
-
-    Raises
-    ------
-    ConvergenceError
-        If the method does not converge.
-    FlowError
-        If a motion diverges.
-    """
+    """Return the torus next to a curve, with as many samples, by Newton's method."""
     equation = TorusEquation(system, system.structure.names[0], curves, curve)
     value = float(system.values[0])
     unknowns = np.append(curve, turns).astype(np.float64)

@@ -186,17 +186,6 @@ def start_beyond(
 
     The motion next to the locked one settles there on a torus, if it is stable, whose rotation number is on the other
     side of the fraction. If the window holds the last torus itself, both motions coexist, and the family ends there.
-
-    Parameters
-    ----------
-    torus, value
-        The last torus before the window, and the parameter there.
-    window
-        The locked motions.
-    parameter, way, within
-        The parameter, the direction in which it varies (1 or -1), and its range.
-    options
-        Accuracy of the torus.
     """
     near, far = (window.low, window.high) if way > 0.0 else (window.high, window.low)
     if not window.is_whole or way * (near - value) < 0.0:

@@ -43,17 +43,7 @@ Step = tuple[TorusPoint, list[TorusEvent]]
 
 
 class TorusTracer(Iterator[Step]):
-    """Iterator over the tori of a family in one direction.
-
-    Parameters
-    ----------
-    beginning
-        First point and direction.
-    walk
-        Options of the steps.
-    options
-        Accuracy of the tori.
-    """
+    """Iterator over the tori of a family in one direction."""
 
     def __init__(self, beginning: TorusStart, walk: WalkOptions, options: TorusOptions) -> None:
         fine, first = beginning.fineness, walk.first_step

@@ -35,15 +35,7 @@ def special_spot(name: str, number: int, special: SpecialPoint) -> Spot:
 
 
 class Track:
-    """Correctors for a branch, one for each resolution of its points.
-
-    Parameters
-    ----------
-    name
-        Name of the branch.
-    branch
-        The branch.
-    """
+    """Correctors for a branch, one for each resolution of its points."""
 
     def __init__(self, name: str, branch: Branch) -> None:
         self.name, self.branch = name, branch

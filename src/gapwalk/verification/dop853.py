@@ -78,11 +78,6 @@ def carry(
     """Integrate orbits of one structure over one period; `report` is called with the number of completed ones.
 
     With `closes` false they are motions that need not close, whose events are their own, such as parts of a torus.
-
-    Raises
-    ------
-    ValueError
-        If their systems are of different structures.
     """
     require_one_structure(orbits)
     rounds: list[Round] = []

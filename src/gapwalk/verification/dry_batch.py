@@ -74,13 +74,7 @@ Follow = Generator[Request, object, None]
 
 
 class Batch:
-    """Answers to requests of motions of some systems of one structure.
-
-    Parameters
-    ----------
-    systems
-        The systems.
-    """
+    """Answers to requests of motions of some systems of one structure."""
 
     def __init__(self, systems: Sequence[System]) -> None:
         self.equations = DryEquations(systems)
@@ -223,17 +217,7 @@ def follow_together(
     begin: Callable[[int], Follower],
     end: Callable[[int, Follower | None], object],
 ) -> None:
-    """Follow a motion of each of some systems.
-
-    Parameters
-    ----------
-    systems
-        The systems.
-    begin
-        Returns the motion with a number.
-    end
-        Called with the number of each motion that is at its end, and with it, or with None if it fails.
-    """
+    """Follow a motion of each of some systems."""
     batch, waiting = Batch(systems), deque(range(len(systems)))
     motions: dict[int, tuple[Follower, Follow]] = {}
     asked: dict[Hashable, list[Asked]] = defaultdict(list)

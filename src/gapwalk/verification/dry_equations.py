@@ -71,11 +71,6 @@ class DryEquations(Equations):
     """Equations of some systems of one structure, for several states at once.
 
     Where `lanes` is not given, there is one system, or one state for each.
-
-    Parameters
-    ----------
-    systems
-        The systems.
     """
 
     def __init__(self, systems: Sequence[System]) -> None:
@@ -145,20 +140,7 @@ class DryEquations(Equations):
     ) -> Loading:
         """Compute accelerations, forces and limits.
 
-        Parameters
-        ----------
-        angles : shape (L,)
-            Angles of the excitation.
-        states : shape (L, size)
-            Positions, velocities, and extensions.
-        modes
-            The modes.
-        levels : shape (L, loads that jump)
-            1 for each load at its high level, otherwise 0.
-        lanes
-            Indices of the systems.
-        breakaways
-            False to leave them out.
+        Shapes: `angles` (L,); `states` (L, size); `levels` (L, loads that jump).
         """
         n, count = self.size, len(states)
         q, v = states[:, :n], states[:, n : 2 * n]
@@ -338,16 +320,7 @@ class DryEquations(Equations):
     ) -> NDArray[np.float64]:
         """Return states at some shares of steps, from states and rates at their two ends, shape (L, shares, size).
 
-        Parameters
-        ----------
-        shares
-            The shares, the same of all steps.
-        h : shape (L,)
-            Angles of the steps.
-        states, rates : shape (2, L, size)
-            At both ends.
-        lanes
-            Indices of the systems.
+        Shapes: `h` (L,); `states`, `rates` (2, L, size).
         """
         n, omega, turns = self.size, self.frequency[lanes, None, None], h[:, None, None]
         (y0, y1), (r0, r1) = states[:, :, None], turns * rates[:, :, None]

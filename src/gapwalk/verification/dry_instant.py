@@ -34,23 +34,16 @@ _HELD = 1e-7  # angle of a flight that is not made any more
 class DryInstant:
     """The states and modes of the motion of an orbit, and of its neighbours, at one instant.
 
-    Parameters
-    ----------
-    orbit
-        The orbit, at whose section the motion begins.
+    Shapes: `states` (state size + 1, state size).
 
     Attributes
     ----------
     theta, angles
         The angle of the motion, and those of all: it, and one neighbour for each direction of the state space.
-    states : shape (state size + 1, state size)
-        The states of all.
     modes, levels
         What is closed, slips and is held; and the levels of numbers that jump.
     length, speed, scales
         The size of the motion, of its velocities, and of each part of a state.
-    sizes
-        The first two of them.
     """
 
     def __init__(self, orbit: Orbit) -> None:

@@ -30,11 +30,6 @@ class Equations:
 
     The active stage of each contact and the levels of loads that jump are arguments, so that the right-hand sides are
     smooth between these events. The modes of laws without stages follow from the state: forces are continuous there.
-
-    Parameters
-    ----------
-    systems
-        The systems.
     """
 
     def __init__(self, systems: Sequence[System]) -> None:
@@ -118,16 +113,7 @@ class Equations:
     def deflections(self, theta: Array, moved: Array, lanes: Lanes = _ALL, derivative: int = 0) -> Array:
         """Return the first deflection of each contact, with what is added to it, shape (L, contacts).
 
-        Parameters
-        ----------
-        theta : shape (L,)
-            Angles of the excitation.
-        moved : shape (L, n)
-            Positions, or a derivative of them over theta.
-        lanes
-            Indices of the systems.
-        derivative
-            Order of that derivative.
+        Shapes: `theta` (L,); `moved` (L, n).
         """
         found = times(self._of(self._vectors, lanes)[:, self._first], moved)
         if self._displaced.any():
@@ -143,18 +129,7 @@ class Equations:
     ) -> Array:
         """Return the derivatives over theta of positions, velocities, and the logarithm of a volume of states.
 
-        Parameters
-        ----------
-        theta : shape (L,)
-            Angles of the excitation.
-        state : shape (L, 2n + 1)
-            Positions, velocities, and that logarithm.
-        closed : shape (L, switches)
-            1 for each stage that acts, otherwise 0.
-        lanes
-            Indices of the systems.
-        levels : shape (L, loads that jump)
-            1 for each load at its high level, otherwise 0; by default the angle decides.
+        Shapes: `theta` (L,); `state` (L, 2n + 1); `closed` (L, switches); `levels` (L, loads that jump).
         """
         n = self.size
         q, v = state[:, :n], state[:, n : 2 * n]

@@ -161,23 +161,7 @@ class Verification:
         return not self.breaches
 
     def worst(self, check: Check | str) -> Figure:
-        """Return the worst figure of a check; raise a KeyError if it was not made.
-
-        Parameters
-        ----------
-        check
-            The check, or its name.
-
-        Returns
-        -------
-        Figure
-            The figure, with its place.
-
-        Raises
-        ------
-        KeyError
-            If the check was not made.
-        """
+        """Return the worst figure of a check; raise a KeyError if it was not made."""
         for summary in self.summaries:
             if check in (summary.check, summary.check.word):
                 return summary.worst
@@ -193,13 +177,7 @@ class Verification:
 
     @summarizes
     def summary(self) -> SummaryParts:
-        """Return each check with its worst figure, the first failed checks, and notes, as the terminal shows them.
-
-        Returns
-        -------
-        SummaryText
-            Printed, it is what the terminal shows.
-        """
+        """Return each check with its worst figure, the first failed checks, and notes, as the terminal shows them."""
         rows = []
         for summary in self.summaries:
             worst = summary.worst
@@ -213,13 +191,7 @@ class Verification:
         yield from remarks(self.notes, ())
 
     def document(self) -> dict[str, Any]:
-        """Return the record as plain JSON values.
-
-        Returns
-        -------
-        dict
-            Plain JSON values.
-        """
+        """Return the record as plain JSON values."""
         return {
             "ok": self.ok,
             "points": self.points,

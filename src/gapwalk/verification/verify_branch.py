@@ -57,19 +57,7 @@ def verify_branches(
     advance: Advance | None = None,
     within: tuple[float, float] | None = None,
 ) -> None:
-    """Enter all checks of some branches of one structure, by their names.
-
-    Parameters
-    ----------
-    ledger
-        The ledger in which to enter them.
-    branches
-        The branches.
-    advance
-        Called with the progress.
-    within
-        The range over which they were followed, if known.
-    """
+    """Enter all checks of some branches of one structure, by their names."""
     tracks = [Track(name, branch) for name, branch in branches]
     verify_orbits(ledger, [track for track in tracks if track.is_exact], advance)
     for done, track in enumerate(tracks):
@@ -354,13 +342,7 @@ def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 
 
 def confirm(branch: Branch) -> None:
-    """Verify a branch.
-
-    Raises
-    ------
-    VerificationError
-        If a check fails.
-    """
+    """Verify a branch."""
     ledger = Ledger()
     verify_branches(ledger, [(f"P{branch.period}-1", branch)])
     found = ledger.verification

@@ -46,35 +46,11 @@ class Goal(ABC):
     """A goal of a design."""
 
     def ways(self, system: System) -> tuple[str, ...]:
-        """Return the ways in which it may be reached by a system; each is tried.
-
-        Parameters
-        ----------
-        system
-            The system.
-
-        Returns
-        -------
-        tuple of str
-            Names of the ways; one empty name if there is only one.
-        """
+        """Return the ways in which it may be reached by a system; each is tried."""
         return ("",)
 
     def posed(self, system: System, way: str) -> System:
-        """Return the system, with the same parameters, on whose response the margins of a way are taken.
-
-        Parameters
-        ----------
-        system
-            The system.
-        way
-            One of `ways`.
-
-        Returns
-        -------
-        System
-            The system itself, unless the goal needs another one.
-        """
+        """Return the system, with the same parameters, on whose response the margins of a way are taken."""
         return system
 
     @property
@@ -84,85 +60,22 @@ class Goal(ABC):
 
     @abstractmethod
     def words(self, system: System, parameter: str) -> str:
-        """Describe the goal.
-
-        Parameters
-        ----------
-        system
-            The system.
-        parameter
-            Name of the walked parameter.
-
-        Returns
-        -------
-        str
-            Part of a sentence.
-        """
+        """Describe the goal."""
 
     @abstractmethod
     def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
-        """Return the margins at a design, with their derivatives, less the safety margin.
-
-        Parameters
-        ----------
-        response
-            Response at the design.
-        way
-            One of `ways`.
-        margin
-            Safety margin, relative.
-
-        Returns
-        -------
-        list of Need
-            Each margin with its slopes.
-        """
+        """Return the margins at a design, with their derivatives, less the safety margin."""
 
     @abstractmethod
     def margin(self, response: LocalResponse) -> float:
-        """Return how far the goal is reached at a design, in whichever way; negative if it is not.
-
-        Parameters
-        ----------
-        response
-            Response at the design.
-
-        Returns
-        -------
-        float
-            Relative to the width of the band, or to the limit.
-        """
+        """Return how far the goal is reached at a design, in whichever way; negative if it is not."""
 
     def against(self, branch: Branch) -> list[str]:
-        """Return sentences on what an isolated branch has against the goal.
-
-        Parameters
-        ----------
-        branch
-            The isolated branch.
-
-        Returns
-        -------
-        list of str
-            One sentence for each contradiction.
-        """
+        """Return sentences on what an isolated branch has against the goal."""
         return []
 
     def check(self, system: System, ends: tuple[float, float]) -> None:
-        """Raise a ModelError if the goal is none of this system, or leaves the range of the response.
-
-        Parameters
-        ----------
-        system
-            The system.
-        ends
-            Range of the walked parameter, the smaller end first.
-
-        Raises
-        ------
-        ModelError
-            If it does not suit.
-        """
+        """Raise a ModelError if the goal is none of this system, or leaves the range of the response."""
         low, high = self.band or ends
         if not ends[0] <= low < high <= ends[1]:
             raise ModelError(

@@ -90,13 +90,7 @@ class PeakBelow(Goal):
 
 
 def peak_signal(system: System, name: str) -> str:
-    """Return the signal of a contact, of a shaft or gear, or of any other name, as `Motion.signal` knows it.
-
-    Raises
-    ------
-    ModelError
-        If there is none.
-    """
+    """Return the signal of a contact, of a shaft or gear, or of any other name, as `Motion.signal` knows it."""
     known = signal_names(system)
     if f"{name}.torque" in known:
         return f"{name}.torque"

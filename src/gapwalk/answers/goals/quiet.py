@@ -85,17 +85,7 @@ def _side(way: str) -> int:
 
 
 def quiet_depth(orbit: Orbit, gap: str, side: int) -> float:
-    """Return the depth by which a gap stays closed or open in an orbit, relative to its clearance; negative if not.
-
-    Parameters
-    ----------
-    orbit
-        The orbit.
-    gap
-        Name of the contact.
-    side
-        The side on which it is to stay closed, 1 or -1; 0: it is to stay open.
-    """
+    """Return the depth by which a gap stays closed or open in an orbit, relative to its clearance; negative if not."""
     depths, breakpoints = [], orbit.system.breakpoints
     for switch, own in innermost(orbit.system, gap).items():
         contact, _, clearance = breakpoints[switch]

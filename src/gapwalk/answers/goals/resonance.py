@@ -60,23 +60,7 @@ class Resonance(Goal):
         self.value(system)
 
     def value(self, system: System) -> float:
-        """Return the frequency or speed at which the order meets the natural frequency.
-
-        Parameters
-        ----------
-        system
-            The system.
-
-        Returns
-        -------
-        float
-            In the unit of the first parameter.
-
-        Raises
-        ------
-        ModelError
-            If the system has no such natural frequency.
-        """
+        """Return the frequency or speed at which the order meets the natural frequency."""
         rates = find_modes(system, self._state(system)).frequencies
         rates = rates[np.isfinite(rates)]
         rates = rates[rates > 1e-6 * max(float(rates.max(initial=0.0)), np.finfo(float).tiny)]

@@ -75,14 +75,7 @@ def lanes_of(system: System, states: NDArray[np.float64], box: NDArray[np.float6
     It is needed where friction sticks and stops rebound: derivatives by differences say nothing of motions that touch
     a rigid stop, or stick, for the first time.
 
-    Parameters
-    ----------
-    system
-        The system.
-    states : shape (count, state_size)
-        Typical states; the steps are chosen by the motions from some of them.
-    box : shape (state_size,)
-        Half-widths of the box of states.
+    Shapes: `states` (count, state_size); `box` (state_size,).
     """
     if any(contact.law.is_dry or contact.law.rebounds for contact in system.structure.contacts):
         return None
@@ -117,19 +110,7 @@ def newton_in_lanes(
 ) -> NDArray[np.float64]:
     """Apply Newton's method from many starts, with damping and bounds as `newton_aside`; nan where it finds nothing.
 
-    Parameters
-    ----------
-    lanes
-        The map.
-    starts : shape (count, state_size)
-        The initial guesses.
-    periods : shape (count,)
-        Number of forcing periods of each.
-    is_enough
-        Called after each step with the indices of some starts and with where they have led; marks those that are given
-        up, for instance near a known solution.
-    options
-        Options; those of deflation have no effect.
+    Shapes: `starts` (count, state_size); `periods` (count,).
     """
     found, x = np.full(starts.shape, np.nan), starts.copy()
     residuals, jacobians = lanes.evaluate(x, periods)

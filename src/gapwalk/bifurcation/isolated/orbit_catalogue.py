@@ -37,10 +37,7 @@ _SAME = 1e-6
 class Catalogue:
     """Catalogue of the orbits of one system, which holds no motion twice, whatever its phase.
 
-    Parameters
-    ----------
-    scales : shape (state_size,)
-        Half-widths of the box of states, by which distances are scaled.
+    Shapes: `scales` (state_size,).
     """
 
     def __init__(self, scales: NDArray[np.float64]) -> None:
@@ -146,20 +143,7 @@ def newton_aside(
 ) -> NDArray[np.float64] | None:
     """Find a solution other than the known ones, from a start; return None if Newton's method finds none.
 
-    Parameters
-    ----------
-    equation
-        The equation, without a parameter.
-    start : shape (N,)
-        The initial guess.
-    scales : shape (N,)
-        Half-widths of the box of states, the units of length.
-    known : shape (K, N)
-        The known solutions; without any, this is Newton's method with damping and bounds.
-    options
-        Options of the search.
-    is_enough
-        Called after each step; if it returns True, the search is given up, for instance near a known solution.
+    Shapes: `start`, `scales` (N,); `known` (K, N).
     """
     problem = _Deflated(equation, scales, np.zeros((0, len(start))) if known is None else known, options)
     x, evaluation = start, problem.evaluate(start)

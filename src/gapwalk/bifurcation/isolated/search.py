@@ -85,18 +85,7 @@ class SearchResult:
         return tuple(each for each in self.found if each.is_new)
 
     def at(self, value: float) -> tuple[FoundOrbit, ...]:
-        """Return the orbits found at one value.
-
-        Parameters
-        ----------
-        value
-            One of `values`.
-
-        Returns
-        -------
-        tuple of FoundOrbit
-            By period.
-        """
+        """Return the orbits found at one value."""
         return tuple(each for each in self.found if each.value == value)
 
     def __repr__(self) -> str:
@@ -356,15 +345,7 @@ def _unseen(tallies: tuple[Tally, ...]) -> str:
 
 
 def unseen_share(settled: int, confidence: float = CONFIDENCE) -> float:
-    """Return the largest share of the box of starts that the basin of an unseen attractor may fill.
-
-    Parameters
-    ----------
-    settled
-        Number N of starts that settled.
-    confidence
-        Probability with which an attractor of a larger share would have been found.
-    """
+    """Return the largest share of the box of starts that the basin of an unseen attractor may fill."""
     return 1.0 if settled == 0 else 1.0 - (1.0 - confidence) ** (1.0 / settled)
 
 

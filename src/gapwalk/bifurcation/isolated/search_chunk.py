@@ -243,21 +243,7 @@ class _Transient:
 
 
 class Settler:
-    """Integrator that follows the transients of one system until they settle.
-
-    Parameters
-    ----------
-    system
-        The system.
-    catalogue
-        The orbits found so far; new ones are added, including unstable ones.
-    periods
-        Longest period, in forcing periods, for which a return is sought.
-    patience
-        Forcing periods after which a transient whose returns no longer shrink is given up.
-    lanes
-        The map with which many transients are followed at once; None to follow one after the other exactly.
-    """
+    """Integrator that follows the transients of one system until they settle."""
 
     def __init__(
         self, system: System, catalogue: Catalogue, periods: int, patience: int, lanes: Lanes | None = None

@@ -89,15 +89,6 @@ def state_box(system: System, known: Iterable[Orbit] = (), spread: float = 1.5) 
     forces by formulas, about each static equilibrium.
     Velocities: the positions times the natural frequency of the coordinate with the others fixed and the contacts
     touching, or times the excitation frequency if that is higher. Known orbits enlarge the box if necessary.
-
-    Parameters
-    ----------
-    system
-        The system.
-    known
-        Orbits that the box must contain.
-    spread
-        Factor by which the box is enlarged.
     """
     stiffness, positions = _touching(system)
     positions[positions <= _NOTHING * positions.max()] = positions.max() or 1.0
@@ -154,13 +145,6 @@ def _about(system: System, rows: NDArray[np.float64]) -> tuple[NDArray[np.float6
     """Return the stiffness per unit of mass with the contacts touching, and the extent of the positions.
 
     A gap far wider than the motion without it is left out: a stop that is never reached does not affect the motion.
-
-    Parameters
-    ----------
-    system
-        The system.
-    rows
-        Its accelerations as linear functions, with those of formulas.
     """
     layout, coefficients, n = layout_of(system.structure), coefficients_of(system), system.size
     mean = rows[:, 2 * n + len(layout.contacts)]
@@ -234,11 +218,6 @@ def spread_starts(
 
     They depend only on the seed and the value of the parameter, not on what else is searched. Those beyond a rigid stop
     of one of the systems are left out, and others follow. Extensions are zero.
-
-    Raises
-    ------
-    ModelError
-        If nearly all of the box is beyond rigid stops.
     """
     from scipy.stats import qmc  # imported late, because the import takes longer than everything else here
 

@@ -183,11 +183,6 @@ def locate_crossing(
     Near a crossing the Jacobian is singular along the other branch: a residual of 1e-10 leaves an error of its
     square root or worse. The branch itself is smooth. Newton's method is accurate at points some distance away on both
     sides, and interpolation between them gives the zero of the determinant and the orbits near it.
-
-    Raises
-    ------
-    NumericalError
-        If the branch is not smooth there (a contact grazes nearby), or too few points can be found.
     """
     window = b.arclength - a.arclength
     count = ranks[1] - ranks[0]

@@ -228,20 +228,7 @@ def flip_coefficient(
     The derivatives along v are differences of exact matrices P' or F', over the longest of the steps within which no
     contact grazes: beyond a grazing point the map, and hence its derivatives, are different ones.
 
-    Parameters
-    ----------
-    matrix_at
-        Function that returns the matrix P' or F' and the contacts for given unknowns.
-    here
-        Its value at the flip.
-    unknowns, units : shape (N,)
-        Unknowns at the flip, and their units.
-    critical
-        v and w.
-    response : shape (N, N)
-        R.
-    steps
-        Displacements to try, in units of the unknowns.
+    Shapes: `unknowns`, `units` (N,); `response` (N, N).
     """
     v, w = critical
     for step in steps:
@@ -377,23 +364,10 @@ class DoubledStart(NamedTuple):
 class Doubled:
     """Equation of twice the period near a flip; the motions of the parent solve it too.
 
-    Parameters
-    ----------
-    special
-        The flip.
-    parameter
-        Name of the parameter to follow.
-    within
-        Range of the parameter.
-    method
-        Discretisation of the orbits.
-
     Attributes
     ----------
     corrector, parent
         Correctors for the doubled equation and for the parent.
-    special
-        The flip.
     """
 
     def __init__(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> None:
@@ -458,13 +432,7 @@ class Doubled:
         return evaluation.by_unknowns * self.corrector.scales[:-1]
 
     def along(self, step: float) -> NDArray[np.float64]:
-        """Return the unknowns of the doubled equation and the parameter at a scaled distance along the parent.
-
-        Raises
-        ------
-        NumericalError
-            If the parent could not be followed there.
-        """
+        """Return the unknowns of the doubled equation and the parameter at a scaled distance along the parent."""
         x, tangent = self._flip
         correction = self.parent.correct(x + step * tangent, tangent)
         if correction is None:

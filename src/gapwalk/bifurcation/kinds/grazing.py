@@ -210,13 +210,7 @@ def _is_born_near_contact(now: Turns, then: Turns, full: float, near: float) -> 
 
 
 class _Pairs:
-    """The extrema of a motion that are nearest to those of another one, found once for all breakpoints of a contact.
-
-    Parameters
-    ----------
-    full
-        Length of the period, in radians.
-    """
+    """The extrema of a motion that are nearest to those of another one, found once for all breakpoints of a contact."""
 
     def __init__(self, full: float) -> None:
         self._full, self._known = full, list[tuple[list[float], list[float], list[int]]]()
@@ -252,11 +246,6 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, switc
     """Locate the point between `first` and `last` where the deflection just reaches the breakpoint of a switch.
 
     Return None if the extremum that reaches it cannot be tracked, because it may have appeared in between.
-
-    Raises
-    ------
-    NumericalError
-        If the step passed over a part of the branch that turns back.
     """
     fewer, richer = sorted((first, last), key=lambda point: point.orbit.closings[switch])
     tracked = {richer.arclength: _extremum(richer.orbit, switch, _shortest_visit(richer.orbit, switch))}

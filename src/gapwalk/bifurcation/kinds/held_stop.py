@@ -112,13 +112,7 @@ def held_changes(first: BranchPoint, last: BranchPoint) -> list[int]:
 
 
 def find_held_changes(interval: StepInterval, first: BranchPoint, last: BranchPoint) -> list[HeldChange]:
-    """Find all changes between two neighbouring points of a walk, in order; a step with several of them is halved.
-
-    Raises
-    ------
-    NumericalError
-        If an orbit between the two points cannot be found.
-    """
+    """Find all changes between two neighbouring points of a walk, in order; a step with several of them is halved."""
     changed, length = held_changes(first, last), last.arclength - first.arclength
     if not changed:
         return []

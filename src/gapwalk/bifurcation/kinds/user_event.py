@@ -55,13 +55,7 @@ class Event(Kind):
         return event
 
     def function(self, point: BranchPoint) -> float:
-        """Evaluate the user's function at a point.
-
-        Raises
-        ------
-        ModelError
-            If the user's function returns no number.
-        """
+        """Evaluate the user's function at a point."""
         value = float(self._of_orbit(point.orbit))
         if not math.isfinite(value):
             raise ModelError(

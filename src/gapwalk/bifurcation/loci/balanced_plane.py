@@ -34,11 +34,6 @@ class BalancedPlane(OrbitPlane):
     derivatives along the critical vector come from one difference of exact Jacobians, as in shooting. Flips and
     Neimark-Sacker points are those of the multipliers, again as on a branch. The derivatives of the monodromy matrix
     come from one difference per unknown, since one pass over the period costs no more than an evaluation.
-
-    Parameters
-    ----------
-    system, names, period, options
-        As in `OrbitPlane`; the method is harmonic balance.
     """
 
     options: Balance

@@ -94,13 +94,7 @@ class Finding(NamedTuple):
 def find_codim2(
     locus: Kind, corrector: Corrector, before: BranchPoint | None, first: BranchPoint, last: BranchPoint
 ) -> list[Finding]:
-    """Return the points of codimension two between two neighbouring points, in order; `before` is the point before.
-
-    Raises
-    ------
-    NumericalError
-        If a point of the locus between the two cannot be found.
-    """
+    """Return the points of codimension two between two neighbouring points, in order; `before` is the point before."""
     interval = StepInterval(corrector, first, last)
     found = [
         Finding(Codim2.GRAZING, graze.point, describe_switch(graze.point.orbit, graze.switch))

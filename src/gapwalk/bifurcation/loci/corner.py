@@ -79,19 +79,7 @@ class Approach(NamedTuple):
 def turn_corner(
     corrector: Corrector, point: BranchPoint, within: float, ahead: Sequence[Approach] = ()
 ) -> Corner | None:
-    """Return the corner just ahead of a point of a locus; None if there is none that can be turned.
-
-    Parameters
-    ----------
-    corrector
-        Corrector for the locus.
-    point
-        The last point before the corner.
-    within
-        Scaled distance within which the corner must lie.
-    ahead
-        The turning points that may graze there; by default all near their breakpoints are tried.
-    """
+    """Return the corner just ahead of a point of a locus; None if there is none that can be turned."""
     near = _NEAR * float(corrector.scales[0])
     nearby = sorted((each for each in turnings(point) if abs(each.depth) < near), key=lambda each: abs(each.depth))
     for turning in [each.turning for each in ahead] or nearby:
@@ -152,13 +140,6 @@ class NearGrazing:
     The condition on the multipliers changes like the square root of that depth. The orbits of a given depth, however,
     form a smooth curve close to the grazing locus, and the condition is smooth along it. So the orbits are found by
     following that curve to the point where the condition holds.
-
-    Parameters
-    ----------
-    corrector
-        Corrector for the locus of multipliers.
-    switch
-        Stage and side, as an index into `Equations.switches`.
     """
 
     def __init__(self, corrector: Corrector, switch: int) -> None:

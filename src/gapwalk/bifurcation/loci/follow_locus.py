@@ -116,17 +116,7 @@ class LocusStep(NamedTuple):
 
 
 class LocusTracer(Iterator[LocusStep]):
-    """Tracer of a locus in one direction.
-
-    Parameters
-    ----------
-    beginning
-        First point and direction of the tracer.
-    walk
-        Options of the walk.
-    resume
-        `state` of a stopped tracer with the same beginning.
-    """
+    """Tracer of a locus in one direction."""
 
     def __init__(self, beginning: LocusStart, walk: WalkOptions | None = None, resume: WalkState | None = None) -> None:
         self.beginning, self.options = beginning, walk or WalkOptions()

@@ -56,13 +56,7 @@ class Gradient(Shown):
     errors: NDArray[np.float64]  #: shape (k,): Estimated error of each slope.
 
     def __getitem__(self, name: str) -> float:
-        """Return the slope by one parameter.
-
-        Raises
-        ------
-        ModelError
-            If the gradient does not contain it.
-        """
+        """Return the slope by one parameter."""
         if name not in self.names:
             raise ModelError(f"the gradient has no {name!r}; it has {', '.join(self.names)}")
         return float(self.slopes[self.names.index(name)])
@@ -140,18 +134,7 @@ class Gradient(Shown):
         ]
 
     def words(self, count: int) -> str:
-        """Return the parameters that move the point most, with their percent per percent, as text.
-
-        Parameters
-        ----------
-        count
-            Number of parameters.
-
-        Returns
-        -------
-        str
-            Such as ``stop.clearance -0.149, damping.x.x -0.0519``.
-        """
+        """Return the parameters that move the point most, with their percent per percent, as text."""
         shares = self.elasticities
         least = _NOTHING * float(np.nanmax(np.abs(shares), initial=0.0))
         return ", ".join(f"{self.names[k]} {shares[k]:+.3g}" for k in self.distinct[:count] if abs(shares[k]) > least)
@@ -231,30 +214,7 @@ def gradients(points: Iterable[SpecialPoint], names: Sequence[str] = (), method:
 
 
 def gradient(special: SpecialPoint, names: Sequence[str] = (), method: Method | None = None) -> Gradient:
-    """Compute the derivatives of the parameter value of a special point by other parameters.
-
-    Parameters
-    ----------
-    special
-        A fold, flip, Neimark-Sacker or grazing point, or a point at which friction changes.
-    names
-        The parameters; by default all that are not zero (of large models, those that are no entries of vectors and
-        matrices).
-    method
-        How the orbits are posed; by default the method that found them.
-
-    Returns
-    -------
-    gradient : Gradient
-        Slopes in the units of the model, with their errors.
-
-    Raises
-    ------
-    ModelError
-        If the kind of point has no locus, or for an unknown parameter.
-    ConvergenceError
-        If the equations of the point are not satisfied, or its locus is vertical.
-    """
+    """Compute the derivatives of the parameter value of a special point by other parameters."""
     if special.kind.no_locus:
         raise ModelError(f"{special.kind.no_locus}: it has no gradient")
     orbit, parameter = special.orbit, special.parameter
@@ -301,15 +261,7 @@ def shifts(special: SpecialPoint, names: Sequence[str]) -> NDArray[np.float64]:
 
 
 def wide_planes(plane: OrbitPlane, names: Sequence[str]) -> tuple[OrbitPlane, ...]:
-    """Return planes in which `shifts_at` takes derivatives by other parameters, some in each.
-
-    Parameters
-    ----------
-    plane
-        The plane of the parameter of a branch alone.
-    names
-        The other parameters.
-    """
+    """Return planes in which `shifts_at` takes derivatives by other parameters, some in each."""
     parameter, found = plane.names[0], []
     for first in range(0, len(names), _BATCH):
         wide = replace(plane, names=(parameter, *names[first : first + _BATCH]))
@@ -325,23 +277,7 @@ def shifts_at(
     scales: NDArray[np.float64],
     planes: Iterable[OrbitPlane],
 ) -> NDArray[np.float64]:
-    """Return the derivatives of all unknowns at a solution of the equation of a special point, by other parameters.
-
-    Parameters
-    ----------
-    equation
-        Equation of the point in the plane of the parameter of its branch alone.
-    unknowns, scales
-        Unknowns of the solution, its parameter value last, and their scales.
-    planes
-        The planes of the other parameters (`wide_planes`), with the system of the equation; shape of the result is
-        (unknowns, parameters).
-
-    Raises
-    ------
-    ConvergenceError
-        If the equation is not satisfied, or the locus is vertical.
-    """
+    """Return the derivatives of all unknowns at a solution of the equation of a special point, by other parameters."""
     if isinstance(equation, MultiplierEquation) and not equation.kind.is_turning:
         equation = replace(equation, step=_STEPS[1])
     found = []

@@ -98,11 +98,6 @@ class LocusPoint:
         ----------
         name
             Name of the measure, such as ``half.q1``.
-
-        Returns
-        -------
-        float
-            In the unit of the signal.
         """
         return self.orbit.measure(name)
 
@@ -225,11 +220,6 @@ class Locus:
         ----------
         kind
             The kind, or its name, such as ``cusp``.
-
-        Returns
-        -------
-        tuple of Codim2Point
-            In the order of the walk.
         """
         return tuple(point for point in self.codim2_points if point.kind == kind)
 

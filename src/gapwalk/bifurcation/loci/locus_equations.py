@@ -97,11 +97,6 @@ class GrazingEquation(LocusEquation):
     """Equation of an orbit whose deflection turns at ``theta*``, at a given `depth` beyond a breakpoint.
 
     The unknowns are those of the orbit, ``theta*`` and the first parameter; the second parameter is followed.
-
-    Parameters
-    ----------
-    plane
-        The plane of orbits.
     """
 
     others: ClassVar[int] = 2
@@ -147,11 +142,6 @@ class MultiplierEquation(LocusEquation):
     """Equation of an orbit and of ``g = 0``, where g is a smooth condition for a critical multiplier.
 
     The unknowns are those of the orbit and the first parameter; the second parameter is followed.
-
-    Parameters
-    ----------
-    plane
-        The plane of orbits.
     """
 
     others: ClassVar[int] = 1

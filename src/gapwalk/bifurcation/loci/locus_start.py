@@ -69,15 +69,7 @@ class LocusStart:
 def start_locus(
     special: SpecialPoint, first: str, second: str, to: Ranges, method: Method | None = None
 ) -> list[LocusStart]:
-    """Begin the locus of a special point in both directions: towards smaller `first`, then towards larger.
-
-    Raises
-    ------
-    ModelError
-        If its kind has no locus, or for invalid parameters or ranges.
-    ConvergenceError
-        If the point is not a special point to the tolerance of the method.
-    """
+    """Begin the locus of a special point in both directions: towards smaller `first`, then towards larger."""
     within = _checked(special, first, second, to)
     corrector, there = _started(plane_of(chosen(method), special.orbit, (first, second)), special, within)
     back = replace(there, tangent=-there.tangent, determinant=-there.determinant, memo={})
@@ -144,13 +136,7 @@ def _started(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Rang
 
 @singledispatch
 def plane_of(method: Method, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane:
-    """Return the plane of orbits of two parameters that contains an orbit, with the discretisation of a method.
-
-    Raises
-    ------
-    ModelError
-        If no plane is registered for the method, or its options do not suit loci.
-    """
+    """Return the plane of orbits of two parameters that contains an orbit, with the discretisation of a method."""
     raise ModelError(f"no locus is followed by the method {method.name}; write Shooting() or Balance()")
 
 
@@ -182,24 +168,7 @@ def _posed(
 def equation_of(
     plane: OrbitPlane, special: SpecialPoint, widths: Sequence[float]
 ) -> tuple[AnyEquation, NDArray[np.float64], NDArray[np.float64]]:
-    """Return the equation of the locus of a special point, its unknowns there, and the scales of all variables.
-
-    Parameters
-    ----------
-    plane
-        The plane of orbits; it may have more than two parameters.
-    special
-        The special point.
-    widths
-        The scales of the parameters.
-
-    Raises
-    ------
-    ModelError
-        If such a locus is not followed by the method of the plane.
-    ConvergenceError
-        If several multipliers are critical at once: they part as the parts become unequal.
-    """
+    """Return the equation of the locus of a special point, its unknowns there, and the scales of all variables."""
     if special.multiplicity > 1:
         raise ConvergenceError(
             f"{special.multiplicity} multipliers become critical at once at the {special.kind_words} at "

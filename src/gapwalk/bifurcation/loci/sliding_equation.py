@@ -50,11 +50,6 @@ class SlidingEquation(LocusEquation):
     reserve and its derivative are. Shortly before ``theta*`` the friction keeps its mode, so all are smooth.
 
     The unknowns are those of the orbit, ``theta*`` and the first parameter; the second parameter is followed.
-
-    Parameters
-    ----------
-    plane
-        The plane of orbits.
     """
 
     others: ClassVar[int] = 2

@@ -73,11 +73,6 @@ class Scales:
         ----------
         kind
             The kind; None for a plain number.
-
-        Returns
-        -------
-        float
-            In SI units with rad; 1 for a plain number.
         """
         if kind is None or kind is QuantityKind.PHASE:
             return 1.0
@@ -108,18 +103,7 @@ class NonDimensional:
     scales: Scales  #: Physical values of its numbers.
 
     def name(self, parameter: str) -> str:
-        """Return the name in the non-dimensional system of a parameter of the physical one.
-
-        Parameters
-        ----------
-        parameter
-            Name in the physical system.
-
-        Returns
-        -------
-        str
-            Name in the non-dimensional system.
-        """
+        """Return the name in the non-dimensional system of a parameter of the physical one."""
         return "frequency" if parameter == self.physical.structure.pace else parameter
 
     def value(self, parameter: str, value: float) -> float:
@@ -131,38 +115,15 @@ class NonDimensional:
             Name in the physical system.
         value
             Value in the unit of the parameter.
-
-        Returns
-        -------
-        float
-            The non-dimensional value.
         """
         return value * self._factor(parameter)
 
     def physical_value(self, parameter: str, value: float) -> float:
-        """Return the value in its unit of a parameter (by its physical name) from the non-dimensional one.
-
-        Parameters
-        ----------
-        parameter
-            Name in the physical system.
-        value
-            The non-dimensional value.
-
-        Returns
-        -------
-        float
-            Value in the unit of the parameter.
-        """
+        """Return the value in its unit of a parameter (by its physical name) from the non-dimensional one."""
         return value / self._factor(parameter)
 
     def state(self, state: ArrayLike) -> NDArray[np.float64]:
         """Make a non-dimensional state from a physical one (angles, angles per second, extensions as angles).
-
-        Parameters
-        ----------
-        state : shape (..., state_size)
-            Physical states.
 
         Returns
         -------
@@ -173,11 +134,6 @@ class NonDimensional:
 
     def physical_state(self, state: ArrayLike) -> NDArray[np.float64]:
         """Make a physical state from a non-dimensional one, shape (..., state_size).
-
-        Parameters
-        ----------
-        state : shape (..., state_size)
-            Non-dimensional states.
 
         Returns
         -------
@@ -257,11 +213,6 @@ def scales_of(system: System) -> Scales:
     They are those of the paper: of the first link that has a clearance, the innermost clearance that is not 0; the
     inertia with which its deflection vibrates alone; and its frequency with the first stage closed, so that stiffnesses
     K11 and n1 of the paper add up to 1. Without clearances the first coordinate counts, and 1 deg.
-
-    Raises
-    ------
-    ModelError
-        If the system is no drive train, or has no units.
     """
     units, assembly = _train_of(system)
     form, equations = assembly.form, system.equations
@@ -336,13 +287,7 @@ class PaperNumbers:
     W: float = 1.0  #: Frequency.
 
     def length_ratio(self) -> float:
-        """Return bc3 / bc1, which follows from the numbers.
-
-        Returns
-        -------
-        float
-            Non-dimensional.
-        """
+        """Return bc3 / bc1, which follows from the numbers."""
         load = self.Tm1 / self.Tm2
         return (self.n1 / self.n2 + load) / (1.0 + load * self.K22 / self.K12)
 
@@ -353,16 +298,6 @@ class PaperNumbers:
         ----------
         scales
             The angle bc1, the frequency w, and the inertia I2 of the hub.
-
-        Returns
-        -------
-        Train
-            The train, with units.
-
-        Raises
-        ------
-        ModelError
-            If no three inertias have these numbers; it says which numbers do not fit together.
         """
         if problems := [*self._problems()]:
             raise ModelError("\n".join(problems))

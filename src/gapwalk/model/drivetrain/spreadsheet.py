@@ -25,13 +25,7 @@ class Spreadsheet(NamedTuple):
 
 
 def read_spreadsheet(path: str | os.PathLike[str]) -> Spreadsheet:
-    """Read a table of texts from a CSV file, or from the first sheet of a workbook (``.xlsx``).
-
-    Raises
-    ------
-    ModelError
-        If there is no such table, or it is too large.
-    """
+    """Read a table of texts from a CSV file, or from the first sheet of a workbook (``.xlsx``)."""
     name = os.fspath(path)
     try:
         with open_file(name) as file:

@@ -145,13 +145,7 @@ class Train:
         return (*self.shafts, *self.gears, *self.forces, *self.frictions)
 
     def system(self) -> System:
-        """Make its system: coordinates are deflections of shafts and gears, parameters those of its parts.
-
-        Returns
-        -------
-        System
-            The system.
-        """
+        """Make its system: coordinates are deflections of shafts and gears, parameters those of its parts."""
         assembly, values = self._assembled()
         structure = structure_of(assembly)
         _ = structure.variations  # refuses what there is not
@@ -259,16 +253,6 @@ class Train:
             Name of the part.
         **changes
             New values by the names of its fields.
-
-        Returns
-        -------
-        Train
-            A new train; this one does not change.
-
-        Raises
-        ------
-        ModelError
-            If there is no such part, or the train cannot be so.
         """
         groups = {"inertias": self.inertias, "shafts": self.shafts, "gears": self.gears, "forces": self.forces}
         groups |= {"frictions": self.frictions}

@@ -89,13 +89,7 @@ def with_load(counted: Load | Counted, load: Load) -> Load | Counted:
 
 
 def real_orders(train: Train) -> list[Fraction]:
-    """Return the orders of the loads: per turn of the reference shaft, or as multiples of the frequency.
-
-    Raises
-    ------
-    ModelError
-        If an order cannot be counted.
-    """
+    """Return the orders of the loads: per turn of the reference shaft, or as multiples of the frequency."""
     unit = Fraction((train.units and train.units.turns) or 1)
     paths = _speeds(train)
     found = []
@@ -115,13 +109,7 @@ def real_orders(train: Train) -> list[Fraction]:
 
 
 def fixed_ratios(train: Train) -> frozenset[str]:
-    """Return the gears on whose ratios orders depend; these are no parameters: the orders would change with them.
-
-    Raises
-    ------
-    ModelError
-        If an order cannot be counted.
-    """
+    """Return the gears on whose ratios orders depend; these are no parameters: the orders would change with them."""
     paths, found = _speeds(train), set()
     for load in train.harmonics:
         if isinstance(load, Counted) and (load.mesh or load.turns_of):
@@ -132,13 +120,7 @@ def fixed_ratios(train: Train) -> frozenset[str]:
 
 
 def common_orders(train: Train) -> tuple[Fraction, list[int]]:
-    """Return the order at which all loads repeat together, and theirs as multiples of it.
-
-    Raises
-    ------
-    ModelError
-        If they cannot be counted, or repeat together after a very long time only.
-    """
+    """Return the order at which all loads repeat together, and theirs as multiples of it."""
     orders = real_orders(train)
     turns = _common(orders)
     periods = min(filter(None, orders), default=turns) / turns
@@ -148,13 +130,7 @@ def common_orders(train: Train) -> tuple[Fraction, list[int]]:
 
 
 def multiples_of(train: Train, turns: Fraction) -> list[int]:
-    """Return the orders of the loads as multiples of the frequency W, of which a turn has `turns` periods.
-
-    Raises
-    ------
-    ModelError
-        If one is no whole multiple.
-    """
+    """Return the orders of the loads as multiples of the frequency W, of which a turn has `turns` periods."""
     found = []
     for load, order in zip(train.harmonics, real_orders(train), strict=True):
         multiple = order / turns

@@ -146,16 +146,6 @@ class Link:
             True if the spring that acts always is one of them, with the clearance 0, because its stiffness varies.
         angle
             The unit of angles in which the equations are counted, in rad; only formulas depend on it.
-
-        Returns
-        -------
-        tuple of Contact
-            In the order of the file: stages, friction, rigid stop.
-
-        Raises
-        ------
-        ModelError
-            If there can be no such springs.
         """
         alone = len(self.stages) + (self.stiffness is not None) == 1  # then its parameters need no name of a stage
         stages = []
@@ -187,13 +177,7 @@ class Link:
         return replace(self, **values, stages=tuple(stages), numbers=changed(self.name, self.numbers))
 
     def problems(self) -> Iterator[str]:
-        """List the errors of its numbers, one sentence each, without its name.
-
-        Returns
-        -------
-        iterator of str
-            One sentence for each error.
-        """
+        """List the errors of its numbers, one sentence each, without its name."""
         if self.stiffness is None and self.clearance is not None:
             yield 'has a clearance, but no stiffness beyond it; write stiffness = ..., or stiffness = "rigid"'
         if self.stiffness == RIGID and self.clearance is None:

@@ -81,25 +81,7 @@ class _Row:
 
 
 def train_of_sheet(path: str | os.PathLike[str]) -> tuple[str, Mapping[str, str]]:
-    """Make a model file from a table of a drive train.
-
-    Parameters
-    ----------
-    path
-        The table: a CSV file, or an Excel workbook (``.xlsx``, with ``pip install "gapwalk[data]"``).
-
-    Returns
-    -------
-    text : str
-        The model file, as TOML.
-    places : dict
-        Where each part of it was found, such as ``row 4``, by paths such as ``shaft[0]``.
-
-    Raises
-    ------
-    ModelError
-        If it cannot be read, or cells are wrong; every line names a cell, and what to write in it.
-    """
+    """Make a model file from a table of a drive train."""
     name = os.fspath(path)
     table = read_spreadsheet(name)
     sheet = _Sheet(name, table)

@@ -200,17 +200,7 @@ class Friction(Link):
 
 
 def scaled(text: str, angle: float, rate: float, torque: float = 1.0) -> str:
-    """Write a formula of a deflection and its rate for other units: in place of x, ``angle * x``, and so on.
-
-    Parameters
-    ----------
-    text
-        The formula.
-    angle, rate
-        Sizes of the new units of the deflection and of its rate, in the old ones.
-    torque
-        Size of the new unit of the torque.
-    """
+    """Write a formula of a deflection and its rate for other units: in place of x, ``angle * x``, and so on."""
     sizes = {"x": angle, "x'": rate, "v": rate}
 
     def instead(match: re.Match[str]) -> str:

@@ -69,24 +69,7 @@ def displaced_gears(train: Train) -> frozenset[str]:
 def targets_of(
     train: Train, load: Load, links: Sequence[LinkForm]
 ) -> tuple[tuple[tuple[str, float], ...], tuple[tuple[int, float], ...]]:
-    """Return the numbers and deflections of contacts that a load varies, and the linear links that it displaces.
-
-    Parameters
-    ----------
-    train
-        The train.
-    load
-        The load.
-    links
-        The forms of the links.
-
-    Returns
-    -------
-    varies : tuple of (str, float)
-        Names with factors, as in `gapwalk.model.loads.LoadForm`.
-    displaces : tuple of (int, float)
-        Numbers of links with factors.
-    """
+    """Return the numbers and deflections of contacts that a load varies, and the linear links that it displaces."""
     numbers = {link.name: number for number, link in enumerate(train.links)}
     beside = {each.name for link in links for each in link.beside}
     varies: list[tuple[str, float]] = []

@@ -82,15 +82,6 @@ class Values:
 class Node(ABC):
     """A part of a formula.
 
-    Parameters
-    ----------
-    text
-        The part as it is written again.
-    parts
-        The parts that it consists of.
-    work
-        Number of operations if it were written out without powers.
-
     Attributes
     ----------
     number
@@ -287,13 +278,7 @@ class Absolute(Node):
 
 
 class Extreme(Node):
-    """The larger or the smaller of two parts: ``m a + (1 - m) b`` in the mode ``m``.
-
-    Parameters
-    ----------
-    function
-        ``"max"`` or ``"min"``; of more than two arguments, the first part is the extreme of all but the last.
-    """
+    """The larger or the smaller of two parts: ``m a + (1 - m) b`` in the mode ``m``."""
 
     def __init__(self, function: str, first: Node, second: Node) -> None:
         self.function = function

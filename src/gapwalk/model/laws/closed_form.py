@@ -107,34 +107,13 @@ class Stages:
         return iter(self._stages)
 
     def total(self, terms: Iterable[Any]) -> Any:
-        """Return the sum of some terms.
-
-        Parameters
-        ----------
-        terms
-            The terms.
-
-        Returns
-        -------
-        number, expression or array
-            Their sum.
-        """
+        """Return the sum of some terms."""
         return self._add(list(terms))
 
     def kept(self, side: int) -> Stages:
         """Return the stages as they are if the innermost one on a side is always closed, and those on the other open.
 
         The modes are still of the kind of the backend: numbers, arrays or expressions.
-
-        Parameters
-        ----------
-        side
-            +1 or -1.
-
-        Returns
-        -------
-        Stages
-            The stages with these modes.
         """
         found = copy(self)
         found._stages = tuple(
@@ -166,13 +145,7 @@ class StageShape(NamedTuple):
 
 
 class Symbols:
-    """A sum of products of symbols, with the arithmetic of a formula.
-
-    Parameters
-    ----------
-    products
-        For each product of symbols, in sorted order, its factor.
-    """
+    """A sum of products of symbols, with the arithmetic of a formula."""
 
     __slots__ = ("products",)
 

@@ -117,11 +117,6 @@ class Expression(Law):
             Its ``deflections`` give the deflection and its rate for each variable.
         numbers
             The parameters by name, and perhaps ``"_edge"`` and ``"_kinks"`` as in `Formula.value`.
-
-        Returns
-        -------
-        dict
-            Values by name.
         """
         found = dict(numbers)
         for name in self.variables:

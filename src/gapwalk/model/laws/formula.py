@@ -83,11 +83,6 @@ class Formula:
             ``sin cos exp log sqrt tanh`` of one argument, and ``pow(base, exponent)``.
         modes
             One number 1 or 0, an array of them, or a symbol, for each mode.
-
-        Returns
-        -------
-        number, expression or array
-            The value, of the kind of the environment.
         """
         return self._tree.at(self._values(environment, functions, modes))
 
@@ -97,16 +92,6 @@ class Formula:
         """Evaluate the guard of each mode: the mode is 1 where it is positive. Parameters as in `value`.
 
         A guard depends on modes before its own at most.
-
-        Parameters
-        ----------
-        environment, functions, modes
-            As in `value`.
-
-        Returns
-        -------
-        list
-            One number for each mode.
         """
         values = self._values(environment, functions, modes)
         return [values.guard(guard) for guard in self._guards.values()]
@@ -114,18 +99,7 @@ class Formula:
     def modes_at(
         self, environment: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]]
     ) -> list[float | np.ndarray]:
-        """Decide all modes by the real parts of their guards, for numbers or arrays; 0 where a guard is 0.
-
-        Parameters
-        ----------
-        environment, functions
-            As in `value`.
-
-        Returns
-        -------
-        list
-            0 or 1 for each mode.
-        """
+        """Decide all modes by the real parts of their guards, for numbers or arrays; 0 where a guard is 0."""
         values = Values(environment, functions, {}, self._edge_numbers)
         for key, guard in self._guards.items():
             values.modes[key] = (np.real(values.guard(guard)) > 0.0) * 1.0
@@ -134,18 +108,7 @@ class Formula:
     def edge_values(
         self, environment: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]], modes: Sequence[Any]
     ) -> list[Any]:
-        """Evaluate the argument of each of the `edges`, which must be positive. Parameters as in `value`.
-
-        Parameters
-        ----------
-        environment, functions, modes
-            As in `value`.
-
-        Returns
-        -------
-        list
-            One number for each edge.
-        """
+        """Evaluate the argument of each of the `edges`, which must be positive. Parameters as in `value`."""
         values = self._values(environment, functions, modes)
         return [node.at(values) for node in self._edge_nodes]
 

@@ -91,11 +91,6 @@ class Friction(Law):
             For a law with a host: stages and force of that contact.
         numbers
             The parameters of the contact by name.
-
-        Returns
-        -------
-        number, expression or array
-            The size of the force.
         """
         if self.by == "limit":
             return numbers["limit"]
@@ -115,11 +110,6 @@ class Friction(Law):
             For a law with a host: stages and force of that contact.
         numbers
             The parameters of the contact by name.
-
-        Returns
-        -------
-        number, expression or array
-            The size of the force.
         """
         return self.limit(stages, numbers)
 
@@ -151,11 +141,6 @@ class Coulomb(Friction):
             For a law with a host: stages and force of that contact.
         numbers
             The parameters of the contact by name.
-
-        Returns
-        -------
-        number, expression or array
-            The size of the force.
         """
         return numbers["static"] * self.limit(stages, numbers)
 

@@ -143,31 +143,7 @@ def _raised_again(arguments: tuple[str, ...], reason: str, column: int) -> Formu
 
 
 def formula_of(text: str, variables: Collection[str]) -> Formula:
-    """Read a force expression.
-
-    Parameters
-    ----------
-    text
-        Numbers, names, ``+ - * / **``, parentheses, ``sin cos exp log sqrt tanh abs`` of one argument, ``min`` and
-        ``max`` of two or more, and ``pi``. ``x'`` is the rate of the deflection ``x``.
-    variables
-        The names that are variables, such as ``("x", "x'", "v")``. All other names are parameters.
-
-    Raises
-    ------
-    FormulaError
-        If the text is no formula, or one that cannot be integrated: with the column, and what to write instead.
-
-    Examples
-    --------
-    >>> formula_of("k*x + a*x**3 - mu*(1 - x**2)*v", ("x", "v")).parameters
-    ('k', 'a', 'mu')
-    >>> formula_of("k*x^3", ("x",))
-    Traceback (most recent call last):
-    gapwalk.model.laws.grammar.FormulaError: '^' is not part of a formula: write ** for a power: x**2 (column 4)
-        k*x^3
-           ^
-    """
+    """Read a force expression."""
     if not isinstance(text, str):
         raise FormulaError(f'a formula is a text, not {text!r:.60}: write "k*x"', "", 0)
     for name in variables:

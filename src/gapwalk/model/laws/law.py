@@ -110,11 +110,6 @@ class Law(ABC):
         ----------
         numbers
             Values of the parameters by name.
-
-        Returns
-        -------
-        iterator of str
-            One sentence for each error.
         """
         return iter(())
 
@@ -130,11 +125,6 @@ class Law(ABC):
             Rate of the deflection just before.
         numbers
             The parameters of the contact by name.
-
-        Returns
-        -------
-        number, expression or array
-            The rate just after.
         """
         return rate
 
@@ -155,11 +145,6 @@ class Law(ABC):
         ----------
         name
             Name of the parameter, without those of contact and stage.
-
-        Returns
-        -------
-        bool
-            True if each stage has it.
         """
         return any(each.name == name for each in self.stage_parameters)
 
@@ -181,11 +166,6 @@ class Law(ABC):
             All stages on each side on which they act, with the modes.
         numbers
             The parameters of the contact by name.
-
-        Returns
-        -------
-        sequence
-            One number, expression or array for each mode.
         """
         return ()
 

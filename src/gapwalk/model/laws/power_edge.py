@@ -24,15 +24,6 @@ def edge_polynomial(exponent: float, degree: int = DEGREE, moments: int = MOMENT
     in its duration, and of 2e-14 in the derivative of its end by its speed; 5 times, 2e-13 and 1e-12; 2.5 times, 5e-12
     and 1e-11. Rounding adds less than 1e-12 to the transition matrix. An impact that reaches a quarter of the edge
     is wrong by 4e-4 of its duration, and 4e-3 of that derivative.
-
-    Parameters
-    ----------
-    exponent
-        The exponent ``p``, above 1.
-    degree
-        Degree of the polynomial.
-    moments
-        Number of moments that vanish.
     """
     # Legendre polynomials in z = 2 s - 1 are orthogonal: powers of s would lose ten digits
     size, p = degree + 1, exponent

@@ -172,11 +172,6 @@ class Load(ABC):
             The frequency W of the excitation: real or complex, or an array.
         numbers
             Its parameters by name, of the same kinds, and its constants.
-
-        Returns
-        -------
-        iterable of Line
-            One part for each order.
         """
 
     @staticmethod
@@ -191,11 +186,6 @@ class Load(ABC):
             The frequency W of the excitation: real or complex, or an array.
         numbers
             The parameters and constants of the load by name, ``growth`` and ``at`` among them.
-
-        Returns
-        -------
-        number or array
-            The size at that frequency.
         """
         for _ in range(numbers.get("growth", 0)):  # result files of earlier versions have none
             size = size * (frequency / numbers["at"])
@@ -213,11 +203,6 @@ class Load(ABC):
             The frequency W of the excitation.
         numbers
             Its parameters by name, and its constants.
-
-        Returns
-        -------
-        Levels
-            The two levels, and the angles between which the higher one holds.
         """
         raise NotImplementedError
 
@@ -227,18 +212,7 @@ class Load(ABC):
         return Fraction(self.order) if self.is_periodic else Fraction(0)
 
     def in_train(self, units: Units) -> Self:
-        """Return the load in the units of a drive train; its parameters and frequencies are converted elsewhere.
-
-        Parameters
-        ----------
-        units
-            The units of the train.
-
-        Returns
-        -------
-        Load
-            A load of the same kind.
-        """
+        """Return the load in the units of a drive train; its parameters and frequencies are converted elsewhere."""
         if not self.over_speed:
             return self
         return replace(self, over_speed=factor_over_speed(self.over_speed).in_train(units).data)
@@ -253,11 +227,6 @@ class Load(ABC):
             The values of its keys: those of its fields, and of `table_keys`.
         units
             True if the quantities of the file have units.
-
-        Returns
-        -------
-        Load
-            The load.
         """
         return cls(**given)
 
@@ -269,11 +238,6 @@ class Load(ABC):
         ----------
         constants
             Values of its constants by name.
-
-        Returns
-        -------
-        str
-            One sentence, or none.
         """
         return ""
 
@@ -285,32 +249,15 @@ class Load(ABC):
         ----------
         numbers
             Values of its parameters by name.
-
-        Returns
-        -------
-        iterator of str
-            One sentence for each error.
         """
         return iter(())
 
     def values(self) -> Iterator[float]:
-        """Iterate over the values of its parameters.
-
-        Returns
-        -------
-        iterator of float
-            In the order of `parameters`.
-        """
+        """Iterate over the values of its parameters."""
         yield from (getattr(self, each.name) for each in self.parameters)
 
     def constants(self) -> tuple[tuple[str, Any], ...]:
-        """Return its further fields with their values.
-
-        Returns
-        -------
-        tuple of (str, object)
-            Each further field with its value.
-        """
+        """Return its further fields with their values."""
         known = {"acts_on", "order", "name", "varies", *(each.name for each in self.parameters)}
         return tuple((each.name, getattr(self, each.name)) for each in fields(self) if each.name not in known)
 

@@ -114,16 +114,6 @@ class Measured(Load):
         **fields
             Further fields of `Measured`.
 
-        Returns
-        -------
-        Measured
-            The load.
-
-        Raises
-        ------
-        ModelError
-            If the curve has no orders, or a mean where none can be.
-
         Examples
         --------
         >>> angle = np.linspace(0.0, 4.0 * np.pi, 361)
@@ -197,32 +187,7 @@ class Measured(Load):
 
 
 def read_curve(file: NamedFile, keys: Mapping[str, Any], *, is_load: bool, units: bool) -> tuple[OrderTable, bool]:
-    """Find the orders of a curve in a CSV file, over an angle or over time.
-
-    Parameters
-    ----------
-    file
-        The file.
-    keys
-        The values of `Measured.table_keys`.
-    is_load
-        True for a force or a torque. False for what varies: a displacement, an acceleration, or (`relative`) any
-        number.
-    units
-        True if the quantities of the model have units.
-
-    Returns
-    -------
-    table : OrderTable
-        The orders; those of an acceleration as orders of the displacement.
-    is_angle : bool
-        True if it is one of angles, in rad.
-
-    Raises
-    ------
-    ModelError
-        If a column is missing or has a wrong unit, or if the curve has no such orders.
-    """
+    """Find the orders of a curve in a CSV file, over an angle or over time."""
     heads = read_heads(file)
     has_angle = any(_is(head, ("angle", "crank")) for head in heads)
     over_time = not has_angle and any(_is(head, ("time", "t")) for head in heads)

@@ -84,21 +84,6 @@ class FactorOverSpeed:
 
         Beyond its limits a table is continued by its first or last piece, for steps of Newton's method that pass its
         end; `gapwalk.model.coefficients.coefficients_of` refuses such systems.
-
-        Parameters
-        ----------
-        frequency
-            The frequency W.
-
-        Returns
-        -------
-        number or array
-            The factor, of the kind of the frequency.
-
-        Raises
-        ------
-        NumericalError
-            If a formula has no finite value there.
         """
         speed = frequency / self.pace
         if self.table is not None:
@@ -110,18 +95,7 @@ class FactorOverSpeed:
         return found
 
     def in_train(self, units: Units) -> FactorOverSpeed:
-        """Return the factor in the units of a drive train: a formula has the speed in the train's own unit.
-
-        Parameters
-        ----------
-        units
-            The units of the train.
-
-        Returns
-        -------
-        FactorOverSpeed
-            The factor.
-        """
+        """Return the factor in the units of a drive train: a formula has the speed in the train's own unit."""
         return replace(self, pace=units.frequency if self.table is None else self.pace * float(units.turns or 1))
 
     @cached_property
@@ -134,21 +108,7 @@ OverSpeed = str | SpeedTable | FactorOverSpeed | tuple[Any, ...]
 
 
 def read_factor(file: NamedFile, *, units: bool) -> FactorOverSpeed:
-    """Read a table over the speed from a CSV file.
-
-    Parameters
-    ----------
-    file
-        A file with a column of speeds and one of factors. With units, the speed has one, and in place of factors there
-        may be torques, as factors of 1 N m.
-    units
-        True if the quantities of the model have units.
-
-    Raises
-    ------
-    ModelError
-        If it is no such table.
-    """
+    """Read a table over the speed from a CSV file."""
     speed = WantedColumn("speed", QuantityKind.FREQUENCY if units else None, ("frequency", "W", "n"))
     factor = WantedColumn("factor", None, ("amplitude", "value", "scale"))
     if units and any(head.is_of(QuantityKind.TORQUE) for head in read_heads(file)):
@@ -174,13 +134,7 @@ def factor_over_speed(data: tuple[Any, ...]) -> FactorOverSpeed:
 
 
 def over_speed_data(given: object) -> tuple[Any, ...]:
-    """Return the data of a factor from a formula, a table, or such data; empty for nothing.
-
-    Raises
-    ------
-    ModelError
-        If it is none of them.
-    """
+    """Return the data of a factor from a formula, a table, or such data; empty for nothing."""
     if isinstance(given, FactorOverSpeed):
         return given.data
     if isinstance(given, SpeedTable):

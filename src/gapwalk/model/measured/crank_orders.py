@@ -120,11 +120,6 @@ class OrderTable:
         ----------
         angle
             Angles in rad, of any shape.
-
-        Returns
-        -------
-        array
-            In the unit of the signal.
         """
         x = np.asarray(angle)
         total = np.full(x.shape, self.mean)

@@ -30,19 +30,7 @@ class CsvColumns:
     rows: tuple[tuple[int, str], ...]  #: The other lines, each with its number in the file, from 1.
 
     def numbers(self, places: Mapping[str, int]) -> dict[str, NDArray[np.float64]]:
-        """Read the numbers of some columns, each of shape (rows,).
-
-        Parameters
-        ----------
-        places
-            Indices of the columns, by their names in messages.
-
-        Raises
-        ------
-        ModelError
-            If an entry is missing or is no number, or if a line has more entries than there are columns. Infinite
-            numbers and ``nan`` are read: the caller says in its own words what they mean.
-        """
+        """Read the numbers of some columns, each of shape (rows,)."""
         table = np.empty((len(places), len(self.rows)))
         commas: dict[bool, tuple[int, str]] = {}  # the first number with a point, and the first one with a comma
         for row, (number, line) in enumerate(self.rows):
@@ -91,24 +79,7 @@ def number_row(values: object, what: str) -> NDArray[np.float64]:
 
 
 def parse_csv(content: bytes, example: str, most: int, hint: str = "") -> CsvColumns:
-    """Divide the content of a CSV file into its line of names and its rows.
-
-    Parameters
-    ----------
-    content
-        The bytes of the file, UTF-8 with or without a byte order mark.
-    example
-        A line of names, for messages.
-    most
-        Largest number of rows.
-    hint
-        What to do if there are more, for messages.
-
-    Raises
-    ------
-    ModelError
-        If it is not such a text, names no columns, or has too many rows.
-    """
+    """Divide the content of a CSV file into its line of names and its rows."""
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

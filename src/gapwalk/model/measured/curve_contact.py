@@ -172,22 +172,7 @@ def _read(
 
 
 def with_curves(source: Source, *, units: bool) -> tuple[dict[str, Any], list[Problem]]:
-    """Replace the key ``curve`` of contacts, shafts and gears by the stages of the measured curve.
-
-    Parameters
-    ----------
-    source
-        The model file, with the contents of the files in place of their names (`NamedFile`).
-    units
-        True if the quantities of the file have units.
-
-    Returns
-    -------
-    data : dict
-        The content of the file with stages in place of curves.
-    problems : list of Problem
-        Curves that cannot be used.
-    """
+    """Replace the key ``curve`` of contacts, shafts and gears by the stages of the measured curve."""
     data, problems = dict(source.data), []
     for key in CURVED:
         tables = data.get(key)
@@ -218,13 +203,7 @@ def _with_stages(table: Mapping[str, Any], *, units: bool) -> dict[str, Any]:
 
 
 def measured_curve(table: Mapping[str, Any], *, units: bool) -> MeasuredCurve:
-    """Return the curve of the table of a contact, which has the content of its file (`NamedFile`).
-
-    Raises
-    ------
-    ModelError
-        If the file is no curve, or another key of the table is wrong.
-    """
+    """Return the curve of the table of a contact, which has the content of its file (`NamedFile`)."""
     if not isinstance(table["curve"], NamedFile):
         raise ModelError('it must be the name of a CSV file, as in curve = "clutch.csv"')
     kinds = (QuantityKind.ANGLE, QuantityKind.TORQUE) if units else None

@@ -79,18 +79,7 @@ class CurvePoints:
 def curve_points(deflection: object, force: object, error: float) -> CurvePoints:
     """Put the points of a curve in order.
 
-    Parameters
-    ----------
-    deflection, force : shape (points,)
-        In the order in which they were measured or written.
-    error
-        What differences of forces matter, as a share of the largest force.
-
-    Raises
-    ------
-    ModelError
-        If they are no curve: fewer than two deflections, no force, two branches, noise, or more than two forces at one
-        deflection.
+    Shapes: `deflection`, `force` (points,).
     """
     x, y = number_row(deflection, "deflections of a curve"), number_row(force, "forces of a curve")
     if len(x) != len(y):

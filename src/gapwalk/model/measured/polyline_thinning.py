@@ -23,21 +23,7 @@ def thin_polyline(x: Array, y: Array, error: float, most: int) -> NDArray[np.int
     chords from a point are found in one pass: the slopes that pass all points so far within the error are an interval
     which only shrinks.
 
-    Parameters
-    ----------
-    x : shape (points,)
-        Increasing.
-    y : shape (points,)
-    error
-        Largest distance in `y`.
-    most
-        Largest number of points.
-
-    Returns
-    -------
-    NDArray or None
-        Indices of the points; None if there are more than `most`. Of more than 1,000 points, only 1,000 are candidates:
-        half of them evenly spaced, half where the curve bends most. The error is that at all points.
+    Shapes: `x`, `y` (points,).
     """
     count = len(x)
     candidates = np.arange(count) if count <= EXACT else _candidates(x, y)

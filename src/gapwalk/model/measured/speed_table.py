@@ -53,18 +53,7 @@ class SpeedTable:
         object.__setattr__(self, "values", values)
 
     def covers(self, speed: ArrayLike) -> bool:
-        """Return True if all speeds are within the table.
-
-        Parameters
-        ----------
-        speed
-            Speeds of any shape.
-
-        Returns
-        -------
-        bool
-            False if one of them is outside.
-        """
+        """Return True if all speeds are within the table."""
         x = np.real(np.asarray(speed))
         slack = _ROUNDING * (self.speeds[-1] - self.speeds[0])
         return bool(np.all((x >= self.speeds[0] - slack) & (x <= self.speeds[-1] + slack)))
@@ -83,11 +72,6 @@ class SpeedTable:
         -------
         array
             Values, of the shape of the speeds.
-
-        Raises
-        ------
-        ModelError
-            If a speed is outside of the table, unless it is continued.
         """
         (cubic, quadratic, slope, value), d = self._piece(speed, continued)
         return (value + d * (slope + d * (quadratic + d * cubic)))[()]

@@ -109,11 +109,6 @@ class Curve:
 
         At a step it is the force on the inner side, towards the deflection 0.
 
-        Parameters
-        ----------
-        deflection
-            Deflections of any shape.
-
         Returns
         -------
         array
@@ -124,11 +119,6 @@ class Curve:
     def slope(self, deflection: ArrayLike) -> Any:
         """Return the derivative of the force by the deflection; at a corner, that on the inner side.
 
-        Parameters
-        ----------
-        deflection
-            Deflections of any shape.
-
         Returns
         -------
         array
@@ -137,18 +127,7 @@ class Curve:
         return self._sum(deflection, _slope)
 
     def covers(self, deflection: ArrayLike) -> bool:
-        """Return True if all deflections are within the measured ones.
-
-        Parameters
-        ----------
-        deflection
-            Deflections of any shape.
-
-        Returns
-        -------
-        bool
-            False if one of them is outside.
-        """
+        """Return True if all deflections are within the measured ones."""
         x = np.asarray(deflection)
         return bool(np.all((x >= self.first) & (x <= self.last)))
 
@@ -330,13 +309,7 @@ def _monotone(x: Array, y: Array) -> Any:
 
 
 def _insert(x: Array, y: Array, allowed: float, *, odd: bool) -> tuple[list[int], float]:
-    """Keep points until the cubic is within the allowed difference: each time the one that is farthest from it.
-
-    Returns
-    -------
-    tuple
-        The points, or if they do not suffice the most that there may be; and the least difference that was reached.
-    """
+    """Keep points until the cubic is within the allowed difference: each time the one that is farthest from it."""
     kept, reached = {0, len(x) - 1}, math.inf
     while True:
         places = sorted(kept)

@@ -66,11 +66,6 @@ class BalanceEquation(OrbitEquation):
 
     The unknowns are the real forms of the deflections, one contact after the other: 2K + 1 numbers each, with
     ``K = H m`` lines. All other coordinates are eliminated exactly.
-
-    Parameters
-    ----------
-    system, parameter, period, options
-        See `OrbitEquation`.
     """
 
     options: Balance = Balance()
@@ -106,25 +101,13 @@ class BalanceEquation(OrbitEquation):
         return deflections_in(self._layout.structure)
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Compute residual and derivatives; see `Equation.evaluate`.
-
-        Raises
-        ------
-        NumericalError
-            If the linear part is singular at one of the lines.
-        """
+        """Compute residual and derivatives; see `Equation.evaluate`."""
         return self.evaluate_at(unknowns, *self.coefficients(value))
 
     def evaluate_at(
         self, unknowns: NDArray[np.float64], coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None
     ) -> Evaluation:
-        """Compute residual and derivatives from coefficients of the flow and their derivatives by any parameter.
-
-        Raises
-        ------
-        NumericalError
-            As `evaluate`.
-        """
+        """Compute residual and derivatives from coefficients of the flow and their derivatives by any parameter."""
         lines = from_real_form(unknowns.reshape(self._width, -1))
         compliance = self._compliance(coefficients, slope)
         laws = self.laws(coefficients, slope) if self._fixed_laws is None else self._fixed_laws

@@ -138,14 +138,7 @@ class Laws:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return ``g'(x)`` and ``P'(x)`` at deflections of shape (..., deflections), of the same shape.
 
-        Parameters
-        ----------
-        x
-            The deflections.
-        phi : shape (...,)
-            The angles, of a motion of `period` forcing periods.
-        period
-            m.
+        Shapes: `phi` (...,).
         """
         # sign of each row in the column of its deflection
         select = (self.contact[:, None] == np.arange(x.shape[-1])) * self.sign[:, None]
@@ -212,11 +205,6 @@ def laws_of(
     """Return the laws of all contacts for the coefficients of the flow, and their derivatives along `slope`.
 
     Of the forces by formulas some shares are taken away.
-
-    Raises
-    ------
-    ModelError
-        If a law does not have this form.
     """
     plan = _plan_of(layout)
     moves = np.zeros_like(coefficients) if slope is None else slope
@@ -318,14 +306,7 @@ class _Plan(NamedTuple):
 
 @lru_cache(maxsize=256)
 def _plan_of(layout: CoefficientLayout) -> _Plan:
-    """Return the polynomials g and P of all contacts, as functions of the coefficients.
-
-    Raises
-    ------
-    ModelError
-        If the force of a contact is not a polynomial of the penetration, linear in the rate, or if it jumps; or for
-        friction and stops that are rigid.
-    """
+    """Return the polynomials g and P of all contacts, as functions of the coefficients."""
     backend = "harmonic balance"
     check_dry(layout)
     switches: list[tuple[int, StageSlots]] = []
@@ -362,13 +343,7 @@ def _plan_of(layout: CoefficientLayout) -> _Plan:
 
 
 def contact_forces_of(lines: NDArray[np.complex128], laws: Laws, period: int = 1) -> Forces:
-    """Compute the forces along deflections with lines of shape (deflections, K + 1), of some forcing periods.
-
-    Raises
-    ------
-    NumericalError
-        See `Formulas.sample`.
-    """
+    """Compute the forces along deflections with lines of shape (deflections, K + 1), of some forcing periods."""
     own, variation = (laws.table, laws.slope_table), (laws.wave_table, laws.wave_slope_table)
     angles = grid(lines.shape[1] - 1)
     parts, slopes, crossings = contact_forces(lines, *laws.switches, *own, *angles, *laws.over(period), *variation)

@@ -377,13 +377,7 @@ def elements_in(layout: CoefficientLayout) -> list[Element]:
 
 
 def check_dry(layout: CoefficientLayout) -> None:
-    """Refuse friction that harmonic balance cannot include.
-
-    Raises
-    ------
-    ModelError
-        If friction sticks rigidly.
-    """
+    """Refuse friction that harmonic balance cannot include."""
     for slots in layout.contacts:
         law, name = slots.form.law, slots.form.name
         if not isinstance(law, Friction):

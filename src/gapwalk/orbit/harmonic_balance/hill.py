@@ -15,16 +15,7 @@ def projected_monodromy(
 ) -> NDArray[np.float64]:
     """Compute the monodromy matrix of positions and momenta over one period, shape (2n, 2n).
 
-    Parameters
-    ----------
-    linearised
-        The linearised equations.
-    tangents : shape (2 contacts, 2K + 1)
-        Spectra, k = 0 ... 2K, of the contacts' ``g'`` and ``P'``.
-    length
-        The period, in units of time.
-    pairs
-        The derivatives of forces by formulas.
+    Shapes: `tangents` (2 contacts, 2K + 1).
 
     Notes
     -----

@@ -32,15 +32,7 @@ def modal_monodromy(
 ) -> NDArray[np.float64]:
     """Compute the monodromy matrix of the amplitudes of the eigenvectors, shape (poles, poles).
 
-    Parameters
-    ----------
-    poles
-        Eigenvalues of the linear part.
-    shift : shape (contacts,)
-        Stiffness of each contact that is included in the eigenvalues.
-    laws, lines, breaks, length, period
-        The contacts, their deflections, the angles at which breakpoints are passed or numbers jump, and the period in
-        time and in forcing periods.
+    Shapes: `shift` (contacts,).
 
     Notes
     -----

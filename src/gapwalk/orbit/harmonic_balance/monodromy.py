@@ -118,20 +118,7 @@ def monodromy(
 
     The places of the sliders of Jenkins elements follow.
 
-    Parameters
-    ----------
-    linearised
-        The linearised equations.
-    lines : shape (deflections, K + 1)
-        Deflections of the motion.
-    breaks
-        Angles phi at which a breakpoint is passed or a number jumps, in order; every step ends there.
-    length
-        The period, in units of time.
-    period
-        The same in forcing periods.
-    pairs, memory
-        The derivatives of forces by formulas and of Jenkins elements, and the elements.
+    Shapes: `lines` (deflections, K + 1).
 
     Notes
     -----

@@ -44,26 +44,7 @@ def spectra_between(
     longest: int,
     values_at: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]],
 ) -> tuple[NDArray[np.complex128], float]:
-    """Compute the spectra, k = 0 ... longest, of some functions, and what is left unresolved of them.
-
-    Parameters
-    ----------
-    breaks
-        The angles of kinks and jumps, from 0 to 2 pi.
-    count
-        Number of panels of the whole circle to begin with.
-    longest
-        K.
-    values_at
-        Function that returns the values at some angles, shape (functions, angles), and factors by which the functions
-        are compared with one another, shape (functions,).
-
-    Returns
-    -------
-    spectra : shape (functions, longest + 1)
-    unresolved
-        Share of the largest value; 0 if all is resolved.
-    """
+    """Compute the spectra, k = 0 ... longest, of some functions, and what is left unresolved of them."""
     panels, largest, left = _even(breaks, count), 0.0, 0.0
     result: NDArray[np.complex128] = np.zeros((1, longest + 1), dtype=complex)
     for halving in range(_HALVINGS + 1):

@@ -75,13 +75,7 @@ class Formulas(ForcesLessShares):
     """The forces by formulas."""
 
     def sample(self, lines: NDArray[np.complex128], period: int) -> Sampled:
-        """Compute the lines of all forces along deflections with some lines, shape (deflections, K + 1).
-
-        Raises
-        ------
-        NumericalError
-            If a formula has no value along the motion, or is not resolved by the largest number of samples.
-        """
+        """Compute the lines of all forces along deflections with some lines, shape (deflections, K + 1)."""
         places, found, slopes, pairs, breaks = [], [], [], [], [np.zeros(0)]
         for place, slots in formulas_in(self.layout):
             curve = self._along(place, slots, lines, period)

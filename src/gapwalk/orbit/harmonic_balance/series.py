@@ -78,15 +78,7 @@ def _exponents(count: int) -> NDArray[np.complex128]:
 
 @lru_cache(maxsize=32)
 def grid(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return a grid that resolves K lines, with eight cells per shortest wave.
-
-    Returns
-    -------
-    phi : shape (samples + 1,)
-        Angles, evenly from 0 to 2 pi, both included.
-    values, slopes : shape (2K + 1, samples + 1)
-        Matrices from a real form to the values and to the derivatives by phi on the grid.
-    """
+    """Return a grid that resolves K lines, with eight cells per shortest wave."""
     samples = 8 * max(8, count)
     phi = 2.0 * np.pi * np.arange(samples + 1) / samples
     phi[-1] = 2.0 * np.pi

@@ -24,15 +24,6 @@ def zeros_on(
     """Return the zeros of a function between neighbouring points, each after the number of the point before it.
 
     Two zeros between two points are found, too, if the slopes there point to an extremum beyond zero.
-
-    Parameters
-    ----------
-    function
-        It has angles with the numbers of their intervals, and returns values and slopes, which may be rough.
-    phi, which
-        The points, and the interval of each.
-    opens
-        True for each point after which the next one follows.
     """
     value, slope = function(phi, which)
     above, cells = value > 0.0, np.flatnonzero(opens)

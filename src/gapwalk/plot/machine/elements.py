@@ -99,15 +99,7 @@ class Machine:
 
 
 def elements_of(system: System, form: ContactForm, name: str = "") -> Iterator[Element]:
-    """Give the elements of a contact: its stages in pairs of both sides, or friction, or a formula.
-
-    Parameters
-    ----------
-    system, form
-        The system and the contact.
-    name
-        Name on the drawing; by default that of the contact, with the angle sign of numbers that vary.
-    """
+    """Give the elements of a contact: its stages in pairs of both sides, or friction, or a formula."""
     law, signal = form.law, force_of(form)
     index = system.structure.contacts.index(form)
     varies = "(θ)" if any(each.contact == index for each in system.structure.variations) else ""

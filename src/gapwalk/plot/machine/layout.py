@@ -51,21 +51,7 @@ def machine_of(system: System) -> Machine:
 
 
 def scene_of(system: System, width: float = WIDE) -> Scene:
-    """Return the drawing of the machine of a system.
-
-    Parameters
-    ----------
-    system
-        The system.
-    width
-        Width of the drawing in pixels, at most; longer chains go on in further rows.
-
-    Examples
-    --------
-    >>> system = System(["x"], [[1.0]], damping=[[0.1]])
-    >>> [part.kind for part in scene_of(system).parts]
-    ['spring', 'damper', 'body']
-    """
+    """Return the drawing of the machine of a system."""
     machine = machine_of(system)
     edges = [edge for link in machine.links for each in link.elements for edge in each.edges if edge]
     pen = Pen(max(edges, default=1.0))

@@ -85,17 +85,7 @@ def _short(value: float) -> str:
 
 
 def draw_scene(ax: Axes, scene: Scene, width: float, scale: float) -> None:
-    """Draw a machine in axes, without their frame.
-
-    Parameters
-    ----------
-    ax, scene
-        The axes and the drawing.
-    width
-        Width of the axes in pixels of the drawing, which may be narrower.
-    scale
-        Points of the sheet in a pixel of the drawing, by which letters and lines are scaled.
-    """
+    """Draw a machine in axes, without their frame."""
     ax.set_axis_off()
     ax.set_aspect("equal", anchor="W")
     ax.set_xlim(0.0, width)

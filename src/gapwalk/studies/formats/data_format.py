@@ -33,38 +33,10 @@ class DataFormat(ABC):
 
     @abstractmethod
     def content(self, record: Described, table: str) -> bytes:
-        """Return the content of the file.
-
-        Parameters
-        ----------
-        record
-            A result, or another record with tables.
-        table
-            Name of the table to write; empty for all, if they share a file.
-
-        Raises
-        ------
-        ModelError
-            If the format cannot hold it; the message names a format that can.
-        """
+        """Return the content of the file."""
 
     def contents(self, record: Described, path: Path, *, named: bool) -> Mapping[Path, bytes]:
-        """Return the contents of all files by their paths.
-
-        Parameters
-        ----------
-        record
-            A result, or another record with tables.
-        path
-            The file; the names of further ones, and with `named` of the first too, end in a hyphen and the table.
-        named
-            True to end the name of the first file with its table, too.
-
-        Raises
-        ------
-        ModelError
-            If the format cannot hold it, or a library is missing; the message has the line that installs it.
-        """
+        """Return the contents of all files by their paths."""
         for module in self.needs:
             needed(module, f"the format {self.name}")
         if not self.table_by_table:
@@ -96,22 +68,10 @@ def canonical(name: str) -> str:
 
 
 def format_of(name: str) -> DataFormat:
-    """Return a format by its name, or by the ending of its files.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is none.
-    """
+    """Return a format by its name, or by the ending of its files."""
     return _FORMATS.named(canonical(name))()
 
 
 def add_format(form: type[DataFormat]) -> type[DataFormat]:
-    """Register a format under its name, also as a decorator.
-
-    Raises
-    ------
-    ModelError
-        If another one has the name.
-    """
+    """Register a format under its name, also as a decorator."""
     return _FORMATS.add(form.name, form)
