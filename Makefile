@@ -61,6 +61,7 @@ check: lint types  ## lint and types only
 lint: $(STAMP)
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
+	@$(PY) -m tests.release.size
 
 types: $(STAMP)
 	$(PY) -m basedpyright --pythonpath $(PY)

@@ -19,9 +19,9 @@ from benchmarks.effort import Effort
 from benchmarks.row import Row, Target
 from benchmarks.stopwatch import cpu_seconds, fastest, side_by_side
 from gapwalk import Branch, DiagramOptions, Orbit, WalkOptions, diagram, find_orbit, follow, paper, search
-from gapwalk.bifurcation.isolated.lanes import Lanes
+from gapwalk.bifurcation.isolated.orbit_catalogue import Lanes
 from gapwalk.continuation import walk as walks
-from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.flow.flow import PERIOD, Flow
 from gapwalk.orbit.orbit import true_period
 

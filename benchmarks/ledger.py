@@ -20,17 +20,17 @@ from rich.table import Table
 
 from benchmarks.branch import start_with_friction
 from gapwalk import Orbit, find_orbit, follow, paper
-from gapwalk.bifurcation import branch_tracer, friction_changes, special_point_kind
+from gapwalk.bifurcation import branch_tracer, friction_changes
+from gapwalk.bifurcation import special_point as special_point_kind
 from gapwalk.bifurcation.detector import Detector
 from gapwalk.bifurcation.kinds import grazing, sliding
 from gapwalk.bifurcation.kinds.flip import Flip
 from gapwalk.bifurcation.step_interval import Search
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.walk import Walk
-from gapwalk.flow.contact_events import Switchboard
+from gapwalk.flow.contact_events import Switchboard, TurningPoints
 from gapwalk.flow.flow import Flow, _Integrator
-from gapwalk.flow.turning_points import TurningPoints
-from gapwalk.orbit import measures
+from gapwalk.orbit import orbit as measures
 from gapwalk.orbit import orbit as orbits
 from gapwalk.orbit.shooting import ShootingEquation
 

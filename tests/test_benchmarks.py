@@ -19,7 +19,7 @@ from benchmarks.row import Row, Target
 from benchmarks.simd import SimdClutch
 from benchmarks.table import as_json, as_table, cells, duration, notes
 from gapwalk import find_orbit, paper
-from gapwalk.bifurcation.isolated.lanes import lanes_of
+from gapwalk.bifurcation.isolated.orbit_catalogue import lanes_of
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.parallel.workers import Workers

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 import gapwalk as gw
 from gapwalk.notebook import Shown
-from gapwalk.studies.formats.csv_format import table_of
+from gapwalk.studies.export import table_of
 from gapwalk.summary import rows_of
 from tests.computed import paper_response
 from tests.systems import clutch

@@ -35,7 +35,7 @@ from gapwalk.model.schema import Part
 from gapwalk.model.units import QuantityKind
 from gapwalk.studies.derived_schema import study_schema, table_schema
 from gapwalk.studies.measure import Measurement as RecordMeasurement
-from gapwalk.studies.measure_points import SweptMeasurement
+from gapwalk.studies.measure import SweptMeasurement
 from gapwalk.studies.reduced import ReductionPart
 from gapwalk.studies.study_registry import INLINE, kind_of, kinds
 

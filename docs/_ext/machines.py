@@ -11,8 +11,8 @@ import re
 from pathlib import Path
 
 import gapwalk as gw
+from gapwalk.plot.machine.elements import svg_of
 from gapwalk.plot.machine.layout import scene_of
-from gapwalk.plot.machine.on_paper import svg_of
 
 GALLERY = Path(__file__).parent.parent / "gallery"
 PICTURES = GALLERY.parent / "pictures"

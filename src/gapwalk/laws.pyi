@@ -1,5 +1,6 @@
 """Public names of `gapwalk.laws`; see `gapwalk.lazy_names`."""
 
+from .model.element_tables import measured_spring as measured_spring
 from .model.laws import CLEARANCE as CLEARANCE
 from .model.laws import CUBIC as CUBIC
 from .model.laws import STIFFNESS as STIFFNESS
@@ -17,16 +18,15 @@ from .model.laws import Stages as Stages
 from .model.laws import StageTerms as StageTerms
 from .model.laws import register as register
 from .model.laws import register_formula as register_formula
-from .model.laws.contact_laws import Elastic as Elastic
-from .model.laws.contact_laws import HuntCrossley as HuntCrossley
-from .model.laws.contact_laws import HuntCrossleyAsPrinted as HuntCrossleyAsPrinted
-from .model.laws.contact_laws import Viscous as Viscous
 from .model.laws.formula import Edge as Edge
 from .model.laws.formula import Formula as Formula
-from .model.laws.grammar import FormulaError as FormulaError
-from .model.measured.curve_contact import measured_spring as measured_spring
+from .model.laws.formula import FormulaError as FormulaError
+from .model.laws.law import Elastic as Elastic
+from .model.laws.law import HuntCrossley as HuntCrossley
+from .model.laws.law import HuntCrossleyAsPrinted as HuntCrossleyAsPrinted
+from .model.laws.law import Viscous as Viscous
 from .model.measured.spring_curve import Corner as Corner
 from .model.measured.spring_curve import Curve as Curve
 from .model.measured.spring_curve import spring_curve as spring_curve
-from .model.parameter import Parameter as Parameter
+from .model.registry import Parameter as Parameter
 from .model.units import QuantityKind as QuantityKind

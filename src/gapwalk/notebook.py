@@ -44,7 +44,7 @@ class Shown(Described, Pictured):
 
     def _repr_html_(self) -> str:
         """Return the card as HTML; the notebook calls this."""
-        from gapwalk.plot.card import card_of
+        from gapwalk.plot.picture import card_of
 
         return card_of(self)
 

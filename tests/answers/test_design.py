@@ -9,9 +9,8 @@ import pytest
 from scipy.optimize import minimize
 
 import gapwalk as gw
-from gapwalk.answers.goals import MARGIN
-from gapwalk.answers.goals.peak_below import peaks
-from gapwalk.answers.least_change import DesignProblem
+from gapwalk.answers.design import DesignProblem
+from gapwalk.answers.goals import MARGIN, peaks
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.answers.least_change import DesignProblem
-from gapwalk.answers.point_tracking import TrackedPoint
+from gapwalk.answers.design import DesignProblem
+from gapwalk.answers.point_prediction import TrackedPoint
 from gapwalk.errors import NumericalError
 
 pytestmark = pytest.mark.slow

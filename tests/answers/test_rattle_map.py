@@ -7,7 +7,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.answers.gap_states import GapState
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind
 from gapwalk.model.model_source import parse_source
 from tests.answers.test_rattle_bands import DAMPING, GAP, STOP, stopped
 

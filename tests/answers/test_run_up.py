@@ -11,7 +11,7 @@ from scipy.special import wofz
 
 import gapwalk as gw
 from gapwalk.answers.speed_course import SpeedCourse
-from gapwalk.ensemble.batch import BatchOptions
+from gapwalk.ensemble.batch_flow import BatchOptions
 
 DAMPING, FORCE, PHASE = 0.05, 0.3, 0.4
 

@@ -9,8 +9,7 @@ import pytest
 from scipy import stats
 
 import gapwalk as gw
-from gapwalk.answers.parameter_variations import Variations, VariedHow
-from gapwalk.answers.scan import FAILS, HOLDS, UNKNOWN, Scan
+from gapwalk.answers.scan import FAILS, HOLDS, UNKNOWN, Scan, Variations, VariedHow
 from gapwalk.attractors.regimes import Regime
 from gapwalk.errors import ModelError
 from tests.studies.jobs import HEAD, SCAN
@@ -162,7 +161,7 @@ def test_a_walk_that_has_no_beginning_is_unknown(monkeypatch) -> None:
     def fail(*_: object, **__: object) -> None:
         raise gw.errors.ConvergenceError("no orbit")
 
-    monkeypatch.setattr("gapwalk.studies.scan_work.find_orbit", fail)
+    monkeypatch.setattr("gapwalk.studies.scan_study.find_orbit", fail)
     claims = [gw.ask.PointClaim("fold", "frequency", 0.5, 0.6)]
     options = gw.ask.ScanOptions(factors=(0.5,), neighbours=0)
     found = gw.ask.scan(CLUTCH, claims, ["mean.q1"], options=options, workers=1)

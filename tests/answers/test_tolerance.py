@@ -9,11 +9,10 @@ import pytest
 from scipy import stats
 
 import gapwalk as gw
-from gapwalk.answers.point_forms import Form, Met, Patterns, Pool, _attached
+from gapwalk.answers.point_fit import Form, Met, Patterns, Pool, _attached
 from gapwalk.answers.point_prediction import Guess, Regression, Regressions, Terms, polynomial
 from gapwalk.answers.spread import Spread, Spreads, measured_parts, spread_in_percent
-from gapwalk.answers.tolerance import chance_of
-from gapwalk.answers.tolerance_records import HowFound
+from gapwalk.answers.tolerance import HowFound, chance_of
 from gapwalk.answers.tolerance_tracking import Tracker
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.flow.flow import Flow

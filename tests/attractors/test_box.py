@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gapwalk.attractors.box import Box, Window
+from gapwalk.attractors.basins import Box, Window
 from gapwalk.errors import ModelError
 from tests.systems import clutch
 

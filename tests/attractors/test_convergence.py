@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gapwalk.attractors.settling_judge import TOLERANCES, judge_returns, recurrences
+from gapwalk.attractors.settle import TOLERANCES, judge_returns, recurrences
 
 
 def test_an_alternating_decay_offers_one_and_two():

@@ -11,7 +11,7 @@ from gapwalk.attractors import compare_motions as agreement
 from gapwalk.attractors.spectrum import line_name
 from gapwalk.errors import ModelError
 from gapwalk.plot import draw
-from gapwalk.plot.card import card_of
+from gapwalk.plot.picture import card_of
 
 INERTIA, STIFFNESS, DAMPING = 0.01, 40.0, 0.2
 TORQUES = {2: 10.0, 4: 3.0, 6: 1.0}

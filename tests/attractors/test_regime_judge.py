@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from gapwalk.attractors.many_motions import ContactFigures, motions_of
-from gapwalk.attractors.regime_judge import RegimeOptions, judge, settle_doubts
-from gapwalk.attractors.regimes import Regime, regime_word
+from gapwalk.attractors.regimes import Regime, RegimeOptions, judge, regime_word, settle_doubts
 from gapwalk.errors import ModelError
 from gapwalk.orbit import find_orbit
 from tests.systems import clutch, linear

@@ -9,7 +9,7 @@ from scipy.io import wavfile
 
 import gapwalk as gw
 from gapwalk.analysis import sound
-from gapwalk.attractors.sound import SECOND
+from gapwalk.attractors.spectrum import SECOND
 from gapwalk.errors import ModelError
 from gapwalk.studies import read_studies
 from tests.explorer.conftest import CLUTCH

@@ -13,7 +13,7 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.symmetry import symmetries_of
 from gapwalk.model.contact import Contact, Stage, force
 from gapwalk.model.loads import Harmonic
-from gapwalk.model.loads.rectangle import Rectangle
+from gapwalk.model.loads.load import Rectangle
 from gapwalk.orbit.orbit import repeats
 from gapwalk.plot.motions import breakpoints
 from tests.verification.test_variations import W, drag, gear, orbit_of, stop_depth, stop_rates

@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 from typing import Any
 
-from gapwalk.bifurcation.loci.corner import turnings
+from gapwalk.bifurcation.loci.follow_locus import turnings
 
 
 def test_turnings_are_noted_when_they_are_whole() -> None:

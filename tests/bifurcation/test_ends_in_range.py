@@ -7,8 +7,8 @@ import pytest
 
 from gapwalk.bifurcation import branch_tracer
 from gapwalk.bifurcation.branch_tracer import BranchTracer
+from gapwalk.continuation.corrector import Range
 from gapwalk.continuation.walk import EndReason
-from gapwalk.continuation.walk_scales import Range
 
 
 @pytest.mark.parametrize(("value", "joins"), [(0.01009, False), (-0.03, True)])

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 import gapwalk as gw
-from gapwalk.bifurcation.special_point_kind import Kind, register
+from gapwalk.bifurcation.special_point import Kind, register
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError
 

@@ -7,10 +7,8 @@ import pytest
 
 from gapwalk import friction, rigid_stop
 from gapwalk.bifurcation.isolated import SearchOptions, search
-from gapwalk.bifurcation.isolated.lanes import lanes_of, newton_in_lanes
-from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, exact_orbit, newton_aside
-from gapwalk.bifurcation.isolated.search_chunk import Chunk, search_chunk
-from gapwalk.bifurcation.isolated.search_options import spread_starts, state_box
+from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, exact_orbit, lanes_of, newton_aside, newton_in_lanes
+from gapwalk.bifurcation.isolated.search_chunk import Chunk, search_chunk, spread_starts, state_box
 from gapwalk.ensemble.batch_flow import BlockPlan, Blocks
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.model import System

@@ -8,7 +8,7 @@ from gapwalk.bifurcation.loci.balanced_plane import BalancedPlane
 from gapwalk.bifurcation.loci.orbit_plane import ShotPlane
 from gapwalk.loads import Harmonic, Measured, Rectangle, SpeedTable, Steady, orders_of
 from gapwalk.methods import Balance, Shooting
-from gapwalk.orbit.sensitivity import sensitivity
+from gapwalk.orbit.orbit import sensitivity
 from tests.tiers import in_campaign, some_of
 
 W, STIFFNESS = 0.9, 4.0

@@ -10,7 +10,7 @@ import gapwalk as gw
 from gapwalk.bifurcation.branch_start import has_parent, value_ahead
 from gapwalk.bifurcation.start_of_period import smooth_between
 from gapwalk.flow.event_rule import jumping_switches
-from gapwalk.verification.branch_corrector import Track
+from gapwalk.verification.verify_special_points import Track
 from tests.bifurcation.alike.comparison import compare_ways, differences, ways
 from tests.bifurcation.alike.kinds import machine_of
 from tests.computed import once

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from gapwalk import Branch, Harmonic, System, backlash, find_orbit, follow
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.walk import EndReason
 from gapwalk.orbit.floquet import largest_move
 from tests.bifurcation.ranges.comparison import compare_ranges, random_system

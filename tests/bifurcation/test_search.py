@@ -15,10 +15,9 @@ from gapwalk.bifurcation.isolated import (
     unseen_share,
 )
 from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, Deflation, exact_orbit, newton_aside
-from gapwalk.bifurcation.isolated.search_chunk import Settler, search_chunk
-from gapwalk.bifurcation.isolated.search_options import spread_starts, state_box
+from gapwalk.bifurcation.isolated.search_chunk import Settler, search_chunk, spread_starts, state_box
 from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import Flow

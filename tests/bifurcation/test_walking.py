@@ -12,7 +12,7 @@ from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.continuation import EndReason
 from gapwalk.continuation.walk import End
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.orbit.sensitivity import sensitivity
+from gapwalk.orbit.orbit import sensitivity
 from tests.computed import once
 
 

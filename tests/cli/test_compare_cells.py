@@ -11,7 +11,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import ModelError
-from gapwalk.studies.compare_cells import compare_cells
+from gapwalk.studies.compare import compare_cells
 from gapwalk.studies.export import save_tables
 from tests import models
 

@@ -11,11 +11,10 @@ from types import SimpleNamespace
 import pytest
 
 import gapwalk as gw
-from gapwalk.attractors.attractor import AttractorKind
-from gapwalk.attractors.classify import identify
+from gapwalk.attractors.settle import AttractorKind, identify
 from gapwalk.cli import main
 from gapwalk.cli.progress import ProgressLine, progress_of
-from gapwalk.parallel.pace import Pace
+from gapwalk.parallel.workers import Pace
 from tests.studies.jobs import MODELS
 
 ENDINGS = {

@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gapwalk as gw
-from gapwalk.bifurcation.isolated.search_options import state_box
-from gapwalk.continuation.walk_scales import Range, linear_growth
+from gapwalk.bifurcation.isolated.search_chunk import state_box
+from gapwalk.continuation.corrector import Range, linear_growth
 from gapwalk.model.contact import force, stop
 
 PARAMETRIC = gw.Harmonic(0.2, varies={"spring.k": 1.0}, name="parametric", order=2)

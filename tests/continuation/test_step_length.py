@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gapwalk.continuation.corrector import Correction
-from gapwalk.continuation.step_size import WalkOptions, next_step, shorter_step
+from gapwalk.continuation.walk import WalkOptions, next_step, shorter_step
 from gapwalk.errors import ModelError
 
 OPTIONS = WalkOptions(largest_step=1e3, initial_step=0.1, iterations=3)

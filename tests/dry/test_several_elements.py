@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.bifurcation.discontinuity import coincidence
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind
+from gapwalk.bifurcation.stiff_graze import coincidence
 from gapwalk.continuation.walk import EndReason
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of

@@ -10,13 +10,13 @@ from scipy.optimize import brentq, fsolve
 
 import gapwalk as gw
 from gapwalk.bifurcation.friction_changes import changes_between
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.walk import EndReason
 from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import flow_of
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.contact import friction
-from gapwalk.orbit.friction_phases import FrictionPhase, friction_phases, text_of
+from gapwalk.orbit.sticking import FrictionPhase, friction_phases, text_of
 from gapwalk.verification.dry_dop853 import carry
 from tests.dry.trials.random_systems import random_system
 from tests.flow.dry_systems import clutch

@@ -15,9 +15,9 @@ from gapwalk.flow.flow import PERIOD
 from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.loads import Harmonic
 from gapwalk.model.system import System
-from gapwalk.verification.branch_corrector import Track
 from gapwalk.verification.verification import Check, Ledger
 from gapwalk.verification.verify_branch import _verify_gaps
+from gapwalk.verification.verify_special_points import Track
 
 RANGE = (0.65, 1.0)
 

@@ -11,10 +11,10 @@ import gapwalk as gw
 from gapwalk.attractors.lyapunov import lyapunov
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError
-from gapwalk.flow.signal import signal_of
+from gapwalk.flow.motion import signal_of
 from gapwalk.model.contact import Contact, friction
 from gapwalk.model.laws.friction import Hysteretic
-from gapwalk.orbit.sensitivity import sensitivity, signal_along
+from gapwalk.orbit.orbit import sensitivity, signal_along
 from tests.dry.event_reference import Reference
 from tests.results.again import again
 from tests.tiers import in_campaign

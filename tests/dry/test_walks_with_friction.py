@@ -12,7 +12,7 @@ import gapwalk as gw
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.detector import unexplained_of
 from gapwalk.bifurcation.kinds.sliding import Sliding
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.walk import EndReason
 from gapwalk.flow.dry_switches import DrySwitches
 from gapwalk.flow.flow import Flow, flow_of

@@ -7,8 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gapwalk.ensemble import BatchOptions, batch_flow_of
-from gapwalk.ensemble.batch import batch_of
-from gapwalk.ensemble.batch_flow import BlockPlan, Blocks
+from gapwalk.ensemble.batch_flow import BlockPlan, Blocks, batch_of
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model import Contact, Harmonic, Side, Stage, System

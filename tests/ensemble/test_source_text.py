@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from gapwalk.ensemble.excitation import smooth_step
-from gapwalk.ensemble.source_text import FUNCTIONS, Sheet, Switch, Term, clipped, floor
-from gapwalk.model.laws.formula import NUMPY_FUNCTIONS
-from gapwalk.model.laws.grammar import formula_of
+from gapwalk.ensemble.source_text import FUNCTIONS, Sheet, Switch, Term, clipped, floor, smooth_step
+from gapwalk.model.laws.formula import NUMPY_FUNCTIONS, formula_of
 
 
 def run(sheet: Sheet, result: Term, **values: float) -> float:

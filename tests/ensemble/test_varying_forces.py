@@ -13,8 +13,7 @@ from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.contact import force
 from gapwalk.model.loads import Rectangle
-from gapwalk.studies.basin_study import basins
-from gapwalk.studies.basin_work import BasinOptions
+from gapwalk.studies.basin_study import BasinOptions, basins
 from gapwalk.studies.regime_study import RegimeMapOptions, regimes
 from tests.tiers import some_of
 from tests.toys.yielding import Yielding

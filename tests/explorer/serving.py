@@ -13,9 +13,8 @@ from pathlib import Path
 import uvicorn
 
 from gapwalk.explorer.engine import Engine
-from gapwalk.explorer.serve import _listen, _Server, _workspace
 from gapwalk.explorer.session import Session
-from gapwalk.explorer.web_app import application
+from gapwalk.explorer.web_app import _listen, _Server, _workspace, application
 from tests.waiting import PATIENCE
 
 _TOKEN = "that-of-the-tests"

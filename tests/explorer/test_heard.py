@@ -10,7 +10,7 @@ import pytest
 from scipy.io import wavfile
 
 from gapwalk.answers.run_up import RunUp
-from gapwalk.attractors.sound import SECOND
+from gapwalk.attractors.spectrum import SECOND
 from gapwalk.explorer.run_up_view import RunUpView
 from tests.explorer.conftest import STOP, about
 

@@ -12,8 +12,7 @@ from playwright.sync_api import Page
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.explorer.html_file import STEPS, Blob
-from gapwalk.explorer.saved_page import content_of, lines_of
+from gapwalk.explorer.saved_page import STEPS, Blob, content_of, lines_of
 from tests.explorer.browser import browser, new_page, until
 
 TITLE = "</script><script>window.stolen = 1</script><b>&amp;"

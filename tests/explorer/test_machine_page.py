@@ -7,8 +7,8 @@ import pytest
 from playwright.sync_api import Page
 
 from benchmarks.chain import chain
+from gapwalk.plot.machine.elements import svg_of
 from gapwalk.plot.machine.layout import NARROW, WIDE, scene_of
-from gapwalk.plot.machine.on_paper import svg_of
 from gapwalk.studies import read_studies
 from tests.explorer.browser import READY, boxes, browser, chromium, new_page, overlap, until
 from tests.explorer.conftest import CLUTCH

@@ -1,8 +1,7 @@
 import pytest
 from starlette.testclient import TestClient
 
-from gapwalk.explorer.request_guard import MAX_BODY, is_loopback, kept_token
-from gapwalk.explorer.web_app import application
+from gapwalk.explorer.web_app import MAX_BODY, application, is_loopback, kept_token
 from tests.explorer.conftest import ORIGIN
 
 JSON = {"content-type": "application/json"}

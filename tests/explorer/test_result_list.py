@@ -6,13 +6,11 @@ from dataclasses import replace
 import pytest
 
 import gapwalk as gw
-from gapwalk.attractors.attractor import AttractorKind
 from gapwalk.attractors.rotation import Rotation
+from gapwalk.attractors.settle import AttractorKind
 from gapwalk.explorer.exploration import Exploration
-from gapwalk.explorer.html_file import Blob
-from gapwalk.explorer.result_list import deleted, listed
-from gapwalk.explorer.result_titles import study_title, verdict
-from gapwalk.explorer.saved_page import content_of, lines_of
+from gapwalk.explorer.saved_page import Blob, content_of, lines_of
+from gapwalk.explorer.workspace import deleted, listed, study_title, verdict
 from gapwalk.studies.settle_study import SettleFinding
 from tests.explorer.conftest import CLUTCH, STOP, about
 

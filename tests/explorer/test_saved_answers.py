@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.attractors.attractor_catalogue import RUNAWAY, UNRESOLVED
+from gapwalk.attractors.basins import RUNAWAY, UNRESOLVED
 from gapwalk.explorer.answer_view import Alone, view_of
-from gapwalk.explorer.html_file import Blob
-from gapwalk.explorer.saved_page import content_of, lines_of
+from gapwalk.explorer.saved_page import Blob, content_of, lines_of
 from gapwalk.studies.study_registry import kind_of, kinds
 from tests.explorer.browser import browser, new_page, until
 from tests.explorer.conftest import CLUTCH

@@ -11,7 +11,7 @@ import urllib.request
 
 import pytest
 
-from gapwalk.explorer import serve as module
+from gapwalk.explorer import web_app as module
 from tests.explorer.conftest import STOP
 from tests.waiting import until
 

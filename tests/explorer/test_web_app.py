@@ -14,12 +14,11 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.explorer.curve_data import Quantities
 from gapwalk.explorer.exploration import Exploration
-from gapwalk.explorer.motion_panels import Flows, SupersededError
+from gapwalk.explorer.motion_panels import Flows, Quantities, SupersededError
 from gapwalk.explorer.progress_stream import Events
-from gapwalk.explorer.result_list import listed
 from gapwalk.explorer.session import Session
+from gapwalk.explorer.workspace import listed
 from tests.explorer.conftest import CLUTCH, STOP, about, run_apart, wait
 
 JSON = {"content-type": "application/json"}

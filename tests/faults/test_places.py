@@ -15,7 +15,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import ModelError, StoreError
-from gapwalk.results.faults import explained
+from gapwalk.results.result_file import explained
 from gapwalk.studies.export import write_whole
 from tests.cli.conftest import MODEL
 from tests.studies.same import assert_same_branch, assert_same_result

@@ -7,9 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gapwalk as gw
-from gapwalk.flow.chatter import Stop, sum_chatter
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.flow.impacts import Impacts
+from gapwalk.flow.impacts import Impacts, Stop, sum_chatter
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.orbit.shooting import Shooting
 

@@ -7,8 +7,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.flow.dry_motion import modes_at
-from gapwalk.flow.motion import Motion, sample, signal_names
+from gapwalk.flow.motion import Motion, modes_at, sample, signal_names
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.contact import friction
 from tests.flow.dry_systems import SYSTEMS, beginning

@@ -10,8 +10,7 @@ from scipy.linalg import expm
 
 import gapwalk as gw
 from gapwalk.flow import flow as flow_module
-from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
-from gapwalk.flow.linear_transition import LARGE
+from gapwalk.flow.flow import LARGE, PERIOD, Arc, Flow, flow_of
 from gapwalk.model.coefficients import coefficients_of, varying
 from gapwalk.model.contact import Contact, Side, Stage
 from gapwalk.model.loads import Harmonic

@@ -10,7 +10,7 @@ import gapwalk as gw
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from gapwalk.model.laws import CLEARANCE, STIFFNESS, Law
-from gapwalk.model.parameter import Parameter
+from gapwalk.model.registry import Parameter
 from gapwalk.model.units import QuantityKind
 
 

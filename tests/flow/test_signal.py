@@ -6,8 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gapwalk.errors import ModelError
-from gapwalk.flow.motion import Motion, integrate, signal_names
-from gapwalk.flow.signal import Signal, signal_of
+from gapwalk.flow.motion import Motion, Signal, integrate, signal_names, signal_of
 from gapwalk.model.coefficients import ParameterLine
 from tests.systems import clutch, random_systems
 

@@ -7,7 +7,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.flow.stick_slip import stick_slip
+from gapwalk.flow.hysteresis import stick_slip
 from tests.flow.dry_systems import SYSTEMS, beginning
 
 

@@ -8,8 +8,7 @@ from scipy.integrate import solve_ivp
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.flow.motion import Motion, signal_names
-from gapwalk.flow.signal import signal_of
+from gapwalk.flow.motion import Motion, signal_names, signal_of
 from tests.model.drivetrain.trains import (
     BETA,
     BOX,

@@ -6,7 +6,7 @@ from scipy.special import ellipk
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.free.conservative import potential_of
+from gapwalk.free.free_shooting import potential_of
 
 LOAD = [gw.Harmonic(0.1, {"x": 1.0})]
 

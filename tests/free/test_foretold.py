@@ -9,7 +9,7 @@ from scipy.special import ellipk
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.free import work_balance
+from gapwalk.free import island_births as work_balance
 
 STIFFNESS, DAMPING = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.array([[0.02, -0.01], [-0.01, 0.02]])
 CUBIC = gw.force("spring", {"x": 1.0}, "x*x*x")

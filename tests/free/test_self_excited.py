@@ -11,8 +11,8 @@ from scipy.optimize import brentq
 import gapwalk as gw
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ConvergenceError, ModelError
-from gapwalk.free.cycle_start import _exact, _shortest
-from gapwalk.orbit.sensitivity import sensitivity
+from gapwalk.free.self_excitation import _exact, _shortest
+from gapwalk.orbit.orbit import sensitivity
 from gapwalk.verification import Ledger, verify_branches
 
 VAN_DER_POL = 6.6632868593231301896996820305  # its period at mu = 1

@@ -5,10 +5,10 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ConvergenceError, ModelError
-from gapwalk.flow.signal import signal_of
-from gapwalk.measurement.alignment import Misfit
+from gapwalk.flow.motion import signal_of
+from gapwalk.measurement.fit import Misfit
 from gapwalk.orbit.find import carry
-from gapwalk.orbit.sensitivity import signal_along
+from gapwalk.orbit.orbit import signal_along
 from tests.systems import linear
 
 TRUE = {"stage2.impact_damping": 0.1, "mean.q1": 0.05, "stage2.clearance": 1.0}

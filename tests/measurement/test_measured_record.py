@@ -9,8 +9,7 @@ from scipy.io import savemat
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.measurement.measured_record import MAX_SAMPLES
-from gapwalk.measurement.read_record import mat_variables
+from gapwalk.measurement.measured_record import MAX_SAMPLES, mat_variables
 
 TIME = np.arange(40) * 0.1
 

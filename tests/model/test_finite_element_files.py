@@ -14,8 +14,7 @@ from scipy.linalg import eigh
 from scipy.sparse import csc_array
 
 from gapwalk.errors import ModelError
-from gapwalk.model.finite_element_files import real
-from gapwalk.model.matrix_file import read_labelled, split_name
+from gapwalk.model.matrix_file import read_labelled, real, split_name
 from gapwalk.studies.study_file import read_study
 
 DATA = Path(__file__).parents[1] / "data"

@@ -56,7 +56,7 @@ def test_a_system_of_a_thousand_coordinates_lists_no_names() -> None:
 
 def test_of_a_large_system_no_zeros_are_stored() -> None:
     from gapwalk.model.structure import Structure
-    from gapwalk.results.records import WholeSystem, parameters_of, system_of
+    from gapwalk.results.codec import WholeSystem, parameters_of, system_of
 
     n = 100
     system = gw.System([f"x{i}" for i in range(n)], 2 * np.eye(n) - np.eye(n, k=1), mean={"x3": 1.0})

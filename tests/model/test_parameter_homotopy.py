@@ -5,8 +5,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.model.coefficients import ParameterLine, coefficients_of
-from gapwalk.model.parameter_homotopy import WAY, on_the_way
+from gapwalk.model.coefficients import WAY, ParameterLine, coefficients_of, on_the_way
 from tests.systems import clutch
 
 TO = {"stage2.stiffness": 1.4, "mean.q1": 0.1, "stiffness.q1.q3": -0.5}

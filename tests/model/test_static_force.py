@@ -12,9 +12,9 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.forces import accelerations
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.contact import force, stop
+from gapwalk.model.equilibria import real_roots
 from gapwalk.model.modes import find_modes
 from gapwalk.model.static_force import StaticForce, formulas_of
-from gapwalk.model.static_search import real_roots
 
 MICRO = 1e-6  # another unit of length
 

@@ -13,7 +13,7 @@ from gapwalk.flow.forces import contact_forces
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.orbit.harmonic_balance.contact_forces import contact_forces_of, laws_of
 from gapwalk.orbit.harmonic_balance.kernels import real_form
-from gapwalk.orbit.harmonic_balance.series import waves
+from gapwalk.orbit.harmonic_balance.linear_part import waves
 from gapwalk.paper import case
 from tests.bifurcation.alike.kinds import rotor
 from tests.orbit.two_masses import two_masses

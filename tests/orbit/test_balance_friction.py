@@ -10,12 +10,11 @@ from gapwalk.flow.forces import Angles, contact_force, stages_of
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.contact import friction
 from gapwalk.model.laws import Friction, Stages
-from gapwalk.model.laws.closed_form import Host
 from gapwalk.model.laws.friction import Hysteretic, Jenkins
+from gapwalk.model.laws.law import Host
 from gapwalk.orbit.harmonic_balance.contact_forces import contact_forces_of, laws_of
 from gapwalk.orbit.harmonic_balance.kernels import real_form
-from gapwalk.orbit.harmonic_balance.linear_part import deflections_in
-from gapwalk.orbit.harmonic_balance.series import waves
+from gapwalk.orbit.harmonic_balance.linear_part import deflections_in, waves
 from tests.dry.event_reference import Reference
 from tests.orbit.two_masses import two_masses
 from tests.tiers import in_campaign, some_of

@@ -22,8 +22,7 @@ from gapwalk.model.model_source import read_source
 from gapwalk.orbit.harmonic_balance import balance_equation
 from gapwalk.orbit.harmonic_balance.contact_forces import contact_forces_of, laws_of
 from gapwalk.orbit.harmonic_balance.kernels import real_form
-from gapwalk.orbit.harmonic_balance.linear_part import deflections_in, linear_of
-from gapwalk.orbit.harmonic_balance.series import waves
+from gapwalk.orbit.harmonic_balance.linear_part import deflections_in, linear_of, waves
 from gapwalk.verification.verify_balanced import imbalance
 from tests.orbit.two_masses import two_masses
 from tests.tiers import in_campaign, some_of

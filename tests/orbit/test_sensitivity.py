@@ -5,11 +5,10 @@ import pytest
 
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.flow import flow_of
-from gapwalk.flow.signal import signal_of
+from gapwalk.flow.motion import signal_of
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.orbit.find import carry, find_orbit
-from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.sensitivity import sensitivity, signal_along
+from gapwalk.orbit.orbit import Orbit, sensitivity, signal_along
 from gapwalk.paper import case
 from tests import independent
 from tests.systems import clutch, linear, viscous_stop

@@ -8,7 +8,7 @@ import pytest
 from gapwalk.errors import ConvergenceError
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.orbit import Shooting, find_orbit
-from gapwalk.orbit.touch_equation import TouchEquation, touches
+from gapwalk.orbit.shooting import TouchEquation, touches
 
 DAMPING, FORCE = 0.1, 0.3
 

@@ -7,8 +7,7 @@ import pytest
 from scipy.special import ellipk
 
 import gapwalk as gw
-from gapwalk.plot.picture import picture_of
-from gapwalk.plot.sheet import new_sheet, write_legend
+from gapwalk.plot.picture import new_sheet, picture_of, write_legend
 from gapwalk.plot.style import sized
 from tests.free.test_backbone import oscillator
 

@@ -9,8 +9,7 @@ from matplotlib.image import AxesImage
 
 import gapwalk as gw
 from gapwalk.attractors import classify
-from gapwalk.attractors.basins import BasinCheck, Basins
-from gapwalk.attractors.box import Window
+from gapwalk.attractors.basins import BasinCheck, Basins, Window
 from gapwalk.attractors.regimes import Regime, RegimeCheck, Regimes
 from gapwalk.bifurcation import Kind, follow
 from gapwalk.bifurcation.loci import follow_locus

@@ -8,8 +8,8 @@ import pytest
 from matplotlib.collections import PathCollection
 
 import gapwalk as gw
-from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.plot.labels import MANY
+from gapwalk.bifurcation.special_point import Kind
+from gapwalk.plot.branches import MANY
 from gapwalk.plot.picture import picture_of
 from gapwalk.plot.style import sized
 from tests.systems import clutch

@@ -3,7 +3,7 @@
 import re
 from importlib.resources import files
 
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind
 from gapwalk.plot.style import LINES, locus_options, symbol_style
 
 PAGE = files("gapwalk.explorer") / "page"

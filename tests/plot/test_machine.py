@@ -8,10 +8,8 @@ import pytest
 import gapwalk as gw
 from benchmarks.chain import chain
 from gapwalk.model.system import System
-from gapwalk.plot.machine.elements import BASE, Machine
-from gapwalk.plot.machine.glyphs import length_of
+from gapwalk.plot.machine.elements import BASE, Machine, length_of, svg_of
 from gapwalk.plot.machine.layout import NARROW, WIDE, machine_of, scene_of
-from gapwalk.plot.machine.on_paper import svg_of
 from gapwalk.studies import read_studies
 from tests.model.drivetrain.test_train import random_tree
 

@@ -16,8 +16,7 @@ import gapwalk as gw
 from gapwalk.bifurcation.detector import Unexplained
 from gapwalk.errors import ModelError
 from gapwalk.plot import picture
-from gapwalk.plot.picture import picture_of
-from gapwalk.plot.sheet import new_sheet, write_legend
+from gapwalk.plot.picture import new_sheet, picture_of, write_legend
 from gapwalk.plot.style import UNEXPLAINED, sized, stroke
 from gapwalk.studies.settle_study import SettleStudyOptions
 from tests.studies.diagrams import clutch_diagram

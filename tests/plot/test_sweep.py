@@ -11,7 +11,7 @@ import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.plot import draw
 from gapwalk.plot.picture import picture_of
-from gapwalk.studies.sweep import Lane, Way
+from gapwalk.studies.sweep_study import Lane, Way
 from tests.systems import clutch
 
 

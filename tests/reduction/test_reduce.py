@@ -6,8 +6,8 @@ import scipy.linalg
 
 from gapwalk import Contact, Harmonic, Stage, System, backlash, reduce
 from gapwalk.errors import ModelError
-from gapwalk.reduction.basis import flexibility_of
-from gapwalk.reduction.sparse_matrices import matrices_of
+from gapwalk.reduction.reduction import flexibility_of
+from gapwalk.reduction.reduction_error import matrices_of
 from tests.reduction.chains import rod, stiffness_of
 
 
@@ -220,7 +220,7 @@ def test_nothing_to_leave_out_and_no_contact_are_no_trouble() -> None:
 def test_lanczos_finds_the_same_modes(monkeypatch) -> None:
     full = rod(80, 2)
     dense = reduce(full, modes=9, up_to=0.5)
-    monkeypatch.setattr("gapwalk.reduction.basis._DENSE", 10)
+    monkeypatch.setattr("gapwalk.reduction.reduction._DENSE", 10)
     sparse = reduce(full, modes=9, up_to=0.5)
     assert sparse.frequencies == pytest.approx(dense.frequencies, rel=1e-9)
     assert sparse.error == pytest.approx(dense.error, rel=1e-5)

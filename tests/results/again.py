@@ -2,7 +2,7 @@
 
 from typing import Any
 
-import gapwalk.results.records  # noqa: F401 (it registers how systems and orbits are kept)
+import gapwalk.results.codec  # noqa: F401 (it registers how systems and orbits are kept)
 from gapwalk.results.codec import decode, encode
 
 

@@ -16,7 +16,7 @@ import gapwalk as gw
 from gapwalk.errors import StoreError
 from gapwalk.results.result_file import SCHEMA, Part, Parts, ResultFile, lock, reading
 from gapwalk.studies import study_registry
-from gapwalk.studies.read_result import REQUEST, VERSIONS, Call, NoFile, claimed, request_file
+from gapwalk.studies.result import REQUEST, VERSIONS, Call, NoFile, claimed, request_file
 from gapwalk.studies.study_kind import StudyKind, Work
 from tests.results.tampering import change, change_sealed
 from tests.systems import clutch
@@ -104,7 +104,7 @@ def test_a_job_that_keeps_nothing() -> None:
 
 def test_versions_are_added_up(path, monkeypatch) -> None:
     for version in ("0.0.1", "0.0.2"):
-        monkeypatch.setattr("gapwalk.results.versions.__version__", version)
+        monkeypatch.setattr("gapwalk.results.result_file.__version__", version)
         with call_file(CALL, path) as file:
             file.write(NUMBERS.entry((1.0,), int(version[-1])))
     with reading(path) as parts:
@@ -189,7 +189,7 @@ def test_a_file_of_another_version_is_refused(path, schema) -> None:
 
 
 def test_content_that_a_newer_gapwalk_wrote_is_not_called_damaged(path, monkeypatch) -> None:
-    monkeypatch.setattr("gapwalk.results.versions.__version__", "99.0.0")
+    monkeypatch.setattr("gapwalk.results.result_file.__version__", "99.0.0")
     with call_file(CALL, path) as file:
         file.write(NUMBERS.entry((1.0,), 1))
     monkeypatch.undo()

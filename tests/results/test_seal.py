@@ -16,7 +16,7 @@ from gapwalk.errors import StoreError
 from gapwalk.results import result_file as file
 from gapwalk.results.result_file import seal_fault, write_more
 from gapwalk.studies import response_study
-from gapwalk.studies.read_result import VERIFICATION
+from gapwalk.studies.result import VERIFICATION
 from tests.results.tampering import change_sealed, tamper
 from tests.studies.same import assert_same_result
 from tests.studies.studies import stop_study

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import gapwalk as gw
 from gapwalk.model.model_source import parse_source
-from gapwalk.studies import basin_work as basin_job
+from gapwalk.studies import basin_study as basin_job
 from gapwalk.studies import regime_study as regime_job
-from gapwalk.studies import run_up_study, scan_work
+from gapwalk.studies import run_up_study
+from gapwalk.studies import scan_study as scan_work
 from gapwalk.studies.study_file import Study, check_study
 from tests.models import CLUTCH, STOP
 

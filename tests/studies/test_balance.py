@@ -16,8 +16,8 @@ from gapwalk.model.problems import ModelFileError
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.results.plain import plain
 from gapwalk.studies import response_study as response
-from gapwalk.studies.document import result_document
-from gapwalk.studies.formats.csv_format import table_of
+from gapwalk.studies.export import table_of
+from gapwalk.studies.runner import result_document
 from gapwalk.studies.study_file import check_study
 from gapwalk.studies.study_kind import StudyKind
 from tests.interruption import until_ctrl_c

@@ -10,8 +10,8 @@ import pytest
 import gapwalk as gw
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.paper import case
-from gapwalk.studies.document import result_document
 from gapwalk.studies.export import export_csv
+from gapwalk.studies.runner import result_document
 from tests.bifurcation.test_balanced_locus import growing
 from tests.results.again import again
 from tests.studies.killing import killed_after

@@ -5,18 +5,24 @@ import pytest
 from scipy.stats import beta
 
 import gapwalk as gw
-from gapwalk.attractors.attractor_catalogue import RUNAWAY, UNRESOLVED
-from gapwalk.attractors.basins import BasinCheck, attractor_names, in_order
-from gapwalk.attractors.box import about, beside_cells, beside_states, differs
-from gapwalk.ensemble.batch import BatchOptions
-from gapwalk.ensemble.batch_flow import batch_flow_of
+from gapwalk.attractors.basins import (
+    RUNAWAY,
+    UNRESOLVED,
+    BasinCheck,
+    about,
+    attractor_names,
+    beside_cells,
+    beside_states,
+    differs,
+    in_order,
+)
+from gapwalk.ensemble.batch_flow import BatchOptions, batch_flow_of
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.paper import case
 from gapwalk.parallel.workers import Workers, local_workers
-from gapwalk.studies.basin_study import basins
-from gapwalk.studies.basin_work import BasinOptions, BasinWork, basin_shares
-from gapwalk.studies.read_result import load_result
+from gapwalk.studies.basin_study import BasinOptions, BasinWork, basin_shares, basins
+from gapwalk.studies.result import load_result
 from tests.independent import integrate
 from tests.interruption import until_ctrl_c
 from tests.systems import linear
@@ -93,7 +99,7 @@ def test_a_job_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
     assert same(found, whole)
     assert same(gw.load(path), whole)
     assert gw.load(path).window == whole.window
-    monkeypatch.setattr("gapwalk.studies.basin_work.explore", None)
+    monkeypatch.setattr("gapwalk.studies.basin_study.explore", None)
     assert same(basins(double_well(), WELLS, size, options=in_process(check=9), output=path), whole)
     with pytest.raises(StoreError, match=r"something else, so it cannot be continued: check is 8, and was 9"):
         basins(double_well(), WELLS, size, options=in_process(check=8), output=path)

@@ -20,7 +20,7 @@ from gapwalk.flow import Flow
 from gapwalk.parallel import cluster as module
 from gapwalk.parallel.cluster import Cluster, ReplacedError, difference, do_piece, software
 from gapwalk.parallel.workers import Workers, local_workers, on_cluster
-from gapwalk.results.versions import sources
+from gapwalk.results.result_file import sources
 from tests.studies.diagrams import clutch_diagram
 from tests.studies.pieces import die_at_three, fail_at_three, slow_double, slow_pid
 from tests.studies.same import assert_same_result

@@ -16,8 +16,8 @@ from gapwalk.errors import ModelError, NumericalError
 from gapwalk.studies import diagram_study as growing
 from gapwalk.studies.columns import COVERAGE, coverage_rows
 from gapwalk.studies.derived_schema import table_schema
-from gapwalk.studies.document import result_document
 from gapwalk.studies.options import SearchTable
+from gapwalk.studies.runner import result_document
 from tests.interruption import until_ctrl_c
 from tests.studies.diagrams import islands
 from tests.studies.killing import killed_after

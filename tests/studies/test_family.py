@@ -7,9 +7,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError
-from gapwalk.studies.family_joining import LIMIT, distance_between, nearest_pairs
-from gapwalk.studies.family_member import Place
-from gapwalk.studies.special_point_path import Fate
+from gapwalk.studies.family import LIMIT, Fate, Place, distance_between, nearest_pairs
 from tests.interruption import until_ctrl_c
 from tests.studies.families import second_resonance
 from tests.studies.same import assert_same_branch

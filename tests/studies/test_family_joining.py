@@ -3,9 +3,8 @@
 from types import SimpleNamespace
 from typing import Any, cast
 
-from gapwalk.studies import family_joining
-from gapwalk.studies.family_joining import FamilyWork
-from gapwalk.studies.family_member import Member
+from gapwalk.studies import family as family_joining
+from gapwalk.studies.family import FamilyWork, Member
 
 EMPTY = 2  # the member without branches
 

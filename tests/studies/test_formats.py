@@ -17,10 +17,7 @@ from scipy.io import loadmat
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import ModelError
-from gapwalk.studies.export import export_data
-from gapwalk.studies.formats.data_format import format_names, format_of
-from gapwalk.studies.formats.mat_format import matlab_names
-from gapwalk.studies.formats.xlsx_format import XlsxFormat
+from gapwalk.studies.export import XlsxFormat, export_data, format_names, format_of, matlab_names
 from gapwalk.summary import Described, TableRows, Tables
 from tests.studies.studies import stop_study
 
@@ -167,7 +164,7 @@ def test_xlsx_reads_back_by_pandas_to_the_bit(tmp_path: Path) -> None:
 
 
 def test_what_a_sheet_cannot_hold_is_refused(monkeypatch) -> None:
-    monkeypatch.setattr("gapwalk.studies.formats.xlsx_format._ROWS", 100)
+    monkeypatch.setattr("gapwalk.studies.export._ROWS", 100)
     with pytest.raises(ModelError, match=r"the table numbers has .* rows .* --format parquet or netcdf"):
         XlsxFormat().content(BOOK, "")
 

@@ -11,7 +11,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.model.model_source import parse_source
-from gapwalk.studies.read_result import check_claim
+from gapwalk.studies.result import check_claim
 from gapwalk.studies.study_file import check_study
 from tests.studies.jobs import BASINS, HEAD, REGIMES, SETTLE, SMALL, SWEEP, study_of
 from tests.studies.killing import killed_after
@@ -72,7 +72,7 @@ def test_nothing_is_kept_of_a_job_that_was_stopped_at_once(tmp_path, monkeypatch
         raise KeyboardInterrupt
 
     monkeypatch.setattr("gapwalk.studies.settle_study.settle", stop)
-    monkeypatch.setattr("gapwalk.studies.basin_work._sort_fast", stop)
+    monkeypatch.setattr("gapwalk.studies.basin_study._sort_fast", stop)
     for kind in ("settle", "basins"):
         with pytest.raises(KeyboardInterrupt):
             gw.run(study_of(kind), path)

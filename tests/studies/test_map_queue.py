@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from gapwalk.parallel.groups import Outcome
-from gapwalk.studies import map_queue
-from gapwalk.studies.map_queue import MapQueue
+from gapwalk.studies import map_study as map_queue
+from gapwalk.studies.map_study import MapQueue
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.attractors.regime_judge import RegimeOptions, Verdicts
-from gapwalk.attractors.regimes import Regime
+from gapwalk.attractors.regimes import Regime, RegimeOptions, Verdicts
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case

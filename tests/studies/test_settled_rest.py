@@ -7,7 +7,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.answers.gap_states import GapState, gap_state
-from gapwalk.explorer.result_titles import verdict
+from gapwalk.explorer.workspace import verdict
 
 
 def two_parts(

@@ -153,7 +153,7 @@ def test_an_interrupted_run_goes_on_as_if_never_stopped(path, after) -> None:
 @pytest.mark.usefixtures("at_once")
 def test_a_walk_whose_variables_would_be_scaled_otherwise_today_does_not_go_on(path, monkeypatch) -> None:
     with monkeypatch.context() as earlier:
-        earlier.setattr("gapwalk.continuation.walk_scales._CLEARANCES", 3.0)
+        earlier.setattr("gapwalk.continuation.corrector._CLEARANCES", 3.0)
         stop = iter([signal.SIGINT])
         until_ctrl_c(gw.run, stop_study(), path, report=lambda *_: [signal.raise_signal(each) for each in stop])
     content = path.read_bytes()
@@ -397,9 +397,9 @@ def test_versions_that_differ_are_all_told(path, monkeypatch) -> None:
     def report(point, special_points) -> None:
         raise RuntimeError
 
-    monkeypatch.setattr("gapwalk.results.versions.__version__", "0.0.1")
+    monkeypatch.setattr("gapwalk.results.result_file.__version__", "0.0.1")
     with pytest.raises(RuntimeError):
         gw.run(stop_study(), path, report=report)
-    monkeypatch.setattr("gapwalk.results.versions.__version__", "0.0.2")
+    monkeypatch.setattr("gapwalk.results.result_file.__version__", "0.0.2")
     gw.run(stop_study(), path, resume=True)
     assert gw.load(path).versions["gapwalk"] == "0.0.1, 0.0.2"

@@ -15,14 +15,12 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError, WorkError
 from gapwalk.flow import Flow
-from gapwalk.parallel.pace import Pace
-from gapwalk.parallel.workers import local_workers
+from gapwalk.parallel.workers import Pace, local_workers
 from gapwalk.results.result_file import lock, reading
-from gapwalk.studies import sweep_segment as segments
-from gapwalk.studies.read_result import REQUEST, load_result, request_file
+from gapwalk.studies import sweep_study as segments
+from gapwalk.studies.result import REQUEST, load_result, request_file
 from gapwalk.studies.study_kind import values_of
-from gapwalk.studies.sweep import BLOCK, Patience, SweepSegment, Way
-from gapwalk.studies.sweep_study import STRETCH, SweepStudy
+from gapwalk.studies.sweep_study import BLOCK, STRETCH, Patience, SweepSegment, SweepStudy, Way
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
 from tests.studies.killing import killed_after

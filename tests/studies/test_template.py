@@ -13,7 +13,7 @@ from gapwalk.orbit import Shooting, find_orbit
 from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.paper import case
 from gapwalk.studies.diagram_study import DiagramOptions
-from gapwalk.studies.family_joining import FamilyOptions
+from gapwalk.studies.family import FamilyOptions
 from gapwalk.studies.family_study import FamilyStudy
 from gapwalk.studies.locus_study import LocusStudyOptions
 from gapwalk.studies.map import MapOptions

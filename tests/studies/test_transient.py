@@ -5,12 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from gapwalk.attractors.settling_judge import has_settled
+from gapwalk.attractors.settle import has_settled
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import flow_of
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.studies.sweep import Band, Patience, bands_of
-from gapwalk.studies.sweep_segment import let_settle, regime_of
+from gapwalk.studies.sweep_study import Band, Patience, bands_of, let_settle, regime_of
 from tests.systems import clutch, linear
 
 BOX = np.ones(2)

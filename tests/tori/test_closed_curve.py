@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gapwalk.attractors.lyapunov import birkhoff_weights
-from gapwalk.tori.closed_curve import (
+from gapwalk.tori.torus import (
     TURN,
     at_phases,
     of_quasi_periodic,

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.continuation.corrector import Corrector
-from gapwalk.continuation.walk_scales import check_range
-from gapwalk.tori.closed_curve import TURN, at_phases, in_steps
-from gapwalk.tori.resonance_leap import nearness_to_fractions
+from gapwalk.continuation.corrector import Corrector, check_range
+from gapwalk.tori.torus import TURN, at_phases, in_steps
 from gapwalk.tori.torus_start import CurveEquation, corrector_of
+from gapwalk.tori.torus_tracer import nearness_to_fractions
 from tests.tori.closed_forms import one_circle
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.continuation.walk_scales import check_range
-from gapwalk.tori.torus_ends import halved, vanished
-from gapwalk.tori.torus_solution import TorusOptions
+from gapwalk.continuation.corrector import check_range
+from gapwalk.tori.torus_equation import TorusOptions
 from gapwalk.tori.torus_start import starts_at, torus_at
+from gapwalk.tori.torus_tracer import halved, vanished
 
 
 def neimark_sacker(case, start, to):

@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 import gapwalk as gw
 from gapwalk.model.contact import Contact, Side, Stage, force
 from gapwalk.model.loads import Harmonic
-from gapwalk.model.loads.rectangle import Rectangle
+from gapwalk.model.loads.load import Rectangle
 from gapwalk.verification.dop853 import carry
 from gapwalk.verification.independent_equations import Equations
 from tests.tiers import in_campaign, some_of

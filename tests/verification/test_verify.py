@@ -16,8 +16,8 @@ from gapwalk.cli import main
 from gapwalk.errors import VerificationError
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.results.result_file import reading
-from gapwalk.studies.read_result import request_file
 from gapwalk.studies.response_study import MOMENT, START, Moment
+from gapwalk.studies.result import request_file
 from gapwalk.verification.dop853 import carry
 from gapwalk.verification.independent_equations import Equations
 from tests.independent import acceleration, integrate

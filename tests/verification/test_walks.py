@@ -10,8 +10,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
-from gapwalk.verification.branch_corrector import Track
-from gapwalk.verification.verify_special_points import Examination
+from gapwalk.verification.verify_special_points import Examination, Track
 from tests.dry.trials.random_systems import random_system
 
 

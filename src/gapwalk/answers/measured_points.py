@@ -11,7 +11,7 @@ from gapwalk.bifurcation.kinds import Kind
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
 from gapwalk.files import open_file
-from gapwalk.model.measured.csv_columns import parse_csv
+from gapwalk.model.measured.measured_table import parse_csv
 from gapwalk.model.problems import did_you_mean
 
 MAX_POINTS = 10_000

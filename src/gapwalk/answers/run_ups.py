@@ -9,10 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gapwalk.answers.run_up import start_at
-from gapwalk.answers.run_up_batch import run_batch
+from gapwalk.answers.run_up import run_batch, start_at
 from gapwalk.answers.speed_course import SpeedCourse
-from gapwalk.ensemble.batch import BatchOptions
+from gapwalk.ensemble.batch_flow import BatchOptions
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import sample

@@ -1,6 +1,6 @@
 """Scan: which claims hold for which variations of a system, and how likely it is that a hit is luck.
 
-The record of what was found; `gapwalk.studies.scan_work` finds it.
+The record of what was found; `gapwalk.studies.scan_study` finds it.
 
 Method: docs/numerics/scan.md
 """
@@ -8,20 +8,382 @@ Method: docs/numerics/scan.md
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from gapwalk.answers.parameter_variations import Variations, VariedHow
-from gapwalk.answers.scan_claims import AnyClaim
+from gapwalk.attractors.regimes import Regime
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.kinds import Kind
 from gapwalk.errors import ModelError
+from gapwalk.model.problems import given
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
 from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
+
+# Claims about results, as descriptions make them: a kind of motion at a place, a special point in a range.
+#
+# A claim holds or not for one system; `gapwalk.studies.scan_study` tries many. It says what must be computed for it:
+# the settled motions of many starts (`place`), or the branch of a walk (`Course`), which several claims may share.
+
+Motion = tuple[int, int]
+"""A `Regime` as a number, and the period of a periodic motion."""
+
+_ROUNDING = 1e-9  # of the ends of a walk
+_PERIOD = re.compile(r"period ([1-9]\d*)")
+_KINDS = {"periodic": Regime.PERIODIC, "quasi-periodic": Regime.QUASI_PERIODIC, "chaotic": Regime.CHAOTIC}
+
+
+@dataclass(frozen=True, slots=True)
+class MotionClaim:
+    """A claim that motions settle on a kind of motion.
+
+    Examples
+    --------
+    >>> gw.ask.MotionClaim("period 3", {"frequency": 0.63}).words
+    'period 3 at frequency = 0.63'
+    """
+
+    motion: str  #: ``"period 3"`` (of the excitation), ``"periodic"``, ``"quasi-periodic"`` or ``"chaotic"``.
+    #: Values of parameters, by name, at which it is said.
+    at: Mapping[str, float] = field(default_factory=dict, hash=False)
+    #: Least share of the starts that must settle on it; at 0, one start is enough, and 1 means that there is nothing
+    #: else.
+    share: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.motion not in _KINDS and not _PERIOD.fullmatch(self.motion):
+            raise ModelError(
+                f'motion is {given(self.motion)}; write "period 3", "periodic", "quasi-periodic" or "chaotic"'
+            )
+        if not 0.0 <= self.share <= 1.0:
+            raise ModelError(f"share is {self.share!r}; it must be from 0 (one start is enough) to 1 (all of them)")
+
+    @property
+    def words(self) -> str:
+        """The claim in words."""
+        only = "" if not self.share else "only " if self.share == 1.0 else f"at least {self.share:.0%} "
+        return f"{only}{self.motion}{_at_words(self.at)}"
+
+    @property
+    def varied(self) -> frozenset[str]:
+        """Parameters whose values the claim gives."""
+        return frozenset(self.at)
+
+    def matches(self, motion: Motion) -> bool:
+        """Return True if a settled motion is of this kind."""
+        regime, period = motion
+        if found := _PERIOD.fullmatch(self.motion):
+            return regime == Regime.PERIODIC and period == int(found[1])
+        return regime == _KINDS[self.motion]
+
+    def judge(self, motions: Sequence[Motion]) -> tuple[bool, float]:
+        """Return whether the claim holds, and the share of starts that settle on this kind of motion.
+
+        Parameters
+        ----------
+        motions
+            The settled motions of all starts.
+
+        Returns
+        -------
+        holds : bool
+            Whether it holds.
+        share : float
+            The share.
+        """
+        share = sum(map(self.matches, motions)) / len(motions)
+        return share > 0.0 and share >= self.share, share
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A walk that claims rest on."""
+
+    #: parameter, begin, end: The parameter, and the range over which the branch is walked, from the first value to the
+    #: second.
+    parameter: str
+    begin: float
+    end: float
+    period: int = 1  #: Number m of forcing periods after which its orbits repeat.
+    at: tuple[tuple[str, float], ...] = ()  #: Values of other parameters, by name and in the order of their names.
+
+
+@dataclass(frozen=True, slots=True)
+class PointClaim:
+    """A claim that a branch has a special point in a range of a parameter, or has none there.
+
+    Examples
+    --------
+    >>> gw.ask.PointClaim("flip", "frequency", 0.62, 0.85, over=(2.0, 0.5)).words
+    'flip at frequency from 0.62 to 0.85'
+    """
+
+    kind: Kind  #: Kind of special point, such as ``"flip"``.
+    #: parameter, low, high: The parameter, and the range in which the point lies.
+    parameter: str
+    low: float
+    high: float
+    absent: bool = False  #: True if there is no such point in the range.
+    #: Range over which the branch is walked, from the first value to the second; by default from `high` to `low`.
+    over: tuple[float, float] | None = None
+    period: int = 1  #: Number m of forcing periods after which the orbits of the branch repeat.
+    #: Values of other parameters, by name, at which it is said.
+    at: Mapping[str, float] = field(default_factory=dict, hash=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "kind", Kind.named(self.kind))
+        if not self.low < self.high:
+            raise ModelError(f"the range of a claim is from {self.low:g} to {self.high:g}; write the lower end first")
+        first, last = min(self.walk), max(self.walk)
+        if not (first <= self.low and self.high <= last):
+            raise ModelError(
+                f"over is {list(self.walk)}; the walk must cover the range of the claim, {self.low:g} to {self.high:g}"
+            )
+        if self.parameter in self.at:
+            raise ModelError(f"at gives a value of {self.parameter}, over which the branch is walked; leave it out")
+
+    @property
+    def walk(self) -> tuple[float, float]:
+        """Range over which the branch is walked."""
+        return (self.high, self.low) if self.over is None else self.over
+
+    @property
+    def course(self) -> Course:
+        """The walk on which it rests."""
+        return Course(self.parameter, *self.walk, self.period, tuple(sorted(self.at.items())))
+
+    @property
+    def words(self) -> str:
+        """The claim in words."""
+        of = f" of period {self.period}" if self.period > 1 else ""
+        no = "no " if self.absent else ""
+        return f"{no}{self.kind}{of} at {self.parameter} from {self.low:g} to {self.high:g}{_at_words(self.at)}"
+
+    @property
+    def varied(self) -> frozenset[str]:
+        """Parameters whose values the claim gives."""
+        return frozenset(self.at) | {self.parameter}
+
+    def judge(self, branch: Branch) -> tuple[bool | None, float]:
+        """Return whether the claim holds, and the number of such points; None if the walk did not come that far.
+
+        Returns
+        -------
+        holds : bool or None
+            Whether it holds; None if that is unknown.
+        count : float
+            The number of points.
+        """
+        found = sum(self.low <= point.value <= self.high for point in branch.special(self.kind))
+        if found:
+            return not self.absent, float(found)
+        # what has not been walked may hold a point, or none
+        rounding = _ROUNDING * max(abs(self.low), abs(self.high))
+        covers = branch.values.min() <= self.low + rounding and branch.values.max() >= self.high - rounding
+        return (self.absent if covers else None), 0.0
+
+
+AnyClaim = MotionClaim | PointClaim
+"""A claim of any kind."""
+
+
+def _at_words(at: Mapping[str, float]) -> str:
+    return f" at {', '.join(f'{name} = {value:g}' for name, value in at.items())}" if at else ""
+
+
+# Variations of a system's parameters: one at a time, in pairs, listed by hand, and random neighbours.
+#
+# The first three are *tried*: each is a reading of a description that may be the right one. Neighbours are for
+# comparison: how many of them do as well tells how much a hit among those that are tried is worth.
+
+
+class VariedHow(IntEnum):
+    """How a variation was made.
+
+    Examples
+    --------
+    >>> gw.records.VariedHow(2).name
+    'PAIR'
+    """
+
+    NONE = 0
+    """The system itself."""
+    ONE = 1
+    """One parameter has another value."""
+    PAIR = 2
+    """Two of these changes together."""
+    LISTED = 3
+    """Given by the request."""
+    NEIGHBOUR = 4
+    """All parameters are multiplied by random factors."""
+
+
+@dataclass(frozen=True, eq=False)
+class Variations:
+    """Many systems that differ in some parameters.
+
+    Examples
+    --------
+    >>> found = gw.ask.variations(system, ["stop.clearance"], factors=[0.9, 1.1])
+    >>> found.values[:, 0].tolist()
+    [1.0, 0.9, 1.1]
+    """
+
+    names: tuple[str, ...]  #: The parameters that vary.
+    values: NDArray[np.float64]  #: shape (count, names): Their values.
+    how: NDArray[np.int_]  #: shape (count,): Values of `VariedHow`.
+    left_out: tuple[str, ...] = ()  #: Sentences on variations that are no systems.
+
+    def _check_read(self) -> None:
+        """Raise a ValueError if its parts do not fit together."""
+        if self.values.shape != (len(self.how), len(self.names)):
+            raise ValueError(f"values of shape {self.values.shape} are not those of {len(self.how)} variations")
+
+    def __len__(self) -> int:
+        return len(self.how)
+
+    @property
+    def tried(self) -> NDArray[np.bool_]:
+        """True for those that may be the right ones: all but the system itself and its random neighbours."""
+        return (self.how != VariedHow.NONE) & (self.how != VariedHow.NEIGHBOUR)
+
+    @property
+    def neighbours(self) -> NDArray[np.bool_]:
+        """True for random neighbours."""
+        return self.how == VariedHow.NEIGHBOUR
+
+    def of(self, index: int) -> dict[str, float]:
+        """Return all values of one variation by name."""
+        return dict(zip(self.names, self.values[index].tolist(), strict=True))
+
+    def changes(self, index: int) -> dict[str, float]:
+        """Return the values of one variation that differ from those of the system."""
+        return {name: value for name, value in self.of(index).items() if value != self.of(0)[name]}
+
+    def words(self, index: int) -> str:
+        """Describe one variation."""
+        if self.how[index] == VariedHow.NEIGHBOUR:
+            return "random neighbour"
+        changes = self.changes(index)
+        return ", ".join(f"{name} = {value + 0.0:.6g}" for name, value in changes.items()) or "as in the model"
+
+
+def variations(
+    system: System,
+    parameters: Sequence[str] = (),
+    *,
+    factors: Sequence[float] = (),
+    pairs: int = 0,
+    listed: Sequence[Mapping[str, float]] = (),
+    neighbours: int = 0,
+    spread: float = 0.1,
+    seed: int = 0,
+    fixed: frozenset[str] = frozenset(),
+) -> Variations:
+    """Make variations of a system: itself first, then those that are tried, then random neighbours.
+
+    Parameters
+    ----------
+    system
+        The system.
+    parameters
+        The parameters that vary; by default all that are not 0 and not fixed.
+    factors
+        Factors by which each of them is multiplied, one at a time; 0 leaves it out.
+    pairs
+        Number of random pairs of these changes.
+    listed
+        Further variations: values of parameters by name.
+    neighbours
+        Number of random neighbours.
+    spread
+        Standard deviation of the logarithm of the factors by which their parameters are multiplied.
+    seed
+        Seed of the random numbers.
+    fixed
+        Parameters that may not vary.
+
+    Returns
+    -------
+    Variations
+        Those that are systems; the others are named.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter, one that may not vary, or one that is 0 and has factors.
+
+    Examples
+    --------
+    >>> found = gw.ask.variations(system, ["stop.clearance", "harmonic1.amplitude"], factors=[0.5], neighbours=3)
+    >>> [found.words(index) for index in range(2)], int(found.neighbours.sum())
+    (['as in the model', 'stop.clearance = 0.5'], 3)
+    """
+    kept = {system.structure.place(name) for name in fixed}
+    every = system.parameters
+    if not parameters:
+        pace = system.structure.place(system.structure.pace)
+        parameters = [
+            name
+            for name, value in every.items()
+            if value != 0.0 and system.structure.place(name) not in kept and system.structure.place(name) != pace
+        ]
+    names = tuple(dict.fromkeys([*parameters, *(name for each in listed for name in each)]))
+    for name in names:
+        if system.structure.place(name) in kept:
+            raise ModelError(f"{name} has a value in a claim, so it cannot vary; leave it out of the parameters")
+    for name in parameters:
+        if factors and system[name] == 0.0:
+            raise ModelError(f"{name} is 0, and no factor changes that; write it in listed with its values")
+    own = np.array([float(system[name]) for name in names])
+    where = {name: place for place, name in enumerate(names)}
+
+    def changed(*changes: tuple[str, float]) -> NDArray[np.float64]:
+        row = own.copy()
+        for name, value in changes:
+            row[where[name]] = value
+        return row
+
+    random = np.random.default_rng(seed)
+    single = [(name, float(factor) * float(system[name])) for name in parameters for factor in factors if factor != 1.0]
+    both = [(one, two) for one, two in combinations(single, 2) if one[0] != two[0]]
+    chosen = np.sort(random.permutation(len(both))[:pairs]).tolist()
+    rows = [(own, VariedHow.NONE)]
+    rows += [(changed(one), VariedHow.ONE) for one in single]
+    rows += [(changed(*both[index]), VariedHow.PAIR) for index in chosen]
+    rows += [(changed(*each.items()), VariedHow.LISTED) for each in listed]
+    free = np.isin(names, parameters)
+    for _ in range(neighbours):
+        factor = np.where(free, np.exp(random.normal(0.0, spread, len(names))), 1.0)
+        rows.append((own * factor, VariedHow.NEIGHBOUR))
+    return _systems_among(system, names, rows)
+
+
+def _systems_among(
+    system: System, names: tuple[str, ...], rows: Sequence[tuple[NDArray[np.float64], VariedHow]]
+) -> Variations:
+    """Leave out the variations that no system can have."""
+    values, how, left_out = [], [], []
+    for row, kind in rows:
+        changes = dict(zip(names, row.tolist(), strict=True))
+        try:
+            system.at(changes)
+        except ModelError as error:
+            differ = ", ".join(f"{name} = {value:g}" for name, value in changes.items() if value != system[name])
+            left_out.append(f"left out: {differ} ({str(error).splitlines()[0]})")
+            continue
+        values.append(row)
+        how.append(int(kind))
+    return Variations(names, np.array(values).reshape(len(how), len(names)), np.array(how), tuple(left_out))
+
 
 HOLDS, FAILS, UNKNOWN = 1, 0, -1
 """What a claim comes to for one variation."""

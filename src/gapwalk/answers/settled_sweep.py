@@ -16,16 +16,13 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.attractor import Settled
 from gapwalk.attractors.section import Strobe
-from gapwalk.attractors.settle import SettleOptions, settle
-from gapwalk.attractors.settling_judge import judge_returns
+from gapwalk.attractors.settle import Settled, SettleOptions, judge_returns, settle
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import walk
 from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.continuation.step_size import WalkOptions
-from gapwalk.continuation.walk import EndReason
+from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.walk import EndReason, WalkOptions
 from gapwalk.errors import FlowError, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit

@@ -19,7 +19,7 @@ from scipy import special
 
 from gapwalk.errors import ModelError
 from gapwalk.files import open_file
-from gapwalk.model.measured.csv_columns import parse_csv
+from gapwalk.model.measured.measured_table import parse_csv
 from gapwalk.model.system import System
 
 Array = NDArray[np.float64]

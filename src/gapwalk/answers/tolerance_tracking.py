@@ -1,44 +1,227 @@
 """Special points of many samples of a system: some branches are walked, and in the others the same points are tracked.
 
 The walks show in which forms the points occur, also those that the nominal system does not have
-(`gapwalk.answers.point_forms`). The forms are tracked in some more samples by Newton's method. Polynomials fitted to
+(`gapwalk.answers.point_fit`). The forms are tracked in some more samples by Newton's method. Polynomials fitted to
 all these solutions predict those of the other samples, and where each form exists. A prediction whose error is known to
 be small is the answer; others are corrected. Where such forms are found together as no walk has met them, this stretch
-of the branch is walked (`gapwalk.answers.stretch_walk`).
+of the branch is walked (`gapwalk.answers.tolerance_tracking`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from gapwalk.answers.form_finder import FormFinder, Located
 from gapwalk.answers.near_misses import misses_of
-from gapwalk.answers.point_forms import Solutions, Walked, met_of
-from gapwalk.answers.point_tracking import TrackedPoint
-from gapwalk.answers.stretch_walk import Mark, walk_stretch
-from gapwalk.answers.tolerance_records import (
-    Further,
-    HowFound,
-    ToleranceChunk,
-    ToleranceWalks,
-    Tracking,
-    label_of,
-)
+from gapwalk.answers.point_fit import Solutions, Walked, met_of
+from gapwalk.answers.point_prediction import Corrected, Predicted, Terms, TrackedPoint
+from gapwalk.answers.tolerance import Further, HowFound, ToleranceChunk, ToleranceWalks, Tracking, label_of
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import start_branch
 from gapwalk.bifurcation.follow import BranchWalk
 from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.continuation.walk import EndReason
+from gapwalk.continuation.walk import EndReason, WalkOptions
 from gapwalk.errors import ModelError, NumericalError
+from gapwalk.flow.equations import magnitude
+from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 
+# Forms of special points in samples: predicted where the error of that is known to be small, and else corrected.
+
 Array = NDArray[np.float64]
+
+_ONE_POINT = 1e-6  # scaled distance within which two solutions are one point
+_UNLIKELY = -0.2  # score below which a form is not looked for
+_EXACT = 0.05  # share of the allowed error that solutions may have to which predictions are fitted
+_APART = 0.2  # distance between neighbouring points, as a share of the nominal one, below which both are corrected
+
+
+class Located(NamedTuple):
+    """A form in a sample."""
+
+    #: value, error: Value of the parameter, and a bound of its error.
+    value: float
+    error: float
+    unknowns: Array  #: Unknowns of its equation; empty for a form that is attached to another one.
+    corrected: Corrected | None = None  #: The solution; None for a prediction whose error is known to be small.
+
+
+class FormFinder:
+    """Finds forms of special points in samples."""
+
+    def __init__(self, asked: Tracking, origin: TrackedPoint) -> None:
+        self.asked, self.origin = asked, origin
+        self.points = [form.point(asked.names) for form in asked.forms]
+
+    def terms(self, samples: Array) -> Terms:
+        """Return the terms of polynomials at some samples."""
+        return Terms((samples - self.origin.origin) / self.asked.deviations)
+
+    def allows(self, sample: Array) -> bool:
+        """Return True if the model allows the values of a sample."""
+        try:
+            self.asked.at(sample)
+        except ModelError:
+            return False
+        return True
+
+    def found(self, samples: Array, *, exact: bool = False) -> Iterator[dict[int, Located] | None]:
+        """Yield for each sample what was found of each form; None if it is refused.
+
+        If `exact`, predictions are corrected everywhere, and more exactly.
+        """
+        forms = self.asked.forms
+        terms = self.terms(samples)
+        guesses = [None if point.fit is None else point.fit.predicted(terms) for point in self.points]
+        scores, nothing = self._scores(terms), np.zeros(0)
+        trusted = None if exact else self._trusted(guesses)
+        offsets = {f: form.offset_at(terms) for f, form in enumerate(forms) if form.companion >= 0}
+        left = 0.5 * self.asked.accuracy * (_EXACT if exact else 1.0)
+        for k, sample in enumerate(samples):
+            found = dict[int, Located]()
+            if not self.allows(sample):
+                yield None
+                continue
+            plane = self.origin.plane_at(sample)
+            for f in np.argsort(-scores[k], kind="stable").tolist():
+                guess = guesses[f]
+                if scores[k, f] < _UNLIKELY or forms[f].companion >= 0 or guess is None:
+                    continue
+                if trusted is not None and np.isfinite(trusted[f][k]):
+                    found[f] = Located(float(guess.unknowns[k, -1]), float(trusted[f][k]), guess.unknowns[k])
+                    continue
+                each = self.points[f].fitted_at(plane, guess.at(k), left)
+                if each is not None and not self._is_double(f, each, found):
+                    error = left * float(self.points[f].scales[-1])
+                    found[f] = Located(each.value, error, each.unknowns, each)
+            for f, (offset, errors) in offsets.items():
+                beside = found.get(forms[f].companion)
+                if beside is not None and np.isfinite(errors[k]):
+                    error = beside.error + float(errors[k])
+                    found[f] = Located(beside.value + float(offset[k]), error, nothing)
+            yield found
+
+    def _scores(self, terms: Terms) -> Array:
+        """Return a number for each sample and form: about 1 where the form exists, and 0 where it does not."""
+        found = np.ones((len(terms.x), len(self.points)))
+        for f, form in enumerate(self.asked.forms):
+            if len(form.scores):
+                found[:, f] = terms.of(form.degree) @ form.scores
+        return found
+
+    def _trusted(self, predicted: Sequence[Predicted | None]) -> list[Array]:
+        """Return for each form the bounds of the errors of its predictions, infinity where it must be corrected.
+
+        A prediction is the answer if the form exists in all systems known so far, its error is small, and it is far
+        from its neighbours on the branch: contacts and multipliers of a special point change only where another
+        special point passes it, and points vanish where two of them meet.
+        """
+        asked, forms = self.asked, self.asked.forms
+        always = [f for f, form in enumerate(forms) if form.companion < 0 and not len(form.scores)]
+        errors = [np.full(1, np.inf) if each is None else np.full(len(each.errors), np.inf) for each in predicted]
+        for f in always:
+            each = predicted[f]
+            if each is not None:
+                near = each.errors <= asked.accuracy * np.abs(each.unknowns[:, -1])
+                errors[f] = np.where(near, each.errors, np.inf)
+        for f, g in pairwise(f for f in always if predicted[f] is not None):
+            near = self._nearness(f, g, predicted) < _APART
+            errors[f][near] = errors[g][near] = np.inf
+        return errors
+
+    def _nearness(self, f: int, g: int, predicted: Sequence[Predicted | None]) -> Array:
+        """Return the distance of two predicted forms in samples, along and as a share of the one at zero parameters."""
+        one, other, fits = predicted[f], predicted[g], (self.points[f].fit, self.points[g].fit)
+        assert one is not None
+        assert other is not None
+        assert fits[0] is not None
+        assert fits[1] is not None
+        columns = [*range(len(self.asked.first.state)), -1]
+        scales = self.points[f].scales[columns]
+        apart = (other.unknowns[:, columns] - one.unknowns[:, columns]) / scales
+        between = (fits[1].coefficients[0, columns] - fits[0].coefficients[0, columns]) / scales
+        return apart @ between / float(between @ between)
+
+    def _is_double(self, f: int, each: Corrected, found: Mapping[int, Located]) -> bool:
+        """Return True if another form came to the same solution."""
+        kind, scales = self.asked.forms[f].met.kind, self.points[f].scales
+        return any(
+            self.asked.forms[g].met.kind == kind
+            and len(other.unknowns) == len(each.unknowns)
+            and float(np.abs((other.unknowns - each.unknowns) / scales).max()) < _ONE_POINT
+            for g, other in found.items()
+        )
+
+
+# Walks of a stretch of a branch, between special points that are known to lie on it.
+#
+# Where it is unclear which special points a stretch has, the branch is walked from the last point before it that is
+# known, until it meets a known point beyond.
+
+_SAME = 1e-3  # difference of states, relative to the motion, within which two orbits at nearly one value are the same
+_EQUAL = 1e-4  # share of the range within which two values are nearly one
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """A special point that is known to lie on a branch."""
+
+    form: int  #: Number of its form.
+    #: kind, contact: What it is.
+    kind: str
+    contact: str
+    value: float  #: Value of the parameter.
+    state: Array  #: shape (state size,): Initial state of its orbit.
+    way: float  #: Sign of the change of the parameter where the walk passes it.
+
+    def is_at(self, special: SpecialPoint, width: float) -> bool:
+        """Return True if a special point of a walk is this one; `width` is that of the range."""
+        if special.kind.value != self.kind or special.contact != self.contact:
+            return False
+        return abs(special.value - self.value) <= _EQUAL * width and self.has(special.orbit.state, special.orbit.system)
+
+    def has(self, state: Array, system: System) -> bool:
+        """Return True if an orbit that begins at a state is the one of this point."""
+        return float(np.abs(state - self.state).max()) <= _SAME * magnitude(self.state, system)
+
+
+def walk_stretch(
+    system: System,
+    parameter: str,
+    period: int,
+    within: tuple[float, float],
+    start: Mark,
+    ends: Sequence[Mark],
+    options: WalkOptions,
+) -> tuple[list[SpecialPoint], Mark | None] | None:
+    """Walk a branch from a known special point until it meets another one, or the end of the range."""
+    width, low, high = abs(within[1] - within[0]), min(within), max(within)
+    found: list[SpecialPoint] = []
+    try:
+        orbit = find_orbit(system.at({parameter: start.value}), period, start.state)
+        if not start.has(orbit.state, orbit.system):
+            return None
+        steps = BranchWalk([start_branch(orbit, parameter, (low, high), int(start.way))], options, judges=False)
+        for _ in steps:
+            for special in steps.special_points:
+                met = next((end for end in ends if end.is_at(special, width)), None)
+                if met is not None:
+                    return found, met
+                if found or not start.is_at(special, width):
+                    found.append(special)
+        end = steps.branch.ends[-1]
+    except (ModelError, NumericalError):
+        return None
+    is_over = end.reason in (EndReason.RANGE, EndReason.TURNED_BACK) and end.value == within[1]
+    return (found, None) if is_over else None
+
 
 _BEYOND = 0.05  # share of the range by which a walk goes on beyond the farthest tracked point
 _NEAR = 3e-3  # share of the range within which a walked point may always be the counterpart of a nominal one

@@ -1,13 +1,20 @@
 """Attractors and settled motions: transients, sections, spectra, Lyapunov exponents, classification, impacts."""
 
-from gapwalk.attractors.attractor import Attractor, AttractorKind, Settled
-from gapwalk.attractors.attractor_catalogue import distance, match
-from gapwalk.attractors.classify import ClassifyOptions, classify, identify
+from gapwalk.attractors.basins import distance, match
 from gapwalk.attractors.lyapunov import Lyapunov, LyapunovOptions, lyapunov
 from gapwalk.attractors.rattle import Rattle, rattle
 from gapwalk.attractors.rotation import Rotation, rotation
 from gapwalk.attractors.section import Crossing, Plane, Section, impact_plane, section, strobe
-from gapwalk.attractors.settle import SettleOptions, settle
+from gapwalk.attractors.settle import (
+    Attractor,
+    AttractorKind,
+    ClassifyOptions,
+    Settled,
+    SettleOptions,
+    classify,
+    identify,
+    settle,
+)
 from gapwalk.attractors.spectrum import Spectrum, SpectrumOptions, Waterfall, spectrum, waterfall
 
 __all__ = [

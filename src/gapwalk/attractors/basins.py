@@ -6,18 +6,460 @@ Method: docs/numerics/basins.md
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.attractor import Attractor, AttractorKind
-from gapwalk.attractors.attractor_catalogue import IMPOSSIBLE, RUNAWAY, UNRESOLVED
-from gapwalk.attractors.box import Box, Window
+from gapwalk.attractors.section import size_of
+from gapwalk.attractors.settle import Attractor, AttractorKind, ClassifyOptions, Settled, SettleOptions, classify
+from gapwalk.attractors.trapping_region import TrappingRegion, trapping_region_of
+from gapwalk.errors import FlowError, ModelError
+from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
+from gapwalk.orbit.orbit import is_same
 from gapwalk.summary import Rows, TableRows, Tables, rows_of
+
+# The catalogue of the known attractors of one system, and the assignment of states to the attractors they lead to.
+#
+# The catalogue grows when a state leads to an attractor not yet in it. A motion is recognised by the trapping region
+# of an orbit or, more cheaply, by its distance to the strobes of known attractors (`AttractorSignature`). Many states
+# are sorted at once, each followed only as long as it needs.
+
+_SPACING = 4.0  # largest distance of a strobe from the sample of its torus or chaos, in spacings of the sample
+_MOST = 0.9  # fraction of the strobes that must be so near
+_CLOSEST = 2e-3  # relative distance that always counts as near: the two may come from different flows
+UNRESOLVED, RUNAWAY, IMPOSSIBLE = -1, -2, -3
+"""Labels of states that lead to no known attractor, of motions that diverge, and of states beyond a rigid stop."""
+
+_FIRST = 8  # forcing periods before the first test; the total grows by half before each further test
+_WATCHED = 48  # strobes of a motion in no trapping region that are compared with the attractor signatures
+
+Advance = Callable[[NDArray[np.float64], int], NDArray[np.float64]]
+"""Advances states, one in each row, by some forcing periods; a motion that cannot be integrated becomes nan."""
+_COMPARED = 64  # strobes with which a motion is compared with the known attractors
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """The known attractors of a system, each with a signature by which motions on it are recognised."""
+
+    system: System  #: The system.
+    #: attractors, signatures: The attractors in the order in which they were found, and the signature of each.
+    attractors: tuple[Attractor, ...] = ()
+    signatures: tuple[AttractorSignature, ...] = ()
+
+    def with_one_more(self, attractor: Attractor) -> Catalogue:
+        """Return a copy of the catalogue with one more attractor at its end."""
+        return Catalogue(self.system, (*self.attractors, attractor), (*self.signatures, signature_of(attractor)))
+
+
+@dataclass(frozen=True, eq=False)
+class AttractorSignature:
+    """The signature by which motions on an attractor are recognised."""
+
+    #: The trapping region of its orbit; None if the attractor is not periodic, or too weakly stable.
+    region: TrappingRegion | None
+    strobes: NDArray[np.float64]  #: shape (count, state_size): States of the attractor, one forcing period apart.
+    scale: NDArray[np.float64]  #: shape (state_size,): Size of the attractor.
+    reach: float  #: Distance from the strobes, relative to that size, up to which a state belongs to the attractor.
+
+    @property
+    def wide(self) -> bool:
+        """True if motions are recognised by their strobes alone."""
+        return self.region is None
+
+    def distance(self, track: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Compute the distance of most strobes of motions, shape (strobes, ...); up to 1 they are on the attractor.
+
+        The strobes have the shape (strobes, ..., state_size). A motion that has diverged is nan; its distance is inf.
+        """
+        from scipy.spatial import KDTree  # imported late: it takes long
+
+        finite = np.isfinite(track).all(axis=(0, -1))
+        away = np.full(finite.shape, np.inf)
+        distances = KDTree(self.strobes / self.scale).query(track[:, finite] / self.scale)[0]
+        away[finite] = np.quantile(distances, _MOST, axis=0) / self.reach
+        return away
+
+
+class Sorted(NamedTuple):
+    """The attractors to which states lead."""
+
+    #: shape (count,): Index of the attractor signature that each motion reaches; UNRESOLVED or RUNAWAY for none.
+    labels: NDArray[np.int_]
+    states: NDArray[np.float64]  #: shape (count, state_size): States of the motions when this was decided.
+    periods: NDArray[np.int_]  #: shape (count,): Number of forcing periods until then.
+
+
+def explore(
+    catalogue: Catalogue, advance: Advance, states: NDArray[np.float64], *, longest: int, max_period: int, tries: int
+) -> tuple[Catalogue, NDArray[np.int_]]:
+    """Classify states that lead to no known attractor: settle the first, sort the others by its attractor, and repeat.
+
+    Shapes: `states` (count, state_size).
+    """
+    states = np.array(states, dtype=float)
+    labels = np.full(len(states), UNRESOLVED)
+    rest = np.arange(len(states))
+    for _ in range(tries):
+        if not len(rest):
+            break
+        first, rest = rest[0], rest[1:]
+        known = len(catalogue.attractors)
+        catalogue, labels[first] = _settle_one(catalogue, states[first], max_period)
+        if labels[first] == known:  # a new attractor, to which others may lead too
+            found = sort_states(advance, states[rest], catalogue.signatures, longest)
+            states[rest], labels[rest] = found.states, found.labels
+            rest = rest[found.labels == UNRESOLVED]
+    return catalogue, labels
+
+
+def _settle_one(catalogue: Catalogue, state: NDArray[np.float64], max_period: int) -> tuple[Catalogue, int]:
+    """Label one state with the exact flow; return the catalogue, extended if its attractor is new, and the label."""
+    options = ClassifyOptions(settle=SettleOptions(max_period=max_period))
+    try:
+        attractor = classify(catalogue.system, state, options)
+    except FlowError:
+        return catalogue, RUNAWAY
+    if attractor.kind is AttractorKind.UNDECIDED:
+        return catalogue, UNRESOLVED
+    track = attractor.strobes[-_COMPARED:]
+    for index, signature in enumerate(catalogue.signatures):
+        if signature.distance(track) <= 1.0 if signature.region is None else signature.region.holds(track).all():
+            return catalogue, index
+    return catalogue.with_one_more(attractor), len(catalogue.attractors)
+
+
+def sort_states(
+    advance: Advance, states: NDArray[np.float64], signatures: Sequence[AttractorSignature], longest: int
+) -> Sorted:
+    """Follow states until each has reached one of the attractors, or for `longest` forcing periods.
+
+    Shapes: `states` (count, state_size).
+    """
+    states = np.array(states, dtype=float)
+    labels = np.full(len(states), UNRESOLVED)
+    periods = np.zeros(len(states), dtype=int)
+    total = 0
+    alive = _look(states, labels, signatures, np.arange(len(states)))
+    while len(alive) and total < longest:
+        step = min(max(_FIRST, total // 2), longest - total)
+        states[alive] = advance(states[alive], step)
+        total += step
+        periods[alive] = total
+        alive = _look(states, labels, signatures, alive)
+    wide = [(index, signature) for index, signature in enumerate(signatures) if signature.wide]
+    if len(alive) and wide:
+        track = np.empty((_WATCHED, len(alive), states.shape[1]))
+        for strobe in track:
+            strobe[:] = states[alive] = advance(states[alive], 1)
+        periods[alive] += _WATCHED
+        for index, signature in wide:
+            labels[alive[(labels[alive] == UNRESOLVED) & (signature.distance(track) <= 1.0)]] = index
+    return Sorted(labels, states, periods)
+
+
+def _look(
+    states: NDArray[np.float64],
+    labels: NDArray[np.int_],
+    signatures: Sequence[AttractorSignature],
+    alive: NDArray[np.intp],
+) -> NDArray[np.intp]:
+    """Label the motions that are in a trapping region or have diverged; return the rest of `alive`."""
+    labels[alive[~np.isfinite(states[alive]).all(axis=1)]] = RUNAWAY
+    for index, signature in enumerate(signatures):
+        if signature.region is not None:
+            rest = alive[labels[alive] == UNRESOLVED]
+            labels[rest[signature.region.holds(states[rest])]] = index
+    return alive[labels[alive] == UNRESOLVED]
+
+
+def match(
+    attractors: Sequence[Attractor],
+    motion: Attractor | Settled | NDArray[np.float64],
+    tolerance: float = 1e-3,
+) -> int | None:
+    """Return the index of the attractor to which a settled motion belongs, or None.
+
+    Two orbits are compared as in `gapwalk.orbit.orbit.is_same`. States are compared with the strobes of each
+    attractor: they must be near those of an orbit within `tolerance`, and near those of a torus or of chaos within
+    some spacings of its sample. If several attractors match, the nearest one is returned.
+
+    Parameters
+    ----------
+    attractors
+        The known attractors, all of the same system with the same parameter values.
+    motion
+        An attractor, a settled motion, one state at theta = 0, or several one forcing period apart, one in each row:
+        one state distinguishes orbits, 16 or more distinguish any attractors.
+    tolerance
+        Tolerance relative to the size of an orbit.
+
+    Returns
+    -------
+    int or None
+        Index of the attractor.
+
+    Raises
+    ------
+    ModelError
+        If the states have the wrong shape.
+
+    Examples
+    --------
+    >>> gw.analysis.match([attractor], settled)
+    0
+    """
+    if isinstance(motion, Attractor | Settled) and motion.orbit is not None:
+        same = [each.orbit is not None and is_same(each.orbit, motion.orbit, tolerance) for each in attractors]
+        if sum(same) == 1:
+            return same.index(True)  # several: one motion in phases shifted by whole forcing periods
+    states = motion.strobes if isinstance(motion, Attractor | Settled) else np.atleast_2d(np.asarray(motion, float))
+    if isinstance(motion, Settled) and motion.orbit is not None:
+        states = motion.orbit.state[None, :]
+    distances = [distance(attractor, states, tolerance) for attractor in attractors]
+    best = int(np.argmin(distances)) if distances else 0
+    return best if distances and distances[best] <= 1.0 else None
+
+
+def distance(attractor: Attractor, states: NDArray[np.float64], tolerance: float = 1e-3) -> float:
+    """Return the distance of most of some states, one in each row, from an attractor; up to 1 they belong to it."""
+    length = attractor.strobes.shape[1]
+    if states.ndim != 2 or states.shape[1] != length:
+        raise ModelError(f"the states have the shape {states.shape}; it must be (count, {length})")
+    return float(_signature(attractor, None, tolerance).distance(states))
+
+
+def signature_of(attractor: Attractor) -> AttractorSignature:
+    """Build the signature of an attractor."""
+    region = None if attractor.orbit is None else trapping_region_of(attractor.orbit)
+    return _signature(attractor, region, _CLOSEST)
+
+
+def _signature(attractor: Attractor, region: TrappingRegion | None, reach: float) -> AttractorSignature:
+    """Build a signature whose reach is at least the given one, and more for the sample of a torus or of chaos."""
+    from scipy.spatial import KDTree  # imported late: it takes long
+
+    scale = size_of(attractor.system, attractor.strobes)
+    known = attractor.strobes / scale
+    if attractor.kind is not AttractorKind.PERIODIC and len(known) > 1:
+        spacing = KDTree(known).query(known, k=2)[0][:, 1]
+        reach = max(reach, _SPACING * float(np.quantile(spacing, 0.95)))
+    return AttractorSignature(region, attractor.strobes, scale, reach)
+
+
+# Boxes of initial states: a range or a fixed value for each coordinate and velocity, by name.
+#
+# The extension of a contact with a state of its own begins at zero.
+#
+# States in a box are the centres of the cells of a plane, their neighbours, or random.
+
+Range = Sequence[float] | float
+"""The two ends of a range, or one number for a fixed component."""
+_DRAWS = 1000  # of all states, to find enough of them within rigid stops
+_NEAREST = 4  # as for a cell of a plane
+
+
+@dataclass(frozen=True)
+class Box:
+    """Initial states at theta = 0, each component within a range; a component with equal ends is fixed.
+
+    Examples
+    --------
+    >>> gw.records.Box.of(system, {"x": (-1, 1)}).draw(3, seed=0).shape
+    (3, 2)
+    """
+
+    names: tuple[str, ...]  #: Names of the components: coordinates, velocities, then extensions, which are zero.
+    #: low, high: The ends of the ranges, in the order of the names.
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+    @classmethod
+    def of(cls, system: System, ranges: Mapping[str, Range]) -> Box:
+        """Create a box from ranges (two numbers) or fixed values (one number) by name; all others are 0.
+
+        Parameters
+        ----------
+        system
+            The system.
+        ranges
+            Two numbers, or one, by the name of a coordinate or velocity.
+        """
+        names = system.state_names
+        low, high = np.zeros(len(names)), np.zeros(len(names))
+        for name, given in ranges.items():
+            if name in names[2 * system.size :]:
+                raise ModelError(f"{name} is no axis of a box: it begins at 0, as a spring of friction without a force")
+            if name not in names:
+                known = did_you_mean(name, names[: 2 * system.size])
+                raise ModelError(f"there is no coordinate or velocity {name!r}; {known}")
+            place = names.index(name)
+            low[place], high[place] = _ends(name, given)
+        return cls(names, tuple(low.tolist()), tuple(high.tolist()))
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the components that are not fixed."""
+        return tuple(name for name, a, b in zip(self.names, self.low, self.high, strict=True) if a < b)
+
+    def draw(
+        self, count: int, seed: int, is_possible: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None
+    ) -> NDArray[np.float64]:
+        """Draw random states, uniformly distributed over the box and repeatable, shape (count, state_size).
+
+        Only those that are possible are kept.
+
+        Parameters
+        ----------
+        count
+            Number of states.
+        seed
+            Seed of the random numbers.
+        is_possible
+            Returns which of some states are possible; None if all are.
+
+        Returns
+        -------
+        array, shape (count, state_size)
+            The states.
+        """
+        random, found = np.random.default_rng(seed), np.empty((0, len(self.names)))
+        for _ in range(_DRAWS):
+            drawn = random.uniform(self.low, self.high, (count, len(self.names)))
+            found = np.concatenate((found, drawn if is_possible is None else drawn[is_possible(drawn)]))
+            if len(found) >= count:
+                return found[:count]
+        raise ModelError(
+            f"only {len(found)} of {_DRAWS * count} states in the box are within the rigid stops; give a smaller box"
+        )
+
+
+@dataclass(frozen=True)
+class Window:
+    """A window on a plane of initial states: a box with two free components.
+
+    Examples
+    --------
+    >>> window = gw.records.Window.of(system, {"x": (-1, 1), "x'": (-2, 2)}, {})
+    >>> window.states((4, 3)).shape
+    (12, 2)
+    """
+
+    box: Box  #: The box.
+    #: across, up: Names of the components along the two axes.
+    across: str
+    up: str
+
+    @classmethod
+    def of(cls, system: System, ranges: Mapping[str, Sequence[float]], fixed: Mapping[str, float]) -> Window:
+        """Create the window on two components with their ranges, the horizontal one first; others are fixed or 0.
+
+        Parameters
+        ----------
+        system
+            The system.
+        ranges
+            The two ranges by name, the horizontal one first.
+        fixed
+            Fixed values by name.
+        """
+        if len(ranges) != 2:
+            raise ModelError(
+                f"a plane has two axes, but {len(ranges)} ranges were given ({', '.join(ranges) or 'none'}); write "
+                '{"q1": (-4, 4), "q1\'": (-4, 4)}'
+            )
+        both = [name for name in ranges if name in fixed]
+        if both:
+            raise ModelError(f"{both[0]} is both an axis of the plane and fixed; remove it from the fixed ones")
+        for name, given in ranges.items():
+            if isinstance(given, int | float):
+                raise ModelError(f"{name} is {given}; an axis of the plane needs a range such as (-4, 4)")
+        for name, given in fixed.items():
+            if not isinstance(given, int | float | np.floating | np.integer):
+                raise ModelError(f"{name} is fixed at {given!r}; it must be one number")
+        across, up = ranges
+        return cls(Box.of(system, {**fixed, **ranges}), across, up)
+
+    @property
+    def within(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """The ranges of the two axes."""
+        first, second = (self.box.names.index(name) for name in (self.across, self.up))
+        return (self.box.low[first], self.box.high[first]), (self.box.low[second], self.box.high[second])
+
+    def centres(self, resolution: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the centres of `resolution` cells (columns, rows) along the two axes."""
+        across, up = (centres(ends, count) for ends, count in zip(self.within, resolution, strict=True))
+        return across, up
+
+    def states(self, resolution: tuple[int, int]) -> NDArray[np.float64]:
+        """Return the states at the centres of all cells, row by row from the bottom; shape (cells, state_size).
+
+        Returns
+        -------
+        array, shape (cells, state_size)
+            The states.
+        """
+        across, up = self.centres(resolution)
+        states = np.tile(self.box.low, (len(across) * len(up), 1))
+        states[:, self.box.names.index(self.across)] = np.tile(across, len(up))
+        states[:, self.box.names.index(self.up)] = np.repeat(up, len(across))
+        return states
+
+
+def beside_cells(rows: int, columns: int) -> NDArray[np.intp]:
+    """Return the indices of the left, right, lower and upper neighbours of the cells, row by row; shape (cells, 4).
+
+    At an edge of the plane the missing neighbour is the cell itself.
+    """
+    numbers = np.arange(rows * columns).reshape(rows, columns)
+    wide = np.pad(numbers, 1, mode="edge")
+    sides = (wide[1:-1, :-2], wide[1:-1, 2:], wide[:-2, 1:-1], wide[2:, 1:-1])
+    return np.stack([side.ravel() for side in sides], axis=1)
+
+
+def beside_states(states: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the four nearest other states of each state, scaled by the ranges of the components; shape (count, 4)."""
+    from scipy.spatial import cKDTree  # imported late: it takes long
+
+    widths = np.ptp(states, axis=0)
+    scaled = states / np.where(widths > 0.0, widths, 1.0)
+    count = min(_NEAREST, len(states) - 1)
+    _, nearest = cKDTree(scaled).query(scaled, k=np.arange(1, count + 2))
+    return np.asarray(nearest[:, 1:], dtype=np.intp)
+
+
+def differs(labels: NDArray[np.int_], neighbours: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Mark the labels that differ from the label of a neighbour."""
+    return (labels[neighbours] != labels[:, None]).any(axis=1)
+
+
+def about(marked: NDArray[np.bool_], neighbours: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Mark the states that are marked already or have a marked neighbour."""
+    return marked | marked[neighbours].any(axis=1)
+
+
+def _ends(name: str, given: Range) -> tuple[float, float]:
+    try:
+        ends = np.atleast_1d(np.asarray(given, dtype=float))
+    except (TypeError, ValueError):
+        ends = np.array([np.nan])
+    if ends.shape not in {(1,), (2,)} or not np.isfinite(ends).all():
+        raise ModelError(f"the range of {name} is {given!r}; write two finite numbers (low, high), or one to fix it")
+    if len(ends) == 2 and not ends[0] < ends[1]:
+        raise ModelError(f"the range of {name} is from {ends[0]:g} to {ends[1]:g}: it is empty; write (low, high)")
+    return float(ends[0]), float(ends[-1])
+
+
+def centres(within: tuple[float, float], count: int) -> NDArray[np.float64]:
+    """Return the centres of `count` cells that divide a range evenly."""
+    low, high = within
+    return low + (high - low) * (np.arange(count) + 0.5) / count
+
 
 _ORDER = tuple(AttractorKind)
 _WORDS = {UNRESOLVED: "unresolved", RUNAWAY: "diverges", IMPOSSIBLE: "beyond a rigid stop"}

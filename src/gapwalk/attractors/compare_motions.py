@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.attractor import Settled
+from gapwalk.attractors.settle import Settled
 from gapwalk.attractors.spectrum import Spectrum, SpectrumOptions, spectrum
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import force_of, integrate

@@ -17,10 +17,21 @@ from numpy.typing import NDArray
 
 from gapwalk.attractors.rattle import innermost_switches
 from gapwalk.attractors.section import Strobe
-from gapwalk.ensemble.batch import MOST_STEPS, Batch, BatchOptions, batch_of
-from gapwalk.ensemble.batch_flow import LIMIT, BatchFlow, BlockPlan, Blocks, Trial, batch_flow_of, judge, revised
-from gapwalk.ensemble.kernel_source import Form, Source
-from gapwalk.ensemble.scheme import Linear
+from gapwalk.ensemble.batch_flow import (
+    LIMIT,
+    MOST_STEPS,
+    Batch,
+    BatchFlow,
+    BatchOptions,
+    BlockPlan,
+    Blocks,
+    Trial,
+    batch_flow_of,
+    batch_of,
+    judge,
+    revised,
+)
+from gapwalk.ensemble.kernel_source import Form, Linear, Source
 from gapwalk.ensemble.start import closed_in
 from gapwalk.errors import FlowError, UnfitError
 from gapwalk.flow.motion import integrate

@@ -14,14 +14,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.attractor import Settled
 from gapwalk.attractors.section import check_count
+from gapwalk.attractors.settle import Settled
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles, contact_deflections, contact_force
-from gapwalk.flow.motion import Motion, signal_factor, switch_names
-from gapwalk.flow.quadrature import Quadrature, quadrature
+from gapwalk.flow.motion import Motion, Quadrature, quadrature, signal_factor, switch_names
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.energy import impact_losses

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.errors import ModelError
-from gapwalk.flow.dry_motion import is_dry
 from gapwalk.flow.flow import PERIOD, Arc, flow_of
-from gapwalk.flow.motion import Motion, check_state
+from gapwalk.flow.motion import Motion, check_state, is_dry
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 

@@ -9,24 +9,385 @@ Method: docs/numerics/attractors.md
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.attractor import Settled
+from gapwalk.attractors.lyapunov import (
+    Lyapunov,
+    LyapunovOptions,
+    birkhoff_mean,
+    birkhoff_spread,
+    lyapunov_run,
+    of_multipliers,
+)
+from gapwalk.attractors.rotation import Rotation, rotation
 from gapwalk.attractors.section import Strobe, check_count, size_of
-from gapwalk.attractors.settling_judge import TOLERANCES, Drift, drift_of, exact_returns, recurrences
 from gapwalk.attractors.trapping_region import Approach, nearby_orbit, pushed_off, watch
 from gapwalk.errors import ModelError
-from gapwalk.model.system import System, check_system
+from gapwalk.flow.motion import Motion, integrate
+from gapwalk.model.system import System, check_system, pace_text
+from gapwalk.notebook import Shown
 from gapwalk.orbit.find import initial_state
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit import Orbit, stroboscopic
+from gapwalk.orbit.sticking import kept_words
+
+# Records of settled motions: an attractor of any kind with the evidence for it, and the transient that led to it.
+
+
+@dataclass(frozen=True, eq=False)
+class Attractor(Shown):
+    """A motion on which others settle.
+
+    Examples
+    --------
+    >>> attractor.label, attractor.multipliers.shape
+    ('P1', (2,))
+    """
+
+    kind: AttractorKind  #: Kind of motion: periodic, quasi-periodic, chaotic, or undecided.
+    system: System  #: The system that moves.
+    #: Period m of a periodic motion; number of closed curves, visited in turn, of a quasi-periodic one; otherwise 0.
+    period: int
+    #: shape (count, state_size): States at theta = 0, one forcing period apart: all m of an orbit, or a sample of
+    #: another motion.
+    strobes: NDArray[np.float64]
+    orbit: Orbit | None  #: The orbit of a periodic motion; otherwise None.
+    lyapunov: Lyapunov | None  #: The Lyapunov exponents; those of an orbit follow from its multipliers.
+    rotation: Rotation | None  #: The rotation number of a quasi-periodic motion.
+    evidence: tuple[str, ...]  #: The evidence for the kind, in sentences.
+
+    def _check_read(self) -> None:
+        """Raise a ValueError if its parts do not fit together."""
+        if self.strobes.ndim != 2 or self.strobes.shape[1] != self.system.state_size or not len(self.strobes):
+            raise ValueError(f"strobes of shape {self.strobes.shape} do not belong to this system")
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        """A state of the motion at theta = 0, shape (state_size,)."""
+        return self.strobes[0]
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128] | None:
+        """Floquet multipliers of an orbit, largest modulus first; None for any other motion."""
+        return None if self.orbit is None else self.orbit.multipliers
+
+    @property
+    def label(self) -> str:
+        """A short name: ``P3``, ``torus`` (``3 x torus`` if it surrounds an orbit of period 3), ``chaos`` or ``?``."""
+        match self.kind:
+            case AttractorKind.PERIODIC:
+                return f"P{self.period}"
+            case AttractorKind.QUASI_PERIODIC:
+                return "torus" if self.period <= 1 else f"{self.period} x torus"
+            case AttractorKind.CHAOTIC:
+                return "chaos"
+            case AttractorKind.UNDECIDED:
+                return "?"
+
+    def __repr__(self) -> str:
+        details = [self.label, pace_text(self.system)]
+        if self.rotation is not None:
+            details.append(f"rotation number {self.rotation.number:.9g}")
+        if self.lyapunov is not None:
+            details.append(f"largest exponent {self.lyapunov.exponents[0]:.4g} +- {self.lyapunov.errors[0]:.1g}")
+        return f"Attractor({self.kind.value}: {', '.join(details)})"
+
+
+class AttractorKind(StrEnum):
+    """The kind of motion on an attractor.
+
+    Examples
+    --------
+    >>> attractor.kind is gw.records.AttractorKind.PERIODIC
+    True
+    """
+
+    PERIODIC = "periodic"
+    QUASI_PERIODIC = "quasi-periodic"
+    CHAOTIC = "chaotic"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True, eq=False)
+class Settled(Shown):
+    """A motion after its transient.
+
+    Examples
+    --------
+    >>> settled.converged, settled.period, settled.orbit.stable
+    (True, 1, True)
+    """
+
+    system: System  #: The system that moves.
+    #: shape (count, state_size): The last states of the transient at theta = 0, one forcing period apart; positions,
+    #: then velocities.
+    strobes: NDArray[np.float64]
+    periods: int  #: Length of the transient in forcing periods.
+    converged: bool  #: True if the motion has settled; if not, `evidence` gives the reason.
+    #: The stable orbit to which the motion converges, refined by Newton's method; None if the motion is not periodic.
+    orbit: Orbit | None
+    #: Distance from the orbit when it was recognised, or drift of the motion's averages between the last two windows;
+    #: relative to the size of the motion.
+    residual: float
+    evidence: tuple[str, ...]  #: The evidence for the decision, in sentences.
+
+    def _check_read(self) -> None:
+        """Raise a ValueError if its parts do not fit together."""
+        if self.strobes.ndim != 2 or self.strobes.shape[1] != self.system.state_size or not len(self.strobes):
+            raise ValueError(f"strobes of shape {self.strobes.shape} do not belong to this system")
+
+    @property
+    def period(self) -> int | None:
+        """Period m in forcing periods; None if the motion is not periodic."""
+        return self.orbit.period if self.orbit is not None else None
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        """A state of the settled motion at theta = 0, shape (state_size,); a state of the orbit if there is one."""
+        return self.orbit.state if self.orbit is not None else self.strobes[-1]
+
+    def motion(self, periods: int | None = None, samples: int = 256) -> Motion:
+        """Return the settled motion, sampled, with its contact events and force-deflection loops.
+
+        Parameters
+        ----------
+        periods
+            Forcing periods; by default those of the orbit, or 64.
+        samples
+            Samples per forcing period.
+        """
+        return integrate(self.system, self.state, periods or self.period or 64, samples)
+
+    def __repr__(self) -> str:
+        what = f"period {self.period}" if self.period else "not periodic"
+        done = "settled" if self.converged else "not settled"
+        return (
+            f"Settled({what}, {done} after {self.periods} forcing periods at {pace_text(self.system)}, "
+            f"residual {self.residual:.2g})"
+        )
+
+
+# The judge of settled motions: it decides from strobes whether a motion has settled, and which period it has.
+#
+# Transients of single motions, sweeps and regime maps ask this one judge. A motion settles on an orbit if its returns
+# after m forcing periods shrink like a geometric series whose sum is small. Any other motion has settled if its
+# nearest returns neither shrink nor grow, and its averages no longer change.
+#
+# Method: docs/numerics/attractors.md
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Tolerances of the judge. Distances are relative to the unit of the strobes, such as the size of the motion."""
+
+    #: Distance still to go, below which a motion counts as periodic; the strobes of a settled motion repeat within it.
+    #: It is the error of the batch integrator, and below what a figure shows.
+    arrived: float = 1e-4
+    #: Change over one return, below which that return may give the period. A chaotic motion that passes an unstable
+    #: orbit shrinks towards it for a while; it seldom comes so near.
+    returned: float = 1e-6
+    rounding: float = 1e-11  #: Change over one return, below which only rounding is left; the flow repeats to 1e-13.
+    #: Ratio by which all shorter returns must exceed the distance still to go, or else the period may be shorter:
+    #: before it arrives, a spiral also returns by chance after longer times.
+    clear: float = 1e3
+    #: Size of a return, from which it may be that of a torus or of chaos. Smaller returns need no evidence against
+    #: their scatter before they count as shrinking.
+    large: float = 1e-3
+    #: Decrease of the mean logarithm of large returns from one window to the next, from which they shrink.
+    decay: float = 0.1
+    #: Standard deviation of these logarithms, from which they are those of chaos: these vary by themselves, so the
+    #: decrease must exceed two standard errors.
+    scatter: float = 0.6
+    #: Number of strobes above which a motion without period may have settled; averages are over their later half.
+    evidence: int = 192
+    #: Distance of return, below which an orbit of that period is searched for by Newton's method.
+    promising: float = 0.05
+    #: Distance of return, relative to the spread of the strobes, that no torus and no chaos reaches.
+    exact: float = 1e-6
+    #: A longer period counts only if its distance of return is smaller than those of shorter ones by this factor.
+    better: float = 0.5
+    #: Numbers of blocks, and the allowed trend over them in standard errors. Few long blocks show the slow decay of a
+    #: torus, because its weighted averages are then sharp; but errors from few blocks are themselves uncertain.
+    trends: tuple[tuple[int, float], ...] = ((16, 4.5), (8, 6.0), (5, 12.0))
+    #: Weight of the remainder after a nearest return: it may change by a hundred times the tolerance.
+    small: float = 0.01
+    #: Spread of weighted averages, relative to the signal's deviation, above which a motion is chaotic.
+    irregular: float = 1e-3
+
+
+TOLERANCES = Tolerances()
+"""The tolerances with which every motion is judged."""
+
+_NOTHING = 1e-20  # square of a difference that is only rounding
+
+
+class Returns(NamedTuple):
+    """The convergence of many motions, from their returns."""
+
+    #: shape (count,): Distance that each motion still has to go to the orbit that it approaches; inf if its returns do
+    #: not shrink.
+    missing: NDArray[np.float64]
+    #: shape (count,): Number of forcing periods after which it repeats there; 0 if that is not certain yet.
+    periods: NDArray[np.int_]
+    #: shape (count,), bool: True if the nearest returns neither shrink nor grow, and are as large as those of a torus
+    #: or of chaos; or if they are exact.
+    steady: NDArray[np.bool_]
+
+
+def judge_returns(track: NDArray[np.float64], longest: int) -> Returns:
+    """Judge motions by their returns after up to `longest` forcing periods.
+
+    If returns shrink by a factor g each time, a motion still has to go ``r g / (1 - g)`` after the return r: a slow
+    transient near a fold returns just as closely as a fast one, but each time with the same error. The factor is
+    that between two windows at the end of the track, each a third of the track long.
+
+    Shapes: `track` (strobes, count, state_size).
+    """
+    length, count, limits = len(track) - 1, track.shape[1], TOLERANCES
+    longest = min(longest, length // 3)
+    if not longest:
+        return Returns(np.full(count, np.inf), np.zeros(count, dtype=int), np.zeros(count, dtype=bool))
+    m = np.arange(1, longest + 1)
+    windows = m * np.maximum(1, (length - longest) // 3 // m)  # whole returns: strobes of an orbit differ in size
+    means, squares = np.empty((2, longest, 2, count))
+    for row, (period, window) in enumerate(zip(m.tolist(), windows.tolist(), strict=True)):
+        returns = np.abs(track[-2 * window :] - track[-2 * window - period : -period]).max(axis=2)
+        logs = np.log(np.maximum(returns, limits.rounding**2)).reshape(2, window, count)
+        means[row], squares[row] = logs.mean(axis=1), (logs * logs).mean(axis=1)
+    change, last = means[:, 1] - means[:, 0], np.exp(means[:, 1])
+    scatter = np.sqrt(np.maximum(squares - means**2, 0.0).mean(axis=1))
+    error = np.where(scatter > limits.scatter, 2.0 * scatter * np.sqrt(2.0 * m / windows)[:, None], 0.0)
+    least = np.maximum(limits.decay, error)
+    is_large = last >= limits.large
+    # returns of tori and of chaos shrink by chance, but they are large
+    shrinks = change < np.where(is_large, -least, 0.0)
+    fall = np.where(shrinks, change, -1.0)
+    ratio = np.exp(fall * (m / windows)[:, None])
+    # `last` belongs to the middle of the later window; half a window later is the end of the track
+    missing = np.where(shrinks, last * np.exp(0.5 * fall) * ratio / (1.0 - ratio), np.inf)
+    missing[last <= limits.rounding] = limits.rounding
+    shorter = np.minimum.accumulate(np.vstack((np.full((1, count), np.inf), last[:-1])))
+    is_period = (last <= limits.returned) & (missing <= limits.arrived) & (shorter > limits.clear * missing)
+    periods = np.where(is_period.any(axis=0), m[is_period.argmax(axis=0)], 0)
+    nearest = last.argmin(axis=0), np.arange(count)
+    is_steady = is_large & (np.abs(change) <= least) | (last <= limits.rounding)
+    return Returns(missing[nearest], periods, is_steady[nearest])
+
+
+def has_settled(states: NDArray[np.float64], longest: int, tolerance: float) -> bool:
+    """Decide whether one motion has settled, from all its strobes since its start.
+
+    Shapes: `states` (strobes, state_size).
+    """
+    found = judge_returns(states[:, None], longest)
+    if found.missing[0] <= tolerance:
+        return True
+    if len(states) <= TOLERANCES.evidence or not found.steady[0]:
+        return False
+    return drift_of(states[len(states) // 2 :], longest).is_settled(tolerance)
+
+
+def period_of(states: NDArray[np.float64], longest: int) -> int:
+    """Return the smallest period after which all strobes of a settled motion return, at most `longest`; 0 if none."""
+    for m in range(1, longest + 1):
+        if np.abs(states[m:] - states[:-m]).max() <= TOLERANCES.arrived:
+            return m
+    return 0
+
+
+class Recurrence(NamedTuple):
+    """A number of forcing periods, and the distance of the motion from its start after them, relative to its size."""
+
+    period: int
+    distance: float
+
+
+def recurrences(states: NDArray[np.float64], longest: int, near: float) -> list[Recurrence]:
+    """Find periods up to `longest` after which scaled strobes nearly return, each nearer than those before it.
+
+    Shapes: `states` (strobes, state_size).
+    """
+    found: list[Recurrence] = []
+    best = np.inf
+    for period in range(1, min(longest, len(states) // 2) + 1):
+        recent = states[-2 * period :]
+        distance = float(np.abs(recent[period:] - recent[:period]).max())
+        if distance < near and distance < TOLERANCES.better * best:
+            found.append(Recurrence(period, distance))
+        best = min(best, distance)
+    return found
+
+
+def exact_returns(system: System, states: NDArray[np.float64]) -> list[Recurrence]:
+    """Find periods after which strobes return more closely than on any torus, however small, or in chaos."""
+    states = states - states.mean(axis=0)
+    return recurrences(states / size_of(system, states), len(states) // 2, TOLERANCES.exact)
+
+
+class Drift(NamedTuple):
+    """The change of the averages of a motion along part of it."""
+
+    #: The largest change, between the halves, of the weighted average of a scaled state or of a product of two.
+    change: float
+    #: The largest linear trend of averages over blocks, in its standard errors, relative to the allowed one. The errors
+    #: come from the residual of the trend, so a slow decay cannot hide by increasing its own error.
+    trend: float
+    irregular: bool  #: True if weighted averages converge as slowly as those of chaotic motion.
+    steady: bool  #: True if the nearest returns neither shrink nor grow; see `Returns`.
+
+    def is_settled(self, tolerance: float) -> bool:
+        """Return True if the change is within the tolerance, or, for irregular motion, the trend within its errors."""
+        return self.steady and (self.change <= tolerance or (self.irregular and self.trend <= 1.0))
+
+    def text(self, tolerance: float) -> str:
+        """Describe a settled motion in words."""
+        if self.change > tolerance:
+            return f"its averages fluctuate without a trend (at most {self.trend:.2f} of a significant one)"
+        return f"its averages change by no more than {self.change:.1e}"
+
+
+def drift_of(states: NDArray[np.float64], longest: int) -> Drift:
+    """Compute the drift along a sequence of scaled strobes, shape (count, state_size) with a count of 64 or more.
+
+    Remainder after the nearest return within `longest` forcing periods (for example the size of a torus about an
+    orbit) is scaled and tested separately: it may be small compared with the motion, and yet far from settled.
+    """
+    scaled, period = states[:, None], recurrences(states, longest, np.inf)[-1].period
+    i, j = np.triu_indices(states.shape[1])
+    left = (states[period:] - states[:-period]) ** 2
+    left = TOLERANCES.small * left / np.maximum(left.mean(axis=0), _NOTHING)
+    states = states[period:]
+    observed = np.hstack((states, states[:, i] * states[:, j], left))
+    half = len(observed) // 2
+    change = np.abs(birkhoff_mean(observed[-half:]) - birkhoff_mean(observed[:half]))
+    rough = birkhoff_spread(observed[-half:]) > TOLERANCES.irregular * observed.std(axis=0)
+    steady = bool(judge_returns(scaled, longest).steady[0])
+    return Drift(float(change.max()), _trend(observed), bool(rough.any()), steady)
+
+
+def _trend(values: NDArray[np.float64]) -> float:
+    """Return the largest linear trend of block averages, in its standard errors, relative to the allowed one."""
+    largest = 0.0
+    for count, allowed in TOLERANCES.trends:
+        length = len(values) // count
+        blocks = values[-length * count :].reshape(count, length, -1)
+        means = np.array([birkhoff_mean(block) for block in blocks])
+        place = np.arange(count) - (count - 1) / 2
+        slope = place @ means / (place @ place)
+        left = means - means.mean(axis=0) - np.outer(place, slope)
+        error = np.sqrt((left**2).sum(axis=0) / (count - 2) / (place @ place))
+        largest = max(largest, float((np.abs(slope) / (error + np.finfo(float).eps)).max()) / allowed)
+    return largest
+
 
 _FIRST = 8  # forcing periods before the first test; the total grows by half before each further test
 _STATIONARY = 1024  # the fewest forcing periods after which a motion may count as settled without being periodic
 _REST = 1e-3  # size of a motion, relative to the largest so far, below which it may approach a static equilibrium
-_KEPT = 1024  # strobes stored in the record
+_RECORDED = 1024  # strobes stored in the record
 _FAR = 0.01  # distance from an unstable orbit, relative to the motion, above which the motion is not displaced
 
 
@@ -175,9 +536,176 @@ class _Transient:
         return self.drift.is_settled(self.options.tolerance)
 
     def _record(self, converged: bool, orbit: Orbit | None, residual: float, how: str) -> Settled:
-        kept, evidence = self.states[-_KEPT:].copy(), (*self.notes, how)
+        kept, evidence = self.states[-_RECORDED:].copy(), (*self.notes, how)
         if orbit is None:  # its period may be longer than those that were searched for
             found = exact_returns(self.strobe.system, kept[len(kept) // 2 :])
             for period, away in [each for each in found if each.period > self.options.max_period][:1]:
                 evidence += (f"it returns to {away:.1e} after {period} forcing periods: raise max_period",)
         return Settled(self.strobe.system, kept, self.periods, converged, orbit, float(residual), evidence)
+
+
+# Classification of the attractor on which a motion settles, with the evidence.
+#
+# Method: docs/numerics/attractors.md
+
+_STROBES = 4096  # strobes for a rotation number, if the exponents needed fewer
+_KEPT = 2048  # strobes stored in an attractor
+_RELAXED = 12.0  # a torus counts as reached when its slowest mode has decayed by exp(-12)
+_AGAIN = 512  # forcing periods after which a chaotic motion is examined again: its chaos may have been a transient
+_LEAD = 1e-3  # largest error of the leading exponent per forcing period with which a torus differs from chaos
+
+Strobes = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ClassifyOptions:
+    """Options of the classification of a motion.
+
+    Examples
+    --------
+    >>> gw.classify(system, options=gw.ClassifyOptions(settle=gw.SettleOptions(max_period=4))).label
+    'P1'
+    """
+
+    #: settle, lyapunov: Options of the transient and of the average of the exponents.
+    settle: SettleOptions = field(default_factory=SettleOptions)
+    lyapunov: LyapunovOptions = field(default_factory=LyapunovOptions)
+    zero: float = 1e-5  #: Size of an exponent per forcing period below which it may be that of a torus.
+    errors: float = 5.0  #: Number of standard errors by which an exponent must differ from zero to count as different.
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.zero <= 0.01:
+            raise ModelError(f"zero is {self.zero!r}; it must lie between 0 and 0.01 per forcing period")
+        if not self.errors >= 1.0:
+            raise ModelError(f"errors is {self.errors!r}; it must be at least 1 standard error")
+
+
+def classify(
+    system: System,
+    start: str | Sequence[float] | NDArray[np.float64] = "rest",
+    options: ClassifyOptions | None = None,
+    *,
+    at: Mapping[str, float] | None = None,
+    **values: float,
+) -> Attractor:
+    """Find the attractor on which a motion settles, and its kind.
+
+    Parameters
+    ----------
+    system
+        The system.
+    start
+        ``"rest"``, or a state at theta = 0: positions, then velocities.
+    options
+        Options of the transient and of the classification.
+    at, **values
+        Parameter values to change first.
+
+    Returns
+    -------
+    Attractor
+        The attractor, with the evidence for its kind.
+
+    Raises
+    ------
+    ModelError
+        For an invalid start or parameter.
+    FlowError
+        If the motion diverges.
+
+    Examples
+    --------
+    >>> gw.classify(system, frequency=0.8).label  # one motion in two forcing periods
+    'P2'
+    """
+    options = options or ClassifyOptions()
+    return identify(settle(system, start, options.settle, at=at, **values), options)
+
+
+def identify(settled: Settled, options: ClassifyOptions | None = None) -> Attractor:
+    """Classify the attractor of a motion that has settled.
+
+    Periodic: `settle` found a stable orbit. Chaotic: the largest exponent is positive by several errors, and the motion
+    has still not converged to an orbit when it is examined again. Quasi-periodic: the largest exponent is zero within
+    its error, and the strobes go round closed curves with a rotation number that converges. Otherwise: undecided.
+    """
+    options = options or ClassifyOptions()
+    if settled.orbit is not None:
+        return _periodic(settled.orbit, settled.evidence)
+    settled, exponents, strobes = _measured(settled, options)
+    orbit = _late_orbit(settled.system, strobes, options)
+    if orbit is not None:
+        return _periodic(orbit, (*settled.evidence, "it converged to an orbit while its exponents were averaged"))
+    kind, found, words = _judge(settled, exponents, strobes, options)
+    curves, evidence = 0 if found is None else found.curves, (*settled.evidence, *words)
+    return Attractor(kind, settled.system, curves, strobes[-_KEPT:], None, exponents, found, evidence)
+
+
+def _periodic(orbit: Orbit, evidence: tuple[str, ...]) -> Attractor:
+    exponents = of_multipliers(orbit.system, orbit.free_multipliers, orbit.period)
+    evidence = (*evidence, *kept_words(orbit.system.structure, orbit.stuck))
+    strobes = stroboscopic(orbit)
+    return Attractor(AttractorKind.PERIODIC, orbit.system, orbit.period, strobes, orbit, exponents, None, evidence)
+
+
+def _measured(settled: Settled, options: ClassifyOptions) -> tuple[Settled, Lyapunov, Strobes]:
+    """Compute the exponents, and the strobes over which they are averaged.
+
+    A slowly approached torus is first settled further, until its slowest mode has decayed.
+    """
+    exponents, strobes = lyapunov_run(settled.system, settled.state, options.lyapunov)
+    rates = exponents.per_period
+    falling = rates[rates < -np.maximum(options.zero, options.errors * exponents.errors_per_period)]
+    if not exponents.regular or not len(falling):
+        return settled, exponents, strobes
+    decay = -float(falling.max())  # of the slowest mode, per forcing period
+    missing = int(np.ceil(_RELAXED / decay)) - settled.periods
+    if missing <= 0:
+        return settled, exponents, strobes
+    state, periods = strobes[-1], settled.periods + len(strobes)
+    allowed = min(missing, options.settle.max_periods - periods)
+    if allowed > 0:
+        state, periods = Strobe(settled.system).run(state, allowed)[-1], periods + allowed
+    evidence = (*settled.evidence, f"its slowest mode had decayed by exp(-{decay * periods:.1f})")
+    return replace(settled, periods=periods, evidence=evidence), *lyapunov_run(settled.system, state, options.lyapunov)
+
+
+def _late_orbit(system: System, strobes: Strobes, options: ClassifyOptions) -> Orbit | None:
+    """Return the orbit to which the motion has converged meanwhile, if any; its period may be long."""
+    last, strobe = strobes[-1], Strobe(system)
+    orbit = settle(system, last, replace(options.settle, max_periods=_AGAIN)).orbit
+    if orbit is not None:
+        return orbit
+    for each in exact_returns(system, strobes[-_KEPT:]):
+        orbit = nearby_orbit(strobe, last, each.period, 0.0)
+        if orbit is not None and watch(strobe, last, orbit, 0.0).converging:
+            return orbit
+    return None
+
+
+def _judge(
+    settled: Settled, exponents: Lyapunov, strobes: Strobes, options: ClassifyOptions
+) -> tuple[AttractorKind, Rotation | None, tuple[str, ...]]:
+    """Return the kind of a motion that is not periodic, its rotation number if it has one, and the evidence."""
+    lead, error = float(exponents.per_period[0]), float(exponents.errors_per_period[0])
+    text = f"its largest exponent is {lead:.3g} +- {error:.1g} per forcing period"
+    if lead > options.zero and lead > options.errors * error:
+        if exponents.regular:  # a regular motion on an attractor has no positive exponent
+            return AttractorKind.UNDECIDED, None, (f"{text}, but regular: it is leaving an unstable motion",)
+        return AttractorKind.CHAOTIC, None, (f"{text}: positive",)
+    if lead < -options.zero and lead < -options.errors * error:
+        return AttractorKind.UNDECIDED, None, (f"{text}: negative, but no orbit was found; raise max_period",)
+    for period, away in exact_returns(settled.system, strobes[-_KEPT:])[:1]:
+        words = f"it returns to {away:.1e} after {period} forcing periods, but attracts nothing"
+        return AttractorKind.UNDECIDED, None, (f"{text}: zero", words)
+    if len(strobes) < _STROBES:
+        strobes = np.vstack((strobes, Strobe(settled.system).run(strobes[-1], _STROBES - len(strobes))))
+    found = rotation(strobes)
+    if found is not None and error <= _LEAD:
+        how = f"its strobes go round {found.curves} closed curve{'s' * (found.curves > 1)} (roughness"
+        words = f"{how} {found.roughness:.3f}), rotation number {found.number:.9g}"
+        return AttractorKind.QUASI_PERIODIC, found, (f"{text}: zero", words)
+    zeros = int(np.sum(np.abs(exponents.per_period) <= options.zero))
+    if zeros > 1 and exponents.regular and settled.converged:
+        return AttractorKind.QUASI_PERIODIC, None, (f"{text}: zero, as are {zeros - 1} others",)
+    return AttractorKind.UNDECIDED, None, (f"{text}: zero within its error, but its strobes lie on no curve",)

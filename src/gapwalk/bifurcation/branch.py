@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.special_point import SpecialPoint, at_once, words_of
-from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.point_on_branch import BranchPoint, motion_row, point_row
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint, at_once, words_of
+from gapwalk.continuation.both_directions import BranchPoint, motion_row, point_row
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol, told_apart

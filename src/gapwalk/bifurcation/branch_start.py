@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.corrector import Corrector, hermite
-from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.continuation.walk_scales import Range, check_range, scales_of, with_natural_change
+from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.corrector import Corrector, Range, check_range, hermite, scales_of, with_natural_change
 from gapwalk.errors import ConvergenceError, NumericalError
-from gapwalk.flow.length_unit import magnitude
+from gapwalk.flow.equations import magnitude
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit, returns, true_period

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.bracketed_zero import EXACT
 from gapwalk.bifurcation.branch_start import (
     BranchStart,
     has_merged,
@@ -22,7 +21,6 @@ from gapwalk.bifurcation.branch_start import (
     value_between,
 )
 from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
-from gapwalk.bifurcation.discontinuity import coincidence, discontinuity_ahead
 from gapwalk.bifurcation.error_estimate import ErrorEstimator, location_error
 from gapwalk.bifurcation.friction_changes import changes_between
 from gapwalk.bifurcation.held_friction import (
@@ -39,19 +37,17 @@ from gapwalk.bifurcation.held_friction import (
 from gapwalk.bifurcation.kinds.user_event import Event
 from gapwalk.bifurcation.onset_of_slip import come_to_rest, directions_left, never_slips
 from gapwalk.bifurcation.sliding_corner import pass_corner
-from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switch
 from gapwalk.bifurcation.start_of_period import AT_START, pass_start, starts_among_impacts
-from gapwalk.bifurcation.step_interval import Zero
-from gapwalk.bifurcation.stiff_graze import graze_ahead, pass_graze
+from gapwalk.bifurcation.step_interval import EXACT, Zero
+from gapwalk.bifurcation.stiff_graze import coincidence, discontinuity_ahead, graze_ahead, pass_graze
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector
-from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.continuation.step_size import WalkOptions
-from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
+from gapwalk.continuation.walk import End, EndReason, Walk, WalkOptions, WalkState
 from gapwalk.errors import NumericalError
+from gapwalk.flow.equations import magnitude
 from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD
-from gapwalk.flow.length_unit import magnitude
 from gapwalk.flow.symmetry import Symmetry, finds_all, symmetries_of
 from gapwalk.model.system import System
 from gapwalk.orbit.floating import floats, unheld

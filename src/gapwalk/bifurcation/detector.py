@@ -21,11 +21,10 @@ from gapwalk.bifurcation.error_estimate import ErrorEstimator
 from gapwalk.bifurcation.friction_changes import unexplained_changes
 from gapwalk.bifurcation.kinds.held_stop import held_changes, how_often
 from gapwalk.bifurcation.kinds.sliding import Sliding
-from gapwalk.bifurcation.special_point import VERTEX, SpecialPoint, describe_switch
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import VERTEX, Kind, SpecialPoint, describe_switch
 from gapwalk.bifurcation.step_interval import Search
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector
-from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.floquet import Instability, is_on_border, nearest_to_circle

@@ -14,8 +14,7 @@ import numpy as np
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.isolated import SearchResult
 from gapwalk.bifurcation.orbit_on_branch import junction_nearby, meets
-from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown

@@ -20,19 +20,25 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 
-from gapwalk.bifurcation.bracketed_zero import zero_between
-from gapwalk.bifurcation.friction_margins import Change, instant_of, margin, modes_around, own_phase
 from gapwalk.bifurcation.held_friction import Held, held_in
-from gapwalk.bifurcation.onset_of_slip import Located, locate_onsets, never_slips
-from gapwalk.bifurcation.step_interval import StepInterval
-from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.bifurcation.onset_of_slip import (
+    Change,
+    Located,
+    instant_of,
+    locate_onsets,
+    margin,
+    modes_around,
+    never_slips,
+    own_phase,
+)
+from gapwalk.bifurcation.step_interval import StepInterval, zero_between
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.friction_gauge import FrictionGauge
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.orbit.friction_phases import FrictionPhase, Margin, friction_phases, text_of
-from gapwalk.orbit.measures import apart
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit import Orbit, apart
+from gapwalk.orbit.sticking import FrictionPhase, Margin, friction_phases, text_of
 
 _SMALLEST = 1e-11  # arclength below which a step is not divided any more
 _MOST = 4  # number of phases that may vanish at once, as in symmetric motions

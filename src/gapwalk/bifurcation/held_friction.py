@@ -17,14 +17,13 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.bracketed_zero import zero_between
-from gapwalk.bifurcation.step_interval import StepInterval
+from gapwalk.bifurcation.step_interval import StepInterval, zero_between
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, length_of
-from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.flow.friction_gauge import FrictionGauge
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.orbit.centring import spare_of
+from gapwalk.orbit.floating import spare_of
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import HeldSpring, ShootingEquation
 from gapwalk.orbit.sticking import kept_row

@@ -16,15 +16,13 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import BranchStart, lift, start_branch
 from gapwalk.bifurcation.branch_tracer import BranchTracer
-from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.bifurcation.start_of_period import smooth_between
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector
-from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.continuation.step_size import WalkOptions
-from gapwalk.continuation.walk import End, EndReason
+from gapwalk.continuation.walk import End, EndReason, WalkOptions
 from gapwalk.errors import NumericalError
-from gapwalk.flow.length_unit import magnitude
+from gapwalk.flow.equations import magnitude
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.orbit.method import Method

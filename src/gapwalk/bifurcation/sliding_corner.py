@@ -20,17 +20,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.discontinuity import discontinuity_ahead
 from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator
 from gapwalk.bifurcation.friction_changes import changes_between
 from gapwalk.bifurcation.kinds.sliding import Sliding, describe_friction
-from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.bifurcation.special_point_kind import KINDS
+from gapwalk.bifurcation.special_point import KINDS, SpecialPoint
+from gapwalk.bifurcation.stiff_graze import discontinuity_ahead
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, length_of
-from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
-from gapwalk.orbit.friction_phases import text_of
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.sticking import text_of
 
 _PROBES = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5)  # distances beyond the corner at which the derivatives are evaluated
 _STEPS = (1e-6, 1e-5, 1e-7, 1e-4)  # lengths of the step over the corner

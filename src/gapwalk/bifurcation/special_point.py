@@ -2,25 +2,417 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.bifurcation.error_estimate import location_error
+from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.errors import ModelError
+from gapwalk.flow.equations import magnitude
 from gapwalk.flow.event_rule import jumping_switches
-from gapwalk.flow.length_unit import magnitude
 from gapwalk.flow.motion import switch_names
+from gapwalk.model.registry import Registry
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.summary import SummaryParts, summarizes
 
 if TYPE_CHECKING:
+    from gapwalk.bifurcation.branch_start import BranchStart
+    from gapwalk.bifurcation.error_estimate import ErrorEstimator
+    from gapwalk.bifurcation.kinds.defining_functions import Criticality
     from gapwalk.bifurcation.loci.gradient import Gradient
+    from gapwalk.bifurcation.step_interval import Search, Zero
+    from gapwalk.continuation.corrector import Range
     from gapwalk.orbit.method import Method
+
+
+# Kind of special point: the contract that every kind fulfils, and the registry of all kinds.
+#
+# Method: docs/numerics/special-points.md
+
+
+@dataclass(frozen=True, slots=True)
+class Symbol:
+    """Style in which special points of a kind are drawn.
+
+    Examples
+    --------
+    >>> gw.Kind.named("fold").symbol.letters
+    'LP'
+    """
+
+    label: str  #: Text of the legend.
+    letters: str  #: Text next to a point; may be empty.
+    #: marker, size: The matplotlib marker, and its size in points.
+    marker: str
+    size: float
+    color: str  #: Name of a colour of the palette.
+    #: Matplotlib dashes of its locus in a map; None if it has no locus.
+    dashes: str | tuple[float, tuple[float, ...]] | None = None
+    width: float = 1.6  #: Width of that line, in points.
+
+
+class Kind(str):
+    """Kind of special point.
+
+    A kind is a string: its name, such as ``"fold"``, with which it compares equal. It also holds everything specific to
+    the kind. To add one, write a subclass in a file of `gapwalk.bifurcation.kinds` and register its one instance there.
+    Walks, tables, pictures, maps, verification and files then support it. If its points are zeros of a smooth function
+    along the branch, it needs only `function` and `symbol`.
+
+    Parameters
+    ----------
+    name
+        Its name, in tables and files.
+
+    Attributes
+    ----------
+    symbol
+        Drawing style.
+    target
+        Value of the critical multiplier if it is fixed: +1 or -1.
+    moves_through_one
+        True if a multiplier passes +1, so that the determinant of the orbit's Jacobian changes its sign.
+    ways
+        Number of directions in which other periodic branches begin: 1 at a flip, 2 at a branch point, otherwise 0.
+    times
+        Periods of this branch in one period of those branches.
+    is_turning
+        True if the branch turns back, so that the parameter is stationary there.
+    sign_change
+        Meaning of a sign change of the function in a step, as a clause; empty if the function may change its sign for
+        another reason, so that nothing can be concluded.
+    noise
+        Absolute value of the function below which its sign is undetermined.
+    by_multipliers
+        True if its locus is that of a critical multiplier, which has corners where a contact grazes.
+    is_corner
+        True if tangent and multipliers may jump at such a point.
+    turn
+        Order of detection: 0 first, 2 last. Results of earlier searches in a step make later ones shorter.
+
+    Examples
+    --------
+    >>> gw.Kind.FOLD == "fold"
+    True
+    """
+
+    symbol: ClassVar[Symbol] = Symbol("event", "", "d", 5.0, "grey")
+    target: ClassVar[float | None] = None
+    moves_through_one: ClassVar[bool] = False
+    ways: ClassVar[int] = 0
+    times: ClassVar[int] = 1
+    is_turning: ClassVar[bool] = False
+    sign_change: ClassVar[str] = ""
+    noise: ClassVar[float] = 1e-6
+    turn: ClassVar[int] = 2
+    by_multipliers: ClassVar[bool] = True
+    is_corner: ClassVar[bool] = False
+
+    FOLD: ClassVar[Kind]
+    FLIP: ClassVar[Kind]
+    NEIMARK_SACKER: ClassVar[Kind]
+    BRANCH_POINT: ClassVar[Kind]
+    GRAZING: ClassVar[Kind]
+    HELD_STOP: ClassVar[Kind]
+    CROSSING_SLIDING: ClassVar[Kind]
+    SWITCHING_SLIDING: ClassVar[Kind]
+    GRAZING_SLIDING: ClassVar[Kind]
+    ADDING_SLIDING: ClassVar[Kind]
+    SLIP_ONSET: ClassVar[Kind]
+
+    def __new__(cls, name: str) -> Self:  # noqa: D102 - as the class
+        return super().__new__(cls, name)
+
+    @staticmethod
+    def known() -> tuple[Kind, ...]:
+        """Return all kinds, in the order of tables and legends."""
+        return tuple(KINDS.values())
+
+    @staticmethod
+    def with_locus() -> tuple[Kind, ...]:
+        """Return the kinds whose points can be followed in two parameters, in the same order."""
+        return tuple(kind for kind in KINDS.values() if not kind.no_locus)
+
+    @staticmethod
+    def named(name: str) -> Kind:
+        """Return the kind with a name.
+
+        Parameters
+        ----------
+        name
+            Name of the kind, such as ``fold``.
+        """
+        return KINDS.named(name)
+
+    def function(self, point: BranchPoint) -> float:
+        """Evaluate the test function: smooth along a branch, and zero with a sign change at a point of this kind."""
+        raise NotImplementedError(f"a {self} is not the zero of one function")
+
+    def hides(self, a: BranchPoint, b: BranchPoint) -> bool:
+        """Return True if the points themselves show that the test function vanishes twice between them.
+
+        Parameters
+        ----------
+        a, b
+            Two neighbouring points of a branch, at which the function has one sign.
+        """
+        return False
+
+    @property
+    def value(self) -> str:
+        """Name of the kind, as for members of an enumeration."""
+        return str(self)
+
+    @property
+    def has_function(self) -> bool:
+        """True if its points are the zeros of one test function."""
+        return type(self).function is not Kind.function
+
+    def at(self, point: BranchPoint) -> float:
+        """Return the test function at a point; it is computed once."""
+        known = point.memo.get(self)
+        if known is None:
+            known = point.memo[self] = self.function(point)
+        return known
+
+    def offsets(self, multipliers: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the signed distances of multipliers from criticality, positive beyond it; by default there are none.
+
+        In a machine with equal parts several become critical at once. Their mean is then smooth and changes its sign,
+        while the test function may not: see `Search.zeros`.
+        """
+        return np.zeros(0)
+
+    def beyond(self, point: BranchPoint) -> int:
+        """Return the number of multipliers, or of pairs, beyond criticality at a point; it is computed once."""
+        known = point.memo.get(("beyond", self))
+        if known is None:
+            offsets = self.offsets(point.orbit.free_multipliers)
+            known = point.memo["beyond", self] = int(np.count_nonzero(offsets > 0.0))
+        return known
+
+    def mean_offset(self, point: BranchPoint, ranks: tuple[int, int]) -> float:
+        """Return the mean of the offsets of some ranks at a point, the largest first; nan if there are fewer.
+
+        Parameters
+        ----------
+        point
+            A point of a branch.
+        ranks
+            The first rank, and the one after the last: the numbers beyond criticality on both sides.
+        """
+        offsets, (first, last) = self.offsets(point.orbit.free_multipliers), ranks
+        return float(np.sort(offsets)[::-1][first:last].mean()) if len(offsets) >= last else math.nan
+
+    def is_genuine(self, point: BranchPoint, near: float = 1e-6) -> bool:
+        """Return True if a zero of the function is a point of this kind; `near` is the tolerance of a multiplier.
+
+        Parameters
+        ----------
+        point
+            The located point.
+        near
+            The nearest point of the walk.
+        """
+        return True
+
+    def prepare(self, search: Search) -> None:
+        """Prepare a step before any kind is searched for in it; by default nothing is done.
+
+        Parameters
+        ----------
+        search
+            The step in which points are sought.
+        """
+
+    def points_in(self, search: Search) -> list[Zero]:
+        """Return all points of this kind in one step of a walk: by default, all genuine zeros of the test function.
+
+        Parameters
+        ----------
+        search
+            The step in which points are sought.
+        """
+        return [zero for zero in search.zeros(self) if self.is_genuine(zero.point)]
+
+    def locate(self, search: Search, a: BranchPoint, b: BranchPoint) -> Zero | None:
+        """Locate the one zero between two points, if the kind has a better method than bracketing; otherwise None.
+
+        Parameters
+        ----------
+        search
+            The step in which points are sought.
+        a, b
+            Fractions of the step between which the function changes its sign.
+        """
+        return None
+
+    def locate_several(self, search: Search, a: BranchPoint, b: BranchPoint, ranks: tuple[int, int]) -> Zero | None:
+        """Locate the point between two others at which several multipliers become critical; None if there is none.
+
+        Parameters
+        ----------
+        search
+            The step in which points are sought.
+        a, b
+            The points between which so many do.
+        ranks
+            As in `mean_offset`.
+        """
+        return search.bracketed_mean(self, a, b, ranks)
+
+    def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
+        """Return the estimated error of the parameter at a located point; infinite if it cannot be estimated.
+
+        Parameters
+        ----------
+        search
+            The step in which the point was found.
+        zero
+            The located zero.
+        second
+            The same zero of another discretisation.
+        """
+        return location_error(zero, second, [search.near(zero.point)])
+
+    def nature(self, before: BranchPoint, after: BranchPoint) -> str | None:
+        """Return the criticality that follows from the points on both sides, in words; None to reject the point."""
+        return ""
+
+    def examined(
+        self, special: SpecialPoint, before: BranchPoint, after: BranchPoint
+    ) -> tuple[list[str], Callable[[BranchPoint], float] | None]:
+        """Compare a special point with points computed again on both sides of it.
+
+        Parameters
+        ----------
+        special
+            The special point.
+        before, after
+            Points computed again on both sides of it.
+
+        Returns
+        -------
+        faults
+            What contradicts it, as sentences.
+        function
+            The function of points nearby that is zero there, to locate it again; None if there is none.
+        """
+        first, last = sorted((self.beyond(before), self.beyond(after)))
+        function = self.at if special.multiplicity == 1 else partial(self.mean_offset, ranks=(first, last))
+        if function(before) * function(after) > 0.0:
+            return [f"the test function of a {self} does not change its sign"], None
+        return [], function
+
+    def judged(self, special: SpecialPoint, parameter: str, method: Method | None) -> SpecialPoint:
+        """Complete the special point with information from other branches, such as the criticality of a flip.
+
+        Parameters
+        ----------
+        special
+            The special point.
+        parameter
+            Name of the walked parameter.
+        method
+            Method of the orbits; None for the one that found them.
+        """
+        return special
+
+    def beginnings(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[BranchStart]:
+        """Return the beginnings of the other branches that begin or cross at a point of this kind."""
+        raise ModelError(f"no other periodic branch begins at a {self}; switch at a flip or at a branch point")
+
+    def condition(self, monodromy: NDArray[np.float64]) -> Criticality:
+        """Evaluate the locus equation in two parameters: the distance of a monodromy matrix from criticality."""
+        raise NotImplementedError(f"a {self} is not defined by multipliers")
+
+    def angle(self, multipliers: NDArray[np.complex128]) -> float:
+        """Return the argument of the critical multiplier, from 0 to pi."""
+        return math.pi if self.target is not None and self.target < 0.0 else 0.0
+
+    def residual(self, orbit: Orbit, multipliers: NDArray[np.complex128]) -> float:
+        """Return the distance of an orbit of a locus from a point of this kind, with multipliers computed again.
+
+        It is a product over all multipliers, if the kind has such a function. So a factor that is small for
+        another reason, as at a point of codimension two, does no harm.
+        """
+        if self.target is not None:
+            return float(np.prod(np.minimum(np.abs(multipliers - self.target), 1.0)))
+        again = replace(orbit, multipliers=multipliers)
+        return abs(self.function(BranchPoint(math.nan, again, _NONE, _NONE, math.nan, math.nan)))
+
+    @property
+    def no_locus(self) -> str:
+        """Reason why this kind has no locus in two parameters, as a sentence; empty if it has one."""
+        has_one = type(self).condition is not Kind.condition
+        return "" if has_one else f"a {self} has no locus in two parameters; {_WITH_A_LOCUS}"
+
+    def critical(self, multipliers: NDArray[np.complex128]) -> NDArray[np.intp]:
+        """Return the indices of the multipliers that are critical at such a point, nearest first; may be empty."""
+        if self.target is None:
+            return np.zeros(0, dtype=np.intp)
+        return np.argsort(np.abs(multipliers - self.target), kind="stable")[:1]
+
+    def critical_multiplier(self, multipliers: NDArray[np.complex128]) -> complex:
+        """Return the critical multiplier of a point of this kind; nan if there is none."""
+        places = self.critical(multipliers)
+        return complex(multipliers[places[0]]) if len(places) else complex(np.nan, np.nan)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        """Validate entries of model files and results: the name of a known kind."""
+        from pydantic_core import core_schema  # imported late: only files need it
+
+        def checked(value: Any) -> Kind:
+            try:
+                return value if isinstance(value, Kind) else cls.named(value)
+            except (ModelError, TypeError) as error:
+                raise ValueError(str(error)) from None
+
+        return core_schema.no_info_plain_validator_function(checked, serialization=core_schema.to_string_ser_schema())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Kind.named, (str(self),)
+
+
+_NONE = np.zeros(0)  # unknowns of an orbit that is on no branch
+KINDS: Registry[Kind] = Registry("kind of special point", "kinds of special points")
+_WITH_A_LOCUS = "follow a fold, a flip, a neimark-sacker or a grazing point, or one of sliding"
+
+
+def register(kind: Kind) -> Kind:
+    """Register a kind under its name; a class that is defined again replaces its earlier definition.
+
+    Parameters
+    ----------
+    kind
+        The kind, an instance of its class.
+
+    Returns
+    -------
+    Kind
+        The kind itself.
+
+    Raises
+    ------
+    ModelError
+        If a kind of another class has the name.
+
+    Examples
+    --------
+    >>> gw.special_points.register(gw.Kind.named("fold"))  # as gapwalk has done
+    'fold'
+    """
+    return KINDS.add(str(kind), kind)
+
 
 REACH = 0.01
 """Amplitude, as a share of the motion, up to which the period-doubled branch at a flip is examined."""

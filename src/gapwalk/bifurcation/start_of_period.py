@@ -20,10 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.detector import Detector, unexplained
-from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, length_of
-from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.flow.flow import PERIOD

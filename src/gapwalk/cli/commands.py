@@ -404,7 +404,7 @@ def explore(
     from gapwalk.explorer.engine import Engine
 
     with Engine() as engine:  # it starts while this process loads the server
-        from gapwalk.explorer.serve import serve
+        from gapwalk.explorer.web_app import serve
 
         serve(file, host, port, browser=browser, engine=engine)
     return 0

@@ -9,10 +9,15 @@ from gapwalk.cli.output import DIFFERENT, DONE, console, print_json, show, show_
 from gapwalk.cli.progress import progress_of
 from gapwalk.errors import ModelError
 from gapwalk.model.words import parameter_symbol
-from gapwalk.studies.compare import Pair, ResultComparison, compare_results, comparison_document, place_words
-from gapwalk.studies.compare_cells import CellComparison
-from gapwalk.studies.read_result import load_result
-from gapwalk.studies.result import Result
+from gapwalk.studies.compare import (
+    CellComparison,
+    Pair,
+    ResultComparison,
+    compare_results,
+    comparison_document,
+    place_words,
+)
+from gapwalk.studies.result import Result, load_result
 from gapwalk.studies.runner import run
 from gapwalk.studies.set_values import parse_changes
 from gapwalk.studies.study_file import read_study

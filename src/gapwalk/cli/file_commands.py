@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gapwalk.bifurcation.loci.gradient import Gradients
-    from gapwalk.model.measured.curve_contact import MeasuredCurve
+    from gapwalk.model.element_tables import MeasuredCurve
     from gapwalk.model.system import System
     from gapwalk.plot.style import SizeName
     from gapwalk.studies.result import Result
@@ -106,7 +106,7 @@ def draw_model(system: System, curves: Sequence[MeasuredCurve], picture: Path, t
 def show_result(path: Path, *, points: bool, gradients: bool, json: bool) -> int:
     """Show the contents of a result file; special points of a diagram or a map, and gradients, only if requested."""
     from gapwalk.cli.run_command import show_heading
-    from gapwalk.studies.read_result import load_result
+    from gapwalk.studies.result import load_result
 
     result = load_result(path)
     found = _gradients(result) if gradients else None
@@ -146,8 +146,8 @@ def export_result(
     full_scale: float | None = None,
 ) -> int:
     """Write the tables, the picture or the sound of a result, or a page with its motions; or several of these."""
-    from gapwalk.studies.formats.data_format import format_names
-    from gapwalk.studies.read_result import load_result
+    from gapwalk.studies.export import format_names
+    from gapwalk.studies.result import load_result
 
     if form is not None and len(outputs) > 1:
         raise ModelError("--format is that of one output; leave it out, and give each output its ending")
@@ -173,7 +173,7 @@ def export_result(
 
 def _form_of(form: str | None, output: Path | None, path: Path) -> str:
     """Return the format of an output, by its ending if none is given; raise a ModelError if there is none such."""
-    from gapwalk.studies.formats.data_format import canonical, format_names
+    from gapwalk.studies.export import canonical, format_names
 
     form = canonical(form or (output.suffix.lstrip(".") if output and output.suffix else "csv"))
     if form not in (*format_names(), "html", "wav", *_PICTURES):
@@ -188,8 +188,7 @@ def _exported(
     result: Result, path: Path, form: str, output: Path | None, measure: str | None, size: SizeName | None
 ) -> list[Path]:
     """Write tables, a picture or a page of a result; return the files."""
-    from gapwalk.studies.export import export_data
-    from gapwalk.studies.formats.data_format import format_names, format_of
+    from gapwalk.studies.export import export_data, format_names, format_of
 
     if form in format_names():
         target = output or path.with_suffix(format_of(form).ending)

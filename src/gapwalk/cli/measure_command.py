@@ -12,8 +12,7 @@ from gapwalk.answers.measured_points import read_points
 from gapwalk.cli.output import DONE, FAILED, console, print_json, show, show_files, show_title
 from gapwalk.errors import ModelError
 from gapwalk.studies.export import save_tables
-from gapwalk.studies.measure import measure, read_measured_model
-from gapwalk.studies.measure_points import SweptModel, document_of, measure_points
+from gapwalk.studies.measure import SweptModel, document_of, measure, measure_points, read_measured_model
 from gapwalk.studies.set_values import parse_changes
 from gapwalk.summary import SummaryParts, printable
 

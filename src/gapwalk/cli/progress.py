@@ -14,12 +14,11 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.bifurcation.loci import Locus
-from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.cli.output import console
-from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.model.words import parameter_symbol
-from gapwalk.parallel.pace import Pace
+from gapwalk.parallel.workers import Pace
 from gapwalk.studies.map import Map, MapSection
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.summary import printable

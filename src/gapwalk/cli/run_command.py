@@ -30,8 +30,7 @@ from gapwalk.errors import GapwalkError, ModelError, WorkError
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.workers import on_cluster
 from gapwalk.studies.export import save_tables
-from gapwalk.studies.read_result import check_claim
-from gapwalk.studies.result import Result
+from gapwalk.studies.result import Result, check_claim
 from gapwalk.studies.runner import check_work, run
 from gapwalk.studies.set_values import parse_changes
 from gapwalk.studies.study_file import Study, read_studies

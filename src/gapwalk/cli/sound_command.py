@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from gapwalk.answers.run_up import RunUp
-from gapwalk.attractors.attractor import Settled
-from gapwalk.attractors.sound import sound
+from gapwalk.attractors.settle import Settled
+from gapwalk.attractors.spectrum import sound
 from gapwalk.cli.output import DONE, show, show_files
 from gapwalk.errors import ModelError
 from gapwalk.studies.export import write_whole

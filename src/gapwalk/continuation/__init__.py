@@ -1,8 +1,7 @@
 """Continuation of a branch of orbits: corrector, predictor, step size, and the records of the walk."""
 
-from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.continuation.step_size import WalkOptions
-from gapwalk.continuation.walk import End, EndReason, Walk
-from gapwalk.continuation.walk_scales import Range
+from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.corrector import Range
+from gapwalk.continuation.walk import End, EndReason, Walk, WalkOptions
 
 __all__ = ["BranchPoint", "End", "EndReason", "Range", "Walk", "WalkOptions"]

@@ -10,12 +10,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
+from gapwalk.ensemble.source_text import FUNCTIONS, Sheet, Switch, Term, bump, clipped, either, greatest, least, size
+from gapwalk.errors import UnfitError
 from gapwalk.model.coefficients import ContactSlots, StageSlots
+from gapwalk.model.laws import KINKS, Friction, Host, Stages, StageTerms, closed_form_of
+from gapwalk.model.structure import Structure
 
-_TINY = "1e-300"  # keeps the inverse of a vanishing speed finite
+_TINY_TEXT = "1e-300"  # keeps the inverse of a vanishing speed finite
 _Polynomial = dict[tuple[tuple[str, ...], int], float]
 """Factors by the parameters of the stage and the power of the penetration."""
 LANES = 64
@@ -111,7 +115,7 @@ class ForceSource:
         ``(1 - a)(1 - 3a) / 12``, ``a`` the distance from the breakpoint in steps, adds up to that over the steps next
         to the kink. A force that jumps is averaged over the step.
         """
-        lines = [f"w = abs(r) * {span} + {_TINY}", "inverse = 1.0 / w", "bump = w * (1.0 / 12.0)"]
+        lines = [f"w = abs(r) * {span} + {_TINY_TEXT}", "inverse = 1.0 / w", "bump = w * (1.0 / 12.0)"]
         sums: dict[_Factor, list[str]] = {}
         for number, piece in enumerate(self._pieces()):
             lines += self._penetration(piece, f"on{number}")
@@ -214,3 +218,392 @@ def chunks_of(atoms: Sequence[Atom]) -> list[Chunk]:
         chunk.keeps = [name for name in chunk.gives if name in later]
         later |= set(chunk.needs)
     return chunks
+
+
+# Lines of a kernel for a force that is no polynomial of its depth: a formula, or any other law.
+#
+# They are written by the law itself, evaluated with terms of source text.
+
+_TINY = 1e-300  # keeps the inverse of a vanishing change finite
+
+
+class FormulaSource:
+    """Writer of the lines for the force of one contact by evaluation of its law.
+
+    Where a guard changes its sign between two steps, ``abs``, ``min`` and ``max`` have a kink. They are corrected by
+    the bump of `gapwalk.ensemble.force_source.ForceSource`, with the change of the guard since the last step as the
+    distance. So is the depth of a stage; what the force jumps by at its breakpoint is averaged over the step.
+    """
+
+    def __init__(self, slots: ContactSlots, number: Callable[[int], Term]) -> None:
+        self._slots, self._number = slots, number
+
+    def lines(
+        self, sheet: Sheet, moves: Sequence[tuple[str, str]], span: str, past: Sequence[str], result: str
+    ) -> tuple[list[str], dict[str, str]]:
+        """Write the lines for the force; return them, and the names of those guards whose last values it needs."""
+        form, law = self._slots.form, self._slots.form.law
+        if law.rebounds:
+            form.closed_form("the batch integrator")  # refuses it
+        given = [(sheet.name(x), sheet.name(rate)) for x, rate in moves]
+        modes: list[Any] = [0.0] * law.mode_count
+        kinks: list[Any] = [None] * law.mode_count
+        stages = self._stages(sheet, given[0], sheet.name(span))
+        deflections = dict(zip(law.arguments, given, strict=True))
+
+        def among(stages: Sequence[StageTerms]) -> Stages:
+            return Stages(stages, deflections=deflections, modes=modes, functions=FUNCTIONS)
+
+        terms = among([stage for stage, _ in stages])
+        numbers: dict[str, Any] = {name: self._number(slot) for name, slot in self._slots.numbers.items()}
+        numbers[KINKS] = kinks
+        guards: list[Any] = []
+        try:
+            for mode in range(law.mode_count):  # a guard may depend on earlier modes
+                guards.append(law.guards(given[0][1], terms, numbers)[mode])
+                modes[mode] = Switch.of(guards[mode])
+                if isinstance(guards[mode], Term):
+                    kinks[mode] = bump(guards[mode], size(guards[mode] - sheet.name(past[mode])) + _TINY)
+            force = law.force(given[0][1], terms, numbers)
+            for place, (_, early) in enumerate(stages):
+                just = [
+                    among(
+                        [
+                            replace(stage, closed=mode, depth=0.0) if at == place else stage
+                            for at, (stage, _) in enumerate(stages)
+                        ]
+                    )
+                    for mode in (1.0, 0.0)
+                ]
+                jump, none = (law.force(given[0][1], each, numbers) for each in just)
+                force = force - early * (jump - none)
+        except TypeError as error:
+            raise UnfitError(
+                f"the batch integrator cannot include {form.name!r}: the formula of its force law {law.name!r} uses "
+                f"more than + - * / and the functions that it is given ({error})"
+            ) from error
+        lines = sheet.lines(force)
+        text = "\n".join(lines)
+        kept = {name: guard.text for name, guard in zip(past, guards, strict=True) if re.search(rf"\b{name}\b", text)}
+        return [*lines, f"{result} = {force.text if isinstance(force, Term) else repr(float(force))}"], kept
+
+    def _stages(self, sheet: Sheet, move: tuple[Term, Term], span: Term) -> list[tuple[StageTerms, Term]]:
+        """Return the stages, each closed from a step before its breakpoint on, with the excess of its mode."""
+        found, (x, rate) = [], move
+        width = size(rate) * span + _TINY
+        for stage in self._slots.stages:
+            values = {name: self._number(slot) for name, slot in stage.numbers.items()}
+            past = (x if stage.sign > 0 else -x) - values["clearance"]
+            depth = greatest(past, 0.0) + bump(past, width)
+            closed = Switch.of(past + width)
+            mean = clipped(past / width + 0.5)
+            terms = StageTerms(stage.sign, depth if stage.sign > 0 else -depth, closed, stage.innermost, values)
+            found.append((terms, closed - mean))
+        return found
+
+
+# Lines of a kernel for a Jenkins element, a spring in series with a slider: its extension, and its force.
+#
+# The extension follows the slip displacement and is clipped to the limit over the stiffness: a play operator. Between
+# two steps it is also clipped where the displacement turns round, and it starts where a stage of its host closes, both
+# by interpolation. The kinks and jumps of the force that this leaves between samples get the corrections of
+# `gapwalk.ensemble.force_source.ForceSource`.
+
+
+def past_of(structure: Structure, contact: int) -> list[str]:
+    """Return the names of the numbers at the last step that the lines of a contact need, its modes among them."""
+    law = structure.contacts[contact].law
+    if law.has_memory:
+        return ["deflection", "slip rate", "limit", *(["host"] if law.host else [])]
+    return ["held"] if law.rebounds else [f"mode {mode}" for mode in range(law.mode_count)]
+
+
+class HostTerms(NamedTuple):
+    """The contact that hosts friction: its slots and numbers, deflection and rate now, last deflection, force."""
+
+    slots: ContactSlots
+    number: Callable[[int], Any]
+    move: tuple[Term, Term]
+    last: Term
+    force: Term
+
+
+class JenkinsSource:
+    """Writer of the lines for the extension and the force of one Jenkins element."""
+
+    def __init__(
+        self,
+        slots: ContactSlots,
+        number: Callable[[int], Any],
+        active: Callable[[int], bool],
+        sheet: Sheet,
+        span: Term,
+    ) -> None:
+        law = slots.form.law
+        assert isinstance(law, Friction)
+        self._law, self._sheet, self._span = law, sheet, span
+        self._own = {name: number(slot) if active(slot) else 0.0 for name, slot in slots.numbers.items()}
+
+    def terms(self, move: tuple[Term, Term], extension: Term, past: Sequence[Term], host: HostTerms | None) -> Jenkins:
+        """Write the lines for a step."""
+        sheet, spring = self._sheet, self._own["stiffness"]
+        x, rate = move[0], move[1] - self._own["speed"]
+        before, last_rate, last_width, *_ = past
+        travel = (x - before) - self._span * self._own["speed"] if self._own["speed"] else x - before
+        stages = [] if host is None else self._stages(host)
+        width = self._width([stage.terms for stage in stages], host)
+        first, held, turned = self._first_part(travel, (last_rate, rate), (last_width, width))
+        if host is not None:
+            share = stages[0].share
+            for stage in stages[1:]:
+                share = greatest(share, stage.share)
+            closing = sheet.write("{} > 0.0", share)
+            first = either(closing, (1.0 - share) * travel, first)
+            held = either(closing, last_width, held)
+        between = _within(extension + first, held)
+        found = _within(between + (travel - first), width)
+        free = extension + travel
+        sign = sheet.write("np.copysign(1.0, {})", travel)
+        force = found - either(turned, 0.0, sign * self._slip_bump(sign, free, extension, width, last_width))
+        if self._law.by == "stages":
+            assert host is not None
+            for place, stage in enumerate(stages):
+                within = [
+                    self._width(
+                        [
+                            replace(each.terms, closed=mode) if at == place else each.terms
+                            for at, each in enumerate(stages)
+                        ],
+                        host,
+                    )
+                    for mode in (1.0, 0.0)
+                ]
+                force = force + self._switched(stage, travel, sign * free, free, within)
+        return Jenkins(
+            found,
+            spring * force,
+            spring * greatest(size(between), size(found)),
+            [x, rate, width, *([] if host is None else [host.move[0]])],
+        )
+
+    def _width(self, stages: Sequence[StageTerms], host: HostTerms | None) -> Any:
+        """Write the largest extension, the limit over the stiffness."""
+        terms = Stages([])
+        terms.host = None if host is None else Host(Stages(stages), host.force)
+        return greatest(self._sheet.write("{}", self._law.limit(terms, self._own)), 0.0) / self._own["stiffness"]
+
+    def _first_part(self, travel: Term, rates: tuple[Term, Term], widths: tuple[Term, Any]) -> tuple[Term, Any, Term]:
+        """Write the displacement until it turns round in the step, the width there, and the condition that it does.
+
+        It is that of the cubic through the displacements and rates at both ends.
+        """
+        (last, rate), sheet = rates, self._sheet
+        turned = sheet.write("{} < 0.0", last * rate)
+        at = last / (last - rate)
+        excess = travel - self._span * 0.5 * (last + rate)
+        tip = self._span * 0.5 * (last * at) + excess * (at * at) * (3.0 - 2.0 * at)
+        there = widths[1] if self._law.by == "limit" else widths[0] + at * (widths[1] - widths[0])
+        return either(turned, tip, travel), either(turned, there, widths[1]), turned
+
+    def _slip_bump(self, sign: Term, free: Term, extension: Term, width: Any, last_width: Term) -> Any:
+        """Write the correction of the kink where slip begins; it vanishes during slip."""
+        guard = sign * free - width
+        change = guard - (sign * extension - (width if self._law.by == "stages" else last_width))
+        return bump(guard, greatest(change, 0.0) + _TINY)
+
+    def _switched(self, stage: _HostStage, travel: Term, pushed: Term, free: Term, widths: Sequence[Any]) -> Any:
+        """Write the corrections where a stage of the host closes, a kink, and where it opens, a jump."""
+        sheet, (wide, narrow) = self._sheet, widths
+        kink = either(
+            sheet.write("{} >= {}", pushed, narrow), travel * (bump(stage.depth, stage.reach) / stage.reach), 0.0
+        )
+        mean = clipped(stage.depth / stage.reach + 0.5)
+        jump = (mean - stage.terms.closed) * (_within(free, wide) - _within(free, narrow))
+        return either(sheet.write("{} > 0.0", stage.approach), kink, jump)
+
+    def _stages(self, host: HostTerms) -> list[_HostStage]:
+        """Return the stages of the host; one that presses is closed from a step before its breakpoint on."""
+        x, rate = host.move
+        reach, found = size(rate) * self._span + _TINY, []
+        for slots in host.slots.stages:
+            values = {name: host.number(slot) for name, slot in slots.numbers.items()}
+            outward, before = (each if slots.sign > 0 else -each for each in (x, host.last))
+            depth = outward - values["clearance"]
+            closed = Switch.of(depth + reach if self._law.by == "normal" else depth)
+            began = before - values["clearance"]
+            # the part of the step after the breakpoint, if it closed within the step
+            share = either(
+                self._sheet.write("({} > 0.0) & ({} <= 0.0)", depth, began), depth / (depth - began + _TINY), 0.0
+            )
+            terms = StageTerms(slots.sign, depth, closed, slots.innermost, values)
+            found.append(_HostStage(terms, depth, reach, rate if slots.sign > 0 else -rate, share))
+        return found
+
+
+class Jenkins(NamedTuple):
+    """Extension and force of a Jenkins element at the end of a step, and the numbers that the next step needs.
+
+    The force is corrected for kinks and jumps nearby; `most` is the largest size of the true one at a turn or the end.
+    """
+
+    extension: Any
+    force: Any
+    most: Any
+    past: list[Any]
+
+
+class _HostStage(NamedTuple):
+    """A stage of a host: its terms, its depth, what that changes by in a step, its rate, its closed share of a step."""
+
+    terms: StageTerms
+    depth: Term
+    reach: Term
+    approach: Term
+    share: Term
+
+
+def _within(value: Term, width: Any) -> Term:
+    return least(greatest(value, -width), width)
+
+
+def refuse(structure: Structure) -> None:
+    """Refuse what a kernel cannot carry."""
+    by_name: Mapping[str, Any] = {contact.name: contact.law for contact in structure.contacts}
+    for contact in structure.contacts:
+        law, cannot = contact.law, f"the batch integrator cannot include {contact.name!r}: "
+        if law.is_dry and not law.has_memory:
+            raise UnfitError(
+                f"{cannot}it sticks rigidly, and the steps are too long for that; give it a stiffness "
+                '(stiffness = "..."), which makes it a Jenkins element, or use the exact flow (gapwalk.integrate)'
+            )
+        if law.is_dry and law.host and by_name[law.host].rebounds:
+            raise UnfitError(
+                f"{cannot}the rigid stop {law.host!r} presses, and the batch integrator has no force for it; give the "
+                "stop a stiffness, or use the exact flow (gapwalk.integrate)"
+            )
+        if law.rebounds and closed_form_of(law, contact.shapes) != ():
+            raise UnfitError(f"{cannot}its force law {law.name!r} has a force between impacts, beside its stages")
+    for variation in structure.variations:
+        contact = structure.contacts[variation.contact]
+        if not variation.is_deflection and (contact.law.rebounds or (contact.law.is_dry and variation.name == "speed")):
+            raise UnfitError(
+                f"the batch integrator cannot include {contact.name!r}: its {variation.name} varies over the angle; "
+                f'let it move instead (varies = "{contact.name}.deflection"), or use the exact flow (gapwalk.integrate)'
+            )
+
+
+# Lines of a kernel for a rigid stop: impacts within a step, and contacts that are held.
+#
+# The crossing of the clearance is the zero of the cubic through the deflections and rates at both ends of the step. An
+# impulse there changes the state at the end by the exact propagation of the linear part over the rest of the step. If
+# the deflection falls back within that rest, the contact is held: at the end of the step, a reaction has brought the
+# deflection to the clearance and its rate to zero. It is released where the motion without a reaction leads away.
+
+_ITERATIONS = 3  # of Newton's method, from the zero of a parabola
+
+
+class Impact(NamedTuple):
+    """Impact and hold of a stop in a step, in terms, each times the side of the stop: +1 or -1."""
+
+    impulse: Any  #: Change of the rate of the deflection by the impact; 0 if there is none.
+    rest: Any  #: Part of the step after the impact.
+    #: depth, rate: Deflection past the clearance, and rate, which a reaction removes at the end of the step; 0 if it is
+    #: not held.
+    depth: Any
+    rate: Any
+    held: Any  #: 1 or -1 if it is held from now on, otherwise 0.
+
+
+class RigidSource:
+    """Writer of the lines for one rigid stop."""
+
+    def __init__(self, sheet: Sheet, clearances: Mapping[int, Any], span: Term) -> None:
+        self._sheet, self._clearances, self._span = sheet, clearances, span
+
+    def impact(
+        self,
+        start: tuple[Term, Term],
+        end: tuple[Term, Term],
+        held: Term,
+        rebound: Callable[[Any], Any],
+        echo: Callable[[int, Any], Any],
+    ) -> Impact:
+        """Write the lines for a step."""
+        sheet, span = self._sheet, self._span
+        side, clearance = self._side(end[0])
+        (before, rate), (after, last) = ((_turned(x, side) - clearance, _turned(v, side)) for x, v in (start, end))
+        at, speed, top = self._crossing(before, rate, after, last)
+        rest = 1.0 - at
+        speed = speed / span
+        through = sheet.write("({} > 0.0) | ({} > 0.0)", after, top)
+        echoes = [echo(which, rest) for which in (0, 1)]
+        change = speed - _turned(rebound(_turned(speed, side)), side)
+        falls_back = sheet.write("{} - {} * {} > 0.0", after, change, echoes[0])
+        meets = sheet.write("{} & ({} == 0.0)", through, held)
+        impulse = either(meets, either(falls_back, speed, change), 0.0)
+        depth, rate = after - impulse * echoes[0], last - impulse * echoes[1]
+        holds = sheet.write("{} > 0.0", depth)
+        found = impulse, either(holds, depth, 0.0), either(holds, rate, 0.0), either(holds, 1.0, 0.0)
+        impulse, depth, rate, holds = (_turned(each, side) for each in found)
+        return Impact(impulse, rest, depth, rate, holds)
+
+    def again(self, end: tuple[Term, Term], removed: tuple[Term, Term], held: Term, struck: Term) -> tuple[Any, ...]:
+        """Write what a reaction removes in all, after those of other stops, what of that is new, and if it is held.
+
+        A reaction that would pull is left out: Gauss and Seidel's method, projected. Where another stop was `struck`
+        and is not held, the contact is no longer held: it may meet its stop again in the next step.
+        """
+        sheet, (_, clearance) = self._sheet, self._side(held)
+        depth = removed[0] + (end[0] - held * clearance)
+        holds, struck = sheet.write("{} * {} > 0.0", depth, held), sheet.write("{} > 0.0", struck)
+        depth = either(struck, removed[0], either(holds, depth, 0.0))
+        rate = either(struck, removed[1], either(holds, removed[1] + end[1], 0.0))
+        free = either(struck, 0.0, either(holds, held, 0.0))
+        return depth, rate, depth - removed[0], rate - removed[1], free
+
+    def _side(self, value: Term) -> tuple[Any, Any]:
+        """Write the side that a value tells, and the clearance there."""
+        sides = [*self._clearances]
+        if not sides[1:]:
+            return sides[0], self._clearances[sides[0]]
+        up, down = self._clearances[1], self._clearances[-1]
+        return self._sheet.write("np.copysign(1.0, {})", value), either(self._sheet.write("{} > 0.0", value), up, down)
+
+    def _crossing(self, before: Term, rate: Term, after: Term, last: Term) -> tuple[Term, Term, Term]:
+        """Write the place of the zero of a cubic in the step, its slope there over a step, and its value at a turn."""
+        sheet, span = self._sheet, self._span
+        slope, bend = span * rate, span * (last - rate)
+        curve, excess = (after - before) - slope, (after - before) - span * 0.5 * (rate + last)
+        root = FUNCTIONS["sqrt"](greatest(slope * slope - 4.0 * (curve * before), 0.0))
+        at = either(
+            sheet.write("{} > 0.0", slope),
+            before * -2.0 / (slope + root),
+            (root - slope) / (curve * 2.0 + _TINY),
+        )
+
+        def value(at: Any) -> Any:
+            return before + slope * at + bend * 0.5 * (at * at) + excess * (at * at) * (3.0 - 2.0 * at)
+
+        def tangent(at: Any) -> Any:
+            return slope + bend * at + excess * 6.0 * (at * (1.0 - at))
+
+        at = clipped(at)
+        for _ in range(_ITERATIONS):
+            at = clipped(at - either(sheet.write("{} > 0.0", tangent(at)), value(at) / tangent(at), 0.0))
+        turns = sheet.write("({} > 0.0) & ({} < 0.0)", rate, last)  # it may reach the clearance between two steps
+        return at, greatest(tangent(at), 0.0), either(turns, value(rate / (rate - last)), -1.0)
+
+
+def polynomial(names: Sequence[Term], at: Any) -> Any:
+    """Write a polynomial with some coefficients, of ascending powers."""
+    total: Any = names[-1]
+    for name in reversed(names[:-1]):
+        total = name + total * at
+    return total
+
+
+def _turned(value: Term, side: Any) -> Any:
+    """Multiply by a side."""
+    if isinstance(side, Term):
+        return side * value
+    return value if side > 0 else -value

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.ensemble.excitation import share_at, smooth_step
-from gapwalk.ensemble.scheme import HISTORY, Linear, deflections_of, rigid_stops
+from gapwalk.ensemble.kernel_source import HISTORY, Linear, deflections_of, rigid_stops
+from gapwalk.ensemble.source_text import share_at, smooth_step
 from gapwalk.errors import ModelError
 from gapwalk.flow.forces import Angles, contact_force, is_at_high, stages_of
 from gapwalk.model.coefficients import ContactSlots, CycleSlots, coefficients_of, layout_of
@@ -79,7 +79,7 @@ def _shares(linear: Linear, theta: float, steps: int) -> list[NDArray[np.float64
 def past_numbers(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.float64]:
     """Compute the numbers of all contacts at theta = 0 that the first step needs, shape (numbers, lanes).
 
-    They are those which `gapwalk.ensemble.friction_source.past_of` names.
+    They are those which `gapwalk.ensemble.force_source.past_of` names.
     """
     angles, found = Angles(linear.layout, linear.coefficients, 0.0), []
     moved = _moves(linear, angles, states)

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from gapwalk.plot.picture import picture_of
-from gapwalk.plot.sheet import lay_out, png_bytes, sheet_bytes
+from gapwalk.plot.picture import lay_out, picture_of, png_bytes, sheet_bytes
 from gapwalk.plot.style import in_style
 
 _DPI = 110  # of pictures of surfaces, whose facets would be megabytes as vectors

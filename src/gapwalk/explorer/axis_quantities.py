@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from gapwalk.answers.goals.peak_below import peaks
+from gapwalk.answers.goals import peaks
 from gapwalk.flow.motion import force_of
 from gapwalk.model.system import System
 from gapwalk.model.words import coordinate_words, measure_words, parameter_words, state_words
-from gapwalk.orbit.measures import MEASURES
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit import MEASURES, Orbit
 
 MEASURE = "measure:"
 """Prefix of a measure that has the name of a parameter: ``mean.q1`` alone is a mean load."""

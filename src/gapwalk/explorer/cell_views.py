@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.attractor_catalogue import IMPOSSIBLE, RUNAWAY, UNRESOLVED
-from gapwalk.attractors.basins import Basins, BasinShares
+from gapwalk.attractors.basins import IMPOSSIBLE, RUNAWAY, UNRESOLVED, Basins, BasinShares
 from gapwalk.attractors.regimes import Regimes
 from gapwalk.explorer.answer_view import AnswerView, Json, Series, shown
 from gapwalk.explorer.axis_quantities import START, quantity_words

@@ -13,7 +13,7 @@ from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.answers.tolerance import Tolerance
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Locus
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind
 from gapwalk.explorer.answer_view import AnswerView, Json, Series, numbers, panel, shown, unit_of, with_unit
 from gapwalk.model.system import System
 

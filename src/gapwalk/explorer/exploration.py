@@ -12,29 +12,25 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gapwalk.attractors.attractor import Settled
+from gapwalk.attractors.settle import Settled
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusEnd, LocusPoint
-from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.errors import GapwalkError, ModelError, StoreError
 from gapwalk.explorer.answer_view import AnswerView, view_of
 from gapwalk.explorer.plan import Action, Compute, Place, plain_action, plan, read_action
 from gapwalk.explorer.progress_stream import Progress
-from gapwalk.explorer.result_list import Look, read_look
-from gapwalk.explorer.result_titles import verdict
 from gapwalk.explorer.tasks import Task
-from gapwalk.explorer.workspace import RESULT, Workspace, mark_of, read_records, write_record
+from gapwalk.explorer.workspace import RESULT, Look, Workspace, mark_of, read_look, read_records, verdict, write_record
 from gapwalk.model.model_file import file_paths
 from gapwalk.model.model_source import read_source
 from gapwalk.model.words import value_words
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.results.result_file import tidy
 from gapwalk.studies.options import BranchOptions
-from gapwalk.studies.read_result import load_result
-from gapwalk.studies.result import Result
+from gapwalk.studies.result import Result, load_result
 from gapwalk.studies.settle_study import SettleFinding
 from gapwalk.studies.study_file import Study, check_studies
 

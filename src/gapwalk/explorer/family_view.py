@@ -7,8 +7,7 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.explorer.answer_view import AnswerView, Json, shown
 from gapwalk.model.words import parameter_symbol, parameter_words
-from gapwalk.studies.family import Family
-from gapwalk.studies.special_point_path import SpecialPointPath
+from gapwalk.studies.family import Family, SpecialPointPath
 
 
 @shown(Family)

@@ -12,9 +12,9 @@ from gapwalk.bifurcation.loci import Locus
 from gapwalk.explorer.answer_picture import AnswerPicture
 from gapwalk.explorer.answer_view import AnswerView, Json, Series, panel, shown, with_unit
 from gapwalk.explorer.axis_quantities import quantity_words
-from gapwalk.free.backbone_record import Backbone, BackboneEventKind
+from gapwalk.free.backbone_curve import Backbone, BackboneEventKind
 from gapwalk.free.backbones import Backbones
-from gapwalk.free.rest_record import RestEventKind, Rests
+from gapwalk.free.rest_walk import RestEventKind, Rests
 from gapwalk.free.self_excitation import SelfExcited
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_words

@@ -19,9 +19,8 @@ from typing import Any
 
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation import directions, start_branch
-from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.continuation.step_size import WalkOptions
-from gapwalk.continuation.walk import EndReason, Walk
+from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.walk import EndReason, Walk, WalkOptions
 from gapwalk.errors import GapwalkError, ModelError, NumericalError
 from gapwalk.explorer.progress_stream import SECONDS
 from gapwalk.model.equilibria import find_equilibria

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from gapwalk.answers.shown_measure import shown_measure
-from gapwalk.attractors.sound import second_of
-from gapwalk.continuation.walk_scales import check_range
+from gapwalk.attractors.spectrum import second_of
+from gapwalk.continuation.corrector import check_range
 from gapwalk.errors import ModelError
-from gapwalk.explorer.result_titles import along_words, changed_words, study_title
 from gapwalk.explorer.tasks import Task, follow_others, follow_special_point, follow_switch
+from gapwalk.explorer.workspace import along_words, changed_words, study_title
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.ramp import Ramped
 from gapwalk.model.system import System

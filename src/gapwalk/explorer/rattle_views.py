@@ -8,10 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from gapwalk.answers.gap_spans import BandEnd
-from gapwalk.answers.gap_states import GapState
-from gapwalk.answers.rattle_bands import RattleBands, Severity
-from gapwalk.answers.rattle_map import RattleMap, cell_word
+from gapwalk.answers.gap_states import BandEnd, GapState
+from gapwalk.answers.rattle_bands import RattleBands, RattleMap, Severity, cell_word
 from gapwalk.answers.settled_sweep import Direction
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.answers.threshold import Threshold
@@ -19,7 +17,7 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.errors import GapwalkError
 from gapwalk.explorer.answer_view import AnswerView, Json, Series, panel, shown, unit_of, with_unit
-from gapwalk.explorer.gradient_panel import gradient_content
+from gapwalk.explorer.motion_panels import gradient_content
 
 _WATCHED, _SAMPLES = 16, 64  # forcing periods of a motion without period, and samples of each
 _TINTS = {GapState.ONE_SIDE: ("one", "rattles on one side"), GapState.BOTH_SIDES: ("both", "on both sides")}

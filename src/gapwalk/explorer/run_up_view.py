@@ -14,9 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.answers.run_up import RunUp
-from gapwalk.attractors.order_tracking import Tracked
-from gapwalk.attractors.sound import SECOND, Sound, unit_of
-from gapwalk.attractors.spectrum import Waterfall, line_name
+from gapwalk.attractors.spectrum import SECOND, Sound, Tracked, Waterfall, line_name, unit_of
 from gapwalk.explorer.answer_view import AnswerView, Json, Series, numbers, panel, shown, with_unit
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.words import line_words, order_words, signal_words

@@ -6,23 +6,34 @@ chosen, and the motions of many of their points. Arrays are one run of bytes tha
 
 from __future__ import annotations
 
+import base64
+import gzip
+import html
+import json
 import os
+import re
 from collections.abc import Iterable, Sequence
+from importlib.resources import files
 from typing import Any, NamedTuple
+from urllib.parse import quote
 
 import numpy as np
+from numpy.typing import ArrayLike
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
 
 from gapwalk.answers.design import Design
-from gapwalk.answers.rattle_bands import RattleBands
-from gapwalk.answers.rattle_map import RattleMap
+from gapwalk.answers.rattle_bands import RattleBands, RattleMap
 from gapwalk.answers.run_up import RunUp
 from gapwalk.answers.run_ups import RunUps
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.answers.threshold import Threshold
 from gapwalk.answers.tolerance import Tolerance
-from gapwalk.attractors.attractor import Settled
 from gapwalk.attractors.basins import Basins, BasinShares
 from gapwalk.attractors.regimes import Regimes
+from gapwalk.attractors.settle import Settled
+from gapwalk.attractors.spectrum import Sound, Tracked
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.bifurcation.loci import Codim2Point, Locus
@@ -30,25 +41,29 @@ from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
 from gapwalk.explorer.answer_view import Alone, AnswerView, has_picture, view_of
 from gapwalk.explorer.axis_quantities import measure_name, quantity, quantity_words
-from gapwalk.explorer.curve_data import (
+from gapwalk.explorer.exploration import Line, answer_lines, line_of
+from gapwalk.explorer.motion_panels import (
     Node,
+    energy_table,
+    gradient_of,
+    lines_and_section,
     locus_lines,
     nodes_of,
+    panels_of,
+    scenes_of,
     special_words,
 )
-from gapwalk.explorer.exploration import Line, answer_lines, line_of
-from gapwalk.explorer.friction_panels import energy_table
-from gapwalk.explorer.gradient_panel import gradient_of
-from gapwalk.explorer.html_file import Blob, html_file
-from gapwalk.explorer.motion_panels import lines_and_section, panels_of, scenes_of
-from gapwalk.explorer.next_view import neighbours, stretches
-from gapwalk.explorer.result_titles import verdict
 from gapwalk.explorer.run_up_view import RunUpView
-from gapwalk.explorer.what_next import at_special
+from gapwalk.explorer.session import Session
+from gapwalk.explorer.what_next import at_special, neighbours, stretches
+from gapwalk.explorer.workspace import RECORD, verdict
+from gapwalk.files import open_file
 from gapwalk.flow.motion import force_of
-from gapwalk.free.backbone_record import Backbone
+from gapwalk.free.backbone_curve import Backbone
 from gapwalk.free.backbones import Backbones
 from gapwalk.free.self_excitation import SelfExcited
+from gapwalk.measurement.measured_record import is_run_up, read_run_up
+from gapwalk.model.measured.measured_table import NamedFile
 from gapwalk.model.system import System
 from gapwalk.model.words import full_measure, signal_words
 from gapwalk.orbit.orbit import Orbit
@@ -57,12 +72,203 @@ from gapwalk.studies.family import Family
 from gapwalk.studies.map import Map
 from gapwalk.studies.result import Result
 from gapwalk.studies.settle_study import SettleFinding
-from gapwalk.studies.sweep import Sweep
-from gapwalk.studies.sweep_study import SweepFinding
+from gapwalk.studies.sweep_study import Sweep, SweepFinding
 from gapwalk.tori.tongue import Tongue
 from gapwalk.tori.torus import Torus
-from gapwalk.tori.torus_diagram import TorusDiagram
-from gapwalk.tori.torus_family import TorusFamily
+from gapwalk.tori.torus_family import TorusDiagram, TorusFamily
+
+# A saved page as one HTML file: text, style and modules of the explorer's page, Plotly, and what the page shows.
+
+_PAGE = files("gapwalk.explorer") / "page"
+_ENTRY = "saved.js"
+_INSTEAD = {"api.js": "saved_data.js"}  # there is no server: its answers are in the file
+_IMPORT = re.compile(r'(\bfrom|\bimport) "\./([\w-]+\.js)"')
+_HEAD = re.compile(r"<title>.*?(?=</head>)", re.S)
+_ICON = "/static/icon.svg"
+
+
+def html_file(title: str, shown: Any, numbers: bytes | bytearray) -> bytes:
+    """Return the whole file."""
+    plotly = (files("plotly") / "package_data" / "plotly.min.js").read_bytes()
+    head = [
+        f"<title>{html.escape(title)} – gapwalk</title>",
+        f'<link rel="icon" href="{_icon()}">',
+        f"<style>\n{_text('style.css').replace(_ICON, _icon())}</style>",
+        f'<script type="importmap">{json.dumps({"imports": _modules()})}</script>',
+        f'<script type="text/plain" id="plotly">{_zipped(plotly)}</script>',
+        f'<script type="text/plain" id="shown">{_zipped(json.dumps(shown).encode())}</script>',
+        f'<script type="text/plain" id="numbers">{_zipped(numbers)}</script>',
+        f'<script type="module">import "gapwalk/{_ENTRY}";</script>\n',
+    ]
+    page = _HEAD.sub(lambda _: "\n".join(head), _text("index.html"), count=1)
+    return page.replace("<body>", '<body class="saved">', 1).encode()
+
+
+def _modules() -> dict[str, str]:
+    """Return the modules of the page as data URLs, in which they can import others only by bare names."""
+    found: dict[str, str] = {}
+    left = [_ENTRY]
+    while left:
+        name = left.pop()
+        if f"gapwalk/{name}" in found:
+            continue
+        text = _text(_INSTEAD.get(name, name))
+        left += [other for _, other in _IMPORT.findall(text)]
+        found[f"gapwalk/{name}"] = _data("text/javascript", _IMPORT.sub(r'\1 "gapwalk/\2"', text))
+    return found
+
+
+def _icon() -> str:
+    return _data("image/svg+xml", _text("icon.svg"))
+
+
+def _data(kind: str, text: str) -> str:
+    return f"data:{kind};base64,{base64.b64encode(text.encode()).decode()}"
+
+
+def _zipped(content: bytes | bytearray) -> str:
+    return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode()
+
+
+def _text(name: str) -> str:
+    return (_PAGE / name).read_text(encoding="utf-8")
+
+
+STEPS = 1 << 14
+"""Levels between the least and the greatest value of a drawn array: more than a screen has pixels."""
+
+_SHORTEST = 8  # of a list that is packed
+
+
+class Blob:
+    """Collector of arrays in one run of bytes, which ``page/saved_data.js`` reads."""
+
+    def __init__(self) -> None:
+        self.content = bytearray()
+
+    def exact(self, values: ArrayLike, kind: str) -> dict[str, Any]:
+        """Store an array as it is; `kind` is its little-endian dtype: ``f8``, ``f4``, ``i4``, ``i2`` or ``u1``."""
+        array = np.asarray(values, dtype=f"<{kind}")
+        return {"kind": kind, "at": self._take(array.tobytes(), array.itemsize), "n": len(array)}
+
+    def drawn(self, values: ArrayLike) -> dict[str, Any]:
+        """Store a curve in `STEPS` levels, as fine as a screen: their second differences, low bytes first."""
+        array = np.asarray(values, dtype=float)
+        low, high = float(array.min()), float(array.max())
+        levels = np.rint((array - low) * ((STEPS - 1) / ((high - low) or 1.0))).astype(np.int64)
+        steps = np.diff(np.diff(levels, prepend=0), prepend=0).astype(np.uint16)  # modulo 2**16: nothing is lost
+        content = (steps & 0xFF).astype(np.uint8).tobytes() + (steps >> 8).astype(np.uint8).tobytes()
+        return {"kind": "drawn", "at": self._take(content, 1), "n": len(array), "low": low, "high": high}
+
+    def packed(self, plain: Any) -> Any:
+        """Return a JSON value with its long lists of numbers stored as curves."""
+        if isinstance(plain, dict):
+            return {key: self.packed(value) for key, value in plain.items()}
+        if isinstance(plain, list):
+            if len(plain) >= _SHORTEST and all(isinstance(each, float) for each in plain):
+                return self.drawn(plain)
+            return [self.packed(each) for each in plain]
+        return plain
+
+    def _take(self, content: bytes, size: int) -> int:
+        """Append bytes, and return their place, a multiple of the size of an element."""
+        self.content += b"\0" * (-len(self.content) % size)
+        at = len(self.content)
+        self.content += content
+        return at
+
+
+# Requests of the page about what is heard: order maps of a run-up, its sound, and measured records to lay over it.
+
+_HEADS = 20_000  # bytes of a CSV file in which its line of names is
+_LISTED = 100  # records
+_NAME = 300  # longest text of a request
+
+
+class HeardRequests:
+    """Handlers of these requests."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+
+    def routes(self) -> list[Route]:
+        """Return their addresses."""
+        return [
+            Route("/api/heard", self.heard),
+            Route("/api/sound", self.sound),
+            Route("/api/wav", self.wav),
+            Route("/api/records", self.records),
+        ]
+
+    async def heard(self, request: Request) -> Response:
+        """Return the order maps of a signal of a run-up, with a measured record if one is named."""
+        view, signal, name = self._view(request), _field(request, "signal"), _field(request, "record")
+        return JSONResponse(await self.session.flows.do(lambda: self._heard(view, signal, name)))
+
+    def _heard(self, view: RunUpView, signal: str, name: str) -> dict[str, Any]:
+        record: Tracked | None = None
+        if name:
+            path = self.session.workspace.path(name, (RECORD,))
+            record = read_run_up(path, view.system, signal)
+        return view.heard(signal, record, name)
+
+    async def sound(self, request: Request) -> Response:
+        """Return the samples of a run-up in the unit of the signal, as little-endian numbers of 32 bits."""
+        found = await self._sound(request)
+        content = found.values.astype("<f4").tobytes()
+        return Response(content, media_type="application/octet-stream", headers={"x-rate": str(found.rate)})
+
+    async def wav(self, request: Request) -> Response:
+        """Return the sound of a run-up as a WAV file."""
+        found, scale = await self._sound(request), _field(request, "scale")
+        try:
+            full_scale = float(scale) if scale else None
+        except ValueError:
+            raise ModelError(f"scale is {scale[:20]!r}; it must be a number, as in 500") from None
+        content = found.wav(full_scale)
+        result = _field(request, "result") or os.path.splitext(_field(request, "file"))[0]
+        name = quote(f"{result}-{found.signal}.wav".replace("'", "-dot").replace("/", "-"), errors="replace")
+        return Response(
+            content,
+            media_type="audio/wav",
+            headers={"content-disposition": f"attachment; filename*=utf-8''{name}"},
+        )
+
+    async def records(self, request: Request) -> Response:
+        """Return the names of the CSV files in the folder that have columns of time and of the speed."""
+        study = self.session.exploration(_field(request, "file")).described()
+        system = None if study is None else study.system
+        names = [] if system is None else [
+            name for name in self.session.workspace.records() if is_run_up(self._heads(name), system)
+        ]  # fmt: skip
+        return JSONResponse({"records": names[:_LISTED]})
+
+    def _heads(self, name: str) -> NamedFile:
+        """Return a CSV file with its line of names, and what else stands at its beginning."""
+        try:
+            with open_file(self.session.workspace.path(name, (RECORD,))) as file:
+                content = file.read(_HEADS)
+        except (OSError, ValueError):
+            content = b""
+        return NamedFile(name, content[: content.rfind(b"\n") + 1])
+
+    async def _sound(self, request: Request) -> Sound:
+        view, signal = self._view(request), _field(request, "signal")
+        return await self.session.flows.do(lambda: view.sound(signal))
+
+    def _view(self, request: Request) -> RunUpView:
+        entry = self.session.exploration(_field(request, "file")).entry(_field(request, "result"))
+        if not isinstance(entry.answer, RunUpView):
+            raise ModelError(f"{entry.title} is no run-up; only a run-up is heard over the speed")
+        return entry.answer
+
+
+def _field(request: Request, name: str) -> str:
+    text = request.query_params.get(name, "")
+    if len(text) > _NAME:
+        raise ModelError(f"{name} is longer than {_NAME} letters")
+    return text
+
 
 Found = (
     Result

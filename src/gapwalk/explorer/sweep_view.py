@@ -6,7 +6,7 @@ import numpy as np
 
 from gapwalk.explorer.answer_view import AnswerView, Json, Series, shown
 from gapwalk.explorer.axis_quantities import SECTION, quantity_words
-from gapwalk.studies.sweep import Sweep, Way
+from gapwalk.studies.sweep_study import Sweep, Way
 
 _LEVELS = 700  # of the section points at one value: points nearer to each other than a pixel are drawn once
 _SAID = 5  # bands that the sentence names

@@ -16,15 +16,14 @@ from typing import TypeVar
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.bifurcation.follow import walk
-from gapwalk.bifurcation.loci.follow_locus import trace_locus, traced_locus
-from gapwalk.bifurcation.loci.locus_start import start_locus
+from gapwalk.bifurcation.loci.follow_locus import start_locus, trace_locus, traced_locus
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.explorer.progress_stream import News, Progress
 from gapwalk.results.result_file import lock
 from gapwalk.studies.diagram_study import DiagramStudyOptions, empty_diagram, whole_diagram
 from gapwalk.studies.map import Map
 from gapwalk.studies.map_study import MapStudyOptions, whole_map
-from gapwalk.studies.read_result import request_file
+from gapwalk.studies.result import request_file
 from gapwalk.studies.runner import run, run_study
 from gapwalk.studies.study_file import Study
 from gapwalk.studies.study_kind import found_by

@@ -15,11 +15,9 @@ from gapwalk.explorer.answer_view import AnswerView, Json, Series, panel, shown
 from gapwalk.explorer.axis_quantities import SECTION, quantity_words
 from gapwalk.model.system import System
 from gapwalk.model.words import full_measure
-from gapwalk.tori.closed_curve import TURN, at_phases
 from gapwalk.tori.tongue import Tongue
-from gapwalk.tori.torus import Torus
-from gapwalk.tori.torus_diagram import TorusDiagram
-from gapwalk.tori.torus_family import TorusEventKind, TorusFamily
+from gapwalk.tori.torus import TURN, Torus, at_phases
+from gapwalk.tori.torus_family import TorusDiagram, TorusEventKind, TorusFamily
 
 _COORDINATES = 4  # whose measures are drawn
 _MEASURES = ("half", "max", "min")

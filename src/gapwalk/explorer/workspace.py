@@ -6,16 +6,94 @@ import hashlib
 import json
 import os
 import re
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from gapwalk.attractors.settle import AttractorKind, Settled
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.model.model_source import parse_source
+from gapwalk.model.system import System
+from gapwalk.model.words import pace_words, parameter_symbol, value_words
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.studies.options import RangeStudy
+from gapwalk.studies.settle_study import SettleFinding, SettleStudyOptions, rest_words
 from gapwalk.studies.study_file import Study, check_study
+
+if TYPE_CHECKING:
+    from gapwalk.explorer.exploration import Entry, Exploration
+
+
+# Titles of results: what each one is, in one line, such as ``speed 3000 to 800 rpm, stage2.clearance = 0.5``.
+
+_NAMED = 3  # changed values that a title names
+_SAME = 1e-12  # relative difference up to which a value counts as that of the file
+_PLAIN = "response"  # the kind of study whose titles need not name it
+
+
+def along_words(system: System, parameter: str, begin: float, end: float) -> str:
+    """Write the range of a walk: ``speed 3000 to 800 rpm``."""
+    units = system.units
+    words = f"{name_words(system, parameter)} {begin:.6g} to {end:.6g}"
+    return " ".join(filter(None, (words, units and units.parameter(parameter))))
+
+
+def name_words(system: System, parameter: str) -> str:
+    """Write the name of a parameter without its unit."""
+    return parameter_symbol(parameter, system.units).partition(" [")[0]
+
+
+def study_title(study: Study, values: Mapping[str, float]) -> str:
+    """Return the title of a study of the file, computed with changed values."""
+    options, system = study.options, study.system
+    parameter = getattr(options, "parameter", "")
+    parts = [
+        f"{study.name}:" if study.name not in ("", parameter) else "",
+        "" if options.kind == _PLAIN else options.kind,
+    ]
+    if isinstance(options, RangeStudy):
+        parts.append(along_words(system, options.parameter, options.begin, options.end))
+    if isinstance(options, SettleStudyOptions):
+        parts[1:] = [f"settled at {pace_words(system)}"]
+        values = {name: value for name, value in values.items() if name != system.structure.pace}
+    title = " ".join(filter(None, parts)) or options.kind
+    return title + _listed([value_words(value, name, system.units, 6) for name, value in values.items()])
+
+
+def changed_words(system: System, base: System | None, others: Collection[str]) -> str:
+    """Return the values in which a system differs from that of the file, for the end of a title."""
+    if base is None or base.structure != system.structure:
+        return ""
+    one, two = (np.asarray(each.values, dtype=float) for each in (system, base))
+    places = np.flatnonzero(np.abs(one - two) > _SAME * np.maximum(np.abs(one), np.abs(two))).tolist()
+    names = [system.structure.names[place] for place in places]
+    return _listed([value_words(system[name], name, system.units, 6) for name in names if name not in others])
+
+
+def _listed(words: list[str]) -> str:
+    shown = [f", {each}" for each in words[:_NAMED]]
+    return "".join(shown) + (f" and {len(words) - _NAMED} more" if len(words) > _NAMED else "")
+
+
+def verdict(motion: Orbit | Settled, finding: SettleFinding | None = None) -> str:
+    """Describe a motion in a few words: ``torus, rotation number 0.313``."""
+    attractor = None if finding is None else finding.attractor
+    orbit = motion if isinstance(motion, Orbit) else motion.orbit
+    if orbit is not None:
+        return ", ".join([f"period {orbit.period}, {orbit.instability.words}", *rest_words(orbit)])
+    if attractor is None:
+        return "not periodic" if not isinstance(motion, Settled) or motion.converged else "not settled"
+    words = "kind not known" if attractor.kind is AttractorKind.UNDECIDED else attractor.label
+    if attractor.rotation is not None:
+        words += f", rotation number {attractor.rotation.number:.6g}"
+    if attractor.kind is AttractorKind.CHAOTIC and attractor.lyapunov is not None:
+        words += f", largest exponent {attractor.lyapunov.exponents[0]:.3g}"
+    return words
+
 
 MODEL, RESULT, RECORD = ".toml", ".gapwalk", ".csv"
 _MOST = 500  # files that are listed, and results of one exploration
@@ -232,3 +310,119 @@ def mark_of(study: Study) -> str:
     Values that were changed after reading it, and other studies of the same text, have the same mark.
     """
     return hashlib.sha256((study.text + study.matrices).encode("utf-8", "replace")).hexdigest()[:8]
+
+
+# The list of results on the page: their names, colours, how they are drawn, and which are deleted.
+
+COLOURS = ("blue", "orange", "green", "purple", "red", "grey")
+"""Colours of a result, as the page calls them; without one, a line has the colour of its stability."""
+
+
+class Look(BaseModel):
+    """What a user has chosen for a result."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: Annotated[str, Field(max_length=120)] = ""
+    drawn: Literal["full", "pale", "hidden"] = "full"
+    colour: Literal["", "blue", "orange", "green", "purple", "red", "grey"] = ""
+    deleted: bool = False
+
+
+def read_look(plain: object) -> Look:
+    """Read what was chosen for a result from its record; what cannot be read is as if nothing was chosen."""
+    try:
+        return Look.model_validate(plain or {})
+    except ValidationError:
+        return Look()
+
+
+def change_look(exploration: Exploration, key: str, changes: dict[str, Any]) -> dict[str, Any]:
+    """Change the name, the colour, how a result is drawn, or delete and restore it; return what undoes the change."""
+    entry = exploration.entry(key)
+    if changes.get("deleted") and not entry.state.is_over:
+        raise ModelError(f"{entry.title} is {entry.state}; stop it first, then delete it")
+    if entry.action is None and {"name", "deleted"} & changes.keys():
+        raise ModelError("this is the file that was opened; rename or delete the file itself")
+    try:
+        look = Look.model_validate({**entry.look.model_dump(), **changes})
+    except ValidationError as error:
+        wrong = "; ".join(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()[:3])
+        allowed = f"name (a text), drawn (full, pale, hidden), colour ({', '.join(COLOURS)} or empty), deleted"
+        raise ModelError(f"a result cannot be changed so: {wrong}. What can be changed: {allowed}") from None
+    look = look.model_copy(update={"name": " ".join(look.name.split())})
+    before = {name: getattr(entry.look, name) for name in changes}
+    if entry.action is not None:
+        write_record(entry.path, {**read_record(entry.path), "look": look.model_dump(exclude_defaults=True)})
+    with exploration.guard:
+        entry.look = look
+    return before
+
+
+def remove_deleted(exploration: Exploration) -> int:
+    """Remove the files of deleted results from which no other starts; return how many were removed."""
+    count = 0
+    while True:
+        with exploration.guard:
+            needed = {key for entry in exploration.entries.values() for key in _starts(entry)}
+            gone = [entry for key, entry in exploration.entries.items() if entry.look.deleted and key not in needed]
+        if not gone:
+            return count
+        for entry in gone:
+            forget(entry.path)
+            with exploration.guard:
+                del exploration.entries[entry.key]
+            count += 1
+
+
+def _starts(entry: Entry) -> list[str]:
+    """Return the keys of the results from which one starts: its script and its resumption need them."""
+    start = getattr(entry.action, "start", None)
+    return [*([] if start is None else [start.result]), *getattr(entry.action, "known", [])]
+
+
+def listed(exploration: Exploration) -> list[dict[str, Any]]:
+    """Return the results of an exploration for the page, with their progress; deleted ones are left out."""
+    with exploration.guard:
+        return [_plain(entry) for entry in exploration.entries.values() if not entry.look.deleted]
+
+
+def deleted(exploration: Exploration) -> list[dict[str, str]]:
+    """Return keys and titles of the deleted results."""
+    with exploration.guard:
+        entries = [entry for entry in exploration.entries.values() if entry.look.deleted]
+        return [{"key": entry.key, "title": entry.look.name or entry.title} for entry in entries]
+
+
+def _plain(entry: Entry) -> dict[str, Any]:
+    return {
+        "key": entry.key,
+        "title": entry.look.name or entry.title,
+        "automatic": entry.title,
+        "verdict": entry.verdict,
+        "drawn": entry.look.drawn,
+        "colour": entry.look.colour,
+        "state": entry.state.value,
+        "message": entry.message,
+        "version": entry.version,
+        "model": entry.model,
+        "kind": entry.action.do if entry.action else "opened",
+        "settled": entry.settled() is not None,
+        "answer": None if entry.answer is None else {"axes": entry.answer.axes},
+        "can_resume": entry.can_resume,
+        "saves": entry.saves,
+        "done": [entry.live.done, entry.live.total],
+        "branches": [
+            {
+                "name": line.name,
+                "period": line.period,
+                "points": len(line.points),
+                "range": line.within,
+                "parameter": line.parameter,
+                "kind": line.kind,
+                "second": line.second,
+                "earlier": line.is_earlier,
+            }
+            for line in entry.lines()
+        ],
+    }

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.dry_motion import acceleration_at
 from gapwalk.flow.forces import Angles
+from gapwalk.flow.motion import acceleration_at
 from gapwalk.model.coefficients import CoefficientLayout
 
 

@@ -9,17 +9,122 @@ forces are the formulas of the force laws (`gapwalk.model.laws`), and all deriva
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cached_property, partial
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property, lru_cache, partial
 from typing import Any, NamedTuple
 
 import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.run_time_parameters import RunTimeParameters
-from gapwalk.model.coefficients import ContactSlots, StageSlots, Wave
-from gapwalk.model.laws import Friction, Host, Stages, StageTerms
+from gapwalk.flow.flow_cache import RunTimeParameters
+from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots, Wave, coefficients_of, layout_of
+from gapwalk.model.laws import CLEARANCE, Friction, Host, Stages, StageTerms
+from gapwalk.model.structure import Structure
+from gapwalk.model.system import System
+from gapwalk.model.units import QuantityKind
+
+# The unit of length in which a motion is integrated: tolerances of the integrator are absolute below 1.
+#
+# A gap of 50 micrometres in a model in metres is far below 1, and so are motions of the size 1e-9. Their flow is
+# integrated in a power of two of the model's own unit, so that scaling causes no rounding.
+
+_LARGE = 0.01  # size from which motions are integrated in the unit of the model
+
+
+class LengthUnit:
+    """Conversion of coefficients of one layout to another unit of length, and the choice of the unit for a motion."""
+
+    def __init__(self, layout: CoefficientLayout) -> None:
+        n, forms, self._layout = layout.structure.size, layout.structure.contacts, layout
+        self._size = n
+        self._loads = layout.accelerations[:, 2 * n + len(forms) :].ravel()
+        self._stiffness, self._damping = layout.accelerations[:, :n], layout.accelerations[:, n : 2 * n]
+        self._contacts = layout.accelerations[:, 2 * n : 2 * n + len(forms)]
+        numbers = [pair for contact in layout.contacts for pair in contact.parameters()]
+        self._clearances = _slots(slot for parameter, slot in numbers if parameter == CLEARANCE)
+        self._sways = _slots(slot for contact in layout.contacts for slot in _displacements(contact))
+        self._springs = _slots(slot for parameter, slot in numbers if parameter.kind is QuantityKind.STIFFNESS)
+        powers = [(slot, parameter.growth) for parameter, slot in numbers if parameter != CLEARANCE]
+        self._scaled = [
+            (_slots(slot for slot, each in powers if each == power), power)
+            for power in sorted({power for _, power in powers if power})
+        ]
+
+    def natural(self, coefficients: NDArray[np.float64]) -> float:
+        """Return the smaller of the smallest clearance and the amplitude of a free mass under the loads.
+
+        It is 1 if both are 0. A clearance that is negligible compared with the motion does not determine its size: in
+        a unit of it, rounding alone would move the motion from one side of such a gap to the other.
+        """
+        clearances, time = coefficients[self._clearances], coefficients[0]
+        gap = float(clearances[clearances > 0.0].min(initial=np.inf))
+        load = float(np.abs(coefficients[self._loads]).max(initial=0.0))
+        moved = max(load * time**2, float(np.abs(coefficients[self._sways]).max(initial=0.0)))
+        if gap < moved:  # then no smaller than the motion against springs, dampers and closed contacts
+            damping, stiffness, contacts, springs = (
+                float(np.abs(coefficients[slots]).max(initial=0.0))
+                for slots in (self._damping, self._stiffness, self._contacts, self._springs)
+            )
+            gap = max(gap, load / (1.0 / time**2 + (contacts * springs + damping / time + stiffness)))
+        return min((size for size in (moved, gap) if 0.0 < size < np.inf), default=1.0)
+
+    def of_motion(self, coefficients: NDArray[np.float64], state: NDArray[np.float64]) -> float:
+        """Return the unit for the motion from a state: 1 unless it is small."""
+        half, numbers = self._size, state[: 2 * self._size].tolist()
+        if max(map(abs, numbers[:half])) >= _LARGE:
+            return 1.0
+        size = max(*map(abs, numbers[:half]), coefficients[0] * max(map(abs, numbers[half:])))
+        size = max(size, self.natural(coefficients))
+        return 1.0 if not size < _LARGE else 2.0 ** round(math.log2(size))
+
+    def carried(self, coefficients: NDArray[np.float64], unit: float) -> NDArray[np.float64]:
+        """Convert the coefficients of a system, or of a direction of systems, to lengths in that unit."""
+        scaled = coefficients.copy()
+        for first in range(0, scaled.shape[-1] - 2, len(self._layout)):  # of a ramp also their growth with the speed
+            scaled[..., first + self._loads] /= unit
+        scaled[..., self._clearances] /= unit
+        scaled[..., self._sways] /= unit
+        for slots, power in self._scaled:
+            scaled[..., slots] *= unit**power
+        return scaled
+
+
+def _displacements(contact: ContactSlots) -> Iterator[int]:
+    """Iterate over the slots of the displacements that are added to the deflections of a contact."""
+    for argument in contact.form.law.arguments:
+        if argument in contact.waves:
+            yield from contact.waves[argument].lines.tolist()
+
+
+def _slots(slots: Iterable[int]) -> NDArray[np.intp]:
+    return np.array([*slots], dtype=np.intp)
+
+
+@lru_cache(maxsize=256)
+def _unit_of(structure: Structure) -> LengthUnit:
+    return LengthUnit(layout_of(structure))
+
+
+def natural_length(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> float:
+    """Return the length of `LengthUnit.natural` for the coefficients of a system."""
+    return _unit_of(layout.structure).natural(coefficients)
+
+
+def smallness(system: System) -> float:
+    """Return the size, at most 1, below which states are negligible: tolerances are relative to it or more.
+
+    For systems whose clearances and motions are about 1 or larger it is 1, in the units of the system.
+    """
+    length = _unit_of(system.structure).natural(coefficients_of(system))
+    return length if length < _LARGE else 1.0
+
+
+def magnitude(state: NDArray[np.float64], system: System) -> float:
+    """Return the size of a state of a system, never 0: distances between states are relative to it."""
+    return smallness(system) + float(np.abs(state).max())
+
 
 EDGE = 1e-7
 """Width of the edges of fractional powers, in units of length: nearer to 0 they are polynomials (`power_edge`)."""
@@ -531,3 +636,115 @@ def _restart(name: str, argument: hy.expression) -> hy.expression:
     for place in _HIDDEN[name]:
         found = found * (_SMALL * (argument - place))
     return found
+
+
+# Where a motion is relative to the breakpoints of all stages, in plain numbers.
+#
+# These are read at every event of a motion, of which there are thousands in a walk: a few numbers of a list are
+# several times faster than arrays.
+
+_CLOSE = 1e-6  # relative distance of two breakpoints of a contact within which they may coincide by rounding
+
+
+class BreakpointGeometry:
+    """Geometry of the breakpoints of one compiled integrator.
+
+    Shapes: `signs` (count,).
+
+    Attributes
+    ----------
+    signs : shape (count,)
+        Side of each switch: 1 or -1.
+    """
+
+    _state: Any
+    _parameters: Any
+    _coefficients: NDArray[np.float64]
+
+    def __init__(self, equations: Equations) -> None:
+        self.equations = equations
+        layout = equations.layout
+        contacts = [layout.contacts[k] for k, _ in equations.switches]
+        stages = [layout.contacts[k].stages[j] for k, j in equations.switches]
+        self.n, self.size = layout.structure.size, layout.structure.state_size
+        self.count = len(stages)
+        self.signs = np.array([stage.sign for stage in stages], dtype=float)
+        self._breaks = np.array([stage.clearance for stage in stages], dtype=np.intp)
+        self._deflections = np.array([contact.deflection for contact in contacts]).reshape(self.count, self.n)
+        self._signs = self.signs.tolist()
+        self._sways = [contact.sway for contact in contacts]
+        self._swaying = [switch for switch, sway in enumerate(self._sways) if sway is not None]
+        moving = [sway for sway in self._sways if sway is not None]
+        self._geometry = np.concatenate((self._deflections.ravel(), self._breaks, *moving))
+        self._orders = np.array(layout.orders, dtype=float)
+        self._known, self._weights = b"", equations.first_weight
+
+    def _read_geometry(self, coefficients: NDArray) -> None:
+        """Read deflection vectors and breakpoints as plain numbers, only when they have changed."""
+        known = coefficients[self._geometry].tobytes()
+        if known == self._known:
+            return
+        self._known = known
+        self._vectors = coefficients[self._deflections]
+        self._offsets = (self.signs * coefficients[self._breaks]).tolist()
+        self._scales = [1.0 + abs(offset) for offset in self._offsets]
+        self._scale = max(self._scales)
+        weights = [min(1.0, 1.0 / abs(offset)) if offset else 1.0 for offset in self._offsets]
+        self._parameters[self._weights : self._weights + self.count] = weights
+        self._rows = [tuple((int(i), float(vector[i])) for i in np.flatnonzero(vector)) for vector in self._vectors]
+        self._simultaneous = [self._possibly_simultaneous(switch) for switch in range(self.count)]
+        # deflections of one coordinate each, the usual case, are compared with their breakpoints fastest
+        plain = not self._swaying and all(len(row) == 1 for row in self._rows)
+        rows = zip(self._signs, self._rows, self._offsets, strict=True)
+        self._plain = [(*row[0], sign, offset) for sign, row, offset in rows] if plain else None
+        self._rate_rows = [tuple((self.n + i, factor) for i, factor in row) for row in self._rows]
+        self._lines = [None if sway is None else coefficients[sway] for sway in self._sways]
+
+    def _sway(self, switch: int, theta: float, derivative: int = 0) -> float:
+        """Return the displacement that is added to the deflection of a switch, or a derivative of it by theta."""
+        lines, count = self._lines[switch], len(self._orders)
+        if lines is None:
+            return 0.0
+        angles = self._orders * theta + 0.5 * math.pi * derivative
+        powers = self._orders**derivative
+        return float(lines[:count] @ (powers * np.cos(angles)) + lines[count:] @ (powers * np.sin(angles)))
+
+    def _possibly_simultaneous(self, switch: int) -> tuple[int, ...]:
+        """Return the switches that may change simultaneously: of other contacts, and of breakpoints close by."""
+        contact, offset = self.equations.switches[switch][0], self._offsets[switch]
+        others = enumerate(zip(self.equations.switches, self._offsets, strict=True))
+        return tuple(
+            other
+            for other, ((k, _), place) in others
+            if other != switch and (k != contact or abs(place - offset) <= _CLOSE * self._scales[switch])
+        )
+
+    def _depths(self, positions: list[float], theta: float) -> list[float]:
+        """Return the penetration of each stage (> 0), or the distance from it (< 0)."""
+        if self._plain is not None:
+            return [sign * (factor * positions[i] - offset) for i, factor, sign, offset in self._plain]
+        depths = [
+            sign * (sum([factor * positions[i] for i, factor in row]) - offset)
+            for sign, row, offset in zip(self._signs, self._rows, self._offsets, strict=True)
+        ]
+        for switch in self._swaying:
+            depths[switch] += self._signs[switch] * self._sway(switch, theta)
+        return depths
+
+    def _are_near(self, depths: list[float], state: list[float], share: float) -> list[bool]:
+        """Return which breakpoints the motion is on, within a share of the size of the motion and the breakpoint."""
+        size = self._size(state)
+        return [abs(depth) <= share * (scale + size) for depth, scale in zip(depths, self._scales, strict=True)]
+
+    def _size(self, state: list[float]) -> float:
+        """Return the size of the motion: of its positions, now or a quarter of a period later."""
+        return max(*map(abs, state[: self.n]), float(self._coefficients[0]) * max(map(abs, state[self.n :])))
+
+    def _rate(self, switch: int, theta: float) -> float:
+        """Return the rate of the deflection of a switch over time."""
+        rate = 0.0
+        for i, factor in self._rate_rows[switch]:
+            rate += factor * self._state.item(i)
+        if self._lines[switch] is not None:
+            rate += self._sway(switch, theta, 1) / float(self._coefficients[0])
+        return rate

@@ -12,10 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.compiled_readings import CompiledReadings
 from gapwalk.flow.constraints import Constraint
-from gapwalk.flow.dry_motion import DryModes
-from gapwalk.flow.forces import Angles, Dry, balance, contact_force, contact_forces, stages_of
+from gapwalk.flow.forces import Angles, CompiledReadings, Dry, balance, contact_force, contact_forces, stages_of
+from gapwalk.flow.motion import DryModes
 from gapwalk.model.coefficients import CoefficientLayout
 from gapwalk.model.laws import Host
 

@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.dry_derivatives import extension_changes, margin_growth, rate_changes
-from gapwalk.flow.dry_state import DryState, Kink, Readings, SlipEvent
+from gapwalk.flow.dry_state import DryState, Kink, Readings, SlipEvent, extension_changes, margin_growth, rate_changes
 from gapwalk.flow.equations import Equations
 
 SETTLING = 1e-7

@@ -10,27 +10,160 @@ the paper shows u3'' of three inertias. Absolute angles and speeds depend on the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from itertools import pairwise
+from operator import attrgetter
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.flow.constraints import Constraint
 from gapwalk.flow.contact_events import ContactEvent
-from gapwalk.flow.dry_motion import DryModes, forces_and_accelerations, is_dry, modes_along, modes_at
 from gapwalk.flow.dry_state import Hold, Kink, SlipEvent
-from gapwalk.flow.flow import PERIOD, Restarts, flow_of
-from gapwalk.flow.forces import Angles, contact_deflections
-from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.model.drivetrain.made_loads import Displacing
+from gapwalk.flow.flow import PERIOD, Restarts, flow_of, flow_with
+from gapwalk.flow.forces import Angles, Dry, accelerations, balance, contact_deflections, contact_forces
+from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
+from gapwalk.model.drivetrain.train_parts import Displacing
 from gapwalk.model.loads import Line
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.structure import ContactForm, Structure
 from gapwalk.model.system import System
+
+# Forces and accelerations along a motion with dry friction and rigid stops, from the modes of the flow.
+#
+# What sticks rigidly, or is held at a stop, has a force that is no function of the state alone: it follows from the
+# constraints of all that are held together (`gapwalk.flow.constraints`). Which are held is in the log of the flow; for
+# a state without a log, they are those with which a motion from that state begins.
+
+_MOMENT = 1e-9  # radians over which a motion is begun to learn its modes
+_AT = 1e-9  # radians within which an event is at an instant
+
+
+class DryModes(NamedTuple):
+    """Modes of dry friction and of rigid stops, at one instant or at some.
+
+    Examples
+    --------
+    >>> gw.records.DryModes(slips=np.array([1]), held=np.array([False])).slips
+    array([1])
+    """
+
+    #: shape (..., contacts that are friction): 1 or -1 in slip, by its direction; 0 in stick. The order is that of
+    #: `Structure.friction`.
+    slips: NDArray[np.int8]
+    #: shape (..., reactions): True for each reaction of `Structure.reactions` that is held: rigid friction in stick,
+    #: and stops.
+    held: NDArray[np.bool_]
+
+    def at(self, sample: int) -> DryModes:
+        """Return the modes at one of the instants."""
+        return DryModes(self.slips[sample], self.held[sample])
+
+    def order(self, structure: Structure) -> list[int]:
+        """Return the numbers of the reactions held at one instant: stops first.
+
+        Where they depend on each other, friction has no reaction.
+        """
+        reactions = structure.reactions
+        return sorted(np.flatnonzero(self.held).tolist(), key=lambda each: (reactions[each][1] < 0, each))
+
+
+def is_dry(structure: Structure) -> bool:
+    """Return True if a system has dry friction or rigid stops, whose forces depend on modes of the flow."""
+    return bool(structure.memories or structure.reactions)
+
+
+def modes_along(
+    structure: Structure,
+    theta: NDArray[np.float64],
+    slips: Sequence[SlipEvent],
+    holds: Sequence[Hold],
+    *,
+    before: bool = False,
+) -> DryModes:
+    """Return the modes at some angles of a motion, from its logs."""
+    edges = theta - _AT if before else np.maximum(theta, min((hold.theta for hold in holds), default=-np.inf))
+    found = np.zeros((len(theta), len(structure.friction)), dtype=np.int8)
+    for place, contact in enumerate(structure.friction):
+        own = [event for event in slips if event.contact == contact]
+        if own:
+            found[:, place] = np.array([event.slip for event in own])[_latest([event.theta for event in own], edges)]
+    if not structure.reactions:
+        return DryModes(found, np.zeros((len(theta), 0), dtype=bool))
+    patterns = np.zeros((len(holds), len(structure.reactions)), dtype=bool)
+    for row, hold in zip(patterns, holds, strict=True):
+        row[list(hold.reactions)] = True
+    return DryModes(found, patterns[_latest([hold.theta for hold in holds], edges)])
+
+
+def _latest(times: Sequence[float], theta: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return for each angle the index of the last of some increasing times that is not after it; -1 before all."""
+    return np.searchsorted(np.array(times), theta, side="right") - 1
+
+
+def modes_at(
+    layout: CoefficientLayout,
+    coefficients: NDArray[np.float64],
+    theta: NDArray[np.float64],
+    states: NDArray[np.float64],
+) -> DryModes:
+    """Return the modes with which motions begin in some states, shape (samples, state_size)."""
+    structure, flow, rows = layout.structure, flow_with(layout, coefficients), []
+    for angle, state in zip(theta.tolist(), states, strict=True):
+        begun = flow.sample(coefficients, state, np.array([angle, angle + _MOMENT]))
+        rows.append(modes_along(structure, np.array([angle]), begun.slips, begun.holds))
+    slips = np.array([row.slips[0] for row in rows]).reshape(len(rows), len(structure.friction))
+    return DryModes(slips, np.array([row.held[0] for row in rows]).reshape(len(rows), len(structure.reactions)))
+
+
+def acceleration_at(
+    layout: CoefficientLayout, coefficients: NDArray[np.float64], theta: float, state: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the acceleration in one state, with the modes with which a motion begins there, shape (n,)."""
+    n = layout.structure.size
+    if not is_dry(layout.structure):
+        return accelerations(layout, coefficients, theta, state[:n], state[n : 2 * n])
+    angle, states = np.array([theta]), state[None]
+    modes, (q, v, z) = modes_at(layout, coefficients, angle, states), np.split(states, (n, 2 * n), axis=1)
+    return forces_and_accelerations(layout, coefficients, angle, q, v, z, modes)[1][0]
+
+
+def forces_and_accelerations(
+    layout: CoefficientLayout,
+    coefficients: NDArray,
+    theta: NDArray,
+    q: NDArray,
+    v: NDArray,
+    z: NDArray,
+    modes: DryModes | None,
+) -> tuple[NDArray, NDArray]:
+    """Compute the forces of all contacts, reactions included, and the accelerations; real or complex.
+
+    Shapes: `theta` (samples,); `q`, `v` (samples, n); `z` (samples, memories).
+    """
+    angles = Angles(layout, coefficients, theta)
+    if modes is None:
+        forces = contact_forces(layout, coefficients, theta, q, v, angles=angles)
+        return forces, accelerations(layout, coefficients, theta, q, v)
+    forces = contact_forces(layout, coefficients, theta, q, v, angles=angles, dry=Dry(modes.slips.astype(float), z))
+    turning, total = np.zeros_like(forces, shape=q.shape), forces.copy()
+    patterns, which = np.unique(modes.held, axis=0, return_inverse=True)
+    for number, pattern in enumerate(patterns):
+        rows = np.flatnonzero(which.ravel() == number)
+        moved = q[rows], v[rows], forces[rows], angles.waves[rows]
+        constraint = Constraint(layout, coefficients, DryModes(modes.slips[rows[0]], pattern).order(layout.structure))
+        held = constraint.coefficients()
+        turning[rows] = balance(held[layout.accelerations], *moved)
+        found = balance(held[layout.reactions[constraint.independent]], *moved)
+        for contact, reaction in zip(constraint.contacts, found.T, strict=True):
+            total[rows, contact] += reaction
+    return total, turning
 
 
 @dataclass(frozen=True, eq=False)
@@ -422,3 +555,172 @@ def train_histories(
 def _wave(lines: Iterable[Line], theta: NDArray) -> NDArray:
     """Return the sum of some lines at some angles."""
     return np.sum([cosine * np.cos(h * theta) + sine * np.sin(h * theta) for h, cosine, sine in lines], axis=0)
+
+
+# A motion at the nodes of Gauss's rule, for integrals along it that are accurate to rounding.
+#
+# The motion is analytic between its events: crossings of breakpoints, impacts, beginnings of slip and stick, kinks of
+# laws and jumps of loads. Intervals of Gauss's rule end at all of them.
+
+_ORDER = 12  # nodes in each interval
+_WIDEST = PERIOD / 32  # largest width of an interval
+_PER_STEP = 0.5  # the same, as a share of the mean Taylor step of the flow
+_LOGS = tuple(map(attrgetter, ("contacts", "slips", "holds", "impacts")))
+_NARROWEST = 1e-9  # narrower intervals between events are omitted
+
+
+class Quadrature(NamedTuple):
+    """A motion at the nodes of Gauss's rule."""
+
+    motion: Motion  #: The motion; its samples are the nodes, and its events the crossings of breakpoints.
+    #: shape (nodes,): Weights of the nodes over time (not theta); their sum is the duration of the motion.
+    weights: NDArray[np.float64]
+
+
+def quadrature(system: System, state: NDArray[np.float64], periods: int, restarts: Restarts = ()) -> Quadrature:
+    """Integrate the motion from a state at theta = 0 and sample it at Gauss nodes over some forcing periods.
+
+    At the angles of `restarts` the motion continues from their states.
+    """
+    end = PERIOD * periods
+    flow, coefficients = flow_of(system), coefficients_of(system)
+    parts = pairwise([(0.0, state), *restarts, (end, state)])
+    arcs = [flow.integrate(coefficients, own, start, stop, sums=False) for (start, own), (stop, _) in parts]
+    logs = [[each for arc in arcs for each in log(arc)] for log in _LOGS]
+    changes = [each.theta for log in logs[:3] for each in log]
+    kinks = flow.kinks(coefficients, state, end)  # and jumps: it is not analytic there either
+    widest = min(_WIDEST, _PER_STEP * end / sum(arc.steps for arc in arcs))  # fast vibrations take short steps
+    edges = np.unique(np.concatenate(([0.0], changes, kinks, [end])))
+    edges = edges[np.concatenate(([True], np.diff(edges) > _NARROWEST))]
+    parts = [np.linspace(a, b, 1 + int(np.ceil((b - a) / widest)))[:-1] for a, b in pairwise(edges)]
+    starts = np.concatenate(parts)
+    widths = np.diff(np.append(starts, end))
+    nodes, weights = leggauss(_ORDER)
+    thetas = (starts[:, None] + 0.5 * widths[:, None] * (nodes + 1.0)).ravel()
+    found = sample(system, state, np.concatenate(([0.0], thetas)), restarts)
+    motion = Motion.of(system, thetas, found.states[1:], *logs)
+    return Quadrature(motion, (0.5 * widths[:, None] * weights).ravel() / system.frequency)
+
+
+# A signal of a motion: a coordinate, velocity, acceleration or contact force, or a sum of several with factors.
+
+_STEP = 1e-150  # of the complex step, as in `gapwalk.model.coefficients`
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A sum of signals with factors, as a sensor measures it.
+
+    Examples
+    --------
+    >>> gw.measure.Signal((("x''", 1.0), ("x", -2.0))).of(orbit.motion(8)).shape
+    (9,)
+    """
+
+    terms: tuple[tuple[str, float], ...]  #: Names as in `Motion.signal`, each with its factor.
+    label: str = ""  #: Label of the signal; by default the sum as a text.
+
+    @property
+    def name(self) -> str:
+        """Label, or the sum as a text: ``q1''``, or ``0.5 q1'' - 2 q3``."""
+        if self.label:
+            return self.label
+        if len(self.terms) == 1 and self.terms[0][1] == 1.0:
+            return self.terms[0][0]
+        text = " ".join(f"{'-' if factor < 0 else '+'} {_size(factor)}{name}" for name, factor in self.terms)
+        return text.removeprefix("+ ").replace("- ", "-", 1) if text.startswith("- ") else text.removeprefix("+ ")
+
+    def of(self, motion: Motion) -> NDArray[np.float64]:
+        """Return its values along a motion, shape (samples,).
+
+        Returns
+        -------
+        array, shape (samples,)
+            The sum.
+        """
+        return np.sum([factor * motion.signal(name) for name, factor in self.terms], axis=0)
+
+    def slope(
+        self,
+        motion: Motion,
+        states: NDArray[np.float64],
+        coefficients: NDArray[np.float64] | None = None,
+        theta: float = 0.0,
+    ) -> NDArray[np.float64]:
+        """Return its derivative along a direction, exact to rounding, shape (samples,).
+
+        The modes of dry friction are those of the motion: events at which a signal jumps are not moved.
+
+        Parameters
+        ----------
+        motion
+            The motion.
+        states : shape (samples, state_size)
+            Derivatives of positions, velocities and extensions along that direction.
+        coefficients
+            Derivatives of the coefficients of the flow; None if they are constant.
+        theta
+            Derivative of the angle of the excitation.
+
+        Returns
+        -------
+        array, shape (samples,)
+            In the unit of the signal.
+        """
+        system, layout, step = motion.system, layout_of(motion.system.structure), 1j * _STEP
+        n = system.size
+        q, v = motion.q + step * states[:, :n], motion.v + step * states[:, n : 2 * n]
+        numbers = coefficients_of(system) + step * (0.0 if coefficients is None else coefficients)
+        angles = motion.theta + step * theta
+        z = motion.z + step * states[:, 2 * n :]
+        modes = motion.modes if is_dry(system.structure) else None
+        forces, a = forces_and_accelerations(layout, numbers, angles, q, v, z, modes)
+        columns = [q, v, a, forces, z, *([] if modes is None else [modes.slips])]
+        if of_train := train_signals(system.structure):
+            if coefficients is not None and any(name in of_train for name, _ in self.terms):
+                raise ModelError(
+                    f"the slope of {self.name} by a parameter is not known: it depends on the parts of the train "
+                    "themselves; fit to a coordinate, or to its acceleration"
+                )
+            columns.append(train_histories(system, angles, q, v, a, forces))
+        everything: NDArray[np.complex128] = np.hstack(columns)
+        shifted = everything.imag / _STEP
+        factors = [(signal_place(system, name), factor * signal_factor(system, name)) for name, factor in self.terms]
+        return np.sum([factor * shifted[:, place] for place, factor in factors], axis=0)
+
+
+def signal_of(system: System, given: str | Mapping[str, float] | Signal) -> Signal:
+    """Return a signal of a system's motions from its name, or from names with factors."""
+    if isinstance(given, str):
+        terms = ((given, 1.0),)
+    else:
+        terms = given.terms if isinstance(given, Signal) else tuple(given.items())
+    for name, factor in terms:
+        signal_place(system, name)
+        if isinstance(factor, bool) or not isinstance(factor, int | float) or not math.isfinite(factor):
+            raise ModelError(f"the factor of {name} is {factor!r}; it must be a finite number")
+    if not any(factor for _, factor in terms):
+        raise ModelError("a signal names at least one of the system's, as in \"q1''\" or { \"q1''\" = 1.0 }")
+    return given if isinstance(given, Signal) else Signal(terms)
+
+
+def contact_to_show(system: System, signal: str, forces: NDArray[np.float64]) -> int:
+    """Return the place of the contact whose force a picture shows by default.
+
+    It is the one that the signal names. Otherwise it is a contact that touches, if possible one that acts on the
+    signal's coordinate, and of these the one with the largest force.
+
+    Shapes: `forces` (contacts,).
+    """
+    base, coordinates, sizes = signal.rstrip("'"), system.coordinates, np.nan_to_num(forces)
+
+    def rank(place: int) -> tuple[bool, bool, bool, float]:
+        form, size = system.structure.contacts[place], float(sizes[place])
+        own = base in coordinates and any(system.vector(each)[coordinates.index(base)] for each in form.vectors)
+        return base.partition(".")[0] == form.name, size > 0.0, own, size
+
+    return max(range(len(sizes)), key=rank)
+
+
+def _size(factor: float) -> str:
+    return "" if abs(factor) == 1.0 else f"{abs(factor):g} "

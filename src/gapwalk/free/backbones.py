@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from gapwalk.free.backbone_record import Backbone
+from gapwalk.free.backbone_curve import Backbone
 from gapwalk.free.island_births import IslandBirth, births_table
 from gapwalk.notebook import Shown
 from gapwalk.summary import Rows, SummaryParts, remarks, row_of, rows_of, summarizes

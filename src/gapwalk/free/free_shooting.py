@@ -24,10 +24,22 @@ from numpy.typing import NDArray
 
 from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.errors import FlowError, ModelError
+from gapwalk.flow.equations import magnitude
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
-from gapwalk.flow.length_unit import magnitude
-from gapwalk.free.undriven import check_constant, check_free
-from gapwalk.model.coefficients import ParameterPlane, coefficients_of
+from gapwalk.flow.forces import accelerations
+from gapwalk.flow.motion import is_dry
+from gapwalk.model.coefficients import (
+    CoefficientLayout,
+    ParameterPlane,
+    coefficients_of,
+    layout_of,
+    loads_act,
+    numbers_vary,
+    static_load,
+)
+from gapwalk.model.modes import gyroscopic_part
+from gapwalk.model.spring import springs_of
+from gapwalk.model.static_force import static_forces_of
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.method import Method
@@ -35,6 +47,241 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation
 from gapwalk.orbit.shooting import assembled, composed
 from gapwalk.orbit.sticking import never_slipping, transition_of
+
+# Small motions of a system without excitation: their matrices at a state, and the length beyond which they change.
+
+_STEP = 1e-150  # complex step
+_OCTAVES = np.arange(-60, 61)  # lengths that are tried, as powers of two
+_CHANGED = 0.3  # relative change of a matrix at which motions are no longer small
+_SLIGHT = 1e-6  # damping, relative to a frequency, whose changes do not count
+_FEW = 8  # coordinates that are displaced one by one
+
+
+def tangents(
+    layout: CoefficientLayout, coefficients: NDArray[np.float64], q: NDArray[np.float64], v: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return stiffness and damping for small motions about states, per unit of mass, each shape (..., n, n).
+
+    They are exact to rounding, by a complex step; at a breakpoint those of its open side.
+    """
+    steps = 1j * _STEP * np.eye(q.shape[-1])
+    with np.errstate(all="ignore"):
+        by_positions = [np.imag(accelerations(layout, coefficients, 0.0, q + step, v + 0j)) for step in steps]
+        by_rates = [np.imag(accelerations(layout, coefficients, 0.0, q + 0j, v + step)) for step in steps]
+    return -np.stack(by_positions, axis=-1) / _STEP, -np.stack(by_rates, axis=-1) / _STEP
+
+
+def companion(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the matrix of small motions in positions and velocities, shape (2n, 2n)."""
+    size = len(stiffness)
+    return np.block([[np.zeros((size, size)), np.eye(size)], [-stiffness, -damping]])
+
+
+def length_at_rest(system: System, positions: NDArray[np.float64]) -> float:
+    """Return a length of a system: its largest clearance, or the smallest motion that is not small, or 1.
+
+    Shapes: `positions` (n,).
+    """
+    gaps = [slope.clearance for spring in springs_of(system) for slope in spring.slopes if slope.clearance > 0.0]
+    if gaps:
+        return max(gaps)
+    layout, coefficients, size = layout_of(system.structure), coefficients_of(system), system.size
+    stiffness, damping = tangents(layout, coefficients, positions, np.zeros(size))
+    frequency = float(np.sqrt(np.abs(stiffness).max()))
+    ways = np.vstack((np.ones(size), np.eye(size)[:_FEW]))
+    moved = (np.exp2(_OCTAVES.astype(float))[:, None, None] * ways).reshape(-1, size)
+    still = np.zeros_like(moved)
+    found = [1.0]
+    for q, v in ((moved, still), (still, moved * frequency)):
+        changed = tangents(layout, coefficients, positions + q, v)
+        off = np.zeros(len(moved), dtype=bool)
+        for matrix, other, least in zip((stiffness, damping), changed, (0.0, _SLIGHT * frequency), strict=True):
+            size_of = max(float(np.abs(matrix).max()), least)
+            change = np.abs(other - matrix).max(axis=(1, 2))
+            off |= ~(change <= _CHANGED * size_of) & (size_of > 0.0)
+        lengths = np.abs(moved[off]).max(axis=1)
+        found += [float(lengths.min())] if len(lengths) else []
+    return min(found[1:], default=1.0)
+
+
+# The system without its excitation, and the refusal of systems whose equations depend on the angle.
+
+
+def without_excitation(system: System) -> System:
+    """Return a system without its excitation: its damping and its constant loads remain.
+
+    Parameters
+    ----------
+    system
+        The system.
+
+    Returns
+    -------
+    System
+        The same system with the amplitudes of all harmonics zero.
+
+    Raises
+    ------
+    ModelError
+        If something still depends on the angle of the excitation: a load of another kind, or a number that varies.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> free = gw.free.without_excitation(gw.paper.case("13"))
+    >>> free["harmonic1.amplitude"], free["damping.q1.q1"] > 0.0
+    (0.0, True)
+    """
+    free = system.at(dict.fromkeys(amplitudes_of(system), 0.0))
+    check_free(free)
+    return free
+
+
+def amplitudes_of(system: System) -> list[str]:
+    """Return the names of the amplitudes of all loads that depend on the angle."""
+    names = [f"{load.name}.amplitude" for load in system.structure.harmonics if load.multiples]
+    return [name for name in names if name in system.structure.names]
+
+
+def check_constant(system: System) -> None:
+    """Raise a ModelError if a constant load depends on the frequency, of which a free motion has its own."""
+    for load in system.structure.harmonics:
+        if not load.multiples and load.depends_on_frequency:
+            raise ModelError(
+                f"{load.name} is constant over the angle and depends on the frequency of the excitation, but a free "
+                f"motion has a frequency of its own; write the value that {load.name} has at this speed as a mean load"
+            )
+
+
+def check_free(system: System) -> None:
+    """Raise a ModelError if the equations of a system depend on the angle of its excitation."""
+    if loads_act(system):
+        names = ", ".join(load.name for load in layout_of(system.structure).structure.harmonics if load.multiples)
+        raise ModelError(
+            f"a free motion has no excitation, and {names} acts on this system; take it out with "
+            "gw.free.without_excitation(system), or set its amplitude to 0"
+        )
+    if numbers_vary(system):
+        raise ModelError(
+            "a number of this system varies over the angle of the excitation, and a free motion has no such angle; set "
+            "the amplitude of that variation to 0"
+        )
+
+
+# The system without damping and excitation, its energy, and the test that its motions run backwards.
+
+_LOSSES = ("impact_damping", "viscous_damping")  # numbers of contacts that are set to zero
+_BACK = 1e-7  # largest difference of a motion that ran forward and back, relative to it
+
+
+def without_losses(system: System) -> System:
+    """Return a system without damping and without excitation: its mean loads remain, and its gyroscopic terms.
+
+    A drive train becomes the system of its equations of motion.
+
+    Parameters
+    ----------
+    system
+        The system.
+
+    Returns
+    -------
+    System
+        The same system with other numbers.
+
+    Raises
+    ------
+    ModelError
+        For a system with dry friction or rigid stops, or with a force that depends on rates in another way, or if its
+        gyroscopic terms cannot be told from losses.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> free = gw.free.without_losses(gw.paper.case("13"))
+    >>> free["damping.q1.q1"], free["harmonic1.amplitude"]
+    (0.0, 0.0)
+    """
+    if is_dry(system.structure):
+        raise ModelError(
+            "a system with dry friction or rigid stops has no free vibration without losses; leave them out, or "
+            "replace a rigid stop by a stiff one"
+        )
+    check_constant(system)
+    plain = system.equations
+    structure, names = plain.structure, plain.coordinates
+    zero = [f"{form.name}.{loss}" for form in structure.contacts for loss in _LOSSES]
+    kept = gyroscopic_part(plain, plain.matrix("stiffness"), plain.matrix("damping"))
+    turning = damping_values(plain, np.zeros((len(names), len(names))) if kept is None else kept)
+    none = {name: 0.0 for name in (*zero, *amplitudes_of(plain)) if name in structure.names}
+    free = plain.at({**none, **turning})
+    _check_reversible(free)
+    return free
+
+
+def damping_values(system: System, damping: NDArray[np.float64]) -> dict[str, float]:
+    """Return the values of the parameters that make up a damping matrix."""
+    names = system.coordinates
+    return {f"damping.{a}.{b}": float(damping[i, k]) for i, a in enumerate(names) for k, b in enumerate(names)}
+
+
+def _check_reversible(system: System) -> None:
+    """Refuse a system whose motions do not run backwards, by running one: that shows any loss, whatever its law.
+
+    Gyroscopic terms turn with the motion.
+    """
+    flow, coefficients = flow_of(system), coefficients_of(system)
+    turned = coefficients_of(system.at(damping_values(system, -system.matrix("damping"))))
+    size = 2.0 * max((slope.clearance for spring in springs_of(system) for slope in spring.slopes), default=1.0) or 1.0
+    start = np.zeros(2 * system.size)
+    start[: system.size] = size * np.linspace(1.0, 0.7, system.size)
+    turn = np.repeat([1.0, -1.0], system.size)
+    try:
+        there = flow.integrate(coefficients, start, 0.0, PERIOD).state
+        back = flow.integrate(turned, turn * there, 0.0, PERIOD).state * turn
+    except FlowError:
+        return
+    unit = system.state_scales()
+    if np.abs((back - start) / unit).max() > _BACK * max(np.abs(start / unit).max(), np.abs(there / unit).max()):
+        raise ModelError(
+            "the motions of this system without damping and excitation do not run backwards: a force depends on rates, "
+            "or a number varies over the angle; take it out of the model, such as a formula with v"
+        )
+
+
+def potential_of(system: System, positions: NDArray[np.float64]) -> float:
+    """Return the potential energy at some positions, relative to zero positions, in the units of the model.
+
+    The forces of contacts are integrated along the straight line from zero, piece by piece between breakpoints. It is
+    nan if the stiffness matrix is not symmetric or a contact acts along another vector than its deflection: then the
+    equations were multiplied by something, and do not show their energy.
+    """
+    if not shows_energy(system):
+        return float("nan")
+    total = 0.5 * float(positions @ system.matrix("stiffness") @ positions) - float(static_load(system) @ positions)
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    for force, spring in zip(static_forces_of(system), springs_of(system), strict=True):
+        along = force.deflections @ positions
+        places = {0.0, 1.0}
+        edges = [slope.sign * slope.clearance / along[0] for slope in spring.slopes if along[0] != 0.0]
+        places |= {edge for edge in edges if 0.0 < edge < 1.0}
+        ordered = sorted(places)
+        for low, high in pairwise(ordered):
+            shares = low + (high - low) * 0.5 * (nodes + 1.0)
+            forces = force.by_deflections(np.outer(shares, along)).force
+            total += 0.5 * (high - low) * float(weights @ forces) * float(force.direction @ positions)
+    return total
+
+
+def shows_energy(system: System) -> bool:
+    """Return True if the equations of a system show its energy: they were not multiplied by anything."""
+    stiffness = system.matrix("stiffness")
+    symmetric = np.allclose(stiffness, stiffness.T, rtol=1e-12, atol=1e-12 * np.abs(stiffness).max(initial=0.0))
+    forces = static_forces_of(system)
+    return symmetric and all(
+        len(each.deflections) == 1 and np.allclose(each.direction, each.deflections[0]) for each in forces
+    )
+
 
 _ON_SECTION = 1e-9  # rate of a coordinate, in units of a motion, that is zero but for rounding
 _STILL = 1e-9  # change of the state in a radian, in units of a motion, below which it is at rest

@@ -8,29 +8,345 @@ Method: docs/numerics/self-excited.md
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import NamedTuple, cast
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cached_property
+from typing import ClassVar, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.corrector import Corrector
-from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.continuation.step_size import WalkOptions
-from gapwalk.continuation.walk import EndReason, Walk
-from gapwalk.continuation.walk_scales import Range, check_range, powers_of_two
-from gapwalk.continuation.zero_in_step import zero_in_step
-from gapwalk.errors import ConvergenceError, Interrupted, ModelError, NumericalError
+from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.corrector import Corrector, Range, check_range, powers_of_two, zero_in_step
+from gapwalk.continuation.walk import EndReason, Walk, WalkOptions
+from gapwalk.errors import ConvergenceError, FlowError, Interrupted, ModelError, NumericalError
+from gapwalk.flow.equations import smallness
+from gapwalk.flow.forces import accelerations
 from gapwalk.flow.motion import switch_names
-from gapwalk.free.rest_equation import RestEquation
-from gapwalk.free.rest_record import RestEnd, RestEvent, RestEventKind, RestPoint, Rests
-from gapwalk.free.small_motions import length_at_rest
-from gapwalk.free.undriven import without_excitation
-from gapwalk.model.equilibria import find_equilibria
+from gapwalk.free.backbone_curve import BackboneEnd
+from gapwalk.free.free_shooting import companion, length_at_rest, tangents, without_excitation
+from gapwalk.model.coefficients import ParameterLine, layout_of
+from gapwalk.model.equilibria import balance_of, find_equilibria
 from gapwalk.model.system import System, check_system
-from gapwalk.notebook import shows_progress
-from gapwalk.orbit.orbit_equation import Equation
+from gapwalk.notebook import Shown, shows_progress
+from gapwalk.orbit.orbit_equation import Equation, Evaluation
+from gapwalk.summary import Rows, SummaryParts, Table, row_of, rows_of, summarizes
+from gapwalk.verification.verification import Check, Ledger, Spot
+
+# Records of equilibria along a parameter: the points, what happens along them, and why they end.
+
+_REAL_ROUNDING = 1e-9  # real part of an eigenvalue that is rounding, as a share of the largest eigenvalue
+
+
+@dataclass(frozen=True, eq=False)
+class RestPoint:
+    """One equilibrium.
+
+    Examples
+    --------
+    >>> point = rests.points[0]
+    >>> point.value, point.stable, point.position
+    (-0.5, True, array([0.]))
+    """
+
+    _row: ClassVar = {
+        "parameter": "value",
+        "stable": "stable",
+        "unstable": "unstable",
+        "growth": "growth",
+        "frequency": "frequency",
+        "contacts": "pattern",
+    }
+
+    value: float  #: Value of the parameter.
+    position: NDArray[np.float64]  #: shape (n,): The coordinates.
+    #: shape (2n,): Eigenvalues of small motions about it, largest real part first, per unit of time.
+    eigenvalues: NDArray[np.complex128]
+    pattern: str  #: Which contacts are closed, in words.
+
+    @property
+    def stuck(self) -> tuple[int, ...]:
+        """Contacts whose friction never slips: none."""
+        return ()
+
+    @property
+    def unstable(self) -> int:
+        """Number of eigenvalues with a positive real part."""
+        return int(np.sum(self.eigenvalues.real > _REAL_ROUNDING * np.abs(self.eigenvalues).max()))
+
+    @property
+    def stable(self) -> bool:
+        """True if no small motion grows."""
+        return self.unstable == 0
+
+    @property
+    def growth(self) -> float:
+        """The largest real part of the eigenvalues, per unit of time."""
+        return float(self.eigenvalues[0].real)
+
+    @property
+    def frequency(self) -> float:
+        """Angular frequency of the motion that grows fastest, or decays most slowly."""
+        return abs(float(self.eigenvalues[0].imag))
+
+    @property
+    def pair(self) -> complex:
+        """The complex eigenvalue nearest to the imaginary axis, above the real axis; nan if all are real."""
+        above = self.eigenvalues[self.eigenvalues.imag > _REAL_ROUNDING * np.abs(self.eigenvalues).max()]
+        return complex(above[np.argmin(np.abs(above.real))]) if len(above) else complex(math.nan, math.nan)
+
+    def __repr__(self) -> str:
+        state = "stable" if self.stable else f"unstable ({self.unstable})"
+        return f"RestPoint({self.value:.10g}, {state}{', ' * bool(self.pattern)}{self.pattern})"
+
+
+class RestEventKind(StrEnum):
+    """Kind of event along equilibria.
+
+    Examples
+    --------
+    >>> gw.free.RestEventKind.HOPF.value
+    'Hopf point'
+    """
+
+    HOPF = "Hopf point"
+    FOLD = "fold"
+    CROSSING = "other equilibria cross"
+    BORDER = "a contact changes"
+
+
+@dataclass(frozen=True, eq=False)
+class RestEvent:
+    """Equilibrium at which something changes.
+
+    Examples
+    --------
+    >>> event = rests.events[0]
+    >>> event.kind.value, abs(event.value) < 1e-9, round(event.frequency, 9)
+    ('Hopf point', True, 1.0)
+    """
+
+    _row: ClassVar = {
+        "kind": "kind",
+        "parameter": "point.value",
+        "uncertainty": "uncertainty",
+        "unstable.before": "before",
+        "unstable.after": "after",
+        "frequency": "frequency",
+        "contact": "contact",
+        "closes": "closes",
+        "turns": "turns",
+    }
+
+    kind: RestEventKind  #: What changes.
+    point: RestPoint  #: The equilibrium.
+    uncertainty: float  #: Estimated error of its value of the parameter.
+    #: before, after: Numbers of unstable eigenvalues before and after it, in the direction of the walk.
+    before: int
+    after: int
+    frequency: float = 0.0  #: At a Hopf point, the angular frequency of the motions that begin there; otherwise 0.
+    contact: str = ""  #: Where a contact changes, its name with the stage and side; otherwise empty.
+    closes: bool = False  #: True where that contact closes, in the direction of the walk.
+    turns: bool = False  #: True where the parameter turns back.
+
+    @property
+    def value(self) -> float:
+        """Value of the parameter."""
+        return self.point.value
+
+    @property
+    def words(self) -> str:
+        """What happens, in words."""
+        if self.kind is RestEventKind.HOPF:
+            return f"{self.kind.value}, frequency {self.frequency:.8g}"
+        if self.kind is RestEventKind.BORDER:
+            what = "closes" if self.closes else "opens"
+            return f"{self.contact} {what}{', and the equilibria turn back' * self.turns}"
+        return self.kind.value
+
+    def __repr__(self) -> str:
+        return f"RestEvent({self.words} at {self.value:.10g} +- {self.uncertainty:.0e})"
+
+
+RestEnd = BackboneEnd
+"""Place and reason of an end."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rests(Shown):
+    """Equilibria along one parameter.
+
+    Examples
+    --------
+    >>> rests.parameter, len(rests.hopf_points)
+    ('damper.mu', 1)
+    """
+
+    system: System  #: The system without excitation.
+    parameter: str  #: Name of the parameter.
+    points: tuple[RestPoint, ...]  #: The equilibria in the order of the walk.
+    #: Hopf points, folds, crossings, and contacts that close or open, in the order of the walk.
+    events: tuple[RestEvent, ...]
+    ends: tuple[RestEnd, RestEnd]  #: Both ends.
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """The parameter at each point, shape (points,)."""
+        return np.array([point.value for point in self.points])
+
+    @property
+    def hopf_points(self) -> tuple[RestEvent, ...]:
+        """The Hopf points, at which periodic motions begin."""
+        return tuple(event for event in self.events if event.kind is RestEventKind.HOPF)
+
+    def coordinate(self, name: str) -> NDArray[np.float64]:
+        """Return a coordinate at each point.
+
+        Returns
+        -------
+        array, shape (points,)
+            In the unit of the coordinate.
+        """
+        place = self.system.coordinates.index(name)
+        return np.array([point.position[place] for point in self.points])
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Ends at which the numerics gave up, in sentences."""
+        return tuple(str(end) for end in self.ends if end.is_failure)
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return the range, the events and the ends, in words."""
+        first, last = self.points[0].value, self.points[-1].value
+        stable = sum(point.stable for point in self.points)
+        yield (
+            f"equilibria over {self.parameter} from {first:.8g} to {last:.8g}: {len(self.points)} points, "
+            f"{stable} of them stable"
+        )
+        if self.events:
+            yield Table(
+                ("what", f">{self.parameter}", ">±", ">unstable"),
+                [
+                    (each.words, f"{each.value:.10g}", f"{each.uncertainty:.0e}", f"{each.before} to {each.after}")
+                    for each in self.events
+                ],
+            )
+        for place, end in zip(("first", "last"), self.ends, strict=True):
+            yield f"{place} end: {end}"
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """Return the tables of points and events."""
+        return {
+            "points": lambda: rows_of(map(row_of, self.points)),
+            "events": lambda: rows_of(map(row_of, self.events)),
+        }
+
+    def __repr__(self) -> str:
+        return f"Rests({self.parameter}, {len(self.points)} equilibria, {len(self.events)} events)"
+
+
+# Equilibria along a parameter as n equations for n positions, with the eigenvalues of small motions about them.
+#
+# The accelerations at rest vanish: ``q''(q, 0; a) = 0``. Their derivatives by positions, rates and the parameter are
+# taken by a complex step of the same formulas, exact to rounding, for any law. At a breakpoint of a contact the
+# derivatives are one-sided.
+#
+# Method: docs/numerics/self-excited.md
+
+_STEP = 1e-150  # complex step
+_LEAST = 1e-300  # square of a frequency
+
+
+@dataclass(frozen=True, eq=False)
+class RestEquation:
+    """Equations of the equilibria of a system without excitation, along a parameter.
+
+    The residual is the acceleration at rest over the square of a frequency of the system, a length.
+    """
+
+    system: System  #: The system.
+    parameter: str  #: Name of the parameter.
+    start: NDArray[np.float64]  #: shape (n,): Positions at which that frequency is taken.
+    tolerance: float = 1e-12  #: Largest residual, relative to the positions.
+
+    @cached_property
+    def line(self) -> ParameterLine:
+        """Systems along the parameter."""
+        return ParameterLine(self.system, self.parameter)
+
+    @cached_property
+    def _square(self) -> float:
+        stiffness = self.matrices(self.start, self.system[self.parameter])[0]
+        return max(float(np.abs(stiffness).max()), _LEAST)
+
+    @property
+    def frequency(self) -> float:
+        """A typical frequency of the system, by which residuals and rates are scaled."""
+        return float(np.sqrt(self._square))
+
+    def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
+        """Return residual and derivatives at positions and a value of the parameter."""
+        layout = layout_of(self.system.structure)
+        coefficients, slope = self.line.coefficients(value)
+        rest = np.zeros(len(unknowns))
+        moved = accelerations(layout, coefficients + 1j * _STEP * slope, 0.0, unknowns + 0j, rest)
+        stiffness, damping = self.matrices(unknowns, value)
+        by_parameter = -np.imag(moved) / _STEP / self._square
+        found = Evaluation(
+            -np.real(moved) / self._square,
+            stiffness / self._square,
+            by_parameter,
+            (stiffness, damping),
+        )
+        if not all(np.isfinite(each).all() for each in (found.residual, found.by_unknowns, by_parameter)):
+            raise FlowError("a force has no finite value or slope at rest")
+        return found
+
+    def matrices(self, positions: NDArray[np.float64], value: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return stiffness and damping for small motions about positions, per unit of mass, each shape (n, n)."""
+        coefficients, _ = self.line.coefficients(value)
+        return tangents(layout_of(self.system.structure), coefficients, positions, np.zeros(len(positions)))
+
+    def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> RestPoint:
+        """Return the equilibrium of a solution, with its eigenvalues."""
+        system, depths = self.line.system_at(value), self.depths(unknowns, value)
+        closed = tuple(bool(depth > 0.0) for depth in depths)
+        return RestPoint(value, unknowns.copy(), eigenvalues(*evaluation.evidence), _pattern(system, closed))
+
+    def depths(self, positions: NDArray[np.float64], value: float) -> NDArray[np.float64]:
+        """Return the depth beyond each breakpoint, shape (switches,)."""
+        system = self.line.system_at(value)
+        vectors = [system.vector(form.vectors[0]) for form in system.structure.contacts]
+        return np.array(
+            [side * float(vectors[contact] @ positions) - clearance for contact, side, clearance in system.breakpoints]
+        )
+
+    def scales(self, length: float) -> NDArray[np.float64]:
+        """Return the scales of the positions."""
+        return np.full(self.system.size, max(length, smallness(self.system)) * np.sqrt(self.system.size))
+
+
+def eigenvalues(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return the eigenvalues of small motions, largest real part first, shape (2n,)."""
+    found = np.linalg.eigvals(companion(stiffness, damping)).astype(complex)
+    return found[np.lexsort((-np.imag(found), -np.real(found)))]
+
+
+def _pattern(system: System, closed: tuple[bool, ...]) -> str:
+    """Return which contacts are closed, in words."""
+    texts, breakpoints = [], system.breakpoints
+    forms = [(place, form) for place, form in enumerate(system.structure.contacts) if form.stages]
+    for place, form in forms:
+        sides = [
+            side for (contact, side, _), shut in zip(breakpoints, closed, strict=True) if contact == place and shut
+        ]
+        text = {1: "closed+", -1: "closed-", 0: "open"}[sides[0] if sides else 0]
+        texts.append(text if len(forms) == 1 else f"{form.name} {text}")
+    return ", ".join(texts)
+
 
 _LENGTHS = 10.0  # change of the positions, in lengths of the system, that weighs as much as all of the range
 _ROUNDING = 2e-14  # of a value of the parameter
@@ -405,3 +721,46 @@ def _hopf(point: BranchPoint) -> float:
         rows, columns = np.triu_indices(len(values), 1)
         known = point.memo["hopf"] = float(np.prod((values[rows] + values[columns]) / size).real)
     return known
+
+
+# Verification of equilibria: the balance of static forces and the eigenvalues, by other formulas than the walk's.
+#
+# A walk follows the accelerations of the flow. Here the forces are those of the static search, with the mass matrix,
+# and an eigenvalue must make the matrix of small motions singular.
+
+_BREAKPOINT = 1e-9  # share of a clearance within which a deflection is at a breakpoint, where derivatives are one-sided
+
+
+def verify_rests(ledger: Ledger, name: str, rests: Rests) -> None:
+    """Enter the checks of all equilibria of a branch."""
+    if any(form.law.is_dry for form in rests.system.equations.structure.contacts):
+        ledger.note("equilibria with dry friction on a moving base are not verified: a static search leaves it out")
+        return
+    for number, point in enumerate(rests.points):
+        system = rests.system.at({rests.parameter: point.value}).equations
+        if not _is_at_breakpoint(system, point):
+            ledger.enter(Check.REST, Spot(name, f"point {number}", point.value), _fault(system, point))
+        ledger.points += 1
+
+
+def _fault(system: System, point: RestPoint) -> float:
+    """Return the larger of the relative imbalance of forces and the relative singular value of an eigenvalue."""
+    balance, x = balance_of(system), point.position
+    force, sizes, stiffness = balance.unbalanced(x)
+    damping = system.matrix("damping").copy()
+    for each in balance.forces:
+        damping += np.outer(each.direction, each.at(x).damping @ each.deflections)
+    worst = float(np.abs(force).max() / max(float(sizes.max()), 1e-300)) if np.abs(x).max() > 0.0 else 0.0
+    mass = system.matrix("mass")
+    for value in (point.eigenvalues[0], point.eigenvalues[-1]):
+        matrix = mass * value**2 + damping * value + stiffness
+        size = np.abs(mass * value**2).max() + np.abs(damping * value).max() + np.abs(stiffness).max()
+        worst = max(worst, float(np.linalg.svd(matrix, compute_uv=False)[-1] / size))
+    return worst
+
+
+def _is_at_breakpoint(system: System, point: RestPoint) -> bool:
+    vectors = [system.vector(form.vectors[0]) for form in system.structure.contacts]
+    depths = [side * float(vectors[k] @ point.position) - clearance for k, side, clearance in system.breakpoints]
+    unit = float(np.abs(point.position).max())
+    return any(abs(depth) <= _BREAKPOINT * unit for depth in depths)

@@ -16,12 +16,12 @@ from gapwalk.attractors.compare_motions import Contrast, contrast
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.hysteresis import hysteresis, pick_contact
-from gapwalk.flow.signal import Signal
+from gapwalk.flow.motion import Signal
 from gapwalk.measurement.fit import fit
 from gapwalk.measurement.measured_record import Record
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.contact import Contact
-from gapwalk.model.laws.contact_laws import HuntCrossley
+from gapwalk.model.laws.law import HuntCrossley
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit

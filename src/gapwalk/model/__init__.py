@@ -1,11 +1,10 @@
 """The model: contacts, excitation, and the system that they form."""
 
 from gapwalk.model.contact import Contact, Side, Stage, backlash, stop
-from gapwalk.model.damping_matrix import ModalDamping, ProportionalDamping
 from gapwalk.model.loads import Harmonic
 from gapwalk.model.problems import ModelFileError, Problem
 from gapwalk.model.structure import Structure
-from gapwalk.model.system import System
+from gapwalk.model.system import ModalDamping, ProportionalDamping, System
 
 # `gapwalk.model.model_file` is not imported here: it needs pydantic, which loads more slowly than all other modules.
 __all__ = [

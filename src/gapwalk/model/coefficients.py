@@ -14,7 +14,7 @@ without derivatives written by hand.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import chain
 from typing import Any, NamedTuple
@@ -22,10 +22,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.errors import OutsideError
-from gapwalk.model.parameter import Parameter
-from gapwalk.model.structure import ContactForm, Structure
+from gapwalk.errors import ModelError, OutsideError
+from gapwalk.model.registry import Parameter
+from gapwalk.model.structure import ContactForm, NameBlock, ParameterNames, Structure
 from gapwalk.model.system import System
+from gapwalk.model.units import Units
+from gapwalk.model.value_checks import value_problems
 
 _ASIDE = 0.0123  # relative shift of parameters, at which no slope is zero by coincidence
 _STEP = 1e-150  # complex step: its square must underflow relative to every coefficient, the step must not
@@ -462,3 +464,89 @@ class ParameterPlane:
             coefficients, slope = self._line.coefficients(*point)
             return coefficients, slope[None]
         return _with_slopes(self.system, dict(zip(self._places, point, strict=True)))
+
+
+# Dependence of the equations of a system on the angle of its excitation: by loads, or by numbers that vary.
+
+
+def loads_act(system: System) -> bool:
+    """Return True if a load that depends on the angle acts on a system."""
+    layout, coefficients = layout_of(system.structure), coefficients_of(system)
+    first = 2 * layout.structure.size + len(layout.structure.contacts) + 1
+    return bool(coefficients[layout.accelerations[:, first:]].any() or layout.cycles)
+
+
+def numbers_vary(system: System) -> bool:
+    """Return True if a number of a system varies over the angle."""
+    layout, coefficients = layout_of(system.structure), coefficients_of(system)
+    waves = [wave for slots in layout.contacts for wave in slots.waves.values()]
+    waves += [wave for slots in layout.contacts for stage in slots.stages for wave in stage.waves.values()]
+    return any(coefficients[wave.lines].any() or wave.cycles for wave in waves)
+
+
+# Homotopy: a path from some values of parameters to others as one more parameter, continued like any other.
+
+WAY = "way"
+"""The name of the parameter: 0 at the first values, 1 at the others."""
+
+
+@dataclass(frozen=True)
+class PathAssembly:
+    """Parameters that move together, linearly, while the path parameter goes from 0 to 1.
+
+    Its own numbers are those of the system, then the path parameter, then the final value of each parameter. As they
+    are numbers, all paths of the same parameters share one compiled flow.
+    """
+
+    structure: Structure  #: The structure of the system.
+    moved: tuple[str, ...]  #: The names of the parameters without the frequency, by which everything is scaled.
+
+    @property
+    def names(self) -> ParameterNames:
+        """Names of the system's parameters, of the path parameter, and ``way.`` with each moved parameter."""
+        inner = self.structure.names
+        blocks = (NameBlock(WAY), *(NameBlock(f"{WAY}.{name}") for name in self.moved))
+        return replace(inner, blocks=(*inner.blocks, *blocks))
+
+    @property
+    def units(self) -> Units | None:
+        """The units of the system's parameters."""
+        return self.structure.units
+
+    def expand(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the values of the equations of motion."""
+        return self.structure.expand(self.inner(values))
+
+    def accelerations(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the accelerations of the system; see `Assembly.accelerations`."""
+        return layout_of(self.structure).table(self.inner(values))
+
+    def problems(self, values: NDArray[np.float64]) -> Iterator[str]:
+        """List the errors of the values of the system at this point of the path."""
+        yield from value_problems(self.structure, self.inner(values))
+
+    def inner(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the values of the system at this point of the path."""
+        size, count = len(self.structure.names), len(self.moved)
+        found, share, ends = values[:size].copy(), values[size], values[size + 1 : size + 1 + count]
+        found[self._places] += share * (ends - found[self._places])
+        return found
+
+    @cached_property
+    def _places(self) -> list[int]:
+        return [self.structure.place(name) for name in self.moved]
+
+
+def on_the_way(system: System, to: Mapping[str, float]) -> System:
+    """Add a parameter ``way`` to a system: at 0 it is the given system, at 1 some parameters have other values."""
+    system.at(to)
+    structure = system.structure
+    if structure.pace in to:
+        raise ModelError(
+            f"{structure.pace} cannot move together with others: everything is scaled by it; follow it by itself"
+        )
+    if isinstance(structure.assembly, PathAssembly):
+        raise ModelError("the system already has a parameter path; start from the system without one")
+    assembly = PathAssembly(structure, tuple(to))
+    whole = Structure(structure.coordinates, structure.contacts, structure.harmonics, assembly)
+    return System.from_values(whole, np.concatenate((system.values, [0.0], list(to.values()))))

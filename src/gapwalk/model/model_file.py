@@ -14,13 +14,12 @@ from typing import Any
 
 from gapwalk.errors import ModelError
 from gapwalk.model.drivetrain.train_file import TrainBase, describes_train, train_part, train_problems
-from gapwalk.model.labelled_matrix import arranged
+from gapwalk.model.element_tables import CURVED, MeasuredCurve, measured_curve, with_curves
 from gapwalk.model.loads import LOADS
-from gapwalk.model.matrix_file import read_labelled, split_name
-from gapwalk.model.measured.curve_contact import CURVED, MeasuredCurve, measured_curve, with_curves
+from gapwalk.model.matrix_file import arranged, read_labelled, split_name
+from gapwalk.model.measured.measured_table import NamedFile, path_of, read_named
 from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import SystemBase, system_part
-from gapwalk.model.named_file import NamedFile, path_of, read_named
 from gapwalk.model.problems import Path, Problem, dotted, given
 from gapwalk.model.schema import MAX_COORDINATES, Names, refusal, validate
 from gapwalk.model.system import System

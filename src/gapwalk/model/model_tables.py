@@ -23,16 +23,21 @@ from pydantic import (
 )
 
 from gapwalk.errors import ModelError
-from gapwalk.model.contact import RIGID, Contact, Side, Stage, order_problems
-from gapwalk.model.contact_parts import OF_FRICTION, SPRING_OF_FRICTION, ContactParts
-from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
-from gapwalk.model.force_table import ForcePart
-from gapwalk.model.friction_table import friction_part
+from gapwalk.model.contact import (
+    OF_FRICTION,
+    RIGID,
+    SPRING_OF_FRICTION,
+    Contact,
+    ContactParts,
+    Side,
+    Stage,
+    order_problems,
+)
+from gapwalk.model.element_tables import ForcePart, friction_part, load_fields, loads_of
 from gapwalk.model.laws import HYSTERESIS, LAWS, STIFFNESS, Law, Rigid, law_of, law_parameters, law_with
-from gapwalk.model.load_table import load_fields, loads_of
 from gapwalk.model.loads import LOADS
-from gapwalk.model.parameter import Parameter
 from gapwalk.model.problems import given
+from gapwalk.model.registry import Parameter
 from gapwalk.model.schema import (
     MAX_COORDINATES,
     Direction,
@@ -53,7 +58,7 @@ from gapwalk.model.schema import (
     tagged,
     without_repeats,
 )
-from gapwalk.model.system import System
+from gapwalk.model.system import Damping, ModalDamping, ProportionalDamping, System
 from gapwalk.model.units import QuantityKind
 
 MAX_STUDIES = 200

@@ -24,12 +24,11 @@ from pydantic import (
 )
 
 from gapwalk.errors import ModelError
-from gapwalk.model.known_ideas import idea_of
 from gapwalk.model.laws import Law, law_of
 from gapwalk.model.loads import check_order
 from gapwalk.model.model_source import Source
-from gapwalk.model.parameter import Parameter
-from gapwalk.model.problems import WITHIN, Path, Problem, did_you_mean, given
+from gapwalk.model.problems import WITHIN, Path, Problem, did_you_mean, given, idea_of
+from gapwalk.model.registry import Parameter
 from gapwalk.model.units import QuantityKind, has_unit, read_quantity
 from gapwalk.model.value_checks import mass_problems
 

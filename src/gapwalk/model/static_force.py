@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import ContactSlots, coefficients_of, layout_of
 from gapwalk.model.laws import Stages, StageTerms
-from gapwalk.model.laws.closed_form import Symbols
 from gapwalk.model.laws.formula import NUMPY_FUNCTIONS
+from gapwalk.model.laws.law import Symbols
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 

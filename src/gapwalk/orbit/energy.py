@@ -25,10 +25,10 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.dry_state import Kink
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.forces import Angles, contact_force
-from gapwalk.flow.quadrature import Quadrature, quadrature
+from gapwalk.flow.motion import Quadrature, quadrature
 from gapwalk.model.coefficients import ContactSlots, coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
-from gapwalk.model.gyroscopic import SYMMETRIC, mass_of_energy
+from gapwalk.model.modes import SYMMETRIC, mass_of_energy
 from gapwalk.model.system import System, pace_text
 from gapwalk.notebook import Shown
 from gapwalk.summary import SummaryParts, Table, summarizes

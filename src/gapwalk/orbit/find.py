@@ -16,16 +16,15 @@ from numpy.typing import NDArray
 from gapwalk.ensemble.start import state_at_rest
 from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError, UnfitError
 from gapwalk.flow.contact_events import RestOnJumpError
+from gapwalk.flow.equations import magnitude, natural_length
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.flow.length_unit import magnitude, natural_length
 from gapwalk.flow.motion import check_state
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.modes import dissipation_doubts
 from gapwalk.model.system import System, check_system
 from gapwalk.orbit.method import Method, chosen
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit import Orbit, sensitivity
 from gapwalk.orbit.orbit_equation import Newton, OrbitEquation, solve
-from gapwalk.orbit.sensitivity import sensitivity
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
 
 _NEWTON = Newton(iterations=6, halvings=0)  # from a good guess two or three iterations suffice

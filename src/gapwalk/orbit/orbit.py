@@ -7,29 +7,197 @@ several times.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from fractions import Fraction
+from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.errors import NumericalError
-from gapwalk.flow.contact_events import ContactEvent
+from gapwalk.errors import ModelError, NumericalError
+from gapwalk.flow.contact_events import ContactEvent, Turn
 from gapwalk.flow.dry_state import SlipEvent
-from gapwalk.flow.flow import PERIOD, Arc, Restarts, flow_of
-from gapwalk.flow.forces import contact_deflections
-from gapwalk.flow.length_unit import magnitude
-from gapwalk.flow.motion import Motion, sample
-from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.flow.equations import magnitude
+from gapwalk.flow.flow import PERIOD, Arc, Flow, Restarts, flow_of
+from gapwalk.flow.forces import Angles, contact_deflections
+from gapwalk.flow.motion import Motion, Signal, sample
+from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
+from gapwalk.model.problems import near_names
 from gapwalk.model.system import System, pace_text
+from gapwalk.model.words import full_measure
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability, classify
-from gapwalk.orbit.friction_phases import FrictionPhase, Margin, friction_phases, stick_words
-from gapwalk.orbit.measures import Survey, Turns, apart, measure, survey
 from gapwalk.orbit.method import Method
-from gapwalk.orbit.sticking import kept_words, without_kept
+from gapwalk.orbit.sticking import (
+    FrictionPhase,
+    Margin,
+    friction_phases,
+    kept_words,
+    margins_of,
+    released,
+    stick_words,
+    transition_of,
+    without_kept,
+)
+
+# Measures of one orbit: extrema, mean, rms and harmonics of any of its signals.
+#
+# `survey` finds the extrema and means of each coordinate, and the turning points of the deflections, in one pass.
+
+_TURNS = 1e-9  # rate of a deflection, over the size of a state, that is only rounding where it turns at the start
+_SAMPLES = 96  # per forcing period: those of a motion with friction
+
+MEASURES = ("max", "min", "half", "mean", "rms")
+
+
+def measure_names(coordinates: Sequence[str]) -> list[str]:
+    """Return the headings of the measures: maximum, minimum, half the peak to peak, mean and rms of each coordinate."""
+    return [f"{kind}.{q}" for q in coordinates for kind in MEASURES]
+
+
+def parameter_headings(parameters: Sequence[str], coordinates: Sequence[str]) -> list[str]:
+    """Return headings of parameters: their names, but ``parameter mean.q1`` if a measure is called ``mean.q1``."""
+    taken = measure_names(coordinates)
+    return [f"parameter {name}" if name in taken else name for name in parameters]
+
+
+class Turns(NamedTuple):
+    """Turning points of a quantity along an orbit: their angles, increasing, and its values there.
+
+    Plain lists are used, because there are few turning points and they are needed at every step of a walk.
+
+    Examples
+    --------
+    >>> [round(value, 6) for value in impacting.turns[0].values]  # of the deflection of the stop
+    [1.254466, -1.539058]
+    """
+
+    thetas: list[float]  #: Angles, in radians.
+    values: list[float]  #: Values of the quantity there.
+
+    def nearest(self, theta: float, full: float) -> int:
+        """Return the index of the turning point nearest to an angle, on a circle of circumference `full`."""
+        after = bisect_left(self.thetas, theta)
+        before, after = after - 1, after % len(self.thetas)
+        nearer = apart(self.thetas[before], theta, full) <= apart(self.thetas[after], theta, full)
+        return before if nearer else after
+
+
+def measure(orbit: Orbit, name: str) -> float:
+    """See `Orbit.measure`."""
+    coordinates = orbit.system.coordinates
+    kind, _, signal = full_measure(name, coordinates).partition(".")
+    if kind in MEASURES:
+        if signal in coordinates:
+            row = orbit.extremes[coordinates.index(signal)]
+        else:
+            motion = orbit.motion(8 * orbit.samples)
+            values = motion.signal(signal)  # its largest sample is its maximum to about 1e-5
+            row = values.max(), values.min(), values[:-1].mean(), np.sqrt(np.mean(values[:-1] ** 2))
+            impulses = motion.impulses(signal)[1]
+            if len(impulses):  # of rigid stops: it is infinite there
+                struck = [(impulses > 0.0).any(), (impulses < 0.0).any()]
+                high, low = np.where(struck, (np.inf, -np.inf), row[:2])
+                row = high, low, row[2] + impulses.sum() / (PERIOD * orbit.period), np.inf
+        if kind == "half":
+            return float(row[0] - row[1]) / 2
+        return float(row[("max", "min", "mean", "rms").index(kind)])
+    if kind.startswith("h") and signal and not near_names(kind, MEASURES):
+        return abs(harmonic(orbit, kind[1:], signal))
+    if near := near_names(name, [*coordinates, *(f"{each}.{q}" for each in MEASURES for q in coordinates)]):
+        raise ModelError(f"there is no measure {name!r}; did you mean {' or '.join(near)}?")
+    raise ModelError(
+        f"there is no measure {name!r}; write one of {', '.join(MEASURES)}, h0, h1, ... , a dot and a signal, "
+        f"such as half.{coordinates[0]}"
+    )
+
+
+def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
+    """Return the complex amplitude of a harmonic (``Re(c exp(i h theta))``); its order is a multiple of 1/m.
+
+    Orders count turns of the forcing frequency, or of a shaft whose speed is a parameter.
+    """
+    turns = orbit.system.turns
+    try:
+        line = Fraction(order) / (turns or 1) * orbit.period
+    except ValueError:
+        raise ModelError(f"harmonic {order!r} is not an order; write h0, h1, h2, ... or h1/2") from None
+    if line.denominator != 1 or line < 0:
+        step = f"1/{orbit.period} of W" if turns is None else f"multiples of order {Fraction(turns) / orbit.period}"
+        raise ModelError(f"a period-{orbit.period} orbit has harmonics of {step}, not of {order}")
+    motion = orbit.motion(4 * orbit.samples)
+    values = motion.signal(signal)[:-1]
+    lines = np.fft.rfft(values) / len(values)
+    if line >= len(lines):
+        raise ModelError(f"harmonic {order} lies beyond the {len(lines) - 1} lines that this orbit resolves")
+    theta, sizes = motion.impulses(signal)
+    pulses = np.sum(sizes * np.exp(-1j * int(line) / orbit.period * theta)) / (PERIOD * orbit.period)
+    return complex(lines[int(line)] + pulses) * (1 if line == 0 else 2)
+
+
+class Survey(NamedTuple):
+    """Survey of one orbit."""
+
+    turns: tuple[Turns, ...]  #: Angles at which the deflection of each contact turns, and its values there.
+    visited: list[list[float]]  #: Positions at the start, and at the turning points of coordinates and deflections.
+    means: NDArray[np.float64]  #: shape (2, n): Mean of each coordinate, and of its square.
+    margins: list[Margin]  #: Distances of friction from changes of its sequence of slip and stick.
+    #: shape (period + 1, state_size): States at the start of each forcing period, and at the end; None of motions with
+    #: friction or rigid stops.
+    returns: NDArray[np.float64] | None = None
+
+
+def survey(orbit: Orbit) -> Survey:
+    """Integrate an orbit once more, with the integrals of its positions, and record every turning point."""
+    flow, coefficients = flow_of(orbit.system, survey=True), coefficients_of(orbit.system)
+    length, n, structure = PERIOD * orbit.period, orbit.system.size, orbit.system.structure
+    thetas = PERIOD * np.arange(orbit.period + 1.0)
+    if structure.friction:
+        starts = [phase.start % length for phases in orbit.friction.values() for phase in phases]
+        thetas = np.sort(np.concatenate((_even(orbit.period), starts)))
+        if (same := thetas[1:] == thetas[:-1]).any():
+            thetas = np.delete(thetas, np.flatnonzero(same))
+    integrals, turns, found = flow.survey(coefficients, orbit.state, thetas, orbit.known_states)
+    contacts = []
+    for contact in flow.equations.layout.contacts:
+        factors = [(i, f) for i, f in enumerate(coefficients[contact.deflection].tolist()) if f] or [(0, 0.0)]
+        event = factors[0][0]  # the deflection turns with its only coordinate, or has an event of its own
+        sways = contact.sway is not None
+        if len(factors) > 1 or sways:
+            event = next(k for k, (slots, _) in enumerate(flow.equations.turning) if slots is contact.deflection)
+        own = [turn for turn in turns if turn.event == event]
+        if len(own) % 2 and not sways and not structure.friction and not structure.reactions:
+            # turns alternate: of an odd number one is lost at the start, as where a free motion begins at its extremum
+            rate = sum([factor * float(orbit.state[n + i]) for i, factor in factors])
+            if abs(rate) <= _TURNS * magnitude(orbit.state, orbit.system):
+                own.insert(0, Turn(event, 0.0, orbit.state[:n].tolist()))
+        values: list[float] = [sum([factor * turn.positions[i] for i, factor in factors]) for turn in own]
+        if sways:
+            angles = Angles(flow.equations.layout, coefficients, np.array([turn.theta for turn in own]))
+            values = (np.array(values) + angles.sway(contact)).tolist()
+        contacts.append(Turns([turn.theta for turn in own], values))
+    visited = [orbit.state[:n].tolist(), *(turn.positions for turn in turns)]
+    margins = []
+    if structure.friction and orbit.is_exact:
+        margins = margins_of(orbit, thetas, found, flow.readings)
+    returns = None if structure.friction or structure.reactions else found.states
+    return Survey(tuple(contacts), visited, integrals / length, margins, returns)
+
+
+@lru_cache(maxsize=16)
+def _even(period: int) -> NDArray[np.float64]:
+    """Return the even samples of a motion with friction over some forcing periods."""
+    return np.linspace(0.0, PERIOD * period, _SAMPLES * period + 1)
+
+
+def apart(a: float, b: float, full: float) -> float:
+    """Return the distance of two angles on a circle of circumference `full`."""
+    return abs((a - b + full / 2) % full - full / 2)
+
 
 _AT_STOP = 1e-9  # share of a clearance by which a motion that rests on it may differ from it
 _AT_IMPACT = 1e-4  # radians within which a turning point is that at an impact; logs are those of the last step but one
@@ -524,3 +692,102 @@ def _widest_gap(angles: list[float]) -> float:
     edges = [low, *(angle for angle in angles if low < angle < high), high]
     ratio, at = max((b / a, a) for a, b in pairwise(edges))
     return at * math.sqrt(ratio)
+
+
+# Sensitivity of an orbit to parameters: exact derivatives of its state, and of its motion over the period.
+#
+# The implicit function theorem on the shooting equation ``Phi(x; p) - x = 0`` gives ``(Phi_x - I) dx/dp = -Phi_p``. A
+# later state of the orbit changes by ``Phi_x(theta) dx/dp + Phi_p(theta)``.
+
+_SINGULAR = 1e-11  # smallest relative singular value of ``Phi_x - I`` of an orbit that has derivatives
+
+
+class SignalSlopes(NamedTuple):
+    """Signal at some angles of an orbit, and its derivatives."""
+
+    values: NDArray[np.float64]  #: shape (samples,): The signal.
+    #: shape (samples, k): Its derivatives with respect to the parameters, at the same angles.
+    by_parameters: NDArray[np.float64]
+    by_angle: NDArray[np.float64]  #: shape (samples,): Its derivative with respect to the angle.
+    #: shape (k,): Rms of the two parts of each derivative before they are added: the contribution of the state and that
+    #: of the parameter itself. If they cancel, the remainder is rounding.
+    sizes: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Derivatives of one orbit with respect to some named parameters."""
+
+    #: orbit, names: The orbit and the parameters.
+    orbit: Orbit
+    names: tuple[str, ...]
+
+    @cached_property
+    def state(self) -> NDArray[np.float64]:
+        """Derivative of the orbit's state at theta = 0, shape (state_size, k)."""
+        length = PERIOD * self.orbit.period
+        arc = self._flow.integrate(self._coefficients, self.orbit.state, 0.0, length, self.slopes)
+        size = len(self.orbit.state)
+        (arc,) = released(layout_of(self.orbit.system.structure), self._coefficients, [arc], self.orbit.state)
+        matrix = transition_of(arc) - np.eye(size)
+        singular = np.linalg.svd(matrix, compute_uv=False)
+        if singular[-1] <= _SINGULAR * singular[0]:
+            raise NumericalError("the orbit lies on a fold or a branch point, where it has no derivative by parameters")
+        by_parameters = np.zeros((size, 0)) if arc.sensitivity is None else arc.sensitivity.reshape(size, -1)
+        return np.linalg.solve(matrix, -by_parameters).astype(float, copy=False)
+
+    @cached_property
+    def slopes(self) -> NDArray[np.float64]:
+        """Derivative of the flow's coefficients, shape (k, coefficients)."""
+        system = self.orbit.system
+        lines = [ParameterLine(system, name).coefficients(system[name])[1] for name in self.names]
+        return np.array(lines).reshape(len(self.names), len(self._coefficients))
+
+    def signal(self, signal: Signal, theta: NDArray[np.float64]) -> SignalSlopes:
+        """Return a signal at any angles, with its derivatives by the parameters and by the angle."""
+        grid, back = _grid(self.orbit, theta)
+        system = self.orbit.system
+        found = self._flow.vary(self._coefficients, self.orbit.state, grid, self.slopes)
+        motion = Motion.of(system, grid, found.states, *found.logs)
+        states = found.transitions @ self.state + found.sensitivities
+        by_parameters, sizes = np.zeros((len(grid), len(self.names))), np.zeros(len(self.names))
+        for k, direction in enumerate(self.slopes):
+            through_state = signal.slope(motion, states[:, :, k])
+            by_parameters[:, k] = signal.slope(motion, states[:, :, k], direction)
+            sizes[k] = np.sqrt(np.mean(through_state**2) + np.mean((by_parameters[:, k] - through_state) ** 2))
+        by_angle = signal.slope(motion, motion.rates / system.frequency, theta=1.0)
+        return SignalSlopes(signal.of(motion)[back], by_parameters[back], by_angle[back], sizes)
+
+    @cached_property
+    def _coefficients(self) -> NDArray[np.float64]:
+        return coefficients_of(self.orbit.system)
+
+    @cached_property
+    def _flow(self) -> Flow:
+        return flow_of(self.orbit.system, *self.names, transition=True)
+
+
+def sensitivity(orbit: Orbit, names: Sequence[str]) -> Sensitivity:
+    """Return the sensitivity of an orbit to named parameters; raise a ModelError for an unknown name."""
+    for name in names:
+        orbit.system.structure.place(name)
+    if orbit.own_method is not None:
+        raise ModelError("this motion has no excitation, and its frequency is an unknown: it has no gradients here")
+    if len(orbit.restarts):
+        raise NumericalError(
+            f"small changes of this motion grow by {abs(complex(orbit.multipliers[0])):.3g} in a period, too much for "
+            "its gradients: take them of a motion that is less unstable"
+        )
+    return Sensitivity(orbit, tuple(names))
+
+
+def signal_along(orbit: Orbit, signal: Signal, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the values of a signal of an orbit at any angles, exact at each; shape (samples,)."""
+    grid, back = _grid(orbit, theta)
+    return signal.of(sample(orbit.system, orbit.state, grid, orbit.known_states))[back]
+
+
+def _grid(orbit: Orbit, theta: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Return increasing angles from 0 within one period that include the given ones, and the indices of these."""
+    grid, back = np.unique(np.concatenate(([0.0], theta % (PERIOD * orbit.period))), return_inverse=True)
+    return grid, back[1:]

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError, FlowError, ModelError
-from gapwalk.flow.length_unit import smallness
+from gapwalk.flow.equations import smallness
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit, phases
 
 if TYPE_CHECKING:
-    from gapwalk.orbit.touch_equation import TouchEquation
+    from gapwalk.orbit.shooting import TouchEquation
 
 MAX_PERIOD = 10_000
 """Largest number of forcing periods of an orbit; events and samples of each are stored."""

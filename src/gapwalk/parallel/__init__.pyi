@@ -6,7 +6,7 @@ from ..ensemble import BatchRun as BatchRun
 from ..ensemble import BatchSurvey as BatchSurvey
 from ..ensemble import batch_flow_of as batch_flow_of
 from ..notebook import show_progress as show_progress
-from .pace import Pace as Pace
+from .workers import Pace as Pace
 from .workers import Workers as Workers
 from .workers import local_workers as local_workers
 from .workers import on_cluster as on_cluster

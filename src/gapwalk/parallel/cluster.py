@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 
 from gapwalk.errors import GapwalkError, ModelError, WorkError
 from gapwalk.model.registry import extensions
-from gapwalk.results.versions import sources, versions
+from gapwalk.results.result_file import sources, versions
 
 _CONNECT = 10.0  # seconds
 _LOOK = 2.0  # seconds from one look at the cluster to the next

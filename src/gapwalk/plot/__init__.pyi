@@ -7,7 +7,7 @@ from .picture import begin as begin
 from .picture import draw as draw
 from .picture import draws as draws
 from .picture import figure as figure
+from .picture import new_sheet as new_sheet
 from .picture import save as save
-from .sheet import new_sheet as new_sheet
 from .style import in_style as in_style
 from .style import sized as sized

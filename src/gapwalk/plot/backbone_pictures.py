@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.errors import ModelError
-from gapwalk.free.backbone_record import Backbone, BackboneEventKind
+from gapwalk.free.backbone_curve import Backbone, BackboneEventKind
 from gapwalk.free.backbones import Backbones
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_words, signal_words
 from gapwalk.plot.branches import draw_branches, line_entries, smooth_line
-from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import AnyFigure, write_heading, write_legend, write_letters
+from gapwalk.plot.picture import AnyFigure, Finish, draws, write_heading, write_legend, write_letters
 from gapwalk.plot.style import BLUE, GREEN, PURPLE, VERMILLION, stroke, symbols
 
 _COLOURS = (BLUE, VERMILLION, GREEN, PURPLE)

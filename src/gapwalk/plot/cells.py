@@ -11,19 +11,17 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_rgb
 from numpy.typing import NDArray
 
-from gapwalk.attractors.attractor import AttractorKind
-from gapwalk.attractors.attractor_catalogue import IMPOSSIBLE
-from gapwalk.attractors.basins import Basins
+from gapwalk.attractors.basins import IMPOSSIBLE, Basins
 from gapwalk.attractors.regimes import Regime, Regimes, regime_word
+from gapwalk.attractors.settle import AttractorKind
 from gapwalk.bifurcation.loci import Locus
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind
 from gapwalk.errors import ModelError
-from gapwalk.flow.signal import contact_to_show
+from gapwalk.flow.motion import contact_to_show
 from gapwalk.model.words import coordinate_words, parameter_words, state_words
 from gapwalk.plot import style
-from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import AnyFigure, Inches, stacked, write_legend
-from gapwalk.studies.sweep import Sweep, Way
+from gapwalk.plot.picture import AnyFigure, Finish, Inches, draws, stacked, write_legend
+from gapwalk.studies.sweep_study import Sweep, Way
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
 

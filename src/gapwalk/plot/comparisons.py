@@ -13,17 +13,15 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from gapwalk.attractors.compare_motions import Contrast, LinePair, SignalPair
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind
 from gapwalk.flow.flow import PERIOD
-from gapwalk.measurement.alignment import Alignment
-from gapwalk.measurement.fit import Fit
+from gapwalk.measurement.fit import Alignment, Fit
 from gapwalk.model.units import Units
 from gapwalk.model.words import full_measure, measure_words, order_words, pace_words, parameter_words
-from gapwalk.orbit.sensitivity import signal_along
+from gapwalk.orbit.orbit import signal_along
 from gapwalk.plot import style
 from gapwalk.plot.branches import pieces_of
-from gapwalk.plot.picture import draws
-from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, write_heading, write_legend
+from gapwalk.plot.picture import WIDE, AnyFigure, Inches, draws, write_heading, write_legend
 from gapwalk.studies.compare import ResultComparison
 from gapwalk.studies.result import Result
 

@@ -12,8 +12,7 @@ from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.model.words import full_measure, parameter_symbol
 from gapwalk.plot.branches import name_axes, pieces_of
-from gapwalk.plot.picture import draws
-from gapwalk.plot.sheet import AnyFigure, Inches, write_answer, write_legend, write_letters
+from gapwalk.plot.picture import AnyFigure, Inches, draws, write_answer, write_legend, write_letters
 from gapwalk.plot.style import BLACK, BLUE, GREY, VERMILLION, in_order, points, stroke, symbol_style, symbols
 
 _BAND = "#fbe3c4"

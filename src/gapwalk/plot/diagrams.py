@@ -16,16 +16,24 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
-from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.words import full_measure, parameter_words, state_words
 from gapwalk.orbit.orbit import stroboscopic
-from gapwalk.plot.branches import Piece, cut, draw_branches, draw_unexplained, extent_of, joined, unexplained_entries
+from gapwalk.plot.branches import (
+    Label,
+    Piece,
+    cut,
+    draw_branches,
+    draw_unexplained,
+    extent_of,
+    joined,
+    place_labels,
+    unexplained_entries,
+)
 from gapwalk.plot.branches import unexplained_places as places_of
-from gapwalk.plot.labels import Label, place_labels
-from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import AnyFigure, Inches, stacked, write_heading, write_legend, write_letters
+from gapwalk.plot.picture import AnyFigure, Finish, Inches, draws, stacked, write_heading, write_legend, write_letters
 from gapwalk.plot.style import GREY, SHADE, birth_options, broken, period_options
 
 Range = tuple[float, float]

@@ -7,8 +7,7 @@ from matplotlib.axes import Axes
 
 from gapwalk.free.island_births import Foretold
 from gapwalk.model.words import measure_words, parameter_words
-from gapwalk.plot.picture import draws
-from gapwalk.plot.sheet import write_legend
+from gapwalk.plot.picture import draws, write_legend
 from gapwalk.plot.style import BLACK, BLUE, GREEN, PURPLE, VERMILLION, stroke, symbols
 
 _COLOURS = (BLUE, VERMILLION, GREEN, PURPLE)

@@ -16,18 +16,22 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Codim2, Codim2Point, Locus
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.model.words import full_measure, measure_words, parameter_words
 from gapwalk.plot import style
-from gapwalk.plot.branches import draw_unexplained, pieces_of, unexplained_entries, unexplained_places
-from gapwalk.plot.labels import Label, place_labels
-from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import WIDE, AnyFigure, write_legend, write_letters
-from gapwalk.studies.family import Family
+from gapwalk.plot.branches import (
+    Label,
+    draw_unexplained,
+    pieces_of,
+    place_labels,
+    unexplained_entries,
+    unexplained_places,
+)
+from gapwalk.plot.picture import WIDE, AnyFigure, Finish, draws, write_legend, write_letters
+from gapwalk.studies.family import Connection, Family, Fate
 from gapwalk.studies.map import Map
-from gapwalk.studies.special_point_path import Connection, Fate
 
 _ONE = 6.0  # distance, in points, below which two symbols of one kind share a name
 

@@ -16,12 +16,9 @@ from gapwalk.flow.characteristics import AngleCurve, Characteristics, ForceCurve
 from gapwalk.model.system import System, check_system
 from gapwalk.model.units import Units
 from gapwalk.model.words import pace_words, parameter_words, signal_words
-from gapwalk.plot.machine.glyphs import LETTER
+from gapwalk.plot.machine.elements import LETTER, Scene, draw_scene, svg_of
 from gapwalk.plot.machine.layout import scene_of
-from gapwalk.plot.machine.on_paper import draw_scene, svg_of
-from gapwalk.plot.machine.scene import Scene
-from gapwalk.plot.picture import draws
-from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, open_window, write_heading, write_legend
+from gapwalk.plot.picture import WIDE, AnyFigure, Inches, draws, open_window, write_heading, write_legend
 from gapwalk.plot.style import (
     AXIS,
     BLACK,

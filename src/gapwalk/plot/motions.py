@@ -15,25 +15,22 @@ from matplotlib.colors import LogNorm
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 from numpy.typing import NDArray
 
-from gapwalk.attractors.attractor import Attractor, Settled
 from gapwalk.attractors.section import Section, strobe
+from gapwalk.attractors.settle import Attractor, Settled
 from gapwalk.attractors.spectrum import Spectrum, SpectrumOptions, Waterfall, spectrum
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.forces import Angles
-from gapwalk.flow.hysteresis import Hysteresis
-from gapwalk.flow.motion import Motion, integrate
-from gapwalk.flow.signal import contact_to_show
-from gapwalk.flow.stick_slip import stick_slip
+from gapwalk.flow.hysteresis import Hysteresis, stick_slip
+from gapwalk.flow.motion import Motion, contact_to_show, integrate
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.modes import Modes
 from gapwalk.model.system import System
 from gapwalk.model.words import line_words, order_words, pace_words, parameter_words, signal_words
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.plot.labels import Label, place_labels
-from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import NARROW, WIDE, AnyFigure, Inches, is_narrow, write_heading, write_legend
+from gapwalk.plot.branches import Label, place_labels
+from gapwalk.plot.picture import NARROW, WIDE, AnyFigure, Finish, Inches, draws, is_narrow, write_heading, write_legend
 from gapwalk.plot.style import (
     AXIS,
     BLACK,

@@ -11,16 +11,14 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from gapwalk.answers.gap_states import GapState
-from gapwalk.answers.rattle_bands import RattleBands, Severity
-from gapwalk.answers.rattle_map import RattleMap, cell_word
+from gapwalk.answers.rattle_bands import RattleBands, RattleMap, Severity, cell_word
 from gapwalk.answers.settled_sweep import Direction, Stretch
 from gapwalk.answers.shown_measure import moved_by
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.words import parameter_words
 from gapwalk.plot.cells import draw_loci, fill_colors
-from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import AnyFigure, Inches, write_answer, write_legend, write_letters
+from gapwalk.plot.picture import AnyFigure, Finish, Inches, draws, write_answer, write_legend, write_letters
 from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, VERMILLION, points, stroke, symbols
 
 _TINTS = {GapState.ONE_SIDE: "#fbe3c4", GapState.BOTH_SIDES: "#f2b98a"}  # in grey, the second is clearly darker

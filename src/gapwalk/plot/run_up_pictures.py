@@ -9,9 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from gapwalk.answers.goals.peak_below import peaks
-from gapwalk.answers.jump_delay import JumpDelay
-from gapwalk.answers.run_up import RunUp
+from gapwalk.answers.goals import peaks
+from gapwalk.answers.run_up import JumpDelay, RunUp
 from gapwalk.answers.run_ups import RunUps
 from gapwalk.attractors.spectrum import Waterfall
 from gapwalk.bifurcation.branch import Branch
@@ -20,8 +19,7 @@ from gapwalk.model.system import System
 from gapwalk.model.words import parameter_words, signal_words
 from gapwalk.plot.branches import draw_branches, line_entries
 from gapwalk.plot.motions import fill_waterfall
-from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import AnyFigure, Inches, write_answer, write_legend, write_letters
+from gapwalk.plot.picture import AnyFigure, Finish, Inches, draws, write_answer, write_legend, write_letters
 from gapwalk.plot.style import BLACK, BLUE, GREY, VERMILLION, dots, stroke
 
 _DELAY = "#f9dfcc"

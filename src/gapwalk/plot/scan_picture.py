@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from gapwalk.answers.scan import FAILS, HOLDS, UNKNOWN, Scan
-from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import AnyFigure, write_answer
+from gapwalk.plot.picture import AnyFigure, Finish, draws, write_answer
 from gapwalk.plot.style import GREY
 
 _ROWS = 12  # variations that are drawn

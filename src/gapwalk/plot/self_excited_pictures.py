@@ -9,14 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.errors import ModelError
-from gapwalk.free.rest_record import RestEventKind, Rests
+from gapwalk.free.rest_walk import RestEventKind, Rests
 from gapwalk.free.self_excitation import SelfExcited
 from gapwalk.model.words import parameter_words, signal_words
 from gapwalk.plot.branches import cut, draw_branches, line_entries
-from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import AnyFigure, write_heading, write_legend, write_letters
+from gapwalk.plot.picture import AnyFigure, Finish, draws, write_heading, write_legend, write_letters
 from gapwalk.plot.style import BLACK, BLUE, GREEN, LINES, VERMILLION, stroke, symbols
 
 _STABLE = stroke(BLUE, 1.4, "-", zorder=3)

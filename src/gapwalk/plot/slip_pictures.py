@@ -6,11 +6,10 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from gapwalk.flow.flow import PERIOD
-from gapwalk.flow.stick_slip import StickSlip
+from gapwalk.flow.hysteresis import StickSlip
 from gapwalk.orbit.energy import Energy
 from gapwalk.plot.motions import draw_history
-from gapwalk.plot.picture import draws
-from gapwalk.plot.sheet import AnyFigure, Inches
+from gapwalk.plot.picture import AnyFigure, Inches, draws
 from gapwalk.plot.style import AXIS, BLACK, BLUE, GREEN, GREY, VERMILLION, stroke
 
 _FILLS = {"slip +": VERMILLION, "slip -": BLUE, "stick": GREY, "held": GREEN}

@@ -21,7 +21,7 @@ from matplotlib.colors import to_hex
 
 from gapwalk.attractors.regimes import Regime
 from gapwalk.bifurcation.loci import Codim2
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind
 from gapwalk.errors import ModelError
 
 BLACK, GREY, SHADE = "#000000", "#6f6f6f", "#f1eee6"

@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from gapwalk.answers.threshold import Threshold
 from gapwalk.model.words import parameter_words
 from gapwalk.plot import style
-from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import AnyFigure, write_answer, write_legend
+from gapwalk.plot.picture import AnyFigure, Finish, draws, write_answer, write_legend
 from gapwalk.plot.style import BLACK, GREY, stroke, symbols
 
 _QUIET = "#e4f0e2"

@@ -10,12 +10,11 @@ from matplotlib.ticker import MaxNLocator
 
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.answers.tolerance import Tolerance
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind
 from gapwalk.model.words import parameter_symbol, parameter_words
 from gapwalk.plot import style
 from gapwalk.plot.branches import draw_branches
-from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import AnyFigure, write_answer, write_legend
+from gapwalk.plot.picture import AnyFigure, Finish, draws, write_answer, write_legend
 
 # From dark to light and of different hues (Okabe and Ito 2008), so that neighbours also differ in grey.
 _FILLS = ("#0b56a4", "#f3c55b", "#8fcdf1", "#d55e00", "#9adbc3", "#7a3b69", "#f0e442", "#cc79a7")

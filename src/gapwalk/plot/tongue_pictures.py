@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from gapwalk.model.words import parameter_words
-from gapwalk.plot.picture import draws
-from gapwalk.plot.sheet import write_legend
+from gapwalk.plot.picture import draws, write_legend
 from gapwalk.plot.style import BLACK, BLUE, GREEN, PURPLE, VERMILLION, stroke, symbols
 from gapwalk.tori.tongue import Tongue
 

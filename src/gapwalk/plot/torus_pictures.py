@@ -14,13 +14,10 @@ from mpl_toolkits.mplot3d import Axes3D
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.words import full_measure, measure_words, parameter_words, signal_words
 from gapwalk.plot.branches import draw_branches, line_entries
-from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import AnyFigure, Inches, write_heading, write_legend, write_letters
+from gapwalk.plot.picture import AnyFigure, Finish, Inches, draws, write_heading, write_legend, write_letters
 from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION, stroke, symbols
-from gapwalk.tori.closed_curve import TURN, at_phases
-from gapwalk.tori.torus import Torus
-from gapwalk.tori.torus_diagram import TorusDiagram
-from gapwalk.tori.torus_family import TorusEvent, TorusEventKind, TorusFamily
+from gapwalk.tori.torus import TURN, Torus, at_phases
+from gapwalk.tori.torus_family import TorusDiagram, TorusEvent, TorusEventKind, TorusFamily
 
 _STABLE = stroke(BLUE, 1.6, "-", zorder=4)
 _UNSTABLE = stroke(BLUE, 1.2, (0, (4, 2)), zorder=4)

@@ -9,19 +9,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
-from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.corrector import Corrector
-from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.continuation.walk_scales import powers_of_two, unknown_scales
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switch
+from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.corrector import Corrector, powers_of_two, unknown_scales
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD
+from gapwalk.model.spring import Spring, springs_of
+from gapwalk.model.static_force import static_forces_of
 from gapwalk.model.system import System
 from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.harmonic_balance.linear_part import deflections_in
@@ -32,9 +33,105 @@ if TYPE_CHECKING:
     from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation
     from gapwalk.reduction.reduction import Reduction
 
+
+# The linear part of a system in sparse matrices, with the vectors by which contacts and loads act on it.
+
+_SPARSE = 0.1  # fraction of nonzero entries below which a matrix counts as sparse
+_ROUNDING = 1e-10  # relative asymmetry of a matrix that counts as rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Matrices:
+    """The linear part of a system of n degrees of freedom."""
+
+    #: mass, damping, stiffness: sparse, shape (n, n): M, C and K; M and K are symmetric.
+    mass: Any
+    damping: Any
+    stiffness: Any
+    #: shape (contacts, n): Deflection vectors e_k: each of a force by a formula of several deflections counts as a
+    #: contact of its own.
+    deflections: NDArray[np.float64]
+    forces: NDArray[np.float64]  #: shape (n, contacts): Force vectors d_k.
+    #: shape (n, loads): The constant load, and the shape of each harmonic, unless they are zero.
+    loads: NDArray[np.float64]
+    #: shape (contacts,): Stiffness of each contact with all stages of one side closed; of formulas at zero deflection.
+    springs: NDArray[np.float64]
+
+    @property
+    def size(self) -> int:
+        """Number n of degrees of freedom."""
+        return self.deflections.shape[1]
+
+    @cached_property
+    def ports(self) -> NDArray[np.float64]:
+        """All vectors by which contacts and loads act, shape (n, ports)."""
+        return np.hstack((self.deflections.T, self.forces, self.loads))
+
+    @cached_property
+    def scale(self) -> float:
+        """Largest ratio of stiffness to inertia of a coordinate: about the square of the highest frequency."""
+        return float(np.abs(self.stiffness.diagonal() / self.mass.diagonal()).max())
+
+    @cached_property
+    def is_sparse(self) -> bool:
+        """True if sparse factorisation is faster."""
+        return max(self.mass.nnz, self.damping.nnz, self.stiffness.nnz) < _SPARSE * self.size**2
+
+    def projected(self, basis: NDArray[np.float64]) -> Matrices:
+        """Project the matrices on motions ``q = basis z``."""
+        mass, damping, stiffness = (
+            sp.csc_array(basis.T @ (each @ basis)) for each in (self.mass, self.damping, self.stiffness)
+        )
+        deflections, forces, loads = self.deflections @ basis, basis.T @ self.forces, basis.T @ self.loads
+        return Matrices(mass, damping, stiffness, deflections, forces, loads, self.springs)
+
+
+def matrices_of(system: System) -> Matrices:
+    """Extract the linear part of a system."""
+    n, structure, values = system.size, system.structure, system.values
+    for which in ("mass", "stiffness"):
+        matrix = system.matrix(which)
+        if not np.allclose(matrix, matrix.T, rtol=0.0, atol=_ROUNDING * np.abs(matrix).max()):
+            raise ModelError(
+                f"the {which} matrix is not symmetric, but a modal reduction requires symmetry; write the equations "
+                "of motion in Lagrange's form, or solve the system without reduction, with "
+                "method=Balance()"
+            )
+
+    def vector(prefix: str) -> NDArray[np.float64]:
+        return values[structure.block(prefix, n)]
+
+    deflections, forces, springs = [], [], []
+    for spring, force in zip(springs_of(system), static_forces_of(system), strict=True):
+        stiffness = force.at(np.zeros(n)).stiffness if force.is_formula else [_stiffness(spring)]
+        for deflection, slope in zip(force.deflections, stiffness, strict=True):
+            deflections.append(deflection)
+            forces.append(force.direction)
+            springs.append(slope if np.isfinite(slope) else 0.0)
+    shapes = [vector(load.shape) for load in structure.driving]
+    loads = [load for load in (vector("mean"), *shapes) if load.any()]
+    mass, damping, stiffness = (sp.csc_array(system.matrix(which)) for which in ("mass", "damping", "stiffness"))
+    return Matrices(
+        mass,
+        damping,
+        stiffness,
+        np.array(deflections).reshape(-1, n),
+        np.array(forces).reshape(-1, n).T,
+        np.array(loads).reshape(-1, n).T,
+        np.array(springs),
+    )
+
+
+def _stiffness(spring: Spring) -> float:
+    """Return the stiffness of one contact with all stages of its stiffer side closed."""
+    sides = {1: 0.0, -1: 0.0}
+    for slope in spring.slopes:
+        sides[slope.sign] += slope.stiffness
+    return max(sides.values(), key=abs)
+
+
 _POINTS = 12  # ordinary points of the branch that are checked as well
 _MARGIN = 1.1  # factor on estimates in reports: the truncation of harmonics changes the difference slightly
-_ROUNDING = 1e-10  # error of a located value, in ranges of the parameter
 _OTHER = 1.0  # change of a motion, relative to its size, above which it counts as another motion
 _HARMONICS = 15
 _CONTRACTION = 0.5  # largest ratio of the second of two Newton corrections to the first

@@ -23,9 +23,9 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.motion import signal_names
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
-from gapwalk.orbit.measures import MEASURES
-from gapwalk.results.records import parameters_of
-from gapwalk.results.versions import versions
+from gapwalk.orbit.orbit import MEASURES
+from gapwalk.results.codec import parameters_of
+from gapwalk.results.result_file import versions
 from gapwalk.summary import Described, TableRows
 
 if TYPE_CHECKING:

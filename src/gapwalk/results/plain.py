@@ -15,7 +15,7 @@ from gapwalk.model.laws import Law
 from gapwalk.model.laws.law import data_of
 from gapwalk.model.loads import Load
 from gapwalk.model.system import System
-from gapwalk.results.records import parameters_of
+from gapwalk.results.codec import parameters_of
 
 
 def plain(value: Any) -> Any:

@@ -12,23 +12,193 @@ Method: docs/numerics/results.md
 
 from __future__ import annotations
 
+import errno
 import os
+import platform
 import sqlite3
 import struct
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
+from enum import Enum
+from functools import cache
 from hashlib import blake2b
+from importlib import import_module
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
-import gapwalk.results.records  # noqa: F401 (it registers how systems and orbits are kept)
+import heyoka
+import numpy as np
+
+import gapwalk.results.codec  # noqa: F401 (it registers how systems and orbits are kept)
 from gapwalk import __version__
 from gapwalk.errors import StoreError
 from gapwalk.files import uninterrupted, why_no_file
+from gapwalk.model.registry import UnknownNameError
+from gapwalk.model.system import System
 from gapwalk.results.codec import Packed, decode, encode
-from gapwalk.results.faults import FULL, explained, undamaged
+
+# Differences of two requests: a result file is continued only with the request that began it.
+
+_SHOWN = 3  # differences that are named
+
+
+def check_same(name: str, now: Any, then: Any, otherwise: str = "choose another name, or remove the file") -> None:
+    """Refuse to continue a file with another request."""
+    found = list(differences(now, then))
+    if found:
+        more = f"; and {len(found) - _SHOWN} more differences" if len(found) > _SHOWN else ""
+        raise StoreError(
+            f"{name} holds the result of something else, so it cannot be continued: {'; '.join(found[:_SHOWN])}{more}; "
+            f"{otherwise}"
+        )
+
+
+def differences(now: Any, then: Any, path: str = "") -> Iterator[str]:
+    """Yield each difference between two records, in a few words."""
+    if isinstance(now, System) and isinstance(then, System):
+        yield from _system_differences(now, then)
+    elif type(now) is not type(then) and (is_dataclass(now) or is_dataclass(then)):
+        yield f"{path or 'its kind'} is {_kind_of(now)}, and was {_kind_of(then)}"
+    elif is_dataclass(now):
+        for field in (each for each in fields(now) if each.compare):
+            # the options of a study, and the system, need no name
+            inner = "" if field.name in ("system", "options") else field.name
+            joined = ".".join(filter(None, (path, inner)))
+            yield from differences(getattr(now, field.name), getattr(then, field.name), joined)
+    elif not np.array_equal(now, then) if isinstance(now, np.ndarray) else now != then:
+        yield f"{path} is {_said(now)!r}, and was {_said(then)!r}"
+
+
+def _system_differences(now: System, then: System) -> Iterator[str]:
+    if now.structure != then.structure:
+        yield "the system is made of other parts"
+        return
+    for place in np.flatnonzero(now.values != then.values).tolist():
+        yield f"{now.structure.names[place]} is {float(now.values[place])!r}, and was {float(then.values[place])!r}"
+
+
+def _kind_of(value: Any) -> str:
+    return getattr(value, "kind", None) or type(value).__name__
+
+
+def _said(value: Any) -> Any:
+    """Return a value with the values of enumerations in place of their members."""
+    if isinstance(value, tuple):
+        return tuple(map(_said, value))
+    return value.value if isinstance(value, Enum) else value
+
+
+# Errors of SQLite and of the system about a result file, in words.
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Errors of a disk that is full, or of a limit that is reached."""
+_LOCKED = ("SQLITE_BUSY", "SQLITE_LOCKED")
+
+
+@contextmanager
+def explained(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Convert errors of SQLite and of the system into a StoreError."""
+    try:
+        yield
+    except (sqlite3.Error, OSError, UnicodeError) as error:
+        raise StoreError(_explain(os.fspath(path), error)) from error
+
+
+@contextmanager
+def undamaged(path: str | os.PathLike[str], where: str = "") -> Iterator[None]:
+    """Convert errors while the content of a file is decoded into a StoreError."""
+    try:
+        yield
+    except StoreError:
+        raise
+    except UnknownNameError as error:
+        raise StoreError(
+            f"{os.fspath(path)} cannot be read: {error}. Import the module that adds it; if there is none, the file is "
+            "damaged"
+        ) from error
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
+        raise StoreError(f"{os.fspath(path)} is damaged: {where}{error}") from error
+
+
+def _explain(name: str, error: Exception) -> str:
+    code = getattr(error, "sqlite_errorname", "")
+    folder = os.path.dirname(os.path.abspath(name))
+    if code == "SQLITE_NOTADB":
+        hint = f", but a model file; compute a result first: gapwalk run {name}" if name.endswith(".toml") else ""
+        return f"{name} is not a result file of gapwalk{hint}"
+    if code.startswith("SQLITE_CORRUPT") or isinstance(error, UnicodeError):
+        return f"{name} is damaged or cut short ({error})"
+    if code.startswith(_LOCKED):
+        return f"{name} is being written by another run; wait for its end, or stop it"
+    if not os.path.isdir(folder):
+        return f"there is no folder {folder}; make it, or choose another place for {os.path.basename(name)}"
+    is_gone = code.startswith(("SQLITE_IOERR", "SQLITE_READONLY_DBMOVED")) and not os.path.exists(name)
+    if is_gone or isinstance(error, FileNotFoundError):
+        return f"{name} has been removed or moved while it was written; what a run finds now would be lost"
+    if code.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")) or isinstance(error, PermissionError):
+        if not os.access(folder, os.W_OK) and os.path.exists(f"{name}-wal"):
+            return f"{name} cannot be opened in a folder that cannot be written; copy it and {name}-wal to another one"
+        if not os.access(folder, os.W_OK):
+            return f"{name} cannot be opened: its folder cannot be written; choose another place for the result"
+        return f"{name} cannot be opened; look at its permissions ({error})"
+    if code == "SQLITE_FULL" or getattr(error, "errno", None) in FULL[:2]:
+        return f"{name} cannot be written: the disk is full; all that was reported is in the file"
+    if code.startswith("SQLITE_IOERR") or getattr(error, "errno", None) in FULL:
+        return (
+            f"{name} cannot be read or written ({error}): the disk may be full, a limit reached, or the disk gone; all "
+            "that was reported is in the file"
+        )
+    return f"{name} cannot be read or written: {error}"
+
+
+# The versions of what computes a result.
+
+
+def check_not_newer(path: str | os.PathLike[str], writers: str) -> None:
+    """Raise a StoreError if a file states that a newer version of gapwalk than this one has written to it."""
+    newest = max(writers.split(", "), key=_numbers)
+    if _numbers(newest) > _numbers(__version__):
+        raise StoreError(
+            f"{os.fspath(path)} was written by gapwalk {newest}, and holds what gapwalk {__version__} does not know: "
+            "update gapwalk"
+        )
+
+
+def versions(before: dict[str, str] | None = None) -> dict[str, str]:
+    """Return the versions of the software that computes a result, after those of `before` that differ from them."""
+    now = {
+        "gapwalk": __version__,
+        "heyoka": heyoka.__version__,
+        "numpy": np.__version__,
+        "python": platform.python_version(),
+    }
+    for name, version in (before or {}).items():
+        if now.get(name, version) not in version.split(", "):
+            now[name] = f"{version}, {now[name]}"
+        else:
+            now[name] = version
+    return now
+
+
+@cache
+def sources(modules: tuple[str, ...] = ()) -> str:
+    """Return a hash of the code of gapwalk and of some modules; read once, as a process goes on with what it loaded."""
+    root = Path(__file__).parents[1]
+    named = [(path.relative_to(root).as_posix(), path) for path in sorted(root.rglob("*.py"))]
+    named += [(name, Path(file)) for name in modules if (file := getattr(import_module(name), "__file__", None))]
+    hashed = blake2b(digest_size=6)
+    for name, path in named:
+        content = path.read_bytes()
+        hashed.update(f"{name} {len(content)} ".encode() + content)
+    return hashed.hexdigest()
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """Return a version such as 1.10.2 as numbers that can be compared."""
+    return tuple(int(part) for part in version.split(".") if part.isdigit())
+
 
 APPLICATION = 0x67617077
 """Mark of a SQLite file that is a result of gapwalk: the letters gapw."""

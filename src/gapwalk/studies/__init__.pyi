@@ -4,13 +4,13 @@ from ..results.result_file import Entry as Entry
 from ..results.result_file import Part as Part
 from ..results.result_file import Parts as Parts
 from .basin_study import BasinStudy as BasinStudy
+from .compare import CellComparison as CellComparison
+from .compare import CellDifference as CellDifference
 from .compare import Lone as Lone
 from .compare import Pair as Pair
 from .compare import ResultComparison as ResultComparison
 from .compare import Shift as Shift
 from .compare import compare_results as compare_results
-from .compare_cells import CellComparison as CellComparison
-from .compare_cells import CellDifference as CellDifference
 from .diagram_study import DiagramStudyOptions as DiagramStudyOptions
 from .family import MemberParameter as MemberParameter
 from .family_study import FamilyStudy as FamilyStudy
@@ -37,9 +37,9 @@ from .study_kind import Work as Work
 from .study_registry import OPEN as OPEN
 from .study_registry import Counted as Counted
 from .study_registry import add_kind as add_kind
-from .sweep import Patience as Patience
-from .sweep import Way as Way
+from .sweep_study import Patience as Patience
 from .sweep_study import SweepStudy as SweepStudy
+from .sweep_study import Way as Way
 from .tables import Start as Start
 from .tables import Surroundings as Surroundings
 from .tables import check_signal as check_signal

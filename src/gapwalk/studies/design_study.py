@@ -11,10 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, cast
 from annotated_types import Ge, Le
 from pydantic import AfterValidator, Field, ValidationInfo
 
-from gapwalk.answers.design import Design, proved
-from gapwalk.answers.goals import AnyGoal, NoPoint, PeakBelow, Quiet, Resonance
-from gapwalk.answers.goals.peak_below import peak_signal
-from gapwalk.answers.least_change import Change, DesignProblem, LeastChangeOptions, Route
+from gapwalk.answers.design import Change, Design, DesignProblem, LeastChangeOptions, Route, proved
+from gapwalk.answers.goals import AnyGoal, NoPoint, PeakBelow, Quiet, Resonance, peak_signal
 from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System, check_system

@@ -19,7 +19,7 @@ from gapwalk.bifurcation.follow import walk_out
 from gapwalk.bifurcation.isolated import Progress, SearchOptions, SearchResult, coverage, search
 from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
 from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.continuation.step_size import WalkOptions
+from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.notebook import shows_progress

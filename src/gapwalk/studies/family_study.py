@@ -13,28 +13,33 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from gapwalk.bifurcation.branch_start import directions
-from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.point_on_branch import point_row
-from gapwalk.continuation.step_size import WalkOptions
+from gapwalk.bifurcation.special_point import Kind
+from gapwalk.continuation.both_directions import point_row
+from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.schema import Number, Text
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import shows_progress
-from gapwalk.orbit.measures import parameter_headings
 from gapwalk.orbit.method import Method
+from gapwalk.orbit.orbit import parameter_headings
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.plain import plain
 from gapwalk.studies.columns import table_rows
-from gapwalk.studies.document import branch_document
-from gapwalk.studies.family import Family
-from gapwalk.studies.family_joining import FamilyOptions, FamilyWork
-from gapwalk.studies.family_member import Member, MemberParameter, Place
+from gapwalk.studies.family import (
+    Connection,
+    Family,
+    FamilyOptions,
+    FamilyWork,
+    Member,
+    MemberParameter,
+    Place,
+    SpecialPointPath,
+)
 from gapwalk.studies.options import BranchOptions, kinds_key
-from gapwalk.studies.runner import Report, call
+from gapwalk.studies.runner import Report, branch_document, call
 from gapwalk.studies.set_values import leaves_of
-from gapwalk.studies.special_point_path import Connection, SpecialPointPath
 from gapwalk.studies.study_kind import Finding, Rows, values_of
 from gapwalk.studies.tables import Surroundings
 from gapwalk.summary import SummaryParts, Table, summarizes

@@ -12,15 +12,14 @@ import numpy as np
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.bifurcation.loci import Codim2, Codim2Point, Locus, LocusEnd, LocusPoint
-from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.point_on_branch import method_document, method_values
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint
+from gapwalk.continuation.both_directions import method_document, method_values
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
 from gapwalk.model.words import full_measure, parameter_symbol
 from gapwalk.notebook import Shown
-from gapwalk.orbit.measures import measure_names, parameter_headings
+from gapwalk.orbit.orbit import measure_names, parameter_headings
 from gapwalk.studies.columns import measure_values
 from gapwalk.studies.study_registry import MAX_VALUES, Counted, check_integers, check_values
 from gapwalk.summary import SummaryParts, Table, remarks, summarizes

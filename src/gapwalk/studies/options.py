@@ -10,16 +10,16 @@ from annotated_types import Ge, Le
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, ValidationInfo
 
 from gapwalk.bifurcation.isolated import SearchOptions
-from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.step_size import WalkOptions
+from gapwalk.bifurcation.special_point import Kind
+from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.schema import one_of
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
 from gapwalk.orbit.harmonic_balance.balance import Balance
-from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.method import Method
+from gapwalk.orbit.orbit import MEASURES
 from gapwalk.orbit.orbit_equation import MAX_PERIOD
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.studies.derived_schema import key_type, table_schema

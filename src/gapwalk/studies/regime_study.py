@@ -13,24 +13,27 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.box import centres
+from gapwalk.attractors.basins import centres
 from gapwalk.attractors.many_motions import enough, has_kernel, motions_of
-from gapwalk.attractors.regime_judge import (
+from gapwalk.attractors.regimes import (
     Finding,
+    Regime,
+    RegimeCheck,
     RegimeOptions,
+    Regimes,
     Verdicts,
     corrected,
     is_doubtful,
     judge,
+    regime_word,
     settle_doubts,
 )
-from gapwalk.attractors.regimes import Regime, RegimeCheck, Regimes, regime_word
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System, check_system
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import shows_progress
 from gapwalk.orbit.find import initial_state
-from gapwalk.parallel.stages import do_in_stages
+from gapwalk.parallel.groups import do_in_stages
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellFinding, CellWork, check_until_right

@@ -3,30 +3,385 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
+import numpy as np
 from annotated_types import Gt
+from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationInfo
 
-from gapwalk.answers.scan import Scan, check_claims
-from gapwalk.answers.scan_claims import AnyClaim, MotionClaim, PointClaim
-from gapwalk.attractors.regime_judge import RegimeOptions
+from gapwalk.answers.scan import (
+    FAILS,
+    HOLDS,
+    UNKNOWN,
+    AnyClaim,
+    Course,
+    Motion,
+    MotionClaim,
+    PointClaim,
+    Scan,
+    ScanCheck,
+    check_claims,
+    variations,
+)
+from gapwalk.attractors.many_motions import (
+    BatchMotions,
+    ExactMotions,
+    ManyMotions,
+    enough,
+    finite_rows,
+    has_kernel,
+    motions_of,
+)
+from gapwalk.attractors.regimes import Regime, RegimeOptions, judge, regime_word, take_another_look
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.follow import follow
+from gapwalk.bifurcation.isolated.search_chunk import spread_starts, state_box
 from gapwalk.bifurcation.kinds import Kind
-from gapwalk.errors import ModelError
+from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System, check_system
 from gapwalk.notebook import shows_progress
+from gapwalk.orbit.find import find_orbit, initial_state
 from gapwalk.parallel.workers import Workers
+from gapwalk.results.plain import plain
+from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.runner import Report, call
-from gapwalk.studies.scan_work import ScanWork
-from gapwalk.studies.study_kind import StudyKind, values_of
+from gapwalk.studies.study_kind import AnswerFinding, AnswerWork, Found, StudyKind, plain_numbers, values_of
 from gapwalk.studies.study_registry import INLINE, OPEN, Counted, check_integers
 from gapwalk.studies.tables import Surroundings
 
 if TYPE_CHECKING:
     from typing import Self
+
+
+# Work on a scan: claims judged for many variations, in chunks, then the best ones again with the exact flow.
+
+CHUNK = 32
+"""Variations in a chunk of settled motions: one piece of work, and what a killed run loses at most."""
+WALKED = 4
+"""Variations in a chunk if each is walked."""
+_STEPS = 400  # per forcing period from which on the exact flow is faster for one variation
+_FAR = 1000.0  # times the box of starts: a motion that goes so far does not come back
+_LOOKS, _BETWEEN = 8, 4  # how often it is looked for, and after how many forcing periods each time
+
+
+@dataclass(frozen=True, eq=False)
+class ScanChunk:
+    """What the claims come to for some variations in a row."""
+
+    number: int  #: Number of the chunk.
+    #: holds, amounts: As in `gapwalk.ask.Scan`.
+    holds: NDArray[np.int_]
+    amounts: NDArray[np.float64]
+    error: float  #: Error of the batch integrator.
+
+
+SCANNED = Part("scanned", ScanChunk, numbered=True)
+SCAN = Part("scan", Scan)
+
+
+@dataclass(frozen=True)
+class ScanFinding(AnswerFinding[Scan]):
+    """Finding of a scan, complete or not."""
+
+    def document_of(self, found: Scan, points: bool) -> dict[str, Any]:
+        """Return the best variations and the chance of luck as JSON values; with all variations if wanted."""
+        best = found.best[:20]
+        score = int(found.scores[best[0]]) if best else 0
+        document: dict[str, Any] = {
+            "answer": found.sentence,
+            "claims": [claim.words for claim in found.claims],
+            "variations": len(found.variations),
+            "model": self._row(found, 0),
+            "best": [self._row(found, index) for index in best],
+            "luck": plain_numbers(plain(found.luck(score)._asdict())),
+            "check": {"checked": found.check.checked, "different": list(found.check.different)},
+            "error": found.error,
+        }
+        if points:
+            every = range(len(found.variations))
+            document["all"] = [self._row(found, index) | {"values": found.variations.of(index)} for index in every]
+        return document
+
+    @staticmethod
+    def _row(found: Scan, index: int) -> dict[str, Any]:
+        return {
+            "variation": found.words(index),
+            "score": int(found.scores[index]),
+            "holds": found.holds[index].tolist(),
+            "amounts": plain_numbers(found.amounts[index].tolist()),
+        }
+
+
+class ScanWork(AnswerWork[Scan]):
+    """Judges the claims for all variations, in chunks that do not depend on each other."""
+
+    found_as = ScanFinding
+
+    def __init__(self, system: System, asked: ScanStudy) -> None:
+        check_claims(system, asked.claims)
+        fixed = frozenset(name for claim in asked.claims for name in claim.varied)
+        self.system, self.asked = system, asked
+        self.variations = variations(
+            system,
+            asked.parameters,
+            factors=asked.factors,
+            pairs=asked.pairs,
+            listed=asked.listed,
+            neighbours=asked.neighbours,
+            spread=asked.spread,
+            seed=asked.seed,
+            fixed=fixed,
+        )
+        walked = any(isinstance(claim, PointClaim) for claim in asked.claims)
+        size = WALKED if walked else CHUNK
+        self._pieces = [
+            (number, self.variations.values[first : first + size])
+            for number, first in enumerate(range(0, len(self.variations), size))
+        ]
+        self._size = size
+        self._chunks: dict[int, ScanChunk] = {}
+
+    def take(self, known: Parts) -> None:
+        """Read the record of a file, or its chunks if it is incomplete; raise a ValueError if it has other claims."""
+        self.whole = known.get(SCAN)
+        if self.whole is None:
+            self._chunks = dict(known.all(SCANNED))
+        elif self.whole.claims != self.asked.claims:
+            raise ValueError("the scan does not belong to the study")
+
+    def parts(self, workers: Workers) -> Generator[Found]:
+        """Judge the variations that are left; then compare the best ones with the exact flow."""
+        asked = self.asked
+        left = [piece for piece in self._pieces if piece[0] not in self._chunks]
+        # those that are walked may take long, and each other's states are not needed: any order will do
+        scan_one = partial(_scan_piece, self._scanner)
+        for _, chunk in workers.each(scan_one, left, in_order=False):
+            self._chunks[chunk.number] = chunk
+            yield Found.part(SCANNED, chunk, chunk.number)
+        found = self._found(complete=True)
+        best = [index for index in found.best[: asked.check] if found.scores[index] > 0]
+        pieces = [(index, self.variations.values[index]) for index in best]
+        checked, different = 0, []
+        for _, (count, sentences) in workers.each(partial(_check_piece, self._scanner), pieces):
+            checked += count
+            different += sentences
+        self.whole = self._found(complete=True, check=ScanCheck(checked, tuple(different)))
+        yield Found.part(SCAN, self.whole)
+
+    @property
+    def _scanner(self) -> _Scanner:
+        return _Scanner(self.system, self.asked, self.variations.names)
+
+    @property
+    def before(self) -> int:
+        """Number of chunks that are done."""
+        return len(self._chunks)
+
+    @property
+    def total(self) -> int:
+        """Number of parts: the chunks, and the record."""
+        return len(self._pieces) + 1
+
+    def so_far(self) -> Scan | None:
+        """Return the scan of the chunks that are done; None before the first."""
+        return self._found(complete=False) if self._chunks else None
+
+    def _found(self, *, complete: bool, check: ScanCheck | None = None) -> Scan:
+        shape = len(self.variations), len(self.asked.claims)
+        holds, amounts = np.full(shape, UNKNOWN), np.full(shape, np.nan)
+        for number, chunk in self._chunks.items():
+            part = slice(number * self._size, number * self._size + len(chunk.holds))
+            holds[part], amounts[part] = chunk.holds, chunk.amounts
+        notes = [*self.variations.left_out]
+        unknown = int((holds == UNKNOWN).sum())
+        if not complete:
+            notes.append(f"stopped when {len(self._chunks)} of {len(self._pieces)} chunks were done")
+        elif unknown:
+            notes.append(
+                f"{unknown} of {holds.size} verdicts are unknown: no orbit, or a walk that did not come so far"
+            )
+        error = max((chunk.error for chunk in self._chunks.values()), default=0.0)
+        return Scan(
+            self.system,
+            self.asked.claims,
+            self.variations,
+            holds,
+            amounts,
+            check or ScanCheck(),
+            error,
+            complete,
+            tuple(notes),
+        )
+
+
+@dataclass(frozen=True)
+class _Scanner:
+    """Judges all claims for some variations; other processes can do it."""
+
+    system: System
+    asked: ScanStudy
+    names: tuple[str, ...]
+
+    @property
+    def _claims(self) -> tuple[AnyClaim, ...]:
+        return self.asked.claims
+
+    @property
+    def _places(self) -> list[Mapping[str, float]]:
+        """The different values of parameters at which claims speak of motions."""
+        places: list[Mapping[str, float]] = []
+        for claim in self._claims:
+            if isinstance(claim, MotionClaim) and claim.at not in places:
+                places.append(claim.at)
+        return places
+
+    def judge(self, values: NDArray[np.float64]) -> tuple[NDArray[np.int_], NDArray[np.float64], float]:
+        """Return what the claims come to for variations whose values have the shape (count, names)."""
+        holds = np.full((len(values), len(self._claims)), UNKNOWN)
+        amounts = np.full(holds.shape, np.nan)
+        settled, error = self.settle(values)
+        for index, row in enumerate(values):
+            walks: dict[Course, Branch | None] = {}
+            for number, claim in enumerate(self._claims):
+                if isinstance(claim, MotionClaim):
+                    found: tuple[bool | None, float] = claim.judge(settled[index][self._places.index(claim.at)][0])
+                else:
+                    if claim.course not in walks:
+                        walks[claim.course] = self._walk(self._system(row), claim.course)
+                    branch = walks[claim.course]
+                    found = (None, np.nan) if branch is None else claim.judge(branch)
+                holds[index, number] = UNKNOWN if found[0] is None else HOLDS if found[0] else FAILS
+                amounts[index, number] = found[1]
+        return holds, amounts, error
+
+    def settle(self, values: NDArray[np.float64]) -> tuple[list[list[tuple[list[Motion], NDArray[np.float64]]]], float]:
+        """Return the motions, and their last states, of all starts: for each variation, at each place of a claim."""
+        places = self._places
+        if not places:
+            return [[] for _ in values], 0.0
+        starts = self._starts()
+        by_name = self._lanes(values, starts)
+        begun = self._begin(by_name, np.tile(starts, (len(values) * len(places), 1)))
+        motions, states, error = self._settled(by_name, begun, len(values))
+        shape = len(values), len(places), len(starts)
+        kinds = np.array(motions).reshape(*shape, 2)
+        ends = states.reshape(*shape, -1)
+        for v, p in np.ndindex(shape[:2]):
+            self._look_again(kinds[v, p], ends[v, p], self._system(values[v]).at(places[p]), places[p])
+        return [
+            [([(int(a), int(b)) for a, b in kinds[v, p]], ends[v, p]) for p in range(shape[1])] for v in range(shape[0])
+        ], error
+
+    def _lanes(self, values: NDArray[np.float64], starts: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+        """Return the values of the parameters of all motions: of each variation, at each place, from each start."""
+        places = self._places
+        by_name = dict(zip(self.names, np.repeat(values, len(places) * len(starts), axis=0).T, strict=True))
+        for name in sorted({name for place in places for name in place}):
+            own = [place.get(name, float(self.system[name])) for place in places]
+            by_name[name] = np.tile(np.repeat(own, len(starts)), len(values))
+        return by_name
+
+    def _begin(self, by_name: dict[str, NDArray[np.float64]], states: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Follow the first periods with the exact flow; motions that go far away become nan.
+
+        A variation without a bounded motion would take very small steps, and many of them, before it is given up.
+        """
+        motions, reach = ExactMotions(self.system, by_name), _FAR * state_box(self.system)
+        for _ in range(_LOOKS):
+            states = motions.advance(states, _BETWEEN)
+            with np.errstate(invalid="ignore"):
+                states[(np.abs(states[:, : len(reach)]) > reach).any(axis=1)] = np.nan
+        return states
+
+    def _settled(
+        self, by_name: dict[str, NDArray[np.float64]], states: NDArray[np.float64], count: int
+    ) -> tuple[list[Motion], NDArray[np.float64], float]:
+        """Classify the motions of a number of variations, side by side.
+
+        A variation that needs many more steps than the others, or the exact flow, would take all of them along: they
+        are halved until it stands alone, and alone it is followed by the exact flow.
+        """
+        left = finite_rows(states)
+        if not left.any():
+            return [(int(Regime.RUNAWAY), 0)] * len(states), states, 0.0
+        # those that have gone away keep their places, as motions of the model that set no steps
+        by_name = {name: np.where(left, each, float(self.system[name])) for name, each in by_name.items()}
+        motions: ManyMotions = motions_of(self.system, np.where(left[:, None], states, 0.0), by_name)
+        if has_kernel(self.system) and not (isinstance(motions, BatchMotions) and motions.steps <= _STEPS):
+            if count > 1:
+                half = count // 2
+                cut = half * (len(states) // count)
+                parts = [(slice(None, cut), half), (slice(cut, None), count - half)]
+                one, two = (
+                    self._settled({name: each[part] for name, each in by_name.items()}, states[part], number)
+                    for part, number in parts
+                )
+                return one[0] + two[0], np.concatenate([one[1], two[1]]), max(one[2], two[2])
+            motions = ExactMotions(self.system, by_name)
+        structure = self.system.structure
+        paces = by_name.get(structure.pace, np.full(len(states), float(self.system[structure.pace])))
+        scales = np.array([self.system.state_scales(1.0, structure.frequency * each) for each in paces.tolist()])
+        work = partial(judge, states=states, scales=scales, options=self.asked.judging)
+        verdicts, error = enough(motions, work)
+        kinds = list(zip(verdicts.regimes.tolist(), verdicts.periods.tolist(), strict=True))
+        return kinds, verdicts.states, error
+
+    def _look_again(
+        self, kinds: NDArray[np.int_], states: NDArray[np.float64], system: System, place: Mapping[str, float]
+    ) -> None:
+        """Classify motions that seem quasi-periodic with the exact flow, where a claim speaks of such motions."""
+        torus = int(Regime.QUASI_PERIODIC), 0
+        claims = (claim for claim in self._claims if isinstance(claim, MotionClaim) and claim.at == place)
+        if any(claim.matches(torus) for claim in claims):
+            for start in np.flatnonzero(np.isin(kinds[:, 0], (Regime.QUASI_PERIODIC, Regime.UNDECIDED))).tolist():
+                kinds[start] = take_another_look(system, states[start])
+
+    def _walk(self, system: System, course: Course) -> Branch | None:
+        """Walk a branch; None if there is no first orbit."""
+        begin = system.at({**dict(course.at), course.parameter: course.begin})
+        try:
+            return follow(find_orbit(begin, course.period), course.parameter, course.end)
+        except NumericalError:
+            return None
+
+    def _starts(self) -> NDArray[np.float64]:
+        rest = np.asarray(initial_state(self.system, "rest"))[None, :]
+        if self.asked.starts == 1:
+            return rest
+        others = spread_starts([self.system], state_box(self.system), self.asked.starts - 1, self.asked.seed, 0.0)
+        return np.concatenate([rest, others])
+
+    def _system(self, row: NDArray[np.float64]) -> System:
+        return self.system.at(dict(zip(self.names, row.tolist(), strict=True)))
+
+    def check(self, row: NDArray[np.float64]) -> tuple[int, list[str]]:
+        """Classify the motions of one variation again with the exact flow, one of each kind at each place."""
+        (settled,), _ = self.settle(row[None, :])
+        checked, sentences = 0, []
+        for place, (kinds, states) in zip(self._places, settled, strict=True):
+            system = self._system(row).at(place)
+            for kind in dict.fromkeys(kinds):
+                exact = take_another_look(system, states[kinds.index(kind)])
+                checked += 1
+                if exact != kind:
+                    where = ", ".join(f"{name} = {value:g}" for name, value in place.items())
+                    sentences.append(f"at {where}: {regime_word(*kind)}, but {regime_word(*exact)} by the exact flow")
+        return checked, sentences
+
+
+def _scan_piece(scanner: _Scanner, piece: tuple[int, NDArray[np.float64]]) -> ScanChunk:
+    number, values = piece
+    return ScanChunk(number, *scanner.judge(values))
+
+
+def _check_piece(scanner: _Scanner, piece: tuple[int, NDArray[np.float64]]) -> tuple[int, list[str]]:
+    return scanner.check(piece[1])
+
 
 MAX_VARIATIONS = 1_000_000
 """Largest number of variations of a study."""

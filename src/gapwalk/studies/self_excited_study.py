@@ -9,12 +9,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.continuation.step_size import WalkOptions
+from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError
-from gapwalk.free.rest_record import Rests
-from gapwalk.free.rest_walk import check_rest, follow_rest
+from gapwalk.free.free_shooting import without_excitation
+from gapwalk.free.rest_walk import Rests, check_rest, follow_rest
 from gapwalk.free.self_excitation import SelfExcited, is_known, starts, with_cycle
-from gapwalk.free.undriven import without_excitation
 from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts

@@ -12,12 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, ValidationInfo
 
-from gapwalk.attractors.attractor import Attractor, AttractorKind, Settled
-from gapwalk.attractors.classify import ClassifyOptions, identify
 from gapwalk.attractors.lyapunov import LyapunovOptions
 from gapwalk.attractors.rattle import ContactLoad, Impulsiveness, Rattle, SideRattle, rattle
 from gapwalk.attractors.section import strobe
-from gapwalk.attractors.settle import SettleOptions, settle
+from gapwalk.attractors.settle import (
+    Attractor,
+    AttractorKind,
+    ClassifyOptions,
+    Settled,
+    SettleOptions,
+    identify,
+    settle,
+)
 from gapwalk.attractors.spectrum import Peak, spectrum
 from gapwalk.bifurcation.special_point import describe_switch
 from gapwalk.errors import ModelError

@@ -15,23 +15,21 @@ from typing import Any
 
 from gapwalk.errors import ModelError
 from gapwalk.files import why_no_file
-from gapwalk.model.contact import RIGID, Side
-from gapwalk.model.contact_parts import OF_FRICTION
+from gapwalk.model.contact import OF_FRICTION, RIGID, Side
 from gapwalk.model.drivetrain.train_file import describes_train
 from gapwalk.model.drivetrain.train_sheet import train_of_sheet
 from gapwalk.model.laws import FRICTION, LAWS, law_parameters
 from gapwalk.model.loads import LOADS, Load
+from gapwalk.model.measured.measured_table import read_named
 from gapwalk.model.model_file import Model, check_model, has_pace, in_order, read_files, read_parts
 from gapwalk.model.model_source import Source, parse_source, read_source
 from gapwalk.model.modes import dissipation_doubts
-from gapwalk.model.named_file import read_named
 from gapwalk.model.problems import ModelFileError, Path, Problem, did_you_mean, given
 from gapwalk.model.schema import Names, refusal, validate
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
 from gapwalk.studies.derived_schema import DerivedPart, all_keys, study_schema
-from gapwalk.studies.measure import check_measurement
-from gapwalk.studies.measure_doubts import measure_doubts
+from gapwalk.studies.measure import check_measurement, measure_doubts
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.reduced import ReducedFrom, ReductionPart, reduce_for, reduction_part
 from gapwalk.studies.set_values import (

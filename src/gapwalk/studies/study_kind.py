@@ -132,7 +132,7 @@ class Found(NamedTuple):
     #: it is reported; where there is no file, it is reported at once.
     entries: tuple[Entry, ...]
     #: Reports after it is stored: the arguments of each call. None: the value of the first entry, and the
-    #: `gapwalk.parallel.pace.Pace` of the work.
+    #: `gapwalk.parallel.workers.Pace` of the work.
     news: tuple[tuple[Any, ...], ...] | None = None
 
     @classmethod

@@ -4,34 +4,524 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Generator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from functools import partial
+from itertools import groupby
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, ValidationInfo
 
-from gapwalk.bifurcation.isolated.search_options import spread_starts, state_box, with_extensions
-from gapwalk.errors import ModelError, WorkError
+from gapwalk.attractors.many_motions import BatchMotions, enough, motions_of
+from gapwalk.attractors.regimes import Regime, RegimeOptions, judge, regime_word, settle_doubts
+from gapwalk.attractors.settle import has_settled, period_of
+from gapwalk.bifurcation.isolated.search_chunk import spread_starts, state_box, with_extensions
+from gapwalk.ensemble.start import within_stops
+from gapwalk.errors import FlowError, ModelError, WorkError
+from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.flow.motion import check_state
+from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.system import System, check_system
 from gapwalk.model.words import parameter_symbol
-from gapwalk.notebook import shows_progress
+from gapwalk.notebook import Shown, shows_progress
+from gapwalk.orbit.orbit import parameter_headings
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.study_kind import Finding, Found, Work, plain_numbers, values_of
-from gapwalk.studies.study_registry import OPEN
-from gapwalk.studies.sweep import BLOCK, Lane, Sweep, SweepOptions, SweepSegment, blank_sweep, enter, places_of
-from gapwalk.studies.sweep_segment import Task, sweep_stretch
+from gapwalk.studies.study_registry import INLINE, OPEN, Counted, check_integers
 from gapwalk.studies.tables import CountOrStates, Surroundings, check_signal
-from gapwalk.summary import SummaryParts, Tables, summarizes
+from gapwalk.summary import Rows, SummaryParts, Tables, summarizes
 
 if TYPE_CHECKING:
     from typing import Self
+
+
+# Record and options of a sweep: settled motions over a parameter, sampled once every forcing period.
+
+_MOST = 100_000_000  # states that are kept
+
+
+class Way(StrEnum):
+    """Order in which the values are visited.
+
+    Examples
+    --------
+    >>> [way.value for way in gw.studies.Way]
+    ['up', 'down', 'again']
+    """
+
+    UP = "up"
+    """From the lowest to the highest, the state carried over."""
+    DOWN = "down"
+    """From the highest to the lowest, the state carried over."""
+    AGAIN = "again"
+    """At each value from the start again."""
+
+    @classmethod
+    def _missing_(cls, value: object) -> Way | None:
+        """Read its earlier name, which older files have."""
+        return cls.AGAIN if value == "afresh" else None
+
+    @property
+    def number(self) -> int:
+        """A fixed number of this order, which does not depend on the other orders used."""
+        return list(Way).index(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """Limits on the length of a transient.
+
+    Examples
+    --------
+    >>> gw.studies.Patience(shortest=20, longest=500).longest
+    500
+    """
+
+    #: shortest, longest: Least and largest number of forcing periods.
+    shortest: int = 48
+    longest: int = 2000
+    #: Distance from the limiting periodic motion below which it has settled; in half-widths of the box of states.
+    tolerance: float = 1e-6
+
+    def __post_init__(self) -> None:
+        check_integers(self, shortest=1, longest=1)
+        if self.longest < self.shortest:
+            raise ModelError(f"longest is {self.longest}; it must be at least {self.shortest}, the shortest transient")
+        if not 1e-12 <= self.tolerance <= 1e-2:
+            raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-12 and 1e-2 (half-widths)")
+
+
+@dataclass(frozen=True, slots=True)
+class SweepOptions:
+    """Options of a sweep.
+
+    Examples
+    --------
+    >>> gw.SweepOptions(steps=9, ways="up", points=13).each_way()
+    (<Way.UP: 'up'>,)
+    """
+
+    steps: int = 500  #: Number of values, spread evenly over the range, both ends included.
+    #: ``"up and down"``, ``"up"``, ``"down"``, or ``"again"``: each value begins from the starts. Any of them may be
+    #: joined by "and".
+    ways: str = "up and down"
+    points: int = 100  #: Section points at each value: states a forcing period apart, once the transient has settled.
+    #: Number of starts: the first one is rest, the others are spread over the box of states. Or the states themselves,
+    #: one of 2n numbers each, or more with extensions.
+    starts: int | tuple[tuple[float, ...], ...] = 1
+    seed: int = 0  #: Seed of the starts and of the kicks: the same seed gives the same result.
+    #: Longest period, in forcing periods, that is distinguished from a motion that is not periodic.
+    max_period: int = 12
+    patience: Annotated[Patience, INLINE] = Patience()  #: Limits on the length of the transient at each value.
+    #: Size of a random disturbance at each value, in half-widths of the box of states. Like the noise in a test rig, it
+    #: prevents motions from staying on an unstable orbit. 0: none.
+    kick: float = 1e-7
+    #: Number of processes; by default one for each local core. The result does not depend on it.
+    workers: Counted | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        check_integers(self, steps=2, points=2, seed=0, max_period=1)
+        if isinstance(self.starts, int) and (isinstance(self.starts, bool) or self.starts < 1):
+            raise ModelError(f"starts is {self.starts!r}; it must be an integer >= 1, or a list of states")
+        starts = self.starts if isinstance(self.starts, int) else len(self.starts)
+        if (states := self.steps * self.points * starts) > _MOST:
+            raise ModelError(
+                f"steps is {self.steps:,}, with {self.points:,} points from {starts:,} starts: that makes {states:,} "
+                f"states; {_MOST:,} can be kept"
+            )
+        if not self.starts:
+            raise ModelError("starts is empty; give at least one state, or the number of starts")
+        if self.points <= self.max_period:
+            raise ModelError(
+                f"points is {self.points}; it must be more than max_period, {self.max_period}, so that a return is seen"
+            )
+        if not 0.0 <= self.kick <= 1e-2:
+            raise ModelError(
+                f"kick is {self.kick!r}; it must lie between 0 and 1e-2 (half-widths of the box of states)"
+            )
+        self.each_way()
+
+    def each_way(self) -> tuple[Way, ...]:
+        """Return the ways, in the order in which they are written."""
+        words = [word.strip() for word in self.ways.split(" and ")]
+        words = [str(Way.AGAIN) if word == "afresh" else word for word in words]  # as older files say
+        if not set(words) <= set(Way) or len(set(words)) < len(words):
+            raise ModelError(
+                f'ways is {self.ways!r}; write "up and down", "up", "down" or "again", or several joined by "and"'
+            )
+        return tuple(Way(word) for word in words)
+
+
+BLOCK = 20
+"""Values in a segment: one piece of work, and what a killed run loses at most of each lane."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lane:
+    """One start of a sweep, with one order of the values.
+
+    Examples
+    --------
+    >>> lane = sweep.lanes[0]
+    >>> lane.way, lane.start, lane.is_carried
+    (<Way.UP: 'up'>, 1, True)
+    """
+
+    way: Way  #: Order in which the values are visited.
+    start: int  #: Number of the start, from 1.
+    state: NDArray[np.float64]  #: shape (state_size,): The start.
+
+    @property
+    def is_carried(self) -> bool:
+        """True if the state is carried over from one value to the next; otherwise each begins at the start."""
+        return self.way is not Way.AGAIN
+
+    def __repr__(self) -> str:
+        return f"Lane({self.way}, start {self.start})"
+
+
+@dataclass(frozen=True, eq=False)
+class SweepSegment:
+    """Motions at the values of a segment, in the order in which they were visited."""
+
+    #: lane, number: Index of the lane in the sweep, and of the segment in the lane.
+    lane: int
+    number: int
+    #: shape (count, points, state_size): States a forcing period apart; nan where the motion has diverged, and later if
+    #: the state is carried over.
+    sections: NDArray[np.float64]
+    transients: NDArray[np.intp]  #: shape (count,): Forcing periods before the section points.
+    settled: NDArray[np.bool_]  #: shape (count,), bool: True if the transient had settled.
+    regimes: tuple[str, ...]  #: Regimes in words; empty where there are no points.
+    note: str = ""  #: Reason why it ended before its last value; empty if it did not.
+
+    @property
+    def last(self) -> NDArray[np.float64]:
+        """The state with which the next segment continues, shape (state_size,)."""
+        return self.sections[-1, -1]
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """A range of the parameter in which the regime is the same.
+
+    Examples
+    --------
+    >>> band = sweep.bands()[0]
+    >>> band.regime, round(band.low, 3), round(band.high, 3)
+    ('period 1', 0.6, 0.725)
+    """
+
+    regime: str  #: In words, such as ``period 3``.
+    #: low, high: Its ends, halfway to the next values of another regime.
+    low: float
+    high: float
+    count: int  #: Number of values in it.
+
+
+def bands_of(values: NDArray[np.float64], regimes: Sequence[str]) -> tuple[Band, ...]:
+    """Return the bands of equal regimes along increasing values; empty regimes belong to no band."""
+    edges = np.concatenate((values[:1], 0.5 * (values[1:] + values[:-1]), values[-1:]))
+    bands, first = [], 0
+    for regime, group in groupby(regimes):
+        count = len(list(group))
+        if regime:
+            bands.append(Band(regime, float(edges[first]), float(edges[first + count]), count))
+        first += count
+    return tuple(bands)
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep(Shown):
+    """The settled motions over a parameter.
+
+    Examples
+    --------
+    >>> sweep.values.shape, [band.regime for band in sweep.bands(lane=0)]
+    ((9,), ['period 1', 'period 2', 'period 1'])
+    """
+
+    system: System  #: The system; its own value of the parameter plays no role.
+    parameter: str  #: Name of the parameter.
+    values: NDArray[np.float64]  #: shape (steps,): Its values, increasing.
+    lanes: tuple[Lane, ...]  #: The starts and orders of values, in the order of the first axis of the arrays below.
+    #: shape (lanes, steps, points, state_size): The states at the start of forcing periods, one after the other; nan
+    #: where there is nothing.
+    sections: NDArray[np.float64]
+    transients: NDArray[np.intp]  #: shape (lanes, steps): Forcing periods before the section points.
+    #: shape (lanes, steps), bool: True if the transient had settled; False if it reached its longest length.
+    settled: NDArray[np.bool_]
+    #: shape (lanes, steps), str: Regime of each motion in words: ``period 3``, ``quasi-periodic``, ``chaotic``,
+    #: ``undecided``, ``diverges``, or ``not periodic`` where no more can be said of a large system; empty where there
+    #: is nothing.
+    regimes: NDArray[np.str_]
+    complete: bool = False  #: False if the work was stopped before its end.
+    notes: tuple[str, ...] = ()  #: Failures: what could not be done, in sentences.
+
+    def bands(self, lane: int = 0) -> tuple[Band, ...]:
+        """Return the bands of equal regimes along a lane, in the order of the parameter."""
+        return bands_of(self.values, self.regimes[lane].tolist())
+
+    def section(self, coordinate: str | None = None, lane: int | None = None) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return all section points of a coordinate or of its velocity: the values of the parameter, and its own.
+
+        Parameters
+        ----------
+        coordinate
+            Its name, or that with a dash for its velocity: ``q1'``. By default the first one.
+        lane
+            Index of the lane; by default all lanes.
+
+        Returns
+        -------
+        values : array, shape (count,)
+            Values of the parameter, one for each section point.
+        points : array, shape (count,)
+            The coordinate or velocity at each.
+        """
+        place = self.place(coordinate)
+        sections = self.sections if lane is None else self.sections[lane : lane + 1]
+        y = sections[..., place]
+        x = np.broadcast_to(self.values[:, None], y.shape)
+        seen = ~np.isnan(y)
+        return x[seen], y[seen]
+
+    def place(self, coordinate: str | None) -> int:
+        """Return the place of a coordinate or a velocity in a state; errors as `section`.
+
+        Parameters
+        ----------
+        coordinate
+            Its name, or that with a dash for its velocity; None for the first one.
+        """
+        names = self.system.state_names
+        name = names[0] if coordinate is None else coordinate
+        if name not in names:
+            raise ModelError(f"there is no coordinate {name!r}; there are {', '.join(names)}")
+        return names.index(name)
+
+    def tables(self) -> Tables:
+        """Return the tables of section points and of the regime of each motion."""
+        return {"points": self._point_rows, "regimes": self._regime_rows}
+
+    def _point_rows(self) -> Rows:
+        headings = parameter_headings([self.parameter], self.system.coordinates)
+        yield ["way", "start", *headings, "point", *self.system.state_names]
+        sections = self.sections.reshape(-1, *self.sections.shape[2:])
+        for head, section in zip(self._heads(), sections, strict=True):
+            for number, state in enumerate(section[~np.isnan(section[:, 0])].tolist(), start=1):
+                yield [*head, number, *state]
+
+    def _regime_rows(self) -> Rows:
+        names = self.system.coordinates
+        yield ["way", "start", *parameter_headings([self.parameter], names), "regime", "transient", "settled"]
+        flat = (self.regimes.ravel(), self.transients.ravel(), self.settled.ravel())
+        for head, regime, transient, settled in zip(self._heads(), *(part.tolist() for part in flat), strict=True):
+            yield [*head, regime, transient, settled]
+
+    def _heads(self) -> Iterator[tuple[object, ...]]:
+        values = self.values.tolist()
+        return ((lane.way.value, lane.start, value) for lane in self.lanes for value in values)
+
+    def __repr__(self) -> str:
+        low, high = self.values[0], self.values[-1]
+        seen = int(np.count_nonzero(self.regimes != ""))
+        state = "complete" if self.complete else f"{seen} of {self.regimes.size} values"
+        return f"Sweep({self.parameter} from {low:g} to {high:g}, {len(self.lanes)} lanes, {state})"
+
+
+def blank_sweep(
+    system: System, parameter: str, values: NDArray[np.float64], lanes: tuple[Lane, ...], points: int
+) -> Sweep:
+    """Return a sweep in which nothing has been done yet; `enter` fills its arrays."""
+    count, steps, size = len(lanes), len(values), system.state_size
+    return Sweep(
+        system,
+        parameter,
+        values,
+        lanes,
+        np.full((count, steps, points, size), np.nan),
+        np.zeros((count, steps), dtype=np.intp),
+        np.zeros((count, steps), dtype=bool),
+        np.full((count, steps), "", dtype="<U16"),
+    )
+
+
+def enter(sweep: Sweep, segment: SweepSegment) -> str:
+    """Write a segment into the arrays of a sweep; return a sentence on a failure, or an empty text.
+
+    This keeps only one copy of the section points in memory.
+    """
+    lane = sweep.lanes[segment.lane]
+    places = places_of(lane.way, len(sweep.values), segment.number)
+    sweep.sections[segment.lane, places] = segment.sections
+    sweep.transients[segment.lane, places] = segment.transients
+    sweep.settled[segment.lane, places] = segment.settled
+    sweep.regimes[segment.lane, places] = segment.regimes
+    if not segment.note:
+        return ""
+    ends = " and was not carried on" if lane.is_carried else ""
+    return f"start {lane.start}, {lane.way}: the motion could not be followed{ends}: {segment.note}"
+
+
+def places_of(way: Way, steps: int, number: int) -> NDArray[np.intp]:
+    """Return the places of the values of a segment, in the order in which they are visited."""
+    places = np.arange(number * BLOCK, min((number + 1) * BLOCK, steps))
+    return steps - 1 - places if way is Way.DOWN else places
+
+
+# A segment of a sweep: some values of the parameter, each from the state in which the last motion settled.
+#
+# The returns of a transient show whether it has died away. Motions that do not repeat are quasi-periodic, chaotic, or
+# locked to a long period; each value gets a regime, and equal regimes next to each other are a band.
+
+_GROWTH = 1.25  # of the length of a transient from one look at it to the next
+
+
+class Settled(NamedTuple):
+    """End of a transient."""
+
+    state: NDArray[np.float64]  #: shape (state_size,): Its last state.
+    periods: int  #: Forcing periods that it took.
+    is_settled: bool  #: False if it was still changing at the limit of its length.
+
+
+def let_settle(
+    flow: Flow,
+    coefficients: NDArray[np.float64],
+    state: NDArray[np.float64],
+    box: NDArray[np.float64],
+    max_period: int,
+    patience: Patience,
+) -> Settled:
+    """Follow the transient from a state until it has settled.
+
+    `gapwalk.attractors.settle` judges it: its nearest returns shrink towards an orbit that is closer than the
+    tolerance, or they neither shrink nor grow and its averages do not drift, as on a torus or in chaos.
+
+    Shapes: `state`, `box` (state_size,).
+    """
+    states, length = np.asarray(state, dtype=float)[None, :], max(patience.shortest, 2 * max_period + 8)
+    length = min(length, patience.longest)
+    while True:
+        more = length - (len(states) - 1)
+        path = flow.sample(coefficients, states[-1], PERIOD * np.arange(more + 1.0)).states
+        states = np.vstack((states, path[1:]))
+        if has_settled(states / box, max_period, patience.tolerance):
+            return Settled(states[-1], length, True)
+        if length >= patience.longest:
+            return Settled(states[-1], length, False)
+        length = min(math.ceil(_GROWTH * length), patience.longest)
+
+
+NOT_PERIODIC, RUNS_AWAY = "not periodic", Regime.RUNAWAY.text
+
+
+def regime_of(section: NDArray[np.float64], box: NDArray[np.float64], max_period: int) -> str:
+    """Return the regime of section points: ``period m`` with the smallest m after which all return, or not periodic.
+
+    Shapes: `section` (points, state_size); `box` (state_size,).
+    """
+    period = period_of(section / box, max_period)
+    return regime_word(Regime.PERIODIC, period) if period else NOT_PERIODIC
+
+
+_RETURNS = 64  # forcing periods in which a motion may still become periodic: it has settled already
+
+
+def wandering_words(
+    system: System, parameter: str, values: NDArray[np.float64], states: NDArray[np.float64], max_period: int
+) -> Sequence[str]:
+    """Return the regimes of motions in words; all are judged together, as for a regime map.
+
+    Shapes: `values` (count,); `states` (count, state_size).
+    """
+    if not len(values):
+        return []
+    motions = motions_of(system, states, {parameter: values})
+    if not isinstance(motions, BatchMotions):
+        return [NOT_PERIODIC] * len(values)
+    systems = [partial(system.at, {parameter: value}) for value in values.tolist()]
+    scales = np.array([system().state_scales() for system in systems])
+    options = RegimeOptions(longest=_RETURNS, max_period=max_period, forces=False)
+    verdicts, _ = enough(motions, partial(judge, states=states, scales=scales, options=options))
+    found = settle_doubts(verdicts, systems)
+    return [regime_word(*pair) for pair in zip(found.regimes.tolist(), found.periods.tolist(), strict=True)]
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One segment of a sweep, as a piece of work."""
+
+    #: system, parameter, options: As in `gapwalk.sweep`.
+    system: System
+    parameter: str
+    options: SweepOptions
+    box: NDArray[np.float64]  #: shape (state_size,): Half-widths of the box of states.
+    #: lane, index, number: The lane, its index in the sweep, and the index of the segment in the lane.
+    lane: Lane
+    index: int
+    number: int
+    #: places, values: shape (count,): The values in the order in which they are visited, and their places among those
+    #: of the sweep.
+    places: NDArray[np.intp]
+    values: NDArray[np.float64]
+    state: NDArray[np.float64]  #: shape (state_size,): State at which the first transient begins.
+
+
+def sweep_stretch(task: Task) -> SweepSegment:
+    """Visit the values of a segment. The result depends only on the task, so any process may do it."""
+    options, box, is_carried = task.options, task.box, task.lane.is_carried
+    count, size = len(task.values), len(task.state)
+    sections = np.full((count, options.points, size), np.nan)
+    transients, settled = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=bool)
+    regimes, note = [""] * count, ""
+    line = ParameterLine(task.system, task.parameter)
+    state, flow, pattern = task.state, None, np.empty(0)
+    for row, value in enumerate(task.values.tolist()):
+        coefficients = line.coefficients(value)[0]
+        if flow is None or not np.array_equal(pattern, coefficients != 0.0):
+            flow, pattern = flow_of(line.system_at(value)), coefficients != 0.0
+        start = _kicked(state if is_carried else task.state, task, int(task.places[row]), value)
+        try:
+            found = let_settle(flow, coefficients, start, box, options.max_period, options.patience)
+            path = flow.sample(coefficients, found.state, PERIOD * np.arange(options.points + 1.0)).states
+        except FlowError as error:
+            regimes[row] = RUNS_AWAY
+            note = note or f"{task.parameter} = {value:.10g}: {error}"
+            if is_carried:
+                break
+            continue
+        sections[row], state = path[1:], path[-1]
+        transients[row], settled[row] = found.periods, found.is_settled
+        regimes[row] = regime_of(sections[row], box, options.max_period)
+    rest = [row for row, regime in enumerate(regimes) if regime == NOT_PERIODIC]
+    words = wandering_words(task.system, task.parameter, task.values[rest], sections[rest, -1], options.max_period)
+    for row, word in zip(rest, words, strict=True):
+        regimes[row] = word
+    return SweepSegment(task.index, task.number, sections, transients, settled, tuple(regimes), note)
+
+
+def _kicked(state: NDArray[np.float64], task: Task, place: int, value: float) -> NDArray[np.float64]:
+    """Return the state with a small disturbance that depends on the seed, the lane and the value alone."""
+    kick, lane = task.options.kick, task.lane
+    if kick == 0.0:
+        return state
+    seed = np.random.SeedSequence(task.options.seed, spawn_key=(lane.way.number, lane.start, place))
+    size, moved = 2 * task.system.size, np.zeros(len(state))  # an extension stays: friction would not let it be larger
+    moved[:size] = kick * task.box[:size] * np.random.default_rng(seed).uniform(-1.0, 1.0, size)
+    # a motion that rests on a rigid stop cannot be pushed through it, but away from it
+    ways = np.array([state + moved, state - moved, state])
+    if not any(contact.law.rebounds for contact in task.system.structure.contacts):
+        return ways[0]
+    return ways[int(np.argmax(within_stops(task.system.at({task.parameter: float(value)}), ways)))]
 
 
 _BANDS = 40  # bands of equal motions that a summary lists

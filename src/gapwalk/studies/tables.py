@@ -102,7 +102,7 @@ class Surroundings:
     all_keys: Callable[[], frozenset[str]] = frozenset
     #: True if the numbers of the system are placeholders: then values of parameters are not checked.
     guessed: bool = False
-    #: Reads a file that the model file names; see `gapwalk.model.named_file.read_named`.
+    #: Reads a file that the model file names; see `gapwalk.model.measured.measured_table.read_named`.
     read: Callable[[str], NamedFile] | None = None
 
 

@@ -10,8 +10,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import AfterValidator, Field
 
 from gapwalk.answers.gap_states import chosen_gaps
-from gapwalk.answers.threshold import Threshold, ThresholdOptions
-from gapwalk.answers.threshold_search import Request, Round, ThresholdSearch
+from gapwalk.answers.threshold import Request, Round, Threshold, ThresholdOptions, ThresholdSearch
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System, check_system
 from gapwalk.parallel.workers import Workers

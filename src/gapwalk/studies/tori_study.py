@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import AfterValidator, Field
 
 from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.continuation.step_size import WalkOptions
+from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import GapwalkError, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.parallel.groups import do_by_groups
@@ -24,14 +24,11 @@ from gapwalk.studies.options import BranchOptions, ParameterRange, is_another
 from gapwalk.studies.study_kind import AnswerFinding, Found, Work, found_by, plain_numbers
 from gapwalk.studies.study_registry import INLINE, Counted
 from gapwalk.summary import row_of
-from gapwalk.tori.locked_window import LockedWindow
 from gapwalk.tori.second_tone import Tone, two_tones
-from gapwalk.tori.tongue import Tongue, follow_tongue
+from gapwalk.tori.tongue import LockedWindow, Tongue, follow_tongue
 from gapwalk.tori.torus_continuation import follow_tori
-from gapwalk.tori.torus_diagram import TorusDiagram
-from gapwalk.tori.torus_equation import refuse_without_tori
-from gapwalk.tori.torus_family import TorusFamily
-from gapwalk.tori.torus_solution import TorusOptions
+from gapwalk.tori.torus_equation import TorusOptions, refuse_without_tori
+from gapwalk.tori.torus_family import TorusDiagram, TorusFamily
 
 Tongues = Annotated[
     ParameterRange,

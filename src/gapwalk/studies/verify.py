@@ -11,21 +11,17 @@ from gapwalk.answers.threshold import Threshold
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.free.rest_record import Rests
+from gapwalk.free.rest_walk import Rests, verify_rests
 from gapwalk.free.self_excitation import SelfExcited
-from gapwalk.free.verify_rests import verify_rests
 from gapwalk.results.result_file import lock, seal_fault, write_more
 from gapwalk.studies.family import Family
 from gapwalk.studies.map import Map
 from gapwalk.studies.options import BranchOptions
-from gapwalk.studies.read_result import CHECKS, VERIFICATION, load_result
-from gapwalk.studies.result import FullCheck, Result
+from gapwalk.studies.result import CHECKS, VERIFICATION, FullCheck, Result, load_result
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.tori.tongue import Tongue
 from gapwalk.tori.torus import Torus
-from gapwalk.tori.torus_diagram import TorusDiagram
-from gapwalk.tori.torus_family import TorusFamily
-from gapwalk.tori.verify_tori import verify_families, verify_torus
+from gapwalk.tori.torus_family import TorusDiagram, TorusFamily, verify_families, verify_torus
 from gapwalk.verification import (
     Check,
     Ledger,

@@ -23,15 +23,13 @@ from gapwalk.attractors.lyapunov import birkhoff_weights
 from gapwalk.attractors.section import Strobe
 from gapwalk.attractors.settle import SettleOptions, settle
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
-from gapwalk.flow.length_unit import natural_length
+from gapwalk.flow.equations import natural_length
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.contact import force
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
-from gapwalk.tori.closed_curve import TURN, in_steps, odd, of_quasi_periodic
-from gapwalk.tori.tone_clock import CLOCK
-from gapwalk.tori.torus import Torus, error_of
-from gapwalk.tori.torus_solution import STROBES, TorusOptions, resolved_torus
+from gapwalk.tori.torus import CLOCK, TURN, Torus, error_of, in_steps, odd, of_quasi_periodic
+from gapwalk.tori.torus_equation import STROBES, TorusOptions, resolved_torus
 
 _MOST = 64  # the largest denominator of a ratio of frequencies that counts as a fraction
 _EQUAL = 1e-9  # distance within which a ratio is that fraction

@@ -2,19 +2,228 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
+from gapwalk.attractors.lyapunov import birkhoff_weights
 from gapwalk.attractors.section import Strobe
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.laws import Expression
 from gapwalk.model.system import System, pace_text
 from gapwalk.notebook import Shown
-from gapwalk.tori.closed_curve import TURN, at_phases, phases, tail
+
+# Closed curves by trigonometric interpolation: an odd number of states at equally spaced phases.
+#
+# Sample j of a curve is its state at the phase ``2 pi j / N``. With an odd N every harmonic up to (N - 1)/2 has its
+# sine and cosine, so that interpolation, rotation and differentiation are circulant matrices without an exception.
+
+TURN = 2.0 * np.pi
+"""One turn of the phase of a curve, in radians."""
+
+_LAST = 0.25  # share of the harmonics, the highest, that count as the tail of a series
+
+
+def phases(count: int) -> NDArray[np.float64]:
+    """Return the phases of the samples of a curve, in radians; shape (count,)."""
+    return TURN * np.arange(count) / count
+
+
+def odd(count: int) -> int:
+    """Return the smallest odd number that is not below `count`."""
+    return count | 1
+
+
+def rotation_matrices(count: int, turns: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the matrix that rotates the samples of a curve by a share of a turn, and its derivative by that share.
+
+    The product of the matrix with the samples, shape (count, size), has the state at the phase ``psi_j + 2 pi turns``
+    in row j. Both matrices are circulant: entry (j, k) depends on j - k alone.
+    """
+    harmonics = np.arange(1, count // 2 + 1)
+    angles = np.outer(phases(count) + TURN * turns, harmonics)
+    row = (1.0 + 2.0 * np.cos(angles).sum(axis=1)) / count
+    slope = -2.0 * TURN * (np.sin(angles) @ harmonics) / count
+    places = (np.arange(count)[:, None] - np.arange(count)) % count
+    return row[places], slope[places]
+
+
+def amplitudes(states: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return the complex amplitudes of the harmonics 0 to (N - 1)/2 of a curve, shape (harmonics, size).
+
+    The curve is ``u(psi) = Re sum_k a_k exp(i k psi)``.
+    """
+    found = np.fft.rfft(states, axis=0) / len(states)
+    found[1:] *= 2.0
+    return found
+
+
+def at_phases(states: NDArray[np.float64], psi: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the states of a curve at any phases, in radians; shape (len(psi), size)."""
+    found = amplitudes(states)
+    waves = np.exp(1j * np.outer(psi, np.arange(len(found))))
+    return (waves @ found).real
+
+
+def in_steps(states: NDArray[np.float64], step: float, first: int, count: int) -> NDArray[np.float64]:
+    """Return the states of a curve at `count` successive multiples of a step of the phase, from `first` times it on.
+
+    The shape is (count, size). Waves of such phases are products of those of few phases: place ``a`` in one of the rows
+    of `width` phases, and row ``b``.
+    """
+    found = amplitudes(states)
+    harmonics, width = np.arange(len(found)), math.isqrt(count - 1) + 1
+    inside = np.exp(1j * np.outer(step * np.arange(width), harmonics))
+    rows = np.exp(1j * np.outer(step * (first + width * np.arange(width)), harmonics))
+    terms = (inside.T[:, :, None] * found[:, None, :]).reshape(len(found), -1)
+    return (rows @ terms).real.reshape(width * width, -1)[:count]
+
+
+def resampled(states: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Return the same curve with another, odd number of samples."""
+    return at_phases(states, phases(count))
+
+
+def tangents(states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the derivative of a curve by its phase at each sample, shape (N, size)."""
+    found = amplitudes(states)
+    found = 1j * np.arange(len(found))[:, None] * found
+    found[1:] /= 2.0
+    return np.fft.irfft(found * len(states), n=len(states), axis=0)
+
+
+def tail(states: NDArray[np.float64]) -> float:
+    """Return the size of the highest quarter of the harmonics, as a share of the largest harmonic from 1 on.
+
+    Where it is not small the samples are too few, or the curve is not smooth.
+    """
+    sizes = np.abs(amplitudes(states))[1:].max(axis=1)
+    last = max(1, int(_LAST * len(sizes)))
+    return float(sizes[-last:].max() / max(sizes.max(), np.finfo(float).tiny))
+
+
+def of_quasi_periodic(
+    samples: NDArray[np.float64], rotation: float, count: int, weights: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the closed curve on which a sequence of states rotates by a known share of a turn each time.
+
+    The amplitude of harmonic k is the weighted average of ``samples[n] exp(-2 pi i k n rotation)``. With smooth weights
+    that vanish at both ends, it converges faster than any power of the number of samples (Das, Saiki, Sander and Yorke
+    2017, Nonlinearity 30, 4111-4140), and the curve may have any shape.
+
+    Shapes: `samples` (length, size); `weights` (length,).
+    """
+    turns = TURN * rotation * np.arange(len(samples))
+    found = np.array([(weights * np.exp(-1j * k * turns)) @ samples for k in range(count // 2 + 1)])
+    found[1:] *= 2.0
+    waves = np.exp(1j * np.outer(phases(count), np.arange(len(found))))
+    return (waves @ found).real
+
+
+# The force law of the coordinate that keeps the time of a second tone, and systems that have one.
+
+CLOCK = "frequency*frequency*x + frequency*(x*x + (v/frequency)*(v/frequency) - 1)*v"
+"""Force of the self-excited oscillator whose only stable motion is ``cos(frequency t)``."""
+
+
+def has_tone(system: System) -> bool:
+    """Return True if a system has a second tone: then its tori have a known rotation number, and nothing locks."""
+    return any(form.law == Expression(CLOCK) for form in system.structure.contacts)
+
+
+# Stability of a torus: the growth of small deviations from it, without the one along it.
+#
+# The transition matrix along the curve carries its tangent into the tangent at the rotated phase. In orthonormal
+# frames whose first vector is the tangent it is block triangular, and the other diagonal block N(psi) carries
+# deviations modulo the tangent. Exponents are averages of ``log R_ii`` of QR factors along ``N(psi + rho k)``. The
+# factors converge to functions of the phase, so that smooth weights make the averages converge faster than any power
+# of their number. Next to a resonance the phases repeat nearly and the averages converge slowly, so that their error
+# is estimated and stated.
+
+_SETTLING = 200  # returns until the frames have aligned
+_AVERAGED = (600, 2400, 9600)  # returns over which the growth is averaged, until the error is small
+_ENOUGH = 1e-7  # error of an exponent that is small
+_LEAST = 1e-300  # growth below which a direction counts as lost at once
+_SPREAD = 12.0  # logarithm of the largest ratio of growths in a product of returns that keeps 10 digits of the least
+_BLOCKS = (8, 4, 2)  # returns whose product is factorised at once, if the growths in it differ no more
+
+
+def normal_exponents(
+    states: NDArray[np.float64], transitions: NDArray[np.float64], rotation: float, unit: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], float]:
+    """Return the growth of deviations from a torus in one return to the curve, and the error of the largest.
+
+    Shapes: `states` (N, size); `transitions` (N, size, size); `unit` (size,).
+    """
+    count, size = states.shape
+    scaled = (transitions * unit / unit[:, None]).reshape(count, -1)
+    slopes = tangents(states / unit)
+    frame, growth = np.eye(size - 1), np.zeros((0, size - 1))
+    done, block, exponents, error = 0, 0, np.zeros(size - 1), np.inf
+    for averaged in _AVERAGED:
+        returns = _SETTLING + averaged - done
+        along = in_steps(slopes, TURN * rotation, done, returns + 1)
+        frames = _frames(along / np.linalg.norm(along, axis=1)[:, None])
+        maps = in_steps(scaled, TURN * rotation, done, returns).reshape(-1, size, size)
+        normal = (frames[1:].transpose(0, 2, 1) @ maps @ frames[:-1])[:, 1:, 1:]
+        block, done = block or _block(normal), _SETTLING + averaged
+        frame, grown = _carried(_products(normal, block), frame)
+        growth = np.vstack((growth, grown))
+        logarithms = np.log(np.maximum(growth[_SETTLING // block :], _LEAST)) / block
+        half = birkhoff_weights(averaged // block // 2) @ logarithms[: averaged // block // 2]
+        exponents = birkhoff_weights(averaged // block) @ logarithms
+        error = float(abs(half.max() - exponents.max()))
+        if error < _ENOUGH:
+            break
+    return np.sort(exponents)[::-1], error
+
+
+def _block(matrices: NDArray[np.float64]) -> int:
+    """Return how many successive matrices to multiply before their product is factorised."""
+    sizes = np.linalg.svd(matrices[:_SETTLING], compute_uv=False)
+    spread = float(np.log(sizes[:, 0] / np.maximum(sizes[:, -1], _LEAST)).max())
+    return next((block for block in _BLOCKS if block * spread < _SPREAD), 1)
+
+
+def _products(matrices: NDArray[np.float64], block: int) -> NDArray[np.float64]:
+    """Return the products of each so many successive matrices, a power of two, the last one on the left."""
+    while block > 1:
+        matrices, block = matrices[1::2] @ matrices[::2], block // 2
+    return matrices
+
+
+def _carried(
+    matrices: NDArray[np.float64], frame: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Carry a frame through matrices by QR factors; return it, and how far each of its vectors grew in each.
+
+    LAPACK is called directly: ``numpy.linalg.qr`` takes eight times as long for matrices of this size.
+    """
+    growth = np.empty(matrices.shape[:2])
+    for place, matrix in enumerate(matrices):
+        factors, scales, _, _ = lapack.dgeqrf(matrix.dot(frame))
+        growth[place] = factors.diagonal()
+        frame = lapack.dorgqr(factors, scales)[0]
+    return frame, np.abs(growth)
+
+
+def _frames(along: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return orthonormal frames whose first vector is a given unit vector, up to its sign, by Householder reflections.
+
+    The shape is (k, size, size), with the vectors in columns.
+    """
+    size = along.shape[1]
+    mirrors = along.copy()
+    mirrors[:, 0] += np.where(along[:, 0] < 0.0, -1.0, 1.0)
+    mirrors /= np.linalg.norm(mirrors, axis=1)[:, None]
+    return np.eye(size) - 2.0 * mirrors[:, :, None] * mirrors[:, None, :]
+
 
 _NEUTRAL = 1e-7  # growth per return to a curve below which a deviation counts as not growing
 _CERTAIN = 3.0  # errors by which a growth must exceed zero

@@ -9,14 +9,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.continuation.step_size import WalkOptions
-from gapwalk.continuation.walk_scales import check_range
+from gapwalk.continuation.corrector import check_range
+from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook import shows_progress
 from gapwalk.tori.torus import Torus
+from gapwalk.tori.torus_equation import TorusOptions
 from gapwalk.tori.torus_family import TorusEvent, TorusFamily, TorusPoint
-from gapwalk.tori.torus_solution import TorusOptions
 from gapwalk.tori.torus_start import Second, TorusStart, starts_at
 from gapwalk.tori.torus_tracer import TorusTracer
 

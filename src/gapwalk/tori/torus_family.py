@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum, StrEnum
 from fractions import Fraction
-from typing import ClassVar
+from itertools import chain
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.attractors.section import Strobe
+from gapwalk.bifurcation.diagram import Diagram
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.notebook import Shown
-from gapwalk.summary import Rows, SummaryParts, Table, row_of, rows_of, summarizes
-from gapwalk.tori.locked_window import LockedWindow
-from gapwalk.tori.torus import Torus
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.summary import Rows, SummaryParts, Table, remarks, row_of, rows_of, summarizes
+from gapwalk.tori.tongue import LockedWindow, Tongue
+from gapwalk.tori.torus import TURN, Torus, at_phases
+from gapwalk.verification.dop853 import carry
+from gapwalk.verification.verification import Advance, Check, Ledger, Spot
 
 
 class TorusEndReason(Enum):
@@ -287,3 +295,152 @@ class TorusFamily(Shown):
             f"TorusFamily({len(self.points)} tori along {self.parameter}, "
             f"{self.points[0].value:.6g} to {self.points[-1].value:.6g}, {len(self.events)} events)"
         )
+
+
+# Record of all tori over a range: the branches of periodic motions, and the families that begin on them.
+
+_SAME = 1e-6  # distance of two Neimark-Sacker points, relative to the parameter, within which they are one
+
+
+@dataclass(frozen=True, eq=False)
+class TorusDiagram(Shown):
+    """Families of tori over a range of one parameter, with the branches at whose Neimark-Sacker points they begin.
+
+    Examples
+    --------
+    >>> found = gw.tori.TorusDiagram(diagram)
+    >>> len(found.families), found.starts
+    (0, ())
+    """
+
+    diagram: Diagram  #: The branches of periodic motions.
+    families: tuple[TorusFamily, ...] = ()  #: The families of tori.
+    #: Neimark-Sacker points from which no family could be followed, with the reasons, in sentences.
+    failures: tuple[str, ...] = ()
+    tried: int = 0  #: Number of Neimark-Sacker points, in the order of the branches, that are done.
+    #: Windows in which motions lock, followed in a second parameter, if that was asked.
+    tongues: tuple[Tongue, ...] = ()
+    unfollowed: int = 0  #: Number of windows that are left to be followed so.
+
+    @property
+    def starts(self) -> tuple[SpecialPoint, ...]:
+        """The Neimark-Sacker points of all branches."""
+        branches = (member.branch for member in self.diagram.members)
+        return tuple(chain.from_iterable(branch.special(Kind.NEIMARK_SACKER) for branch in branches))
+
+    @property
+    def complete(self) -> bool:
+        """True if all Neimark-Sacker points are done."""
+        return self.diagram.complete and self.tried == len(self.starts) and not self.unfollowed
+
+    @property
+    def windows(self) -> tuple[LockedWindow, ...]:
+        """The windows along all families, and at their ends, whose own ends are folds, each once."""
+        found: list[LockedWindow] = []
+        for window in (each.window for family in self.families for each in (*family.events, *family.ends)):
+            if window is None or len(window.folds) != 2:
+                continue
+            period, value = window.orbit.period, window.folds[0].value
+            known = ((each.orbit.period, each.folds[0].value) for each in found)
+            if all(period != other or abs(value - place) > _SAME * abs(value) for other, place in known):
+                found.append(window)
+        return tuple(found)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remarks on the branches, in sentences."""
+        return self.diagram.notes
+
+    def holds(self, special: SpecialPoint) -> bool:
+        """Return True if a known family begins or ends at a Neimark-Sacker point."""
+        return any(
+            family.curves == special.orbit.period and abs(end.value - special.value) <= _SAME * abs(special.value)
+            for family in self.families
+            for end in family.ends
+            if end.reason in (TorusEndReason.BORN, TorusEndReason.SHRINKS)
+        )
+
+    @summarizes
+    def summary(self, *, notes: bool = True) -> SummaryParts:
+        """Return the number of branches and points, and each family, in words.
+
+        Parameters
+        ----------
+        notes
+            True to include notes and failures.
+        """
+        branches, starts, families = len(self.diagram.members), len(self.starts), len(self.families)
+        begun = (
+            f"{branches} {'branch' if branches == 1 else 'branches'} with {starts} Neimark-Sacker "
+            f"{'point' if starts == 1 else 'points'}; "
+        )
+        yield f"{begun if branches else ''}{families} {'family' if families == 1 else 'families'} of tori"
+        for number, family in enumerate(self.families, start=1):
+            first, *rest = family.summary()
+            yield f"T{number}: {first}"
+            yield from rest
+        for tongue in self.tongues:
+            yield from tongue.summary()
+        if notes:
+            yield from remarks(self.notes, self.failures)
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """Return the tables of all tori, and of events and ends, with the number of the family."""
+        return {
+            "tori": lambda: rows_of(self._rows(lambda family: map(row_of, family.points))),
+            "events": lambda: rows_of(self._rows(lambda family: map(row_of, family.events))),
+            "ends": lambda: rows_of(self._rows(lambda family: map(row_of, family.ends))),
+            "tongues": lambda: rows_of(row for tongue in self.tongues for row in tongue.rows()),
+        }
+
+    def _rows(self, rows: Callable[[TorusFamily], Any]) -> Iterator[dict[str, Any]]:
+        for number, family in enumerate(self.families, start=1):
+            yield from ({"family": f"T{number}", **row} for row in rows(family))
+
+    def __repr__(self) -> str:
+        return f"TorusDiagram({len(self.families)} families of tori on {len(self.diagram.members)} branches)"
+
+
+# Verification of tori: another integrator carries their curves into themselves, and contracts volumes as stated.
+#
+# The phases at which a curve is tried lie between its samples. Method: docs/numerics/tori.md
+
+_LEAST = 1e-9  # error of the other integrator, relative to the motion
+_PHASES = 65  # the most phases at which a curve is tried
+_BETWEEN = 0.37  # their place between the samples
+_GROWTH = 1e-5  # error of a sum of exponents, beside the stated one
+
+
+def verify_families(ledger: Ledger, named: Iterable[tuple[str, TorusFamily]], report: Advance | None = None) -> None:
+    """Verify all tori of some families."""
+    tori = [(name, place, point) for name, family in named for place, point in enumerate(family.points)]
+    for count, (name, place, point) in enumerate(tori, start=1):
+        verify_torus(ledger, point.torus, Spot(name, f"torus {place}", point.value))
+        if report is not None:
+            report("tori", count, len(tori))
+
+
+def verify_torus(ledger: Ledger, torus: Torus, spot: Spot) -> None:
+    """Enter how far another integrator carries phases between the samples from the curve, in units of its stated error.
+
+    The sum of the exponents must be the mean of the logarithm by which it finds volumes to change.
+    """
+    count = min(torus.count, _PHASES)
+    psi = TURN * (np.arange(count) + _BETWEEN) / count
+    system, strobe = torus.system, Strobe(torus.system)
+    starts, unit = at_phases(torus.states, psi), system.state_scales()
+    motions, blank = [], np.zeros(system.state_size, complex)
+    for state in starts:
+        arc = strobe.arc(state, torus.curves)
+        motions.append(Orbit(system, torus.curves, state, blank, tuple(arc.contacts), math.inf, arc.steps))
+    rounds = carry(motions, closes=False)
+    reached = np.array([each.end for each in rounds])
+    expected = at_phases(torus.states, psi + TURN * torus.rotation)
+    away = float(np.abs((reached - expected) / unit).max() / np.abs(torus.states / unit).max())
+    ledger.enter(Check.INVARIANCE, spot, away / (2.0 * torus.error + _LEAST), f"{away:.1e} of the motion")
+    contractions = np.array([each.contraction for each in rounds])
+    off = abs(float(contractions.mean() - torus.exponents.sum()))
+    # where a contact grazes, the mean over few phases is inaccurate itself: those over every other phase tell how much
+    rough = abs(float(contractions[::2].mean() - contractions[1::2].mean()))
+    allowed = _GROWTH + 3.0 * torus.exponent_error * len(torus.exponents) + rough
+    ledger.enter(Check.VOLUME, spot, Check.VOLUME.bound * off / allowed, f"{off:.1e} in the sum of exponents")

@@ -2,24 +2,551 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.continuation.step_size import WalkOptions
-from gapwalk.continuation.walk import EndReason, Walk, WalkState
-from gapwalk.tori.closed_curve import odd, resampled, tail, tangents
-from gapwalk.tori.locked_window import LockedWindow
-from gapwalk.tori.resonance_leap import FEW, MANY, NEXT, Stride, Strides, far_from_fractions, posed_with
-from gapwalk.tori.torus import Torus
-from gapwalk.tori.torus_ends import DENOMINATOR, halved, has_shrunk, locked, resonance_near, rough, shrunk, vanished
-from gapwalk.tori.torus_events import events_between, events_in_leap, simplest, window_at
+from gapwalk.attractors.section import Strobe
+from gapwalk.bifurcation.follow import follow
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint
+from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.corrector import Corrector, Range, ahead, hermite, length_of, zero_in_step
+from gapwalk.continuation.walk import EndReason, Walk, WalkOptions, WalkState
+from gapwalk.errors import GapwalkError, NumericalError
+from gapwalk.orbit.orbit_equation import solve
+from gapwalk.orbit.shooting import ShootingEquation
+from gapwalk.tori.tongue import LockedWindow, locked_window
+from gapwalk.tori.torus import TURN, Torus, at_phases, has_tone, odd, phases, relative_size, resampled, tail, tangents
+from gapwalk.tori.torus_equation import TorusOptions
 from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusEventKind, TorusPoint
-from gapwalk.tori.torus_solution import TorusOptions
-from gapwalk.tori.torus_start import TorusStart, equation_of, start_beyond, torus_at
+from gapwalk.tori.torus_start import Change, TorusStart, change_at, corrector_of, equation_of, start_beyond, torus_at
+
+# Ends of families of tori: they shrink to an orbit, lose their smoothness, or lock to a periodic motion.
+
+DENOMINATOR = 12
+"""The largest denominator of resonances that are named, and whose locked motions are looked for."""
+
+_RESONANT = 0.02  # distance of a rotation number from p/q, times q, within which the resonance is named
+_SMALL = 1e-3  # size of a torus, over that of the motion, at which a failing walk has perhaps reached its orbit
+_SMALLEST = 1e-8  # such a size below which a torus cannot be distinguished from its orbit
+_INVERTED = -0.5  # cosine between successive curves below which the second one is the first, inverted
+# distances within which the Neimark-Sacker point is looked for, in steps of the family: beyond the point its curves
+# are the same, inverted, so that a step over it may change the parameter little
+_BEYOND = (4.0, 40.0, 400.0)
+
+
+def has_shrunk(before: BranchPoint, after: BranchPoint) -> bool:
+    """Return True if a step has passed the orbit to which tori shrink: the curve beyond is the one before, inverted."""
+    first, last = (_deviations(torus_at(point)) for point in (before, after))
+    if first.shape != last.shape:
+        return False
+    return bool((first * last).sum() < _INVERTED * np.linalg.norm(first) * np.linalg.norm(last))
+
+
+def shrunk(before: BranchPoint, after: BranchPoint, parameter: str) -> TorusEnd:
+    """Return the end of a family that has shrunk to an orbit between two of its points, with that point if it is found.
+
+    The orbit is found by Newton's method from the mean of the last curve, and followed to its Neimark-Sacker point.
+    """
+    torus = torus_at(before)
+    point = _neimark_sacker(before, after, parameter)
+    if point is None:
+        return TorusEnd(TorusEndReason.SHRINKS, before.value, torus.rotation, f"its size was {torus.size:.2g}")
+    return TorusEnd(TorusEndReason.SHRINKS, point.value, _turns(point, torus))
+
+
+def halved(last: BranchPoint, corrector: Corrector) -> BranchPoint | None:
+    """Return the torus of half the size of a small one, if the family shrinks from there on; None if it does not.
+
+    The orbit in the middle solves the equation of its tori too, with any rotation number. So the Jacobian along a
+    family is the nearer to a singular one the smaller the tori are, and steps fail. Across, it stays regular: the size
+    is given, in the plane perpendicular to the deviations from the mean, and all others are unknown.
+    """
+    normal, size = _outwards(last, corrector), relative_size(torus_at(last))
+    if not _SMALLEST < size < _SMALL or last.tangent @ normal >= 0.0:
+        return None
+    found = corrector.correct(last.x - 0.5 * float(normal @ last.x) * normal, normal)
+    if found is not None and not found.iterations:  # the tangent would be that of the guess
+        found = corrector.correct(found.x, normal)
+    if found is None:
+        return None
+    try:
+        return corrector.point(found, -normal, last.arclength + length_of(found.x - last.x))
+    except NumericalError:
+        return None
+
+
+def vanished(before: BranchPoint, after: BranchPoint, parameter: str) -> TorusEnd | None:
+    """Return the end of a family whose last torus has half the size of the one before; None if it does not end there.
+
+    Parameter and rotation number change in proportion to the size, or to a higher power of it. So what is left of the
+    way to the Neimark-Sacker point is no more than the last change.
+    """
+    born = _neimark_sacker(after, before, parameter)
+    if born is None:
+        return None
+    torus = torus_at(after)
+    end = TorusEnd(TorusEndReason.SHRINKS, born.value, _turns(born, torus))
+    ways = (end.value, after.value, before.value), (end.rotation, torus.rotation, torus_at(before).rotation)
+    return end if all(abs(last - there) <= abs(last - first) for there, last, first in ways) else None
+
+
+def _outwards(point: BranchPoint, corrector: Corrector) -> NDArray[np.float64]:
+    """Return the direction in which a torus grows, as a unit vector of the scaled unknowns and the parameter."""
+    states = torus_at(point).states
+    away = np.append((states - states.mean(axis=0)).ravel(), (0.0, 0.0)) / corrector.scales
+    return away / length_of(away)
+
+
+def _turns(point: SpecialPoint, torus: Torus) -> float:
+    """Return the rotation number of a Neimark-Sacker point, in the direction of the phase of a torus beside it."""
+    turns = abs(float(np.angle(point.multiplier))) / TURN
+    return turns if abs(turns - torus.rotation) < abs(1.0 - turns - torus.rotation) else 1.0 - turns
+
+
+def _neimark_sacker(before: BranchPoint, after: BranchPoint, parameter: str) -> SpecialPoint | None:
+    torus = torus_at(before)
+    equation = ShootingEquation(torus.system, None, torus.curves)
+    reach = max(abs(after.value - before.value), 1e-6 * abs(before.value))
+    for longer in _BEYOND:
+        try:
+            orbit = equation.orbit(*_solved(equation, torus.states.mean(axis=0)))
+            branch = follow(orbit, parameter, (before.value - longer * reach, before.value + longer * reach))
+        except GapwalkError:
+            return None
+        found = branch.special(Kind.NEIMARK_SACKER)
+        if found:
+            return min(found, key=lambda each: abs(each.value - before.value))
+    return None
+
+
+def _solved(equation: ShootingEquation, start: NDArray[np.float64]):
+    unknowns, evaluation = solve(equation, start, 0.0)
+    return unknowns, 0.0, evaluation
+
+
+def rough(last: BranchPoint, beyond: Torus, passed: Fraction | None) -> TorusEnd:
+    """Return the end of a family whose tori need more samples than allowed, with the evidence."""
+    torus = torus_at(last)
+    why = f"the error is {beyond.error:.1g}{_roughness(beyond)}"
+    near = resonance_near(torus.rotation) or passed
+    if near is not None:
+        why += f"; the rotation number is near {near}"
+    return TorusEnd(TorusEndReason.ROUGH, last.value, torus.rotation, why)
+
+
+def resonance_near(turns: float) -> Fraction | None:
+    """Return the fraction of a small denominator next to a rotation number; None if there is none."""
+    near = Fraction(turns).limit_denominator(DENOMINATOR)
+    return near if abs(turns - near) < _RESONANT / near.denominator else None
+
+
+def locked(last: BranchPoint, ratio: Fraction, window: LockedWindow | None) -> TorusEnd:
+    """Return the end of a family whose motion locks to a fraction, with the motions that were found there."""
+    torus = torus_at(last)
+    words = f"the rotation number approaches {ratio}" + ("" if window is None else f"; {window.words}")
+    words += _roughness(torus) if torus.grazes else ""
+    return TorusEnd(TorusEndReason.RESONANCE, last.value, torus.rotation, words, window)
+
+
+def _roughness(torus: Torus) -> str:
+    """Return a clause with the tail of the series of a torus, and a contact that grazes along it."""
+    words = f"; the tail of the series is {torus.tail:.1g} with {torus.count} samples"
+    if torus.grazes:
+        words += f"; a contact grazes along the torus ({torus.touches[0]} to {torus.touches[1]} contact events)"
+    return words
+
+
+def _deviations(torus: Torus) -> NDArray[np.float64]:
+    return (torus.states - torus.states.mean(axis=0)) / torus.system.state_scales()
+
+
+# Events along a family of tori: folds, changes of stability and resonances, located between two of its points.
+
+_BISECTIONS = 8  # of a step in which a contact begins to graze
+_FINER, _MOST_PHASES = 8, 1025  # phases at which it is seen: times the samples, and at most
+_NAMED, _SOUGHT = 60, 20  # the largest denominators that are named in a leap, and whose locked motions are looked for
+
+
+def events_between(before: BranchPoint, after: BranchPoint, corrector: Corrector, within: Range) -> list[TorusEvent]:
+    """Locate what happens in a step between two tori, in order along it.
+
+    One normal exponent passes zero at a fold too; that is no event of its own.
+    """
+    first, last = torus_at(before), torus_at(after)
+    found: list[tuple[float, TorusEvent]] = []
+    located: list[Torus] = []
+
+    def locate(kind: TorusEventKind, function: Callable[[BranchPoint], float]) -> TorusEvent:
+        share, point, width = zero_in_step(before, after, corrector, function)
+        width += torus_at(point).error * abs(point.value)
+        event = TorusEvent(kind, point.value, width, torus_at(point).rotation, first.unstable, last.unstable)
+        found.append((share, event))
+        located.append(torus_at(point))
+        return event
+
+    turns = before.tangent[-1] * after.tangent[-1] < 0.0
+    if turns:
+        locate(TorusEventKind.FOLD, lambda point: float(point.tangent[-1]))
+    changed = abs(first.unstable - last.unstable)
+    if changed > int(turns):
+        lost = max(first.unstable, last.unstable) - 1
+        kind = TorusEventKind.CHANGE if changed == 1 else TorusEventKind.PAIR
+        event = locate(kind, lambda point: float(torus_at(point).exponents[lost]))
+        if changed == 1:
+            share, _ = found[-1]
+            found[-1] = share, _explained(event, located[-1])
+    if first.grazes is not last.grazes:
+        found.append(_graze(before, after, corrector))
+    for ratio in _between(first.rotation, last.rotation):
+        event = locate(TorusEventKind.RESONANCE, lambda point, ratio=ratio: torus_at(point).rotation - float(ratio))
+        near = min((before, after), key=lambda point, ratio=ratio: abs(torus_at(point).rotation - ratio))
+        share, _ = found[-1]
+        found[-1] = share, replace(event, ratio=ratio, window=window_at(near, ratio, event.value, corrector, within))
+    return [event for _, event in sorted(found, key=lambda each: each[0])]
+
+
+def events_in_leap(before: BranchPoint, after: BranchPoint, corrector: Corrector, within: Range) -> list[TorusEvent]:
+    """Return what happens between two tori on both sides of a leap, in which no other ones were found.
+
+    Places are known to half of the leap, those of resonances better if their locked motions are found. If there is no
+    fraction of a small denominator between both tori, the simplest one is reported.
+    """
+    first, last = torus_at(before), torus_at(after)
+    middle, width = 0.5 * (before.value + after.value), 0.5 * abs(after.value - before.value)
+    ratios = _between(first.rotation, last.rotation)
+    if not ratios:
+        ratios = [each for each in [simplest(*sorted((first.rotation, last.rotation)))] if each.denominator <= _NAMED]
+    found: list[TorusEvent] = []
+    for ratio in ratios:
+        share = (float(ratio) - first.rotation) / (last.rotation - first.rotation)
+        places = before.value + np.array([share, 0.5, 0.5 * share, 0.5 + 0.5 * share]) * (after.value - before.value)
+        windows = (window_at(before, ratio, value, corrector, within) for value in places.tolist())
+        window = next((each for each in windows if each is not None), None) if ratio.denominator <= _SOUGHT else None
+        place, error = _interpolated(before, after, float(ratio), corrector)
+        if window is not None:
+            place, error = 0.5 * (window.low + window.high), 0.5 * window.width
+        kind = TorusEventKind.RESONANCE
+        found.append(TorusEvent(kind, place, error, float(ratio), first.unstable, last.unstable, ratio, window))
+    changed, turns = abs(first.unstable - last.unstable), before.tangent[-1] * after.tangent[-1] < 0.0
+    kinds = [TorusEventKind.FOLD] if turns else []
+    if changed > int(turns):
+        kinds.append(TorusEventKind.CHANGE if changed == 1 else TorusEventKind.PAIR)
+    if first.grazes is not last.grazes:
+        kinds.append(TorusEventKind.GRAZING)
+    rotation = 0.5 * (first.rotation + last.rotation)
+    return found + [TorusEvent(kind, middle, width, rotation, first.unstable, last.unstable) for kind in kinds]
+
+
+def _interpolated(before: BranchPoint, after: BranchPoint, ratio: float, corrector: Corrector) -> tuple[float, float]:
+    """Return the parameter at a rotation number in a leap, by the cubic with the slopes at both ends, and its error.
+
+    The error is the distance from the straight line, but not more than the leap.
+    """
+    scales = corrector.scales[-2:]
+    turns = torus_at(after).rotation - torus_at(before).rotation
+    share, change = (ratio - torus_at(before).rotation) / turns, after.value - before.value
+    straight = before.value + share * change
+    slopes = [float(point.tangent[-1] * scales[1] / (point.tangent[-2] * scales[0])) for point in (before, after)]
+    first, last = (slope * turns - change for slope in slopes)
+    bent = share * (1.0 - share) * ((1.0 - share) * first - share * last)
+    error = min(abs(bent), 0.5 * abs(change))
+    return straight + float(np.clip(bent, -error, error)), error
+
+
+def _explained(event: TorusEvent, torus: Torus) -> TorusEvent:
+    """Return the event of one normal exponent with what happens there; a doubling keeps its torus."""
+    change, _ = change_at(torus)
+    if change is Change.DOUBLES:
+        return replace(event, kind=TorusEventKind.DOUBLING, torus=torus, detail=change.value)
+    return replace(event, detail=change.value)
+
+
+def _graze(before: BranchPoint, after: BranchPoint, corrector: Corrector) -> tuple[float, TorusEvent]:
+    """Locate where a contact begins or ceases to graze along the tori of a step, by bisection; with its share.
+
+    It is seen at more phases than the samples. The share of phases at which the contact is passed grows like the root
+    of the distance from the graze, so what these phases still miss is known, and counts as error.
+    """
+    first, last = torus_at(before), torus_at(after)
+    low, high, middle = 0.0, 1.0, after
+    clear, grazing = (after, before) if first.grazes else (before, after)
+    passed = [_share_that_passes(torus_at(point)) for point in (clear, grazing)]
+    kind = TorusEventKind.GRAZING
+    if 0.0 < passed[0] < passed[1]:  # the samples of the end without it had missed it already
+        off = (clear.value - grazing.value) * passed[0] ** 2 / (passed[1] ** 2 - passed[0] ** 2)
+        turns = torus_at(clear).rotation
+        return float(clear is after), TorusEvent(
+            kind, clear.value + off, abs(off), turns, first.unstable, last.unstable
+        )
+    for _ in range(_BISECTIONS):
+        share = 0.5 * (low + high)
+        correction = corrector.correct(hermite(before, after, share), before.tangent)
+        if correction is None:
+            break
+        length = share * (after.arclength - before.arclength)
+        middle = corrector.point(correction, before.tangent, before.arclength + length)
+        low, high = (share, high) if bool(_share_that_passes(torus_at(middle))) is first.grazes else (low, share)
+    width = (high - low) * abs(after.value - before.value)
+    missed = abs(grazing.value - middle.value) / max(1.0, _phases_of(torus_at(grazing)) * passed[1]) ** 2
+    return high, TorusEvent(
+        kind, middle.value, width + missed, torus_at(middle).rotation, first.unstable, last.unstable
+    )
+
+
+def _phases_of(torus: Torus) -> int:
+    """Return the number of phases at which contact events are counted."""
+    return max(torus.count, min(_FINER * torus.count, _MOST_PHASES))
+
+
+def _share_that_passes(torus: Torus) -> float:
+    """Return the share of phases from which the motion has another number of contact events than from most."""
+    strobe = Strobe(torus.system)
+    places = at_phases(torus.states, phases(_phases_of(torus)))
+    counts = np.array([len(strobe.arc(state, torus.curves).contacts) for state in places])
+    return float(np.mean(counts != np.bincount(counts).argmax()))
+
+
+def window_at(
+    point: BranchPoint, ratio: Fraction, value: float, corrector: Corrector, within: Range
+) -> LockedWindow | None:
+    """Return the locked motions at a value of the parameter, next to the torus of a point; None if none are found.
+
+    Nothing locks to a second tone, whose rotation number is imposed.
+    """
+    if has_tone(torus_at(point).system):
+        return None
+    parameter = equation_of(corrector).parameter
+    return locked_window(torus_at(point), ratio, parameter, value, (within.low, within.high))
+
+
+def _between(first: float, last: float) -> list[Fraction]:
+    """Return the fractions of small denominators between two rotation numbers, in the order in which they come."""
+    low, high = sorted((first, last))
+    found = {
+        Fraction(part, whole)
+        for whole in range(1, DENOMINATOR + 1)
+        for part in range(int(np.ceil(low * whole)), int(np.floor(high * whole)) + 1)
+        if low < part / whole < high
+    }
+    return sorted(found, reverse=last < first)
+
+
+def simplest(low: float, high: float) -> Fraction:
+    """Return the fraction of the smallest denominator between two numbers from 0 to 1, along the Stern-Brocot tree."""
+    below, above = Fraction(0), Fraction(1)
+    while True:
+        found = Fraction(below.numerator + above.numerator, below.denominator + above.denominator)
+        if found <= low:
+            below = found
+        elif found >= high:
+            above = found
+        else:
+            return found
+
+
+# Steps of a family of tori past resonances: where the next torus should be, and leaps over windows in which none is.
+#
+# Near a resonance p/q curves are distorted, and need the more samples the nearer it is; in a window around it there is
+# no torus at all. So the length of each step is varied a little, such that its rotation number is far from fractions.
+# Where steps become short, or the samples are no longer enough, the family is continued by leaps: each to a torus of a
+# given rotation number, with the parameter free. For numbers that are far from all fractions tori exist on both sides
+# of a window, and depend on the number as if there were none (smooth in the sense of Whitney, as KAM theory has it).
+
+NEXT = (1.3, 0.8, 2.0, 3.0, 0.4)
+"""Lengths of leaps, over that of the last one, that are tried while leaps succeed."""
+FEW = (1.5, 2.0, 3.0, 4.0)
+"""Lengths, over that of a good step, that are tried as soon as steps become short."""
+MANY = (*FEW, 6.0, 8.0, 12.0, 16.0)
+"""Lengths that are tried before a family ends."""
+
+_REMEMBERED = 32  # steps among which a good one is looked for, before the walk crept into a resonance
+_GOOD = 0.5  # change of the rotation number in a good step, as a share of the largest of them
+_SHARES = np.linspace(1.0, 0.7, 25)  # of a step, among which the rotation number is chosen
+_AROUND = np.linspace(0.8, 1.25, 31)  # of a leap, among which the rotation number is chosen
+_DENOMINATORS = np.arange(1.0, 101.0)  # of the fractions that it avoids
+_ALONG = 0.5  # change of the rotation number along a tangent, over that along a good step, below which it is distorted
+_FARTHER = 3.0  # the longest leap over a resonance that has stopped a walk, over the longest step
+_SHRUNK = 0.3  # size of a torus, over that before a leap, below which it may be no torus
+_ROUGHER = 10.0  # error of a torus along which a contact grazes, over that before a leap, above which it is too rough
+_FAR = 2.0  # distance of a torus from where a leap expects it, over the length of the leap, at which it is another one
+
+
+class Stride(NamedTuple):
+    """An accepted step, with the corrector of its end."""
+
+    corrector: Corrector
+    start: BranchPoint
+    end: BranchPoint
+    length: float
+
+    @property
+    def turned(self) -> float:
+        """Change of the rotation number."""
+        return torus_at(self.end).rotation - torus_at(self.start).rotation
+
+    def along(self, corrector: Corrector) -> NDArray[np.float64]:
+        """Return the change of all unknowns, as a vector of another corrector."""
+        count = equation_of(corrector).count
+        ends = [
+            np.append(resampled(torus_at(point).states, count), (torus_at(point).rotation, point.value))
+            for point in (self.start, self.end)
+        ]
+        return (ends[1] - ends[0]) / corrector.scales
+
+
+class Strides:
+    """The last steps of a walk."""
+
+    def __init__(self, within: Range, options: TorusOptions, longest: float) -> None:
+        self.within, self.options, self.longest = within, options, longest
+        self._last: deque[Stride] = deque(maxlen=_REMEMBERED)
+
+    def add(self, stride: Stride) -> None:
+        """Add an accepted step."""
+        self._last.append(stride)
+
+    def restart(self, stride: Stride) -> None:
+        """Forget all steps but one, which others are compared with."""
+        self._last.clear()
+        self._last.append(stride)
+
+    @property
+    def good(self) -> Stride | None:
+        """The last step in which the rotation number changed much, before the walk crept into a resonance."""
+        most = max((abs(stride.turned) for stride in self._last), default=0.0)
+        return next((each for each in reversed(self._last) if abs(each.turned) >= _GOOD * most), None)
+
+    def leap(self, last: BranchPoint, count: int, lengths: tuple[float, ...]) -> Stride | None:
+        """Return a step from the last good one to the other side of a resonance; None if no torus is found there."""
+        good = self.good
+        if good is None or good.turned == 0.0:
+            return None
+        posed: tuple[Corrector, BranchPoint] | None = (good.corrector, good.end)
+        if equation_of(good.corrector).count < count:
+            posed = posed_with(good.corrector, good.end, count, self.within)
+        return None if posed is None else self.leap_from(*posed, good, last, lengths)
+
+    def leap_from(
+        self, corrector: Corrector, point: BranchPoint, good: Stride, last: BranchPoint, lengths: tuple[float, ...]
+    ) -> Stride | None:
+        """Return a leap from a point, in the direction of a good step; see `leap`."""
+        begun, passed = torus_at(point).rotation, torus_at(last).rotation
+        for longer in lengths:
+            turns = begun + good.turned * longer * _AROUND
+            turns = turns[(turns - passed) * good.turned > 0.0]
+            if not len(turns):
+                continue
+            aim = float(turns[int(np.argmin(nearness_to_fractions(turns)))])
+            landed = self._landed(corrector, point, good, aim, self.longest * (1.0 if lengths is NEXT else _FARTHER))
+            if landed is not None and landed[1].value not in self.within:
+                return None
+            if landed is not None:
+                # the arclength of the family does not go back to the good step
+                start = replace(point, arclength=max(last.arclength, point.arclength))
+                leap = Stride(landed[0], start, landed[1], good.length)
+                length = float(np.linalg.norm(leap.along(landed[0])))
+                return leap._replace(end=replace(landed[1], arclength=start.arclength + length))
+        return None
+
+    def _landed(
+        self, corrector: Corrector, point: BranchPoint, good: Stride, aim: float, longest: float
+    ) -> tuple[Corrector, BranchPoint] | None:
+        """Return the torus of a rotation number next to a point, with its corrector; None if there is none.
+
+        It is looked for along the tangent, and along the good step: next to a resonance the tangent leads along it, and
+        where a contact grazes it is less certain than the direction between two tori.
+        """
+        scale = float(corrector.scales[-2])
+        change = (aim - torus_at(point).rotation) / scale
+        normal = np.zeros(len(point.x))
+        normal[-2] = 1.0
+        step = good.along(corrector)
+        distorted = abs(point.tangent[-2] * scale) * good.length < _ALONG * abs(good.turned)
+        for along in (step,) if distorted else (point.tangent, step):
+            guess = point.x + along * (change / along[-2])
+            length = length_of(guess - point.x)
+            found = corrector.correct(guess, normal) if length <= longest else None
+            if found is not None and length_of(found.x - guess) <= _FAR * length:
+                break
+        else:
+            return None
+        try:
+            landed = corrector.point(found, normal * np.sign(good.turned), point.arclength)
+        except NumericalError:
+            return None
+        torus, before = torus_at(landed), torus_at(point)
+        if torus.size < _SHRUNK * before.size or has_shrunk(point, landed):
+            return None  # the orbit to which the tori shrink solves the equation with any rotation number
+        if self._is_fine(torus, before):
+            return corrector, landed
+        finer = self.options.finer(torus.count)
+        if finer is None or not torus.is_resolved:
+            return None
+        posed = posed_with(corrector, landed, finer, self.within)
+        return posed if posed is not None and self._is_fine(torus_at(posed[1]), before) else None
+
+    def _is_fine(self, torus: Torus, before: Torus) -> bool:
+        """Return True if a leap may end at a torus: with the most samples, if it is nearly as accurate as required.
+
+        If it is not, it is next to another resonance. Where a contact grazes along tori, their errors are larger; then
+        it must not be much less accurate than the one before.
+        """
+        accuracy = self.options.accuracy
+        if torus.grazes:
+            return self.options.accepts(torus) and torus.error <= _ROUGHER * max(accuracy, before.error)
+        return self.options.accepts(torus) and torus.error**2 <= accuracy * max(accuracy, self.options.tolerated)
+
+
+def far_from_fractions(
+    step: float,
+    earlier: BranchPoint | None,
+    previous: BranchPoint | None,
+    point: BranchPoint,
+    corrector: Corrector,
+) -> float:
+    """Return a step that is not longer, and not much shorter, whose rotation number is far from fractions.
+
+    Near fractions p/q with a small q curves need more samples, and the sum of ``1 / (q^2 |rho - p/q|)`` is large.
+    """
+    scale = float(corrector.scales[-2])
+    turns = np.array([ahead(earlier, previous, point, share * step)[0][-2] for share in _SHARES]) * scale
+    return step * float(_SHARES[int(np.argmin(nearness_to_fractions(turns)))])
+
+
+def nearness_to_fractions(turns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the sum of ``1 / (q |q rho - p|)`` over small denominators q, for each rotation number."""
+    parts = turns[:, None] * _DENOMINATORS
+    away = np.maximum(np.abs(parts - np.rint(parts)), np.finfo(float).eps)
+    return (1.0 / (_DENOMINATORS * away)).sum(axis=1)
+
+
+def posed_with(
+    corrector: Corrector, point: BranchPoint, count: int, within: Range
+) -> tuple[Corrector, BranchPoint] | None:
+    """Pose the equation again at a point, with its curve as reference and a number of samples; None if Newton fails."""
+    torus = torus_at(point)
+    curve = resampled(torus.states, count)
+    equation = replace(equation_of(corrector), reference=curve)
+    posed = corrector_of(equation, curve, 1e-3 * torus.size, within)
+    unscaled, unscaled_point = point.tangent * corrector.scales, point.x * corrector.scales
+    along = resampled(unscaled[:-2].reshape(torus.count, -1), count).ravel()
+    tangent = np.append(along, unscaled[-2:]) / posed.scales
+    tangent /= np.linalg.norm(tangent)
+    x = np.append(curve.ravel(), unscaled_point[-2:]) / posed.scales
+    found = posed.correct(x, tangent)
+    if found is None:
+        return None
+    try:
+        return posed, posed.point(found, tangent, point.arclength)
+    except NumericalError:
+        return None
+
 
 _MUCH = 1e-2  # share of the accuracy below which a torus has more samples than it needs
 _TAIL = 0.1  # tail of its series, over the accuracy, with which it has enough: the error is some 100 times smaller

@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 
 from gapwalk.errors import NumericalError
-from gapwalk.flow.length_unit import smallness
+from gapwalk.flow.equations import smallness
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.verification.dry_equations import DryEquations, Key, Loading, Modes, Sizes, Values
 from gapwalk.verification.guard_samples import FIRES

@@ -15,15 +15,15 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
-from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.floquet import is_on_border
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.verification.branch_corrector import Track
 from gapwalk.verification.independent_equations import Equations
 from gapwalk.verification.verification import Check, Ledger, Spot
+from gapwalk.verification.verify_special_points import Track
 
 Array = NDArray[np.float64]
 

@@ -18,21 +18,19 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import halves_apart, lift, period_of
 from gapwalk.bifurcation.detector import joining_points, steps_of, unexplained
-from gapwalk.bifurcation.discontinuity import REACH
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
-from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switch
 from gapwalk.bifurcation.start_of_period import smooth_between
+from gapwalk.bifurcation.stiff_graze import REACH
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, hermite, length_of
-from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.errors import NumericalError, VerificationError
 from gapwalk.orbit.orbit import phases
-from gapwalk.verification.branch_corrector import CROSSING, Track
 from gapwalk.verification.verification import Advance, Check, Ledger, Spot
 from gapwalk.verification.verify_balanced import verify_truncated
 from gapwalk.verification.verify_orbits import verify_orbits
-from gapwalk.verification.verify_special_points import ends_at, verify_special_points
+from gapwalk.verification.verify_special_points import CROSSING, Track, ends_at, verify_special_points
 
 _OFF = 0.1  # largest distance of the orbit between from the cubic through both points, in distances of the points
 _TURN = 0.6  # largest angle between a tangent and the chord, in radians

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import gapwalk as gw
 from gapwalk.model.contact import Contact, Side, Stage
-from gapwalk.model.parameter import Parameter
+from gapwalk.model.registry import Parameter
 
 _OTHER = {Side.POSITIVE: Side.NEGATIVE, Side.NEGATIVE: Side.POSITIVE, Side.BOTH: Side.BOTH}
 

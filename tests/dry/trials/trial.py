@@ -17,12 +17,12 @@ import numpy as np
 
 import gapwalk as gw
 from gapwalk.attractors import ClassifyOptions, LyapunovOptions, SettleOptions, classify, lyapunov
-from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.bifurcation.special_point import Kind
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import GapwalkError, Interrupted
-from gapwalk.verification.branch_corrector import Track
 from gapwalk.verification.verification import Spot
+from gapwalk.verification.verify_special_points import Track
 
 LONGEST = 60.0
 """Seconds of processor time after which a step counts as a hang, if the trial has no cap."""

@@ -13,7 +13,7 @@ from gapwalk.flow.forces import accelerations
 from gapwalk.model import System
 from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
-from gapwalk.results.records import WholeSystem, parameters_of, system_of
+from gapwalk.results.codec import WholeSystem, parameters_of, system_of
 from tests.results.again import again
 
 

@@ -8,8 +8,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import ModelError
-from gapwalk.model.drivetrain.spreadsheet import letters
-from gapwalk.model.drivetrain.train_sheet import COLUMNS
+from gapwalk.model.drivetrain.train_sheet import COLUMNS, letters
 from gapwalk.model.model_file import check_model
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies.study_file import read_studies, text_of_sheet

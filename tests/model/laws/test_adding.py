@@ -21,8 +21,8 @@ from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from gapwalk.model.equilibria import find_equilibria
 from gapwalk.model.laws import CLEARANCE, LAWS, Law, register
 from gapwalk.model.loads import LOADS
-from gapwalk.model.parameter import Parameter
 from gapwalk.model.problems import ModelFileError
+from gapwalk.model.registry import Parameter
 from gapwalk.results.codec import encode
 from gapwalk.results.result_file import Part, ResultFile, reading
 from tests.models import read_system

@@ -11,9 +11,7 @@ import pytest
 
 from gapwalk.errors import ModelError
 from gapwalk.model.laws import LAWS, Elastic, Stages
-from gapwalk.model.laws.expression import Expression
-from gapwalk.model.laws.formula import NUMPY_FUNCTIONS
-from gapwalk.model.laws.grammar import FormulaError
+from gapwalk.model.laws.formula import NUMPY_FUNCTIONS, Expression, FormulaError
 
 
 def stages(modes: list[Any], **deflections: tuple[Any, Any]) -> Stages:

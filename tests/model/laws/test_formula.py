@@ -13,9 +13,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from gapwalk.model.laws.closed_form import Symbols
-from gapwalk.model.laws.formula import NUMPY_FUNCTIONS, Formula
-from gapwalk.model.laws.grammar import formula_of
+from gapwalk.model.laws.formula import NUMPY_FUNCTIONS, Formula, formula_of
+from gapwalk.model.laws.law import Symbols
 from tests.model.laws.symbolic import HEYOKA, evaluated
 from tests.model.laws.test_grammar import NAMES, VARIABLES, read, texts
 

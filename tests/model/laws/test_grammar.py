@@ -11,8 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from gapwalk.errors import ModelError
-from gapwalk.model.laws.formula import NUMPY_FUNCTIONS, Formula
-from gapwalk.model.laws.grammar import FormulaError, formula_of
+from gapwalk.model.laws.formula import NUMPY_FUNCTIONS, Formula, FormulaError, formula_of
 
 VARIABLES = ("x", "x'", "v", "y")
 NAMES = {"x": 1.25, "v": -0.75, "y": 3.0, "k": 0.5, "a": -2.0, "gap_1": 0.125}

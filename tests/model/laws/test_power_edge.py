@@ -11,9 +11,8 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.special import gamma
 
-from gapwalk.model.laws.formula import Formula
-from gapwalk.model.laws.grammar import formula_of
-from gapwalk.model.laws.power_edge import edge_polynomial
+from gapwalk.model.laws.formula import Formula, formula_of
+from gapwalk.model.laws.law import edge_polynomial
 from tests.model.laws.symbolic import Passage, move
 
 POWERS = [1.05, 1.5, 2.2, 3.5, 9.5]

@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 from gapwalk.errors import ModelError
-from gapwalk.model.measured.speed_table import SpeedTable, speed_table
+from gapwalk.model.measured.measured_table import SpeedTable, speed_table
 
 SPEEDS = np.array([700.0, 1000.0, 1600.0, 2500.0, 4000.0, 6000.0])
 VALUES = np.array([30.0, 42.0, 55.0, 55.0, 61.0, 20.0])

@@ -9,9 +9,8 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 from gapwalk.errors import ModelError
-from gapwalk.model.measured import polyline_thinning
-from gapwalk.model.measured.polyline_thinning import thin_polyline
-from gapwalk.model.measured.spring_curve import MAX_CORNERS, Curve, spring_curve
+from gapwalk.model.measured import spring_curve as polyline_thinning
+from gapwalk.model.measured.spring_curve import MAX_CORNERS, Curve, spring_curve, thin_polyline
 
 SEEDS = range(40)
 

@@ -19,8 +19,15 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, exact_orbit
-from gapwalk.bifurcation.isolated.search_chunk import Catch, Chunk, search_chunk
-from gapwalk.bifurcation.isolated.search_options import SearchOptions, spread_starts, state_box, with_extensions
+from gapwalk.bifurcation.isolated.search_chunk import (
+    Catch,
+    Chunk,
+    SearchOptions,
+    search_chunk,
+    spread_starts,
+    state_box,
+    with_extensions,
+)
 from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System

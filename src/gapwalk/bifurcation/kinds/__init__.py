@@ -14,7 +14,7 @@ from gapwalk.bifurcation.kinds.sliding import (
     SwitchingSliding,
 )
 from gapwalk.bifurcation.kinds.user_event import Event
-from gapwalk.bifurcation.special_point_kind import Kind, Symbol, register
+from gapwalk.bifurcation.special_point import Kind, Symbol, register
 
 # in the order of tables and legends
 Kind.FOLD = register(Fold("fold"))

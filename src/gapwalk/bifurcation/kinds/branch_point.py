@@ -18,12 +18,10 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch_start import BranchStart, posed_for
 from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator
 from gapwalk.bifurcation.kinds.defining_functions import offsets_from
-from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.bifurcation.special_point_kind import Kind, Symbol
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint, Symbol
 from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
-from gapwalk.continuation.corrector import Corrector
-from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.continuation.walk_scales import Range, scales_of
+from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.corrector import Corrector, Range, scales_of
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.orbit.method import Method
 

@@ -27,14 +27,12 @@ from gapwalk.bifurcation.kinds.defining_functions import (
     offsets_from,
     smallest_singular_value,
 )
-from gapwalk.bifurcation.special_point import REACH, SpecialPoint
-from gapwalk.bifurcation.special_point_kind import Kind, Symbol
-from gapwalk.continuation.corrector import Corrector
-from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.continuation.walk_scales import Range, check_range, scales_of
+from gapwalk.bifurcation.special_point import REACH, Kind, SpecialPoint, Symbol
+from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.corrector import Corrector, Range, check_range, scales_of
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.flow.contact_events import ContactEvent
-from gapwalk.flow.length_unit import magnitude
+from gapwalk.flow.equations import magnitude
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation

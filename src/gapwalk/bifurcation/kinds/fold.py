@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.kinds.defining_functions import Criticality, smallest_singular_value
-from gapwalk.bifurcation.special_point_kind import Kind, Symbol
+from gapwalk.bifurcation.special_point import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, Zero
-from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.continuation.both_directions import BranchPoint
 
 if TYPE_CHECKING:
     from gapwalk.bifurcation.branch_start import BranchStart
     from gapwalk.bifurcation.error_estimate import ErrorEstimator
     from gapwalk.bifurcation.special_point import SpecialPoint
-    from gapwalk.continuation.walk_scales import Range
+    from gapwalk.continuation.corrector import Range
     from gapwalk.orbit.method import Method
 
 _VERTEX = 1e-6  # arclength from a crossing within which a fold is its vertex

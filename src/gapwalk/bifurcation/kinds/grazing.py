@@ -9,18 +9,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.bracketed_zero import zero_between
 from gapwalk.bifurcation.error_estimate import ErrorEstimator, location_error
-from gapwalk.bifurcation.special_point import describe_switch
-from gapwalk.bifurcation.special_point_kind import Kind, Symbol
-from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
+from gapwalk.bifurcation.special_point import Kind, Symbol, describe_switch
+from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero, zero_between
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import length_of
-from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD
-from gapwalk.orbit.measures import Turns, apart
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit import Orbit, Turns, apart
 
 if TYPE_CHECKING:
     from gapwalk.bifurcation.special_point import SpecialPoint

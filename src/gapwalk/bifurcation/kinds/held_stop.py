@@ -25,16 +25,13 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.bracketed_zero import EXACT, zero_between
 from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator
-from gapwalk.bifurcation.special_point import describe_switch
-from gapwalk.bifurcation.special_point_kind import Kind, Symbol
-from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
+from gapwalk.bifurcation.special_point import Kind, Symbol, describe_switch
+from gapwalk.bifurcation.step_interval import EXACT, Search, StepInterval, Zero, zero_between
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import length_of
-from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.flow.dry_motion import DryModes, forces_and_accelerations
 from gapwalk.flow.flow import PERIOD
-from gapwalk.flow.motion import Motion, sample
+from gapwalk.flow.motion import DryModes, Motion, forces_and_accelerations, sample
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.orbit.orbit import Orbit
 

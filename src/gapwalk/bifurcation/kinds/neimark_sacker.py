@@ -13,8 +13,8 @@ from gapwalk.bifurcation.kinds.defining_functions import (
     pair_factors,
     pair_on_circle,
 )
-from gapwalk.bifurcation.special_point_kind import Kind, Symbol
-from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.bifurcation.special_point import Kind, Symbol
+from gapwalk.continuation.both_directions import BranchPoint
 
 
 class NeimarkSacker(Kind):

@@ -20,13 +20,12 @@ from gapwalk.bifurcation.friction_changes import (
     find_changes,
     located_again,
 )
-from gapwalk.bifurcation.friction_margins import own_phase
-from gapwalk.bifurcation.onset_of_slip import Located, directions_left, never_slips, position_of
-from gapwalk.bifurcation.special_point_kind import Kind, Symbol
+from gapwalk.bifurcation.onset_of_slip import Located, directions_left, never_slips, own_phase, position_of
+from gapwalk.bifurcation.special_point import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, Zero
-from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.orbit.friction_phases import stick_words, text_of
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.sticking import stick_words, text_of
 
 if TYPE_CHECKING:
     from gapwalk.bifurcation.special_point import SpecialPoint
@@ -47,7 +46,7 @@ class Sliding(Kind):
     by_multipliers = False
     is_corner = True
     what: ClassVar[str]
-    """Quantity that vanishes there, as in `gapwalk.orbit.friction_phases.Margin`."""
+    """Quantity that vanishes there, as in `gapwalk.orbit.sticking.Margin`."""
 
     def owns(self, change: Change) -> bool:
         """Return True if a change of the sequence of phases is a point of this kind."""

@@ -7,8 +7,8 @@ import reprlib
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.bifurcation.special_point import Kind
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.orbit.orbit import Orbit
 

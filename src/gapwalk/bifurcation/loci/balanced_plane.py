@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.kinds.defining_functions import Criticality, smallest_singular_value
 from gapwalk.bifurcation.kinds.flip import flip_coefficient
 from gapwalk.bifurcation.loci.orbit_plane import STEP, OrbitPlane, Place, Turning
-from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.walk_scales import unknown_scales
+from gapwalk.bifurcation.special_point import Kind
+from gapwalk.continuation.corrector import unknown_scales
 from gapwalk.orbit.harmonic_balance.balance import Balance
 from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation, Evidence
 from gapwalk.orbit.harmonic_balance.contact_forces import contact_forces_of
 from gapwalk.orbit.harmonic_balance.kernels import from_real_form
-from gapwalk.orbit.harmonic_balance.linear_part import deflections_in
+from gapwalk.orbit.harmonic_balance.linear_part import deflections_in, waves
 from gapwalk.orbit.harmonic_balance.monodromy import Linearised
-from gapwalk.orbit.harmonic_balance.series import waves
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation
 

@@ -33,13 +33,13 @@ from gapwalk.bifurcation.kinds.grazing import Graze, describe_switch, find_grazi
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.loci.locus import Codim2
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, MultiplierEquation, Secant, zero_along
-from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.special_point import Kind
 from gapwalk.bifurcation.step_interval import StepInterval
 from gapwalk.bracketed_root import zero_between_signs
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Correction, Corrector
-from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.flow.flow import PERIOD
-from gapwalk.orbit.measures import apart
+from gapwalk.orbit.orbit import apart
 
 _TURNED = 1e-5  # speed in the parameter plane, relative to that along the locus, below which the locus turns back
 _CIRCLE = 1e-5  # distance from the unit circle within which a pair counts as on it

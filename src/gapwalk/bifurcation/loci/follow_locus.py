@@ -5,29 +5,497 @@ Method: docs/numerics/loci.md
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
-from itertools import pairwise
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from functools import singledispatch
+from itertools import pairwise, product
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.loci.codimension_two import Finding, find_codim2, find_merging
-from gapwalk.bifurcation.loci.corner import AWAY, Approach, Corner, approaches, leaps, turn_corner
 from gapwalk.bifurcation.loci.locus import Codim2, Codim2Point, Locus, LocusEnd, LocusEndReason, LocusPoint
-from gapwalk.bifurcation.loci.locus_equations import GrazingEquation
-from gapwalk.bifurcation.loci.locus_start import LocusStart, Ranges, lift, refined, start_locus
-from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.both_directions import Tracing, in_one_direction
-from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.continuation.step_size import WalkOptions
-from gapwalk.continuation.walk import EndReason, Walk, WalkState
-from gapwalk.errors import NumericalError
+from gapwalk.bifurcation.loci.locus_equations import (
+    MARGIN,
+    GrazingEquation,
+    LocusEquation,
+    MultiplierEquation,
+    Secant,
+    SlidingEquation,
+    onto_curve,
+    posed,
+    zero_along,
+)
+from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, ShotPlane
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switch
+from gapwalk.continuation.both_directions import BranchPoint, Tracing, in_one_direction
+from gapwalk.continuation.corrector import Correction, Corrector, Range, powers_of_two
+from gapwalk.continuation.walk import EndReason, Walk, WalkOptions, WalkState
+from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD
-from gapwalk.orbit.method import Method
+from gapwalk.flow.motion import switch_names
+from gapwalk.orbit.harmonic_balance import Balance
+from gapwalk.orbit.method import Method, chosen
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import Shooting
+
+# Corners: where a contact grazes at a bifurcation, the locus turns sharply, and the walk needs a special step.
+#
+# A touch adds two events: the deflection turns slightly beyond its breakpoint, at a depth d, and returns. The
+# monodromy matrix changes like the square root of d. With the condition ``g = s + c sqrt(d)``, where s is smooth, the
+# locus crosses the grazing locus on the side without the touch. On the other side it leaves it tangentially, like the
+# parabola ``d = (s / c)^2``. So two smooth arcs meet at an angle. Seen from the grazing locus both are smooth curves,
+# over d on one side and over its square root on the other (see `NearGrazing`), so a locus is measured in that length
+# there.
+#
+# The turning points of deflections, and their changes along the locus, give the arclength to the next graze, and show
+# steps that have missed one.
+
+_SECANT = Secant()
+_SAME = 0.3  # radians by which a turning point may move between two points
+_LEAP = 0.5  # largest error of a predicted touch, as a share of the square root of its depth
+_NEAR = 1e-3  # distance from a breakpoint, in units of the state, within which a turning point may form the corner
+_STRAIGHT = 0.9  # smallest cosine of the angle between the tangent and the direction of the corner
+_HALVINGS = 4  # number of times that the depth is reduced to check that the locus leads to the corner
+_LEAST = 3.0  # smallest depth in that check, in margins
+_NEARER = 0.8  # largest ratio of successive distances from the corner in that check
+_SOUGHT_FIRST = 1e-7  # depth, in units of the state, at which the locus beyond the corner is sought first
+_SHORTENINGS = 10  # number of times that the next depth there may be brought closer to the one before
+_STRAYED = 0.1  # largest deviation of a place from its prediction, as a share of its distance from the one before
+_TINY = 1e-7  # scaled deviation that is always allowed
+_FAR_ENOUGH = 0.5  # distance from the corner, in multiples of AWAY, from which the walk can continue
+
+AWAY = 1e-3
+"""Scaled distance from a corner within which a walk does not step, but is led round the corner."""
+
+
+class Corner(NamedTuple):
+    """Corner of a locus: what happens there, and the point of the locus beyond, from which the walk continues."""
+
+    finding: Finding
+    beyond: BranchPoint
+
+
+class Turning(NamedTuple):
+    """Turning point of a deflection: switch, angle, depth beyond the breakpoint, and whether it is a touch."""
+
+    switch: int
+    theta: float
+    depth: float
+    is_touch: bool
+
+    @property
+    def distance(self) -> float:
+        """Distance from the breakpoint, in a measure in which a locus is smooth."""
+        return math.sqrt(abs(self.depth)) if self.is_touch else abs(self.depth)
+
+
+class Approach(NamedTuple):
+    """Turning point that approaches its breakpoint, with the arclength after which it will reach it."""
+
+    reach: float
+    turning: Turning
+
+
+def turn_corner(
+    corrector: Corrector, point: BranchPoint, within: float, ahead: Sequence[Approach] = ()
+) -> Corner | None:
+    """Return the corner just ahead of a point of a locus; None if there is none that can be turned."""
+    near = _NEAR * float(corrector.scales[0])
+    nearby = sorted((each for each in turnings(point) if abs(each.depth) < near), key=lambda each: abs(each.depth))
+    for turning in [each.turning for each in ahead] or nearby:
+        try:
+            corner = _turn(corrector, point, within, turning)
+        except (NumericalError, np.linalg.LinAlgError):
+            continue
+        if corner is not None:
+            return corner
+    return None
+
+
+def turnings(point: BranchPoint) -> list[Turning]:
+    """Return all turning points of all deflections of an orbit."""
+    found = point.memo.get("turnings")
+    if found is None:
+        found = []
+        for switch, (thetas, depths) in enumerate(point.orbit.turning_depths):
+            for index, (theta, depth) in enumerate(zip(thetas, depths, strict=True)):
+                is_highest = depth >= depths[index - 1]
+                found.append(Turning(switch, theta, depth, (depth > 0.0) is is_highest))
+        point.memo["turnings"] = found  # stored only when complete: another thread may read it
+    return found
+
+
+def is_highest(correction: Correction) -> bool:
+    """Return True if the deflection has a maximum, not a minimum, on the corrected orbit."""
+    return bool(correction.evaluation.by_unknowns[-1, -2] < 0.0)  # the derivative of its rate by the angle
+
+
+def _turn(corrector: Corrector, point: BranchPoint, within: float, turning: Turning) -> Corner | None:
+    """Return the corner at which one turning point grazes, if the locus leads there and continues beyond."""
+    near = NearGrazing(corrector, turning.switch)
+    start = np.insert(point.x, -2, turning.theta / PERIOD)
+    corner = near.corner(start)
+    if corner is None:
+        return None
+    way = on_locus(corner) - point.x
+    length = float(np.linalg.norm(way))
+    if length > within or float(way @ point.tangent) < _STRAIGHT * length:
+        return None  # the corner of another arc
+    if not _leads_there(near, start, corner, turning):
+        return None
+    beyond = _beyond(corrector, near, corner, turning)
+    if beyond is None or beyond.orbit.closings == point.orbit.closings:
+        return None
+    x, orbit = on_locus(corner), near.orbit(corner)
+    value = float(x[-1] * corrector.scales[-1])
+    there = replace(point, value=value, orbit=orbit, x=x, arclength=point.arclength + length, memo={})
+    arclength = there.arclength + float(np.linalg.norm(beyond.x - x))
+    finding = Finding(Codim2.GRAZING, there, describe_switch(orbit, turning.switch))
+    return Corner(finding, replace(beyond, arclength=arclength))
+
+
+class NearGrazing:
+    """Orbits of a locus of multipliers on which one deflection turns at a given depth beyond its breakpoint.
+
+    The condition on the multipliers changes like the square root of that depth. The orbits of a given depth, however,
+    form a smooth curve close to the grazing locus, and the condition is smooth along it. So the orbits are found by
+    following that curve to the point where the condition holds.
+    """
+
+    def __init__(self, corrector: Corrector, switch: int) -> None:
+        equation = cast("MultiplierEquation", corrector.equation)
+        self.equation, self.unit = equation, float(corrector.scales[0])
+        self.margin = MARGIN * self.unit
+        self._touch = GrazingEquation(equation.plane, switch, 0.0, min(equation.tolerance, 0.1 * self.margin))
+        self._scales = np.insert(corrector.scales, -2, PERIOD)
+
+    def corner(self, start: NDArray[np.float64]) -> Correction | None:
+        """Return the orbit of the locus that just touches, seen from outside the breakpoint."""
+        x = start * self._scales
+        return self.at(-self.margin if self._touch.is_highest(x[:-1], float(x[-1])) else self.margin, start)
+
+    def at(self, depth: float, start: NDArray[np.float64]) -> Correction | None:
+        """Return the orbit with a given depth, found along the curve of that depth; None if none is found."""
+        corrector = Corrector(replace(self._touch, depth=depth), self._scales)
+        criticality = self.equation.criticality
+        return zero_along(corrector, start, lambda found: criticality(found.evaluation.evidence).value, _SECANT)
+
+    def orbit(self, correction: Correction) -> Orbit:
+        """Return the orbit of a correction."""
+        x = correction.x * self._scales
+        return self._touch.orbit(x[:-1], float(x[-1]), correction.evaluation)
+
+
+def on_locus(correction: Correction) -> NDArray[np.float64]:
+    """Return the locus variables of the orbit of a correction: all except the angle of the turning point."""
+    return np.delete(correction.x, -3)
+
+
+def _leads_there(near: NearGrazing, start: NDArray[np.float64], corner: Correction, turning: Turning) -> bool:
+    """Return True if the locus leads from a start to a corner: its distance must shrink in proportion to the depth."""
+    there, depth = on_locus(corner), turning.depth
+    distance = float(np.linalg.norm(np.delete(start, -3) - there))
+    for _ in range(_HALVINGS):
+        depth *= 0.25 if turning.is_touch else 0.5
+        if abs(depth) < _LEAST * near.margin:
+            break
+        at = near.at(depth, start)
+        if at is None or is_highest(at) is not is_highest(corner):
+            return False
+        start, before = at.x, distance
+        distance = float(np.linalg.norm(on_locus(at) - there))
+        if distance > _NEARER * before:
+            return False
+    return True
+
+
+def _beyond(corrector: Corrector, near: NearGrazing, corner: Correction, turning: Turning) -> BranchPoint | None:
+    """Return the point of the locus slightly beyond its corner, where the deflection turns on the other side.
+
+    The locus is followed outwards from the corner over the measure in which it is smooth: the depth or its square root.
+    """
+    side = -np.sign(turning.depth) * near.unit
+    power, growth = (1, 3.0) if turning.is_touch else (2, 2.0)
+    measures, places = [0.0], [corner]
+    measure, shortenings = _SOUGHT_FIRST ** (1.0 / power), 0
+    while shortenings < _SHORTENINGS:
+        guess = _extrapolated(measures, [place.x for place in places], measure)
+        at = near.at(side * measure**power, guess)
+        # an orbit that deviates far from its prediction belongs to another arc
+        far = max(_STRAYED * float(np.linalg.norm(guess - places[-1].x)), _TINY) if len(places) > 1 else math.inf
+        if at is None or is_highest(at) is not is_highest(corner) or float(np.linalg.norm(at.x - guess)) > far:
+            measure, shortenings = 0.5 * (measures[-1] + measure), shortenings + 1
+            continue
+        measures.append(measure)
+        places.append(at)
+        if float(np.linalg.norm(on_locus(at) - on_locus(corner))) > _FAR_ENOUGH * AWAY:
+            break
+        measure *= growth
+    if len(places) == 1:
+        return None
+    there, way = on_locus(places[-1]), on_locus(places[-1]) - on_locus(places[-2])
+    way /= np.linalg.norm(way)
+    correction = corrector.correct(there, way)
+    if correction is None or correction.distance > _STRAYED * float(np.linalg.norm(there - on_locus(corner))):
+        return None
+    return corrector.point(correction, way, 0.0)
+
+
+def _extrapolated(measures: list[float], places: list[NDArray[np.float64]], measure: float) -> NDArray[np.float64]:
+    """Return the place at a measure by the parabola through the last three places, or a lower order with fewer."""
+    nodes, known = measures[-3:], places[-3:]
+    result = np.zeros_like(known[0])
+    for i, place in enumerate(known):
+        others = [node for j, node in enumerate(nodes) if j != i]
+        result += place * float(np.prod([(measure - node) / (nodes[i] - node) for node in others]))
+    return result
+
+
+def approaches(before: BranchPoint | None, point: BranchPoint) -> list[Approach]:
+    """Return the turning points that approach their breakpoints, the first to arrive first."""
+    if before is None:
+        return []
+    found, length = [], point.arclength - before.arclength
+    for past, now in _pairs(before, point):
+        if past.is_touch is now.is_touch and past.depth * now.depth > 0.0 and now.distance < past.distance:
+            found.append(Approach(length * now.distance / (past.distance - now.distance), now))
+    return sorted(found)
+
+
+def _pairs(first: BranchPoint, last: BranchPoint) -> Iterator[tuple[Turning, Turning]]:
+    """Yield the turning points of one orbit, each with the nearby one of the other orbit that it has become."""
+    full = PERIOD * first.orbit.period
+    for turning in turnings(last):
+        others = [other for other in turnings(first) if other.switch == turning.switch]
+        if others:
+            apart = [abs((other.theta - turning.theta + full / 2) % full - full / 2) for other in others]
+            nearest = int(np.argmin(apart))
+            if apart[nearest] < _SAME:
+                yield others[nearest], turning
+
+
+def leaps(before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> bool:
+    """Return True if a step changes a touch in a way not predicted by the previous points.
+
+    Arcs of a locus that differ only by a touch are close to each other, and a step may jump from one to the other.
+    """
+    rates: dict[tuple[int, float], float] = {}
+    if before is not None:
+        for past, now in _pairs(before, first):
+            rates[now.switch, now.theta] = (now.distance - past.distance) / (first.arclength - before.arclength)
+    for now, following in _pairs(first, last):
+        if now.is_touch and following.is_touch:
+            change = rates.get((now.switch, now.theta), 0.0) * (last.arclength - first.arclength)
+            if abs(following.distance - now.distance - change) > _LEAP * now.distance:
+                return True
+    return False
+
+
+# Beginning of a locus: a special point in the plane of two parameters, and a direction.
+
+AnyEquation = MultiplierEquation | GrazingEquation | SlidingEquation
+"""Equation of a locus, which belongs to the kind of its special point."""
+
+Ranges = tuple[tuple[float, float], tuple[float, float]]
+"""Ranges of both parameters."""
+
+_FAR = 1e-3  # scaled distance from the special point beyond which the corrected start is another point
+_LITTLE = 0.01  # share of the allowed error below which more harmonics would not help
+_COARSE = 1e-2  # largest scaled distance if the two are resolved with different numbers of harmonics
+
+
+@dataclass(frozen=True)
+class LocusStart:
+    """Point and direction from which a locus can be walked."""
+
+    kind: Kind  #: Kind of the locus.
+    corrector: Corrector  #: Corrector for the locus; it holds the equation and the scales.
+    first: BranchPoint  #: The point; its tangent gives the direction.
+    within: tuple[Range, Range]  #: Ranges of both parameters.
+    contact: str = ""  #: On a grazing locus the contact, stage and side that grazes; otherwise empty.
+
+    @property
+    def equation(self) -> MultiplierEquation | GrazingEquation:
+        """Equation whose solutions form the locus."""
+        return cast("MultiplierEquation | GrazingEquation", self.corrector.equation)
+
+    @property
+    def plane(self) -> OrbitPlane:
+        """Plane of two parameters, with its orbits, in which the locus is followed."""
+        return self.equation.plane
+
+
+def start_locus(
+    special: SpecialPoint, first: str, second: str, to: Ranges, method: Method | None = None
+) -> list[LocusStart]:
+    """Begin the locus of a special point in both directions: towards smaller `first`, then towards larger."""
+    within = _checked(special, first, second, to)
+    corrector, there = _started(plane_of(chosen(method), special.orbit, (first, second)), special, within)
+    back = replace(there, tangent=-there.tangent, determinant=-there.determinant, memo={})
+    return [LocusStart(special.kind, corrector, point, within, special.contact) for point in (back, there)]
+
+
+def refined(beginning: LocusStart) -> LocusStart | None:
+    """Return the beginning with the next finer resolution of its orbits; None if there is none."""
+    equation, scales = beginning.equation, beginning.corrector.scales
+    plane = equation.plane.finer()
+    if plane is None:
+        return None
+    # a finer resolution adds unknowns of the same kind
+    size = len(plane.unknowns(beginning.first.orbit))
+    scales = np.concatenate((np.full(size, scales[0]), scales[-1 - equation.others :]))
+    corrector = Corrector(equation.on(plane, scales), scales)
+    first = lift(beginning.first, corrector)
+    return None if first is None else replace(beginning, corrector=corrector, first=first)
+
+
+def lift(point: BranchPoint, corrector: Corrector) -> BranchPoint | None:
+    """Return a point of a locus, posed by a finer equation of the same locus; None if Newton's method fails."""
+    equation = cast("LocusEquation", corrector.equation)
+    x = np.append(equation.unknowns(point.orbit), point.value) / corrector.scales
+    if isinstance(equation, GrazingEquation):
+        x[-3] = point.x[-3]  # the orbit itself does not determine which turning point grazes
+    correction, tangent = onto_curve(corrector, x)
+    if correction is None or correction.distance > _COARSE:
+        return None
+    # the angle at which a contact touches, if any, and both parameters
+    others = slice(-1 - equation.others, None)
+    way = float(tangent[others] @ point.tangent[others])
+    return corrector.point(correction, tangent if way > 0.0 else -tangent, point.arclength)
+
+
+def _started(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range]) -> tuple[Corrector, BranchPoint]:
+    """Return the corrector for the locus of a special point, refined as necessary, and its first point."""
+    names, value = plane.names, special.orbit.system[plane.names[1]]
+    corrector, start = _posed(plane, special, within)
+    equation, x, finer = corrector.equation, start * corrector.scales, plane.finer()
+    orbit = equation.orbit(x[:-1], float(x[-1]), equation.evaluate(x[:-1], float(x[-1])))
+    inaccuracy = plane.inaccuracy(orbit)
+    if inaccuracy and finer is not None:
+        return _started(finer, special, within)
+    correction, tangent = onto_curve(corrector, start)
+    if correction is None or correction.distance > (_FAR if isinstance(plane, ShotPlane) else _COARSE):
+        if finer is not None and plane.inaccuracy(orbit, _LITTLE):
+            return _started(finer, special, within)
+        place = ", ".join(f"{name} = {special.orbit.system[name]:.10g}" for name in names)
+        raise ConvergenceError(inaccuracy or f"the start is not a {special.kind.value} at {place}")
+    held = corrector.at_value(correction.x, value)
+    if held is not None and held.distance <= _FAR:  # the same point at the exact second parameter: it may be a limit
+        correction = held
+    if tangent[-2] < 0.0 or (tangent[-2] == 0.0 and tangent[-1] < 0.0):
+        tangent = -tangent
+    there = corrector.point(correction, tangent, 0.0)
+    inaccuracy = plane.inaccuracy(there.orbit)
+    if not inaccuracy:
+        return corrector, there
+    if finer is None:
+        raise ConvergenceError(inaccuracy)
+    return _started(finer, special, within)
+
+
+@singledispatch
+def plane_of(method: Method, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane:
+    """Return the plane of orbits of two parameters that contains an orbit, with the discretisation of a method."""
+    raise ModelError(f"no locus is followed by the method {method.name}; write Shooting() or Balance()")
+
+
+@plane_of.register(Shooting)
+def _shot(method: Shooting, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane:
+    if method.segments > 1:
+        raise ModelError(f"segments is {method.segments}; a locus is followed with one, write Shooting(segments=1)")
+    return ShotPlane(orbit.system, names, orbit.period, method)
+
+
+@plane_of.register(Balance)
+def _balanced(method: Balance, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane:
+    from gapwalk.bifurcation.loci.balanced_plane import BalancedPlane  # loads numba, which takes time
+
+    harmonics = method.pose(orbit.system, None, orbit.period).harmonics
+    if method.harmonics is None:
+        harmonics = max(harmonics, orbit.harmonics)
+    return BalancedPlane(orbit.system, names, orbit.period, method, harmonics)
+
+
+def _posed(
+    plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range]
+) -> tuple[Corrector, NDArray[np.float64]]:
+    """Return the corrector for the locus of a special point, and the start in its variables."""
+    equation, unknowns, scales = equation_of(plane, special, [each.width for each in within])
+    return Corrector(equation, scales), np.append(unknowns, special.orbit.system[plane.names[1]]) / scales
+
+
+def equation_of(
+    plane: OrbitPlane, special: SpecialPoint, widths: Sequence[float]
+) -> tuple[AnyEquation, NDArray[np.float64], NDArray[np.float64]]:
+    """Return the equation of the locus of a special point, its unknowns there, and the scales of all variables."""
+    if special.multiplicity > 1:
+        raise ConvergenceError(
+            f"{special.multiplicity} multipliers become critical at once at the {special.kind_words} at "
+            f"{special.value:.10g}, and part where the equal parts become unequal, so that it has no gradient and no "
+            "locus; make the parts a little unequal"
+        )
+    orbit, units = special.orbit, plane.scales(special.orbit)
+    equation: AnyEquation
+    if isinstance(special.kind, Sliding):
+        if not isinstance(plane, ShotPlane):
+            raise ModelError(f"the locus of a {special.kind} is followed by shooting; write method=Shooting()")
+        equation = posed(plane, special.kind, orbit, special.contact, float(units[0]), plane.tolerance)
+        scales = powers_of_two(np.concatenate((units, [PERIOD], widths)))
+        unknowns = equation.unknowns(orbit)
+    elif special.kind is not Kind.GRAZING:
+        scales = powers_of_two(np.append(units, widths))
+        equation = MultiplierEquation(plane, special.kind, scales, plane.tolerance)
+        unknowns = equation.unknowns(orbit)
+    else:
+        scales = powers_of_two(np.concatenate((units, [PERIOD], widths)))
+        switches = range(len(switch_names(plane.system)))
+        switch = next(k for k in switches if describe_switch(orbit, k) == special.contact)
+        margin, others = MARGIN * float(units[0]), [orbit.system[name] for name in plane.names[1:]]
+        equation = GrazingEquation(plane, switch, 0.0, min(plane.tolerance, 0.1 * margin))
+        unknowns = equation.unknowns(orbit)
+        equation = replace(equation, depth=-margin if equation.is_highest(unknowns, *others) else margin)
+    return equation, unknowns, scales
+
+
+def _checked(special: SpecialPoint, first: str, second: str, to: Ranges) -> tuple[Range, Range]:
+    """Return the ranges; raise a ModelError if the request is invalid."""
+    system = special.orbit.system
+    if special.kind.no_locus:
+        raise ModelError(special.kind.no_locus)
+    if special.orbit.own_method is not None:
+        raise ModelError(
+            "this motion has no excitation, and its frequency is an unknown; loci of such motions are not followed. "
+            "Follow the motions for several values of the second parameter instead"
+        )
+    places = [system.structure.place(name) for name in (first, second)]
+    if places[0] == places[1]:
+        raise ModelError(f"both parameters are {first!r}; a locus is a curve in the plane of two different ones")
+    try:
+        pairs = [(float(low), float(high)) for low, high in to]
+    except (TypeError, ValueError):
+        pairs = []
+    if len(pairs) != 2:
+        raise ModelError(f"to is {to!r}; write a range for each parameter, such as ((0.2, 0.9), (0.0, 0.5))")
+    ranges = []
+    for name, (low, high) in zip((first, second), pairs, strict=True):
+        if not low < high:
+            raise ModelError(
+                f"the range of {name} is ({low:.10g}, {high:.10g}); its first value must be the smaller one"
+            )
+        if not low <= system[name] <= high:
+            raise ModelError(
+                f"the locus starts at {name} = {system[name]:.10g}, outside the range from {low:.10g} to {high:.10g}"
+            )
+        ranges.append(replace(Range(low, high).along(name, system), is_relative=False))
+    for corner in product(*pairs):
+        system.at(dict(zip((first, second), corner, strict=True)))
+    return ranges[0], ranges[1]
+
 
 LocusReport = Callable[[LocusPoint, list[Codim2Point]], None]
 """Function called with each new point and the points of codimension two before it."""

@@ -16,11 +16,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.loci.follow_locus import equation_of, plane_of
 from gapwalk.bifurcation.loci.locus_equations import LocusEquation, MultiplierEquation
-from gapwalk.bifurcation.loci.locus_start import equation_of, plane_of
 from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, Place, ShotPlane
 from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.continuation.walk_scales import powers_of_two
+from gapwalk.continuation.corrector import powers_of_two
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
@@ -243,7 +243,7 @@ def shifts(special: SpecialPoint, names: Sequence[str]) -> NDArray[np.float64]:
     """Return the derivatives of all unknowns of a special point, its parameter value last, by other parameters.
 
     They predict the point in a system near by: shape (unknowns, parameters), the unknowns as in
-    `gapwalk.bifurcation.loci.locus_start.equation_of`. Those of a condition on multipliers come from forward
+    `gapwalk.bifurcation.loci.follow_locus.equation_of`. Those of a condition on multipliers come from forward
     differences and have about six digits; `gradient` is more accurate. Errors are those of `gradient`.
     """
     orbit, parameter = special.orbit, special.parameter

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.kinds.defining_functions import Criticality
 from gapwalk.bifurcation.kinds.flip import flip_coefficient
-from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.walk_scales import unknown_scales
+from gapwalk.bifurcation.special_point import Kind
+from gapwalk.continuation.corrector import unknown_scales
 from gapwalk.flow.breakpoints import Gauge
+from gapwalk.flow.equations import natural_length
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of, flow_with
-from gapwalk.flow.length_unit import natural_length
 from gapwalk.model.coefficients import CoefficientLayout, ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit

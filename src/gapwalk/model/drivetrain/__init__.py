@@ -3,8 +3,7 @@
 from gapwalk.model.drivetrain.nondimensional import NonDimensional, PaperNumbers, Scales, nondimensional, paper_numbers
 from gapwalk.model.drivetrain.train import Train, chain
 from gapwalk.model.drivetrain.train_orders import Counted
-from gapwalk.model.drivetrain.train_parts import GROUND, Gear, Inertia, Shaft
-from gapwalk.model.drivetrain.train_torques import Force, Friction
+from gapwalk.model.drivetrain.train_parts import GROUND, Force, Friction, Gear, Inertia, Shaft
 
 __all__ = [
     "GROUND",

@@ -23,10 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Stage
 from gapwalk.model.drivetrain.train import Train
-from gapwalk.model.drivetrain.train_assembly import TrainAssembly, structure_of
-from gapwalk.model.drivetrain.train_form import TrainForm
-from gapwalk.model.drivetrain.train_parts import Inertia, Shaft
-from gapwalk.model.drivetrain.train_torques import scaled
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly, TrainForm, structure_of
+from gapwalk.model.drivetrain.train_parts import Inertia, Shaft, scaled
 from gapwalk.model.laws import Expression
 from gapwalk.model.loads import Harmonic, LoadForm
 from gapwalk.model.structure import ContactForm

@@ -17,13 +17,11 @@ from pydantic import (
 )
 
 from gapwalk.errors import ModelError
-from gapwalk.model.contact_parts import OF_FRICTION, friction_name, stop_name
+from gapwalk.model.contact import OF_FRICTION, friction_name, stop_name
 from gapwalk.model.drivetrain.train import Train
 from gapwalk.model.drivetrain.train_orders import LONGEST, Counted
-from gapwalk.model.drivetrain.train_parts import Gear, Inertia, Shaft
-from gapwalk.model.drivetrain.train_torques import Force, Friction
-from gapwalk.model.friction_table import FrictionBase, friction_part
-from gapwalk.model.load_table import LoadBase, default_name, load_fields, loads_of
+from gapwalk.model.drivetrain.train_parts import Force, Friction, Gear, Inertia, Shaft
+from gapwalk.model.element_tables import FrictionBase, LoadBase, default_name, friction_part, load_fields, loads_of
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import (

@@ -4,9 +4,7 @@
 """
 
 from gapwalk.model.laws.arithmetic import KINKS
-from gapwalk.model.laws.closed_form import Host, Stages, StageShape, StageTerms, Term, closed_form_of
-from gapwalk.model.laws.contact_laws import Elastic, HuntCrossley, HuntCrossleyAsPrinted, Viscous
-from gapwalk.model.laws.expression import Expression
+from gapwalk.model.laws.formula import Expression
 from gapwalk.model.laws.friction import FRICTION, HYSTERESIS, Coulomb, Friction, Hysteretic, Jenkins
 from gapwalk.model.laws.law import (
     CLEARANCE,
@@ -14,7 +12,20 @@ from gapwalk.model.laws.law import (
     FORMULAS,
     LAWS,
     STIFFNESS,
+    Elastic,
+    Host,
+    HuntCrossley,
+    HuntCrossleyAsPrinted,
     Law,
+    Piecewise,
+    Pushing,
+    Rigid,
+    Stages,
+    StageShape,
+    StageTerms,
+    Term,
+    Viscous,
+    closed_form_of,
     law_of,
     law_parameters,
     law_with,
@@ -22,9 +33,6 @@ from gapwalk.model.laws.law import (
     register,
     register_formula,
 )
-from gapwalk.model.laws.piecewise import Piecewise
-from gapwalk.model.laws.pushing import Pushing
-from gapwalk.model.laws.rigid import Rigid
 
 for _kind in (Expression, Coulomb, Jenkins, Hysteretic):
     register_formula(_kind)

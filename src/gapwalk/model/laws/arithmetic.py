@@ -1,6 +1,6 @@
 """The parts of a formula: a tree of arithmetic, evaluated with any numbers or symbols.
 
-`gapwalk.model.laws.grammar` makes it of a text. ``abs``, ``min`` and ``max`` have a kink where their *guard* vanishes.
+`gapwalk.model.laws.formula` makes it of a text. ``abs``, ``min`` and ``max`` have a kink where their *guard* vanishes.
 A mode, 1 or 0, says on which side of it the motion is, and multiplies: with modes given, the formula is smooth.
 """
 
@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
-from gapwalk.model.laws.power_edge import edge_polynomial
+from gapwalk.model.laws.law import edge_polynomial
 
 FUNCTIONS = ("sin", "cos", "exp", "log", "sqrt", "tanh")
 """Names of the smooth functions of one argument."""

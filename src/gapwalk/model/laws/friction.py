@@ -8,9 +8,8 @@ from functools import cached_property
 from typing import Any
 
 from gapwalk.errors import ModelError
-from gapwalk.model.laws.closed_form import Stages
-from gapwalk.model.laws.law import LAWS, Law
-from gapwalk.model.parameter import Parameter
+from gapwalk.model.laws.law import LAWS, Law, Stages
+from gapwalk.model.registry import Parameter
 from gapwalk.model.units import QuantityKind
 
 HYSTERESIS = Parameter("hysteresis", QuantityKind.TORQUE, "it is the dry friction while this stage is closed", 0.0, 0.0)

@@ -4,18 +4,161 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple, Self
 
-from gapwalk.errors import ModelError
-from gapwalk.model.loads.over_speed import FactorOverSpeed, factor_over_speed, over_speed_data
-from gapwalk.model.parameter import Parameter
-from gapwalk.model.registry import Registry
-from gapwalk.model.units import Units
+import numpy as np
+
+from gapwalk.errors import ModelError, OutsideError
+from gapwalk.model.laws.formula import NUMPY_FUNCTIONS, Formula, formula_of
+from gapwalk.model.measured.measured_table import (
+    NamedFile,
+    SpeedTable,
+    WantedColumn,
+    read_heads,
+    read_table,
+    speed_table,
+)
+from gapwalk.model.registry import Parameter, Registry
+from gapwalk.model.units import QuantityKind, Units
+
+# Factors that depend on the speed: by a formula, or by a measured table.
+#
+# The factor of a load is kept as plain data in its constants, so that result files have it: `FactorOverSpeed.data`.
+
+_NAMES = ("W", "speed")
+
+
+@dataclass(frozen=True)
+class FactorOverSpeed:
+    """A factor that depends on the frequency of the excitation.
+
+    Raises
+    ------
+    ModelError
+        If the text is no formula, or has other names or kinks.
+
+    Examples
+    --------
+    >>> float(gw.loads.FactorOverSpeed("1 + 0.1*W").value(2.0))
+    1.2
+    """
+
+    #: A smooth formula of the angular frequency ``W`` and of the ``speed``, the first parameter of the system in its
+    #: own unit; empty if there is a table.
+    formula: str = ""
+    table: SpeedTable | None = None  #: A table over the speed; None if there is a formula.
+    pace: float = 1.0  #: The frequency W at the speed 1; 1 in a system without units.
+
+    def __post_init__(self) -> None:
+        if self.table is not None:
+            return
+        formula = self._read
+        if formula.parameters:
+            raise ModelError(
+                f"over_speed is {self.formula!r}, and {formula.parameters[0]} is unknown in it; its names are W, the "
+                "angular frequency, and speed, the first parameter of the system, as in 1 + 0.1*W"
+            )
+        if formula.mode_count:
+            raise ModelError(
+                f"over_speed is {self.formula!r}, which has a kink; write a smooth formula, or a table over "
+                'the speed: over_speed = "gas.csv"'
+            )
+
+    @property
+    def words(self) -> str:
+        """Description in a few words."""
+        return f"times {self._read.text}" if self.table is None else f"times the table {self.table.name}"
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The range of frequencies W in which it has values."""
+        if self.table is None:
+            return 0.0, math.inf
+        return self.table.speeds[0] * self.pace, self.table.speeds[-1] * self.pace
+
+    @property
+    def data(self) -> tuple[Any, ...]:
+        """Its parts as texts, numbers and tuples; `factor_over_speed` takes them back."""
+        if self.table is None:
+            return "formula", self.formula, self.pace
+        table = self.table
+        return "table", table.name, table.unit, self.pace, table.speeds, table.values
+
+    def value(self, frequency: Any) -> Any:
+        """Return the factor at a frequency W: real or complex, or an array.
+
+        Beyond its limits a table is continued by its first or last piece, for steps of Newton's method that pass its
+        end; `gapwalk.model.coefficients.coefficients_of` refuses such systems.
+        """
+        speed = frequency / self.pace
+        if self.table is not None:
+            return self.table.value(speed, continued=True)
+        with np.errstate(all="ignore"):
+            found = self._read.value({"W": frequency, "speed": speed}, NUMPY_FUNCTIONS, ())
+        if not np.all(np.isfinite(found)):
+            raise OutsideError(f"over_speed is {self.formula!r}, which has no value at W = {np.real(frequency)}")
+        return found
+
+    def in_train(self, units: Units) -> FactorOverSpeed:
+        """Return the factor in the units of a drive train: a formula has the speed in the train's own unit."""
+        return replace(self, pace=units.frequency if self.table is None else self.pace * float(units.turns or 1))
+
+    @cached_property
+    def _read(self) -> Formula:
+        return formula_of(self.formula, _NAMES)
+
+
+OverSpeed = str | SpeedTable | FactorOverSpeed | tuple[Any, ...]
+"""A factor over the speed as it is given: a formula, a table, or the data of one; empty for none."""
+
+
+def read_factor(file: NamedFile, *, units: bool) -> FactorOverSpeed:
+    """Read a table over the speed from a CSV file."""
+    speed = WantedColumn("speed", QuantityKind.FREQUENCY if units else None, ("frequency", "W", "n"))
+    factor = WantedColumn("factor", None, ("amplitude", "value", "scale"))
+    if units and any(head.is_of(QuantityKind.TORQUE) for head in read_heads(file)):
+        factor = WantedColumn("torque", QuantityKind.TORQUE)
+    elif not units:
+        factor = replace(factor, others=(*factor.others, "torque", "force", "load"))
+    table = read_table(file, (speed, factor))
+    column = table["speed"]
+    name, pace = (column.unit.text, column.unit.factor) if column.unit else ("", 1.0)
+    values = table[factor.role].values()
+    return FactorOverSpeed("", speed_table(column.numbers, values, file.name, name), pace)
+
+
+@lru_cache(maxsize=256)
+def factor_over_speed(data: tuple[Any, ...]) -> FactorOverSpeed:
+    """Make a factor from its `FactorOverSpeed.data`; raise a ValueError if it is none."""
+    match data:
+        case ("formula", str(text), float(pace)):
+            return FactorOverSpeed(text, None, pace)
+        case ("table", str(name), str(unit), float(pace), tuple(speeds), tuple(values)):
+            return FactorOverSpeed("", SpeedTable(speeds, values, name, unit), pace)
+    raise ValueError("a factor over the speed is a formula or a table")
+
+
+def over_speed_data(given: object) -> tuple[Any, ...]:
+    """Return the data of a factor from a formula, a table, or such data; empty for nothing."""
+    if isinstance(given, FactorOverSpeed):
+        return given.data
+    if isinstance(given, SpeedTable):
+        return FactorOverSpeed("", given).data
+    if isinstance(given, str):
+        return FactorOverSpeed(given).data if given.strip() else ()
+    if isinstance(given, Sequence) and not given:
+        return ()
+    try:
+        return factor_over_speed(tuple(given)).data  # pyright: ignore[reportArgumentType]
+    except (TypeError, ValueError):
+        raise ModelError(
+            f'over_speed is {given!r}; write a formula such as "1 + 0.1*W", or a table from gw.loads.read_speed_table'
+        ) from None
 
 
 class Line(NamedTuple):
@@ -376,3 +519,139 @@ def check_order(order: float) -> None:
         )
     if order < 1:
         raise ModelError(f"order is {order}; it must be an integer >= 1 (a constant load belongs in `mean`)")
+
+
+# Harmonics of the fundamental frequency.
+
+
+@dataclass(frozen=True)
+class Harmonic(Load):
+    """One term ``amplitude * s * cos(order * W * t + phase)`` of the excitation, or of a variation.
+
+    Examples
+    --------
+    >>> gw.Harmonic(0.1, {"x": 1.0}, growth=2).name  # the force of an unbalance of 0.1
+    'harmonic1'
+    """
+
+    key, words, frequencies = "harmonic", "a term of the excitation", ("at",)
+    parameters = (
+        Parameter("amplitude", QuantityKind.TORQUE, "it is the size of the load"),
+        Parameter("phase", QuantityKind.PHASE, "it is the phase", default=0.0),
+    )
+
+    #: In units of a force (of a torque); as a variation, a fraction of the number that varies, or a displacement.
+    amplitude: float
+    #: The vector ``s`` by coordinate name, for example ``{"q1": 1.0}``.
+    acts_on: Mapping[str, float] = field(default_factory=dict, hash=False)
+    order: int = 1  #: Multiple of the fundamental frequency, an integer >= 1.
+    phase: float = 0.0  #: In radians.
+    name: str = ""  #: Prefix of its parameters' names; ``harmonic<order>`` by default.
+    #: What it varies instead: ``"mesh.stiffness"``, or several names with factors.
+    varies: Mapping[str, float] = field(default_factory=dict, hash=False)
+    #: Power 0, 1 or 2 of the frequency with which it grows: the term is ``amplitude * (W / at)**growth``. The force of
+    #: an unbalance and the torque of an accelerated inertia grow with the power 2.
+    growth: int = 0
+    at: float = 1.0  #: The frequency W at which it has its amplitude.
+    #: A factor that depends on the speed: a smooth formula of the angular frequency, such as ``"1 + 0.1*W"``, or a
+    #: `SpeedTable`.
+    over_speed: OverSpeed = ()
+
+    @classmethod
+    def lines(cls, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Iterable[Line]:
+        """See `Load.lines`."""
+        size, angle = cls.grown(numbers["amplitude"], frequency, numbers), numbers["phase"]
+        yield Line(order, size * np.cos(angle), size * -np.sin(angle))
+
+
+# Variations with two levels, such as the stiffness of spur gears with one and two pairs of teeth in contact.
+
+
+@dataclass(frozen=True)
+class Rectangle(Load):
+    """A variation with two levels and the mean 0: high for a share of each cycle, and low for the rest of it.
+
+    The number that varies is its mean times ``1 + amplitude`` where ``cos(order * W * t + phase) > cos(pi * share)``,
+    and ``1 - amplitude * share / (1 - share)`` elsewhere. For spur gears with a contact ratio of 1.6 the share is 0.6:
+    so long are two pairs of teeth in contact.
+
+    Examples
+    --------
+    >>> gw.loads.Rectangle(0.2, {"mesh.stiffness": 1.0}, order=27, share=0.6).name
+    'rectangle27'
+    """
+
+    key, words = "rectangle", "a variation with two levels"
+    parameters = (
+        Parameter("amplitude", None, "it is the height of the higher level over the mean, as a fraction of it"),
+        Parameter("share", None, "it is the share of each cycle at the higher level", 0.5, 0.0),
+        Parameter("phase", QuantityKind.PHASE, "it is the phase", default=0.0),
+    )
+    has_levels = True
+
+    amplitude: float  #: Height of the higher level over the mean, as a fraction of it.
+    #: What it varies: ``"mesh.stiffness"``, or several names with factors. No deflection and no clearance: they cannot
+    #: jump.
+    varies: Mapping[str, float] = field(default_factory=dict, hash=False)
+    order: int = 1  #: Cycles per forcing period, an integer >= 1.
+    share: float = 0.5  #: Share of each cycle at the higher level, between 0 and 1.
+    phase: float = 0.0  #: In radians; with 0, the middle of the higher level is at ``W t = 0``.
+    name: str = ""  #: Prefix of its parameters' names; ``rectangle<order>`` by default.
+    acts_on: Mapping[str, float] = field(default_factory=dict, hash=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for problem in self.problems({"share": self.share}):
+            raise ModelError(problem)
+
+    @classmethod
+    def problems(cls, numbers: Mapping[str, float]) -> Iterator[str]:
+        """See `Load.problems`."""
+        if not 0.0 < numbers["share"] < 1.0:
+            yield f"share is {numbers['share']!r}; it must be between 0 and 1, both excluded"
+
+    @classmethod
+    def lines(cls, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Iterable[Line]:
+        """Give no lines: the variation jumps; see `levels`."""
+        return ()
+
+    @classmethod
+    def levels(cls, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Levels:
+        """See `Load.levels`."""
+        high, share = numbers["amplitude"], numbers["share"]
+        middle, half = -numbers["phase"] / order, math.pi * share / order
+        return Levels(-high * share / (1.0 - share), high, middle - half, middle + half)
+
+
+# Constant loads that depend on the speed, such as the friction of bearings.
+
+
+@dataclass(frozen=True)
+class Steady(Load):
+    """A load that is constant over the angle, and depends on the speed by a factor.
+
+    Examples
+    --------
+    >>> gw.loads.Steady(0.2, {"x": 1.0}, over_speed="1 + 0.1*W").name  # unlike `mean`, which depends on nothing
+    'steady'
+    """
+
+    key, words, frequencies = "steady", "a constant load that depends on the speed", ("at",)
+    is_periodic, order = False, 0
+    parameters = (Parameter("amplitude", QuantityKind.TORQUE, "it is the size of the load"),)
+
+    amplitude: float  #: In units of a force (of a torque).
+    #: The vector along which it acts, by coordinate name.
+    acts_on: Mapping[str, float] = field(default_factory=dict, hash=False)
+    #: The factor: a smooth formula of the angular frequency, such as ``"1 + 0.1*W"``, or a `SpeedTable`.
+    over_speed: OverSpeed = ()
+    #: growth, at: Power 0, 1 or 2 of the frequency with which it grows, and the frequency W at which it has its
+    #: amplitude.
+    growth: int = 0
+    at: float = 1.0
+    name: str = ""  #: Prefix of its parameters' names.
+
+    @classmethod
+    def lines(cls, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Iterable[Line]:
+        """See `Load.lines`."""
+        yield Line(0, cls.grown(numbers["amplitude"], frequency, numbers))

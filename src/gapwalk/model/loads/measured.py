@@ -11,11 +11,10 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 
 from gapwalk.errors import ModelError
-from gapwalk.model.loads.load import Line, Load, check_order
-from gapwalk.model.loads.over_speed import OverSpeed
+from gapwalk.model.loads.load import Line, Load, OverSpeed, check_order
 from gapwalk.model.measured.crank_orders import ERROR, OrderTable, displacement_orders, orders_of
 from gapwalk.model.measured.measured_table import ColumnHead, NamedFile, WantedColumn, read_heads, read_table
-from gapwalk.model.parameter import Parameter
+from gapwalk.model.registry import Parameter
 from gapwalk.model.units import QuantityKind, Units, read_quantity
 
 _SHARED = ("growth", "at", "over_speed")  # keys of its table that are its fields

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.model.measured.csv_columns import number_row
+from gapwalk.model.measured.measured_table import number_row
 
 Array = NDArray[np.float64]
 

@@ -16,11 +16,9 @@ from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import Motion
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
-from gapwalk.orbit.harmonic_balance.linear_part import deflections_in, firsts_of
-from gapwalk.orbit.harmonic_balance.series import Series
-from gapwalk.orbit.measures import Turns
+from gapwalk.orbit.harmonic_balance.linear_part import Series, deflections_in, firsts_of
 from gapwalk.orbit.method import Method
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit import Orbit, Turns
 
 if TYPE_CHECKING:
     from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation

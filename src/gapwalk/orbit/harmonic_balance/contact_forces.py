@@ -31,12 +31,20 @@ from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import CoefficientLayout, StageSlots, Wave
 from gapwalk.model.spring import ForcePolynomials, Product, arranged
 from gapwalk.orbit.harmonic_balance.dry_forces import NO_MEMORY, DryForces, Memory, check_dry
-from gapwalk.orbit.harmonic_balance.impulses import add_passages
 from gapwalk.orbit.harmonic_balance.kernels import contact_forces
-from gapwalk.orbit.harmonic_balance.linear_part import Share, firsts_of
-from gapwalk.orbit.harmonic_balance.modulation import Gate, Jumps, add_lines, jumps_of, modulation_of, subsets
+from gapwalk.orbit.harmonic_balance.linear_part import (
+    Gate,
+    Jumps,
+    Share,
+    add_lines,
+    add_passages,
+    firsts_of,
+    grid,
+    jumps_of,
+    modulation_of,
+    subsets,
+)
 from gapwalk.orbit.harmonic_balance.sampled_forces import NO_PAIRS, Formulas, Pairs, formulas_in
-from gapwalk.orbit.harmonic_balance.series import grid
 
 _STEP = 1e-150  # of the complex step
 

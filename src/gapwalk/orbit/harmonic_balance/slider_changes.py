@@ -14,10 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.orbit.harmonic_balance.contact_forces import Laws
-from gapwalk.orbit.harmonic_balance.dry_forces import Change, DryForce, Memory
-from gapwalk.orbit.harmonic_balance.linear_part import Linear
-from gapwalk.orbit.harmonic_balance.series import waves
-from gapwalk.orbit.harmonic_balance.slip_limit import TURN
+from gapwalk.orbit.harmonic_balance.dry_forces import TURN, Change, DryForce, Memory
+from gapwalk.orbit.harmonic_balance.linear_part import Linear, waves
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,476 @@
+"""Goals of a design: what a response should be, as margins that must not be negative, with their derivatives.
+
+A goal is reached where all its margins are at least zero. How it is reached may be open: folds leave a band at its
+lower or its upper end, or vanish in it. Each such way is a smooth problem of its own, and all are tried.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.answers.gap_states import chosen_gaps, contact_place, gap_state, innermost, kept
+from gapwalk.answers.local_response import LocalResponse, band_points
+from gapwalk.attractors.rattle import largest
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint
+from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.errors import ModelError
+from gapwalk.flow.motion import force_of, quadrature, signal_names, signal_place
+from gapwalk.model.equilibria import Equilibrium, find_equilibria
+from gapwalk.model.modes import find_modes
+from gapwalk.model.problems import did_you_mean
+from gapwalk.model.system import System
+from gapwalk.model.words import between_words
+from gapwalk.orbit.orbit import Orbit
+
+MARGIN = 1e-3
+"""Safety margin: as a share of the width of a band, of a limit, or of a measure of size 1."""
+EXACT = 1e-9
+"""Margin that may be missing because of rounding."""
+LOWEST = 3
+"""Local minima of a measure along a branch that are kept away from zero."""
+
+
+class Need(NamedTuple):
+    """One margin of a goal at a design.
+
+    Examples
+    --------
+    >>> need = gw.ask.Need(margin=0.1, slopes=np.array([0.5]), words="fold at 1.39 below the band")
+    >>> need.margin
+    0.1
+    """
+
+    margin: float  #: What is left, relative to the width of the band or to the limit; negative: missing.
+    slopes: NDArray[np.float64]  #: shape (k,): Its derivatives by relative changes of the parameters.
+    words: str  #: Description.
+
+
+@dataclass(frozen=True)
+class Goal(ABC):
+    """A goal of a design."""
+
+    def ways(self, system: System) -> tuple[str, ...]:
+        """Return the ways in which it may be reached by a system; each is tried."""
+        return ("",)
+
+    def posed(self, system: System, way: str) -> System:
+        """Return the system, with the same parameters, on whose response the margins of a way are taken."""
+        return system
+
+    @property
+    def band(self) -> tuple[float, float] | None:
+        """The band of the walked parameter for which it is set; None if there is none."""
+        return getattr(self, "within", None)
+
+    @abstractmethod
+    def words(self, system: System, parameter: str) -> str:
+        """Describe the goal."""
+
+    @abstractmethod
+    def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
+        """Return the margins at a design, with their derivatives, less the safety margin."""
+
+    @abstractmethod
+    def margin(self, response: LocalResponse) -> float:
+        """Return how far the goal is reached at a design, in whichever way; negative if it is not."""
+
+    def against(self, branch: Branch) -> list[str]:
+        """Return sentences on what an isolated branch has against the goal."""
+        return []
+
+    def check(self, system: System, ends: tuple[float, float]) -> None:
+        """Raise a ModelError if the goal is none of this system, or leaves the range of the response."""
+        low, high = self.band or ends
+        if not ends[0] <= low < high <= ends[1]:
+            raise ModelError(
+                f"a goal is set from {low:g} to {high:g}; it must lie inside the range of the response, "
+                f"{ends[0]:g} to {ends[1]:g}"
+            )
+
+
+# The goal that no special point of a kind lies in a band: points leave it at either end, or vanish in it.
+
+_MOVES: dict[str, Callable[[float, float, float], bool]] = {  # True if a point of a band leaves it at its upper end
+    "below": lambda value, low, high: value > high,
+    "above": lambda value, low, high: value > low,
+    "apart": lambda value, low, high: value > 0.5 * (low + high),
+}
+
+
+@dataclass(frozen=True)
+class NoPoint(Goal):
+    """No special point of a kind in a band of the walked parameter.
+
+    Examples
+    --------
+    >>> gw.ask.NoPoint("fold", (1.35, 1.42)).words(system, "frequency")
+    'no fold between Ω = 1.35 and 1.42'
+    """
+
+    kind: Kind  #: ``fold``, ``flip``, ``neimark-sacker`` or ``grazing``.
+    within: tuple[float, float]  #: The band.
+
+    def __post_init__(self) -> None:
+        known = [str(each) for each in Kind.known() if not each.no_locus]
+        if str(self.kind) not in known:
+            raise ModelError(f"a goal is without {str(self.kind)!r}; {did_you_mean(str(self.kind), known)}")
+        object.__setattr__(self, "kind", next(each for each in Kind.known() if str(each) == str(self.kind)))
+        low, high = self.within
+        if not low < high:
+            raise ModelError(f"the band of a goal is from {low:g} to {high:g}; write the smaller value first")
+
+    def ways(self, system: System) -> tuple[str, ...]:
+        """Return the ways in which the points leave the band."""
+        return (*_MOVES, "vanish") if self.kind in (Kind.FOLD, Kind.FLIP) else tuple(_MOVES)
+
+    def words(self, system: System, parameter: str) -> str:
+        """Describe the goal."""
+        return f"no {self.kind} {between_words(self.within, parameter, system.units)}"
+
+    def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
+        """Return the margin of each point of the kind; or, if they are to vanish, of the branch that bears them.
+
+        Between a pair of folds the branch runs back. The smallest component of its tangent along the parameter is
+        negative there, zero where the pair merges in a cusp, and positive beyond. For flips the product of all
+        multipliers plus one plays this role.
+        """
+        points = [each for each in response.branch.special_points if each.kind == self.kind]
+        if way != "vanish" and (points or "vanish" not in self.ways(response.system)):
+            return _moved_out(response, points, self.within, way, margin)
+        # without points, others must not appear: a design beyond the cusp may come back to it, and no further
+        measure = response.advance if self.kind is Kind.FOLD else _from_flips
+        words = "the branch does not run back" if self.kind is Kind.FOLD else "no multiplier passes -1"
+        return [
+            Need(value - margin, response.slopes(place, measure), f"{words} near {place.point.value:.6g}")
+            for place, value in response.lowest(measure, *self.within, most=LOWEST)
+        ]
+
+    def margin(self, response: LocalResponse) -> float:
+        """Return the distance of the nearest point from the band, as a share of its width; 1 if there is none."""
+        low, high = self.within
+        parts = [
+            max(low - each.value, each.value - high) / (high - low)
+            for each in response.branch.special_points
+            if each.kind == self.kind
+        ]
+        return min([1.0, *parts])
+
+    def against(self, branch: Branch) -> list[str]:
+        """Return a sentence on each special point of the kind inside the band."""
+        low, high = self.within
+        points = [each for each in branch.special_points if each.kind == self.kind]
+        return [
+            f"an isolated branch has a {each.kind} at {each.value:.8g}, inside the band"
+            for each in points
+            if low <= each.value <= high
+        ]
+
+
+def _from_flips(point: BranchPoint) -> float:
+    return float(np.prod(1.0 + point.orbit.free_multipliers).real)
+
+
+def _moved_out(
+    response: LocalResponse, points: Sequence[SpecialPoint], within: tuple[float, float], way: str, margin: float
+) -> list[Need]:
+    """Return the margins of special points that are to leave a band on the sides that a way says."""
+    low, high = within
+    width, needs = high - low, []
+    for special in points:
+        to_top = _MOVES[way](special.value, low, high)
+        slopes = special.gradient(*response.names).slopes * np.array(response.scales)
+        side = 1.0 if to_top else -1.0
+        part = side * (special.value - (high if to_top else low)) / width
+        words = f"{special.kind} at {special.value:.6g} {'above' if to_top else 'below'} the band"
+        needs.append(Need(part - margin, side * slopes / width, words))
+    return needs
+
+
+# The goal that the peak of a signal stays below a limit over a band.
+
+_FAR = 0.5  # margin, as a share of a limit, beyond which a peak does not count in one step
+
+
+@dataclass(frozen=True)
+class PeakBelow(Goal):
+    """The peak of a signal, such as the torque in a link, stays below a limit over a band, stable motion or not.
+
+    Examples
+    --------
+    >>> gw.ask.PeakBelow("stop", 9.0, (1.2, 1.35)).words(system, "frequency")
+    'peak of stop below 9 between Ω = 1.2 and 1.35'
+    """
+
+    #: Name of a contact, for its force; of a shaft or gear of a drive train, for its whole torque, that of its
+    #: permanent spring and damper included; or any signal, as in `Orbit.signal`.
+    signal: str
+    limit: float  #: The limit of its magnitude, in the unit of the signal (N m for a torque) or non-dimensional.
+    within: tuple[float, float]  #: The band.
+
+    def words(self, system: System, parameter: str) -> str:
+        """Describe the goal."""
+        unit = f" {unit}" if (unit := _unit(system, peak_signal(system, self.signal))) else ""
+        return f"peak of {self.signal} below {self.limit:g}{unit} {between_words(self.within, parameter, system.units)}"
+
+    def check(self, system: System, ends: tuple[float, float]) -> None:
+        """Raise a ModelError if there is no such signal, the limit is no size, or the band leaves the range."""
+        super().check(system, ends)
+        name = peak_signal(system, self.signal)
+        rigid = [each for each in system.structure.contacts if each.law.rebounds]
+        if rigid and (name.endswith("''") or name in map(force_of, rigid)):
+            raise ModelError(
+                f"a goal limits the peak of {self.signal}, which is infinite where the rigid stop {rigid[0].name} is "
+                f'struck; write a goal without impacts, {{ quiet = "{rigid[0].name}" }}'
+            )
+        if not self.limit > 0.0:
+            raise ModelError(f"the limit of {self.signal} is {self.limit!r}; it must be a number > 0")
+
+    def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
+        """Return the margins where the peaks of either sign are largest: where both are equal, both count."""
+        return [
+            Need(
+                value - margin,
+                response.slopes(place, partial(self._left, sign=sign)),
+                f"peak of {self.signal} {sign * self.limit * (1.0 - value):.6g} at {place.point.value:.6g}",
+            )
+            for sign in (1, -1)
+            for place, value in response.lowest(partial(self._left, sign=sign), *self.within, most=LOWEST)
+            if value < _FAR
+        ]
+
+    def margin(self, response: LocalResponse) -> float:
+        """Return the distance from the limit, as a share of it."""
+        return min(response.lowest(partial(self._left, sign=sign), *self.within)[0][1] for sign in (1, -1))
+
+    def against(self, branch: Branch) -> list[str]:
+        """Return a sentence if the peak is above the limit on the branch inside the band."""
+        points = band_points(branch, *self.within)
+        peaks = [(-self._left(point, sign=sign), point.value) for point in points for sign in (1, -1)]
+        share, value = max(peaks, default=(-1.0, 0.0))
+        if share <= 0.0:
+            return []
+        return [f"the peak of {self.signal} on an isolated branch is {(1.0 + share) * self.limit:.6g} at {value:.6g}"]
+
+    def _left(self, point: BranchPoint, *, sign: int) -> float:
+        key = f"peaks of {self.signal}"
+        if key not in point.memo:
+            point.memo[key] = peaks(point.orbit, self.signal)
+        return 1.0 - point.memo[key][sign < 0] / self.limit
+
+
+def peak_signal(system: System, name: str) -> str:
+    """Return the signal of a contact, of a shaft or gear, or of any other name, as `Motion.signal` knows it."""
+    known = signal_names(system)
+    if f"{name}.torque" in known:
+        return f"{name}.torque"
+    contacts = {form.name: form for form in system.structure.contacts}
+    if name not in known and name in contacts:
+        return force_of(contacts[name])
+    return known[signal_place(system, name)]
+
+
+def peaks(orbit: Orbit, signal: str) -> tuple[float, float]:
+    """Return the largest value of a signal in an orbit, and the largest of its negative, in the unit of the signal."""
+    name, along = (
+        peak_signal(orbit.system, signal),
+        quadrature(orbit.system, orbit.state, orbit.period, orbit.known_states),
+    )
+    nodes = np.arange(len(along.motion.theta))
+    highest, lowest = (
+        largest(along, nodes, lambda motion, sign=sign: sign * motion.signal(name)) for sign in (1.0, -1.0)
+    )
+    return highest, lowest
+
+
+def _unit(system: System, signal: str) -> str:
+    return system.units.signal(signal)[1] if system.units else ""
+
+
+# The goal that a gap does not rattle over a band: it stays closed on one side, or open.
+
+_CLOSED = {1: "closed on the positive side", -1: "closed on the negative side"}
+
+
+@dataclass(frozen=True)
+class Quiet(Goal):
+    """A gap does not rattle over a band: it stays closed on one side, or it stays open.
+
+    Examples
+    --------
+    >>> gw.ask.Quiet("stop", (0.6, 0.8)).words(system, "frequency")
+    'stop quiet between Ω = 0.6 and 0.8'
+    """
+
+    gap: str  #: Name of the contact.
+    within: tuple[float, float]  #: The band.
+
+    def ways(self, system: System) -> tuple[str, ...]:
+        """Return the ways: closed on one of its sides, if there it is no rigid stop, or open."""
+        law = system.structure.contacts[contact_place(system, self.gap)].law
+        sides = () if law.rebounds else sorted(innermost(system, self.gap).values(), reverse=True)
+        return (*(_CLOSED[side] for side in sides), "open")
+
+    def posed(self, system: System, way: str) -> System:
+        """Return the system whose gap keeps the state: it has no rattle that hides how far a quiet motion is."""
+        return kept(system, self.gap, _side(way))
+
+    def words(self, system: System, parameter: str) -> str:
+        """Describe the goal."""
+        return f"{self.gap} quiet {between_words(self.within, parameter, system.units)}"
+
+    def check(self, system: System, ends: tuple[float, float]) -> None:
+        """Raise a ModelError if there is no such gap, or the band leaves the range of the response."""
+        super().check(system, ends)
+        chosen_gaps(system, self.gap)
+
+    def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
+        """Return the margins of the depth of its turning points where it is least in the band.
+
+        A grazing point that leaves the band passes an end of it, where the depth is zero then: no way of its own.
+        """
+
+        def measure(point: BranchPoint) -> float:
+            return quiet_depth(point.orbit, self.gap, _side(way))
+
+        return [
+            Need(value - margin, response.slopes(place, measure), f"{self.gap} {way} at {place.point.value:.6g}")
+            for place, value in response.lowest(measure, *self.within, most=LOWEST)
+        ]
+
+    def margin(self, response: LocalResponse) -> float:
+        """Return the depth by which the gap stays closed or open over the band, relative to its clearance."""
+        sides = [0, *innermost(response.system, self.gap).values()]
+        return max(
+            response.lowest(lambda point, side=side: quiet_depth(point.orbit, self.gap, side), *self.within)[0][1]
+            for side in sides
+        )
+
+    def against(self, branch: Branch) -> list[str]:
+        """Return a sentence if the gap rattles on the branch inside the band."""
+        points = [point for point in band_points(branch, *self.within) if gap_state(point.orbit, self.gap).rattles]
+        if not points:
+            return []
+        values = [point.value for point in points]
+        return [f"{self.gap} rattles on an isolated branch between {min(values):.6g} and {max(values):.6g}"]
+
+
+def _side(way: str) -> int:
+    """Return the side on which a way keeps a gap closed; 0 for open."""
+    return next((side for side, words in _CLOSED.items() if words == way), 0)
+
+
+def quiet_depth(orbit: Orbit, gap: str, side: int) -> float:
+    """Return the depth by which a gap stays closed or open in an orbit, relative to its clearance; negative if not."""
+    depths, breakpoints = [], orbit.system.breakpoints
+    for switch, own in innermost(orbit.system, gap).items():
+        contact, _, clearance = breakpoints[switch]
+        turns = [own * value for value in orbit.turns[contact].values]
+        size = abs(clearance) or 1.0
+        if not side:
+            depths.append((clearance - max(turns)) / size)
+        elif own == side:
+            depths.append((min(turns) - clearance) / size)
+    return min(depths)
+
+
+# The goal that a resonance lies below or above a value of the frequency or speed.
+
+_STATES = ("rest", "closed", "open")
+_STEP = 1e-5  # relative change of a parameter for the derivative of a natural frequency
+
+
+@dataclass(frozen=True)
+class Resonance(Goal):
+    """A resonance lies below or above a value of the frequency or speed.
+
+    Examples
+    --------
+    >>> gw.ask.Resonance(1, above=1.1, at="open").value(system)
+    1.0
+    """
+
+    number: int  #: Number of the natural frequency: 1 for the first that is not zero.
+    #: below, above: The limits, in the unit of the frequency or speed; give one or both.
+    below: float | None = None
+    above: float | None = None
+    #: Order of the excitation that meets it: per turn where the first parameter is the speed of a shaft, otherwise a
+    #: multiple of the frequency.
+    order: float = 1.0
+    #: The linearisation: ``"rest"``, about the static equilibrium under the mean load, with the stages that are closed
+    #: there; ``"closed"``, with the first stage of every contact, or ``"open"``, as in `gapwalk.find_modes`.
+    at: str = "rest"
+
+    def __post_init__(self) -> None:
+        if self.below is None and self.above is None:
+            raise ModelError("a goal names a resonance, but no limit; write below = ... or above = ...")
+        if not self.order > 0.0:
+            raise ModelError(f"the order of a resonance is {self.order!r}; it must be a number > 0")
+        if self.at not in _STATES:
+            raise ModelError(f"a resonance is taken at {self.at!r}; {did_you_mean(str(self.at), _STATES)}")
+
+    def words(self, system: System, parameter: str) -> str:
+        """Describe the goal."""
+        unit = f" {system.units.parameter(system.structure.pace)}" if system.units else ""
+        limits = (("above", self.above), ("below", self.below))
+        parts = [f"{word} {value:g}{unit}" for word, value in limits if value is not None]
+        about = "" if self.at == "rest" else f", {self.at},"
+        return f"resonance {self.number}{about} with order {self.order:g} {' and '.join(parts)}"
+
+    def check(self, system: System, ends: tuple[float, float]) -> None:
+        """Raise a ModelError if the system has no such natural frequency."""
+        self.value(system)
+
+    def value(self, system: System) -> float:
+        """Return the frequency or speed at which the order meets the natural frequency."""
+        rates = find_modes(system, self._state(system)).frequencies
+        rates = rates[np.isfinite(rates)]
+        rates = rates[rates > 1e-6 * max(float(rates.max(initial=0.0)), np.finfo(float).tiny)]
+        if not 1 <= self.number <= len(rates):
+            raise ModelError(f"a goal names resonance {self.number}; the system has {len(rates)}")
+        order = self.order / float(system.turns or 1)
+        return float(rates[self.number - 1]) / (order * system.structure.frequency)
+
+    def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
+        """Return the margins, with their derivatives."""
+        system, slopes = response.system, np.empty(len(response.names))
+        value = self.value(system)
+        for k, (name, scale) in enumerate(zip(response.names, response.scales, strict=True)):
+            pair = [self.value(system.at({name: system[name] + sign * _STEP * scale})) for sign in (-1.0, 1.0)]
+            slopes[k] = (pair[1] - pair[0]) / (2.0 * _STEP)
+        words = f"resonance {self.number} at {value:.6g}"
+        return [
+            Need(side * (value - limit) / abs(limit) - margin, side * slopes / abs(limit), words)
+            for side, limit in ((-1.0, self.below), (1.0, self.above))
+            if limit is not None
+        ]
+
+    def margin(self, response: LocalResponse) -> float:
+        """Return the distance from the nearest limit, as a share of it."""
+        value = self.value(response.system)
+        pairs = ((-1.0, self.below), (1.0, self.above))
+        return min(side * (value - limit) / abs(limit) for side, limit in pairs if limit is not None)
+
+    def _state(self, system: System) -> Equilibrium | str:
+        if self.at != "rest":
+            return self.at
+        found = find_equilibria(system).equilibria
+        if not found or not found[0].stable:
+            raise ModelError(
+                f"a goal names resonance {self.number} about the static equilibrium, but there is no stable one; write "
+                'at = "closed", with the first stage of every contact, or at = "open"'
+            )
+        return found[0]
+
+
+AnyGoal = NoPoint | Quiet | PeakBelow | Resonance
+"""A goal of any kind."""
+
+__all__ = ["EXACT", "MARGIN", "AnyGoal", "Goal", "Need", "NoPoint", "PeakBelow", "Quiet", "Resonance"]

@@ -1,0 +1,610 @@
+"""Records of a backbone: its free vibrations, what happens along it, and why it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from functools import cached_property
+from typing import Annotated, ClassVar, cast
+
+import numpy as np
+from annotated_types import Gt
+from numpy.typing import NDArray
+
+from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.corrector import Corrector, check_range, powers_of_two, zero_in_step
+from gapwalk.continuation.walk import EndReason, Walk, WalkOptions
+from gapwalk.errors import ConvergenceError, Interrupted, ModelError
+from gapwalk.flow.equations import smallness
+from gapwalk.flow.flow import PERIOD, Flow, flow_of
+from gapwalk.flow.motion import Motion, integrate
+from gapwalk.free.free_shooting import FreeEquation, FreeShooting, damping_values, potential_of, without_losses
+from gapwalk.model.coefficients import WAY, ParameterLine, coefficients_of, on_the_way
+from gapwalk.model.equilibria import find_equilibria
+from gapwalk.model.modes import find_modes
+from gapwalk.model.spring import springs_of
+from gapwalk.model.system import System, check_system
+from gapwalk.notebook import Shown, shows_progress
+from gapwalk.orbit.orbit_equation import Equation, Evaluation
+from gapwalk.orbit.sticking import transition_of
+from gapwalk.summary import Rows, SummaryParts, Table, row_of, rows_of, summarizes
+
+_GROWS = 1e-5  # modulus of a multiplier beyond 1 that is not rounding: two of them are 1, as a double eigenvalue
+
+
+@dataclass(frozen=True, eq=False)
+class BackbonePoint:
+    """One free vibration.
+
+    Examples
+    --------
+    >>> point = backbone.points[-1]
+    >>> point.stable, point.touches
+    (True, 2)
+    """
+
+    _row: ClassVar = {
+        "frequency": "value",
+        "energy": "energy",
+        "amplitude": "amplitude",
+        "stable": "stable",
+        "touches": "touches",
+    }
+
+    value: float  #: The frequency, in the unit of the model.
+    #: start, rates: shape (n,): Positions and velocities at the start: at rest, if there are no gyroscopic terms.
+    start: NDArray[np.float64]
+    rates: NDArray[np.float64]
+    #: shape (n,): Half the distance between the places of rest for each coordinate; half its peak to peak where a
+    #: motion whirls.
+    half: NDArray[np.float64]
+    energy: float  #: Energy, without that at zero positions; nan if the equations do not show it (see `potential_of`).
+    multipliers: NDArray[np.complex128]  #: shape (2n,): Floquet multipliers, largest modulus first; two of them are 1.
+    touches: int  #: Number of contact events in a period.
+
+    @property
+    def stuck(self) -> tuple[int, ...]:
+        """Contacts whose friction never slips: none."""
+        return ()
+
+    @property
+    def amplitude(self) -> float:
+        """That of `half` of the coordinate that swings most."""
+        return float(self.half.max())
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        """The state at the start: positions, then velocities; shape (2n,)."""
+        return np.append(self.start, self.rates)
+
+    @property
+    def stable(self) -> bool:
+        """True if no multiplier is outside the unit circle."""
+        return bool(np.abs(self.multipliers).max() <= 1.0 + _GROWS)
+
+    def __repr__(self) -> str:
+        return f"BackbonePoint({self.value:.10g}, amplitude {self.amplitude:.6g}, {self.touches} contact events)"
+
+
+class BackboneEventKind(StrEnum):
+    """Kind of event along a backbone.
+
+    Examples
+    --------
+    >>> gw.free.BackboneEventKind.TURN.value
+    'the frequency turns'
+    """
+
+    TURN = "the frequency turns"
+    CROSSING = "another backbone crosses"
+
+
+@dataclass(frozen=True, eq=False)
+class BackboneEvent:
+    """Free vibration at which a backbone turns, as near an internal resonance, or at which another one crosses.
+
+    Examples
+    --------
+    >>> len(backbone.events)
+    0
+    """
+
+    _row: ClassVar = {
+        "kind": "kind",
+        "frequency": "point.value",
+        "uncertainty": "uncertainty",
+        "energy": "point.energy",
+        "amplitude": "point.amplitude",
+    }
+
+    kind: BackboneEventKind  #: What happens.
+    point: BackbonePoint  #: The free vibration.
+    uncertainty: float  #: Estimated error of its frequency.
+
+    @property
+    def value(self) -> float:
+        """The frequency."""
+        return self.point.value
+
+    def __repr__(self) -> str:
+        return f"BackboneEvent({self.kind.value} at {self.value:.10g} +- {self.uncertainty:.0e})"
+
+
+@dataclass(frozen=True, slots=True)
+class BackboneEnd:
+    """Place and reason of the end of a backbone.
+
+    Examples
+    --------
+    >>> print(backbone.ends[0])
+    the backbone begins here, at 1
+    """
+
+    reason: str  #: The reason, as a sentence.
+    value: float  #: The frequency there.
+    is_failure: bool = False  #: True if the numerics gave up.
+
+    def __str__(self) -> str:
+        return f"{self.reason}, at {self.value:.8g}"
+
+
+@dataclass(frozen=True, eq=False)
+class Backbone(Shown):
+    """Free vibrations of one family: how frequency and amplitude belong together without damping and excitation.
+
+    Examples
+    --------
+    >>> backbone.mode, len(backbone.points) > 20
+    (1, True)
+    >>> bool(backbone.values[-1] > backbone.values[0])
+    True
+    """
+
+    system: System  #: The system without losses.
+    mode: int  #: Number of the linear mode from which it begins, from 1; 0 if it began at a given release.
+    points: tuple[BackbonePoint, ...]  #: The free vibrations, from the beginning on.
+    events: tuple[BackboneEvent, ...]  #: Turns of the frequency, and crossings.
+    ends: tuple[BackboneEnd, BackboneEnd]  #: Its two ends.
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """The frequency at each point, shape (points,)."""
+        return np.array([point.value for point in self.points])
+
+    @property
+    def energies(self) -> NDArray[np.float64]:
+        """The energy at each point, shape (points,)."""
+        return np.array([point.energy for point in self.points])
+
+    def half(self, coordinate: str) -> NDArray[np.float64]:
+        """Return half the peak to peak of a coordinate between the places of rest, at each point.
+
+        Returns
+        -------
+        array, shape (points,)
+            In the unit of the coordinate.
+        """
+        place = self.system.coordinates.index(coordinate)
+        return np.array([point.half[place] for point in self.points])
+
+    def motion(self, point: BackbonePoint, samples: int = 256) -> Motion:
+        """Return the motion of a point over a period, sampled."""
+        system = self.system.at({self.system.structure.pace: point.value})
+        return integrate(system, point.state, 1, samples)
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Ends at which the numerics gave up, in sentences."""
+        return tuple(str(end) for end in self.ends if end.is_failure)
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return the range, the events and the end, in words."""
+        first, last = self.points[0], self.points[-1]
+        what = f"backbone of mode {self.mode}" if self.mode else "backbone"
+        yield (
+            f"{what}: {len(self.points)} free vibrations, frequency {first.value:.8g} to {last.value:.8g}, amplitude "
+            f"{first.amplitude:.4g} to {last.amplitude:.4g}; {sum(point.stable for point in self.points)} are stable"
+        )
+        if self.events:
+            yield Table(
+                ("what", ">frequency", ">±", ">amplitude"),
+                [
+                    (each.kind.value, f"{each.value:.9g}", f"{each.uncertainty:.0e}", f"{each.point.amplitude:.6g}")
+                    for each in self.events
+                ],
+            )
+        for place, end in zip(("first", "last"), self.ends, strict=True):
+            yield f"{place} end: {end}"
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """Return the tables of points and events."""
+        return {
+            "points": lambda: rows_of(map(row_of, self.points)),
+            "events": lambda: rows_of(map(row_of, self.events)),
+        }
+
+    def __repr__(self) -> str:
+        return (
+            f"Backbone({len(self.points)} free vibrations, {self.points[0].value:.6g} to {self.points[-1].value:.6g})"
+        )
+
+
+# Free vibrations as equations: motions that start at rest and come to rest again after half a period.
+#
+# Without losses a motion runs backwards as well as forwards. One that is at rest at two instants half a period apart
+# repeats: it swings from one place of rest to the other and back the same way (a "brake orbit"; Vakakis et al. 1996,
+# Normal Modes and Localization in Nonlinear Systems; Kerschen et al. 2009, Mech. Syst. Signal Process. 23, 170-194).
+# So n positions at rest and the frequency satisfy n equations, without a phase to fix or a multiplier 1 to remove:
+#
+#     v(T/2; q0, W) = 0
+#
+# With gyroscopic terms a motion that runs backwards is one of the rotor that turns the other way, and vibrations whirl
+# without coming to rest. They are periodic motions of the system with a damping that is an unknown too, and comes out
+# as zero, because the energy returns (Munoz-Almaraz et al. 2003, Physica D 181, 1-38).
+#
+# Method: docs/numerics/backbones.md
+
+
+@dataclass(frozen=True, eq=False)
+class BackboneEquation:
+    """Equations of free vibrations in n positions at rest, along the frequency.
+
+    The residual is the velocity after half a period, divided by the frequency.
+    """
+
+    system: System  #: A system without losses, from `without_losses`.
+    tolerance: float = 1e-12  #: Largest residual of a free vibration, relative to its positions.
+
+    @property
+    def parameter(self) -> str:
+        """Name of the frequency among the parameters."""
+        return self.system.structure.pace
+
+    @cached_property
+    def _line(self) -> ParameterLine:
+        return ParameterLine(self.system, self.parameter)
+
+    @cached_property
+    def _flow(self) -> Flow:
+        return flow_of(self.system, self.parameter, transition=True)
+
+    def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
+        """Return residual and derivatives at positions of rest and a frequency; the evidence is half of the motion."""
+        size = self.system.size
+        coefficients, direction = self._line.coefficients(value)
+        state = np.append(unknowns, np.zeros(size))
+        arc = self._flow.integrate(coefficients, state, 0.0, 0.5 * PERIOD, direction)
+        frequency = self._line.system_at(value).frequency
+        pace = frequency / value  # of the parameter, which may have another unit
+        residual = arc.state[size:] / frequency
+        assert arc.sensitivity is not None
+        by_frequency = arc.sensitivity[size:] / frequency - residual * pace / frequency
+        return Evaluation(residual, transition_of(arc)[size:, :size] / frequency, by_frequency, arc)
+
+    def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> BackbonePoint:
+        """Return the free vibration of a solution.
+
+        The second half of a motion is the first, backwards, so that the monodromy matrix is ``R A^-1 R A`` with the
+        transition matrix A of the first half, and R, which turns velocities round.
+        """
+        arc, size = evaluation.evidence, self.system.size
+        half = transition_of(arc)
+        turn = np.diag(np.repeat([1.0, -1.0], size))
+        multipliers = np.linalg.eigvals(turn @ np.linalg.solve(half, turn @ half)).astype(complex)
+        energy = potential_of(self.system, unknowns) - potential_of(self.system, np.zeros(size))
+        order = np.argsort(-np.abs(multipliers))
+        half = 0.5 * np.abs(unknowns - arc.state[:size])
+        still = np.zeros(size)
+        return BackbonePoint(value, unknowns.copy(), still, half, energy, multipliers[order], 2 * len(arc.contacts))
+
+    def unknowns(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the unknowns of a motion that begins at a state."""
+        return state[: self.system.size]
+
+    def scales(self, length: float) -> NDArray[np.float64]:
+        """Return the scales of the positions."""
+        return np.full(self.system.size, max(length, smallness(self.system)) * np.sqrt(self.system.size))
+
+
+@dataclass(frozen=True, eq=False)
+class WhirlEquation:
+    """Equations of free vibrations with gyroscopic terms, in their states and a damping, along the frequency."""
+
+    system: System  #: A system without losses, from `without_losses`.
+    coordinate: int  #: Number of the coordinate that is at rest at the start.
+    tolerance: float = 1e-11  #: Largest residual of a free vibration, relative to its state.
+
+    @property
+    def parameter(self) -> str:
+        """Name of the frequency among the parameters."""
+        return self.system.structure.pace
+
+    @cached_property
+    def _free(self) -> FreeEquation:
+        """The equation of the motions damped in proportion to the mass; the parameter is a damping ratio."""
+        system = self.system
+        damping = system.matrix("damping") + 2.0 * system.frequency * system.matrix("mass")
+        damped = on_the_way(system, damping_values(system, damping))
+        return FreeShooting(system.coordinates[self.coordinate]).pose(damped, WAY)
+
+    def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
+        """Return residual and derivatives at a state with a damping and a frequency; see `FreeEquation.evaluate`."""
+        found = self._free.evaluate(np.append(unknowns[:-1], value), float(unknowns[-1]))
+        assert found.by_parameter is not None
+        by_unknowns = np.column_stack((found.by_unknowns[:, :-1], found.by_parameter))
+        return found._replace(by_unknowns=by_unknowns, by_parameter=found.by_unknowns[:, -1])
+
+    def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> BackbonePoint:
+        """Return the free vibration of a solution."""
+        size, system = self.system.size, self.system
+        orbit = self._free.orbit(np.append(unknowns[:-1], value), float(unknowns[-1]), evaluation)
+        q, v = np.split(unknowns[:-1].copy(), [size])
+        energy = (
+            potential_of(system, q) - potential_of(system, np.zeros(size)) + 0.5 * float(v @ system.matrix("mass") @ v)
+        )
+        half = 0.5 * np.ptp(orbit.extremes[:size, :2], axis=1)
+        return BackbonePoint(value, q, v, half, energy, orbit.multipliers, len(orbit.events))
+
+    def scales(self, length: float) -> NDArray[np.float64]:
+        """Return the scales of the states and of the damping."""
+        size = max(length, smallness(self.system))
+        return np.append(self.system.state_scales(size) * np.sqrt(self.system.size), 1.0)
+
+    def unknowns(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the unknowns of a motion that begins at a state."""
+        return np.append(state, 0.0)
+
+
+def free_equation(system: System, coordinate: int) -> BackboneEquation | WhirlEquation:
+    """Return the equation of free vibrations of a system without losses."""
+    return WhirlEquation(system, coordinate) if system.matrix("damping").any() else BackboneEquation(system)
+
+
+# Continuation of free vibrations along their backbone, from a linear mode or from a release at rest.
+#
+# Method: docs/numerics/backbones.md
+
+_SHARE = 0.5  # amplitude of the first vibration, as a share of the first gap that it would close
+_TINY = 1e-3  # that of a system without gaps, in units of length
+_SAMPLES = 400  # of a released motion, until it comes to rest again
+_HALF_PERIODS = 4.0  # time for which a released motion is followed, in slowest half periods
+_LEVEL = 1e-11  # component of the tangent along the frequency that is rounding: within gaps it does not change
+_ROUNDING = 1e-14  # of a frequency, relative to it
+_LENGTHS = 10.0  # change of the positions, in clearances, that weighs as much as all of the range
+
+
+@dataclass(frozen=True, slots=True)
+class BackboneOptions:
+    """Options of a backbone.
+
+    Examples
+    --------
+    >>> gw.free.BackboneOptions(largest_amplitude=5.0).largest_amplitude
+    5.0
+    """
+
+    #: Amplitude at which it ends, in clearances (in units of length for a system without gaps).
+    largest_amplitude: Annotated[float, Gt(0)] = 20.0
+    #: Options of the steps.
+    walk: WalkOptions = field(default_factory=lambda: WalkOptions(largest_step=0.02, max_points=2000))
+
+    def __post_init__(self) -> None:
+        if not self.largest_amplitude > 0.0:
+            raise ModelError(f"largest_amplitude is {self.largest_amplitude!r}; it must be > 0")
+
+
+@shows_progress(lambda count, point: f"{count} free vibrations, at {point.value:.6g}")
+def backbone(
+    system: System,
+    start: int | Sequence[float] | NDArray[np.float64] = 1,
+    to: tuple[float, float] | None = None,
+    *,
+    options: BackboneOptions | None = None,
+    report: Callable[[BackbonePoint], None] | None = None,
+) -> Backbone:
+    """Follow the free vibrations of a system without damping and excitation: the backbone of its resonances.
+
+    The motions are those that swing between two places of rest; with gyroscopic terms, which lose no energy, those that
+    whirl. They include the nonlinear normal modes, and internal resonances as turns of the frequency. The mean load
+    remains.
+
+    Parameters
+    ----------
+    system
+        The system; its damping and excitation are left out by `without_losses`.
+    start
+        Number of a linear mode about the equilibrium, from 1, with the vibrations that begin at it; or positions from
+        which the system is released at rest, as a guess, where there is no linear mode (free flight in a gap).
+    to
+        Range of the frequency; by default a fifth to five times the first one.
+    options
+        Largest amplitude, and options of the steps.
+    report
+        Called with each free vibration.
+
+    Returns
+    -------
+    Backbone
+        The free vibrations, with turns, crossings and both ends.
+
+    Raises
+    ------
+    ModelError
+        For a system with friction, rigid stops or forces that lose energy, an unknown mode, or a release at rest with
+        gyroscopic terms.
+    ConvergenceError
+        If no free vibration is found at the start.
+    Interrupted
+        After Ctrl-C; its `found` is the backbone so far.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> mass = gw.System(
+    ...     ["x"],
+    ...     mass=[1.0],
+    ...     damping=[0.1],
+    ...     stiffness=[1.0],
+    ...     contacts=[gw.stop("stop", {"x": 1.0}, 1.0, 8.0)],
+    ...     harmonics=[gw.Harmonic(0.1, {"x": 1.0})],
+    ...     frequency=0.5,
+    ... )
+    >>> line = gw.free.backbone(mass)
+    >>> bool(line.values[-1] > line.values[0])
+    True
+    """
+    check_system(system, "backbone")
+    options = options or BackboneOptions()
+    free = without_losses(system)
+    unit = max((slope.clearance for spring in springs_of(free) for slope in spring.slopes), default=0.0) or 1.0
+    mode = start if isinstance(start, int) and not isinstance(start, bool) else 0
+    if mode:
+        state, away, frequency = _of_mode(free, mode, unit)
+    else:
+        state, frequency = _released(free, np.asarray(start, dtype=float))
+        away = state
+    pace = free.structure.pace
+    first_value = frequency * free[pace] / free.frequency
+    within = check_range(first_value, to or (0.2 * first_value, 5.0 * first_value)).along(pace, free)
+    equation = free_equation(free.at({pace: first_value}), int(np.argmax(np.abs(away[: free.size]))))
+    scales = powers_of_two(np.append(equation.scales(_LENGTHS * unit), within.width))
+    corrector = Corrector(cast(Equation, cast(object, equation)), scales)
+    first = _first(corrector, equation.unknowns(state), equation.unknowns(away), first_value, mode)
+    limit = options.largest_amplitude * unit
+    walks = [_Walked(first, Walk(first, within, corrector, options.walk, trust=0.0, branched=True), limit)]
+    if not mode:  # towards smaller motions too
+        back = replace(first, tangent=-first.tangent, determinant=-first.determinant, memo={})
+        walks.insert(0, _Walked(back, Walk(back, within, corrector, options.walk, trust=0.0, branched=True), limit))
+    try:
+        for each in walks:
+            each.to_end(report)
+    except KeyboardInterrupt:
+        raise Interrupted(_record(free, mode, walks)) from None
+    return _record(free, mode, walks)
+
+
+def _record(system: System, mode: int, walks: Sequence[_Walked]) -> Backbone:
+    """Return the backbone of one walk, or of one towards smaller motions and one towards larger motions."""
+    *back, ahead = walks
+    points, events, begins = list(ahead.points), list(ahead.events), ahead.start
+    for each in back:
+        points = [*reversed(each.points[1:]), *points]
+        events = [*reversed(each.events), *events]
+        begins = each.end
+    return Backbone(system, mode, tuple(points), tuple(events), (begins, ahead.end))
+
+
+def _of_mode(system: System, mode: int, unit: float) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Return a state of a small vibration in a linear mode, that from the stable equilibrium, and its frequency."""
+    rests = [each for each in find_equilibria(system).equilibria if each.stable]
+    if not rests:
+        raise ModelError("the system has no stable equilibrium to vibrate about; give positions to release it from")
+    rest = rests[0]
+    modes = find_modes(system, rest)
+    if not 1 <= mode <= len(modes.frequencies):
+        raise ModelError(f"start is {mode}; the system has the modes 1 to {len(modes.frequencies)}")
+    frequency = float(modes.frequencies[mode - 1])
+    if not frequency > 0.0:
+        raise ModelError(
+            f"mode {mode} has no frequency about the equilibrium: it moves without stiffness; give positions to "
+            "release the system from, beyond a gap, as in backbone(system, [2.0, 0.0])"
+        )
+    shape = modes.shapes[:, mode - 1]
+    room = [
+        abs(slope.sign * slope.clearance - at) / abs(swing)
+        for form, spring in zip(system.structure.contacts, springs_of(system), strict=True)
+        for vector in [system.vector(form.vectors[0])]
+        for at, swing in [(float(vector @ rest.position), abs(complex(vector @ shape)))]
+        for slope in spring.slopes
+        if abs(swing) > 1e-9
+    ]
+    amplitude = _SHARE * min([each for each in room if each > 0.0], default=2.0 * _TINY * unit)
+    away = np.asarray(amplitude * np.append(shape.real, (1j * frequency * shape).real), dtype=np.float64)
+    return np.append(rest.position, np.zeros(system.size)) + away, away, frequency
+
+
+def _released(system: System, positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Return state and frequency of the motion from a release: half a period passes until it is nearly at rest."""
+    check_released(system)
+    if positions.shape != (system.size,):
+        raise ModelError(
+            f"start has the shape {positions.shape}; write {system.size} positions, or the number of a mode"
+        )
+    flow, coefficients = flow_of(system), coefficients_of(system)
+    thetas = np.linspace(0.0, PERIOD * _HALF_PERIODS, _SAMPLES)
+    state = np.append(positions, np.zeros(system.size))
+    states = flow.sample(coefficients, state, thetas).states
+    place = int(np.argmax(np.abs(states[:, system.size :]).max(axis=0)))
+    rates = states[:, system.size + place]
+    turns = np.flatnonzero((rates[1:-1] * rates[2:] <= 0.0) & (np.abs(rates[1:-1]) > 0.0)) + 1
+    if not len(turns):
+        raise ConvergenceError(
+            f"the motion released from {positions.tolist()} does not come to rest within {_HALF_PERIODS:g} periods of "
+            f"the frequency {system.frequency:g}; give the system a lower frequency"
+        )
+    k = int(turns[0])
+    theta = thetas[k] + (thetas[k + 1] - thetas[k]) * rates[k] / (rates[k] - rates[k + 1])
+    return state, float(system.frequency * 0.5 * PERIOD / theta)
+
+
+def check_released(system: System) -> None:
+    """Raise a ModelError if a system without losses has gyroscopic terms: it does not come to rest again."""
+    if system.matrix("damping").any():
+        raise ModelError(
+            "with gyroscopic terms a system that is released at rest does not come to rest again; write the number of "
+            "a mode instead, as in backbone(system, 1), or modes = [1] in a study"
+        )
+
+
+def _first(
+    corrector: Corrector, unknowns: NDArray[np.float64], away: NDArray[np.float64], value: float, mode: int
+) -> BranchPoint:
+    """Return the first point, whose size along a direction is kept, with the tangent along it."""
+    x = np.append(unknowns, value) / corrector.scales
+    normal = np.append(away / corrector.scales[:-1], 0.0)
+    normal /= np.linalg.norm(normal)
+    found = corrector.correct(x, normal)
+    if found is None:
+        what = f"mode {mode}" if mode else f"the release from {away.tolist()}"
+        raise ConvergenceError(f"no free vibration was found at {what}; try other positions")
+    return corrector.point(found, normal, 0.0)
+
+
+class _Walked:
+    """A walk along a backbone in one direction: its points, and the events between them."""
+
+    def __init__(self, first: BranchPoint, walk: Walk, largest: float) -> None:
+        self.walk, self.corrector, self.largest, self._last = walk, walk.corrector, largest, first
+        self.points, self.events = [_vibration(first)], list[BackboneEvent]()
+        self.start = BackboneEnd("the backbone begins here", first.value)
+        self.end = BackboneEnd("the walk was stopped before its end", first.value)
+
+    def to_end(self, report: Callable[[BackbonePoint], None] | None) -> None:
+        """Walk to the end."""
+        for point in self.walk:
+            slopes = float(self._last.tangent[-1]), float(point.tangent[-1])
+            if slopes[0] * slopes[1] < 0.0 and min(map(abs, slopes)) > _LEVEL:
+                self._locate(point, BackboneEventKind.TURN, lambda each: float(each.tangent[-1]))
+            elif self._last.determinant * point.determinant < 0.0:
+                self._locate(point, BackboneEventKind.CROSSING, lambda each: each.determinant)
+            self.points.append(_vibration(point))
+            self._last = point
+            if report is not None:
+                report(self.points[-1])
+            if self.points[-1].amplitude > self.largest:
+                self.end = BackboneEnd("the largest amplitude was reached", point.value)
+                return
+        end = self.walk.end
+        assert end is not None
+        is_failure = end.reason in (EndReason.STEP, EndReason.POINTS)
+        self.end = BackboneEnd(end.reason_words, self.walk.point.value, is_failure)
+
+    def _locate(self, after: BranchPoint, kind: BackboneEventKind, function: Callable[[BranchPoint], float]) -> None:
+        _, point, width = zero_in_step(self._last, after, self.corrector, function)
+        self.events.append(BackboneEvent(kind, _vibration(point), width + _ROUNDING * abs(point.value)))
+
+
+def _vibration(point: BranchPoint) -> BackbonePoint:
+    return cast(BackbonePoint, cast(object, point.orbit))

@@ -1,1 +1,0 @@
-"""Formats in which the tables of results are written: one file a format."""
