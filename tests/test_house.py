@@ -50,7 +50,7 @@ ORDER = (
 )
 
 # Namespaces: modules directly in gapwalk/ that have public names of one subject.
-NAMESPACES = ("analysis", "ask", "laws", "loads", "measure", "methods", "records", "special_points", "train")
+NAMESPACES = ("analysis", "ask", "laws", "loads", "measure", "methods", "special_points", "train")
 
 # Modules directly in gapwalk/ that stand above all packages.
 ABOVE_ALL = ("__init__", "__main__", *NAMESPACES)
@@ -75,7 +75,6 @@ MAX_LINES = 900
 SAME_NAMES = {
     "load.py": "a load of a model, and the loading of a result: each is what its folder calls it",
     "measure.py": "the namespace of measurements, and the comparison that `gapwalk measure` prints",
-    "records.py": "the namespace of records, and the keeping of records in result files",
     "train.py": "the namespace of drive trains, and the train itself",
     "units.py": "units of a model, and of a study's quantities",
 }

@@ -15,6 +15,7 @@ from typing import Any
 
 from sphinx.application import Sphinx
 
+from docs._ext.held_types import description, held_types
 from gapwalk.field_docs import documented
 
 ORDER = ("Parameters", "Attributes", "Returns", "Yields", "Raises", "Notes", "Examples")
@@ -94,7 +95,7 @@ def shared_by(examples: str) -> list[str]:
 
 
 def complete(app: Sphinx, what: str, name: str, thing: Any, options: object, lines: list[str]) -> None:
-    """Complete a docstring before it is shown: with sections that it takes over, and a link for shared names."""
+    """Complete a docstring before it is shown: with sections that it takes over, links, and held types."""
     owner = _owner(name) if what == "method" else None
     text = text_of(getattr(thing, "__func__", thing), owner) if owner or what == "class" else ""
     head, sections = split(text or "\n".join(lines))
@@ -103,7 +104,8 @@ def complete(app: Sphinx, what: str, name: str, thing: Any, options: object, lin
         sections["Examples"] = (
             f"With {listed} of :doc:`the systems of the examples </reference/examples>`:\n\n" + (sections["Examples"])
         )
-    lines[:] = [*join(head, sections).splitlines(), ""]
+    held = held_types(thing) if what in ("class", "function") else []
+    lines[:] = [*join(head, sections).splitlines(), "", *(line for kind in held for line in description(kind))]
 
 
 def _owner(name: str) -> type | None:

@@ -50,7 +50,7 @@ def main_branch(result: gw.Result) -> gw.Branch:
     return result.branches[0]
 
 
-def members(result: gw.Result, period: int) -> list[gw.records.DiagramBranch]:
+def members(result: gw.Result, period: int) -> list[Any]:
     """Return the branches of one period."""
     assert result.diagram is not None
     return [member for member in result.diagram.members if member.period == period]

@@ -12,7 +12,6 @@ from . import methods as methods
 from . import paper as paper
 from . import parallel as parallel
 from . import plot as plot
-from . import records as records
 from . import special_points as special_points
 from . import studies as studies
 from . import tori as tori

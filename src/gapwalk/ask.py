@@ -5,7 +5,8 @@ Functions: `design`, `rattle_bands`, `run_up`, `run_ups`, `scan`, `threshold`, `
 
 Classes: `Change`, `Design`, `DesignOptions`, `LeastChangeOptions`, `MotionClaim`, `Need`, `NoPoint`,
 `PeakBelow`, `PointClaim`, `Quiet`, `RattleBands`, `RattleOptions`, `Resonance`, `RunUp`, `RunUps`, `Scan`,
-`ScanOptions`, `SpeedCourse`, `Spread`, `Threshold`, `ThresholdOptions`, `Tolerance`, `ToleranceOptions`, `Variations`.
+`ScanOptions`, `SlowSweepOptions`, `SpeedCourse`, `Spread`, `Threshold`, `ThresholdOptions`, `Tolerance`,
+`ToleranceOptions`, `Variations`.
 """
 
 from gapwalk.lazy_names import lazy_names

@@ -18,6 +18,7 @@ from .answers.scan import PointClaim as PointClaim
 from .answers.scan import Scan as Scan
 from .answers.scan import Variations as Variations
 from .answers.scan import variations as variations
+from .answers.settled_sweep import SlowSweepOptions as SlowSweepOptions
 from .answers.speed_course import SpeedCourse as SpeedCourse
 from .answers.spread import Spread as Spread
 from .answers.threshold import Threshold as Threshold

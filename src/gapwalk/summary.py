@@ -25,14 +25,7 @@ _WIDTH = 1000  # of text, where tables are not folded
 
 @dataclass(frozen=True)
 class Table:
-    """A table of texts.
-
-    Examples
-    --------
-    >>> headings = [name for name, is_right in gw.records.Table(["name", ">value"], [["x", "1"]]).columns]
-    >>> headings
-    ['name', 'value']
-    """
+    """A table of texts."""
 
     #: Headings of the columns. Those that begin with ``>`` (which is not shown) have columns aligned to the right.
     headings: Sequence[str]
@@ -47,13 +40,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Tree:
-    """A text with the texts that depend on it.
-
-    Examples
-    --------
-    >>> gw.records.Tree("P1-1", [gw.records.Tree("P2-1")]).children[0].label
-    'P2-1'
-    """
+    """A text with the texts that depend on it."""
 
     label: str  #: The text.
     children: list[Tree] = field(default_factory=list, hash=False)  #: Trees that depend on it.
@@ -66,13 +53,7 @@ P = ParamSpec("P")
 
 
 class SummaryText(tuple[str | Table | Tree, ...]):
-    """A record in words: lines, tables and trees, from the top to the bottom. Printed, it is what the terminal shows.
-
-    Examples
-    --------
-    >>> print(settled.summary())
-    Settled(period 1, settled after 16 forcing periods at frequency 0.6, residual 0.00041)
-    """
+    """A record in words: lines, tables and trees, from top to bottom. Printed, it is what the terminal shows."""
 
     __slots__ = ()
 

@@ -217,7 +217,7 @@ def test_a_share_of_a_chaotic_motion_does_not_depend_on_the_sample():
     stop = Contact("stop", {"x": 1.0}, (Stage(0.1, 30.0, side=Side.POSITIVE),))
     load = Harmonic(0.6, {"x": 1.0})
     system = System(["x"], [[1.0]], damping=[[0.05]], contacts=[stop], harmonics=[load], frequency=2.4)
-    options = gw.ask.RattleOptions(gw.records.SlowSweepOptions(steps=2, patience=32), search=0, starts=8)
+    options = gw.ask.RattleOptions(gw.ask.SlowSweepOptions(steps=2, patience=32), search=0, starts=8)
     found = gw.ask.rattle_bands(system, "frequency", (2.38, 2.39), options=options, workers=1)
     (worst,) = found.worst
     assert (worst.share, worst.starts, worst.motion, worst.severity.period) == (1.0, 8, "chaotic", 0)

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 import gapwalk as gw
 from gapwalk.bifurcation.isolated.search_chunk import state_box
 from gapwalk.continuation.corrector import Range, linear_growth
+from gapwalk.continuation.walk import EndReason
 from gapwalk.model.contact import force, stop
 
 PARAMETRIC = gw.Harmonic(0.2, varies={"spring.k": 1.0}, name="parametric", order=2)
@@ -97,7 +98,7 @@ def test_a_drag_does_not_hold_a_floating_part() -> None:
         size = 0.5 / math.hypot(1.5**2, 0.3 * 1.5)
         state = [-size * math.cos(lag), -size * 1.5 * math.sin(lag)] if not held else "settle"
         branch = gw.follow(gw.find_orbit(system, start=state), "frequency", (1.4, 1.6))
-        assert (branch.ends[0].reason == gw.records.EndReason.FLOATING) is not held
+        assert (branch.ends[0].reason == EndReason.FLOATING) is not held
 
 
 def test_linear_growth_is_the_peak_of_the_linear_response() -> None:

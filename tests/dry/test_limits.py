@@ -25,7 +25,7 @@ def braked(frequency: float, **more: float) -> gw.System:
     return gw.System(["x"], [[1.0]], [[0.05]], contacts=[brake], harmonics=[load], frequency=frequency)
 
 
-def softened(frequency: float) -> tuple[gw.records.Orbit, list[float]]:
+def softened(frequency: float) -> tuple[gw.Orbit, list[float]]:
     """Return the motion with Coulomb friction, and how far those with stiff Jenkins elements are from its amplitude."""
     rigid = gw.find_orbit(braked(frequency))
     soft = [gw.find_orbit(braked(frequency, stiffness=stiffness)) for stiffness in STIFFNESSES]

@@ -6,8 +6,8 @@ import numpy as np
 
 from gapwalk import Branch, Diagram, Locus, Map, Orbit, Result
 from gapwalk.bifurcation.isolated import SearchResult
+from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
-from gapwalk.records import BranchPoint
 from gapwalk.results.codec import encode
 
 

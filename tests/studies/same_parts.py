@@ -20,12 +20,11 @@ STOPS = (0, 1, 2)  # reports after which a run is stopped; 0: none
 
 def make(folder: Path) -> None:
     """Run all studies of this checkout into files of a folder."""
-    from tests.studies import jobs
-    from tests.studies.test_every_study import TEXTS
-
     import gapwalk as gw
     from gapwalk.model.model_source import parse_source
     from gapwalk.studies.study_file import check_study
+    from tests.studies import jobs
+    from tests.studies.test_every_study import TEXTS
 
     for module, name, value in jobs.SMALL:
         setattr(sys.modules[module] if isinstance(module, str) else module, name, value)

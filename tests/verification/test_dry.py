@@ -51,7 +51,7 @@ SYSTEMS = {
 }
 
 
-def found(name: str) -> tuple[gw.records.Orbit, DryRound]:
+def found(name: str) -> tuple[gw.Orbit, DryRound]:
     orbit = gw.find_orbit(SYSTEMS[name], start="settle")
     (around,) = carry([orbit])
     assert isinstance(around, DryRound)

@@ -11,6 +11,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError
+from gapwalk.verification import Check
 from gapwalk.verification.dop853 import carry
 from tests.independent import integrate
 from tests.systems import clutch, viscous_stop
@@ -111,7 +112,7 @@ def test_a_swapped_nature_is_found(branch) -> None:
         changed = with_special(branch, index, nature=OTHER[branch.special_points[index].nature])
         found = gw.verify(changed)
         (breach,) = found.breaches
-        assert breach.check is gw.records.Check.NATURE
+        assert breach.check is Check.NATURE
         assert breach.spot.item.startswith(f"special point {index} ")
 
 
@@ -129,9 +130,7 @@ def test_a_point_that_is_there_twice_is_found(branch) -> None:
     for at, again, place in ((40, 40, 40), (40, 39, 39), (10, 60, 10)):
         found = gw.verify(replace(branch, points=(*points[:at], points[again], *points[at:])))
         assert {"order"} <= failed(found)
-        assert (gw.records.Check.ORDER, f"points {place} to {place + 1}") in {
-            (b.check, b.spot.item) for b in found.breaches
-        }
+        assert (Check.ORDER, f"points {place} to {place + 1}") in {(b.check, b.spot.item) for b in found.breaches}
     near = replace(points[40], arclength=0.5 * (points[40].arclength + points[41].arclength))
     assert "gaps" in failed(gw.verify(replace(branch, points=(*points[:41], near, *points[41:]))))
 
@@ -163,7 +162,7 @@ def test_a_branch_without_its_last_half_is_found(branch) -> None:
 )
 def test_a_reason_of_an_end_that_does_not_hold_is_found(branch, reason, words) -> None:
     (breach,) = gw.verify(replace(branch, ends=(branch.ends[0], replace(branch.ends[1], reason=reason)))).breaches
-    assert breach.check is gw.records.Check.ENDS
+    assert breach.check is Check.ENDS
     assert words in breach.detail
 
 
@@ -186,7 +185,7 @@ def test_a_changed_residual_is_found(branch, wrong) -> None:
     points = list(branch.points)
     points[7] = replace(points[7], orbit=replace(points[7].orbit, residual=wrong), memo={})
     (breach,) = gw.verify(replace(branch, points=tuple(points))).breaches
-    assert (breach.check, breach.spot.item) == (gw.records.Check.RESIDUAL, "point 7")
+    assert (breach.check, breach.spot.item) == (Check.RESIDUAL, "point 7")
 
 
 def test_a_leaf_that_was_dropped_is_found(tree) -> None:

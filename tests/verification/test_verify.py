@@ -18,6 +18,7 @@ from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.results.result_file import reading
 from gapwalk.studies.response_study import MOMENT, START, Moment
 from gapwalk.studies.result import request_file
+from gapwalk.verification import Check
 from gapwalk.verification.dop853 import carry
 from gapwalk.verification.independent_equations import Equations
 from tests.independent import acceleration, integrate
@@ -184,7 +185,7 @@ def test_a_turned_stability_label_is_found(branch):
     orbit = branch.points[number].orbit
     found = gw.verify(change(branch, number, orbit=replace(orbit, multipliers=0.5 * orbit.multipliers)))
     assert {("multipliers", f"point {number}"), ("stability", f"point {number}")} <= failed(found)
-    assert "0 are stored" in next(each.detail for each in found.breaches if each.check is gw.records.Check.STABILITY)
+    assert "0 are stored" in next(each.detail for each in found.breaches if each.check is Check.STABILITY)
     assert any(check == "counts" for check, _ in failed(found))
 
 

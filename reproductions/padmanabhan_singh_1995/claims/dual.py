@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -204,7 +205,7 @@ def _rises(branch: gw.Branch) -> float:
 _BARE = (0.3, 0.45)
 
 
-def isolated(result: gw.Result) -> list[gw.records.DiagramBranch]:
+def isolated(result: gw.Result) -> list[Any]:
     """Return the branches of period 1 that closed on themselves, the widest first."""
     closed = [member for member in members(result, 1) if member.branch.closed]
     return sorted(closed, key=lambda member: -extent(member.branch).width)

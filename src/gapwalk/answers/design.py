@@ -104,14 +104,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """One search for the least change: which way each goal is to be reached, from where, and how it ended.
-
-    Examples
-    --------
-    >>> route = design.routes[0]
-    >>> route.start, route.is_reached
-    (0, True)
-    """
+    """One search for the least change: which way each goal is to be reached, from where, and how it ended."""
 
     ways: tuple[str, ...]  #: The way of each goal; empty for a goal with a single way.
     start: int  #: 0: from the present design; otherwise the number of another start.
@@ -415,14 +408,7 @@ class _Search:
 
 @dataclass(frozen=True, slots=True)
 class ChangedParameter:
-    """A parameter before and after.
-
-    Examples
-    --------
-    >>> change = design.changes[0]
-    >>> change.name, round(change.percent, 1)
-    ('stop.clearance', -12.7)
-    """
+    """A parameter before and after."""
 
     name: str  #: Name of the parameter.
     #: before, after: Its values.
@@ -446,14 +432,7 @@ class ChangedParameter:
 
 @dataclass(frozen=True, slots=True)
 class JudgedGoal:
-    """A goal, and how far it is reached.
-
-    Examples
-    --------
-    >>> goal = design.judged[0]
-    >>> goal.words, goal.is_reached
-    ('no fold between Ω = 1.35 and 1.42', True)
-    """
+    """A goal, and how far it is reached."""
 
     words: str  #: Description.
     #: before, after: Margins of the present and of the new design: relative to the width of the band, to the clearance

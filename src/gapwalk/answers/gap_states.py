@@ -54,13 +54,7 @@ _RESTS = 1e-9  # share of a clearance by which a deflection that rests on the br
 
 
 class GapState(StrEnum):
-    """State of a gap over a whole motion.
-
-    Examples
-    --------
-    >>> [state.value for state in gw.records.GapState][:3]
-    ['closed', 'open', 'one side']
-    """
+    """State of a gap over a whole motion."""
 
     CLOSED = "closed"
     """It never opens."""
@@ -290,14 +284,7 @@ RANGE, BETWEEN, LOST = "end of the range", "between samples", "end of a motion"
 
 @dataclass(frozen=True, slots=True)
 class Mover:
-    """A parameter that moves the end of a band.
-
-    Examples
-    --------
-    >>> mover = bands.of("stop", "rising")[0].high.with_movers().movers[0]
-    >>> mover.name, round(mover.share, 3)
-    ('mass.x.x', -0.458)
-    """
+    """A parameter that moves the end of a band."""
 
     name: str  #: Name of the parameter.
     slope: float  #: Derivative of the end by the parameter, in the units of the model.
@@ -307,14 +294,7 @@ class Mover:
 
 @dataclass(frozen=True, eq=False)
 class BandEnd:
-    """End of a span or a band.
-
-    Examples
-    --------
-    >>> end = bands.of("stop", "rising")[0].high
-    >>> end.kind, round(end.value, 6), end.is_jump
-    ('fold', 1.392109, True)
-    """
+    """End of a span or a band."""
 
     value: float  #: Value of the parameter.
     #: ``grazing``; ``fold``, ``flip`` or another kind of special point at which the motion is lost, so that it jumps;
@@ -351,14 +331,7 @@ class BandEnd:
 
 @dataclass(frozen=True, eq=False)
 class GapSpan:
-    """A span of the parameter over which the state of a gap is the same.
-
-    Examples
-    --------
-    >>> span = bands.of("stop", "rising")[0].spans[0]
-    >>> round(span.high.value, 6), span.state.value
-    (1.392109, 'one side')
-    """
+    """A span of the parameter over which the state of a gap is the same."""
 
     #: low, high: Its ends.
     low: BandEnd
@@ -368,14 +341,7 @@ class GapSpan:
 
 @dataclass(frozen=True, eq=False)
 class RattleBand:
-    """A band of the parameter in which a gap rattles.
-
-    Examples
-    --------
-    >>> band = bands.of("stop", "rising")[0]
-    >>> band.met, round(band.low.value, 6), round(band.high.value, 6)
-    ('rising', 1.1, 1.392109)
-    """
+    """A band of the parameter in which a gap rattles."""
 
     gap: str  #: Name of the contact.
     #: How it is met: ``rising``, ``falling``, or ``any`` for the union over all settled motions that are known.

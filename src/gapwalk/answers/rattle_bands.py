@@ -68,12 +68,6 @@ class Severity:
 
     In a system with units, forces are in N m, velocities in the unit of angles per second, accelerations in rad/s^2,
     and powers in W.
-
-    Examples
-    --------
-    >>> severity = bands.severities[0]
-    >>> severity.gap, severity.impacts, round(severity.peak, 4)
-    ('stop', 1.0, 5.2365)
     """
 
     #: gap, met: Name of the contact; how the motion is met: ``rising``, ``falling``, or ``other`` if no sweep meets it.
@@ -100,14 +94,7 @@ class Severity:
 
 @dataclass(frozen=True, slots=True)
 class Worst:
-    """The worst rattle of a gap among all settled motions that are known.
-
-    Examples
-    --------
-    >>> worst = bands.worst[0]
-    >>> worst.severity.gap, worst.starts, worst.motion
-    ('stop', 16, 'period 1')
-    """
+    """The worst rattle of a gap among all settled motions that are known."""
 
     severity: Severity  #: Its severity. If the motion is not periodic, its figures are those of a sample of it.
     #: Share of random starts, at its value of the parameter, that lead to it: those with its peak force. A motion that
@@ -517,13 +504,7 @@ class RattleMap(Shown):
         return first, second
 
     def cells(self, gap: str | None = None) -> dict[str, int]:
-        """Return the number of cells of each state of a gap, by default of the first one, in words.
-
-        Parameters
-        ----------
-        gap
-            Name of the contact; None for the first one.
-        """
+        """Return the number of cells of each state of a gap, by default of the first one, in words."""
         place = 0 if gap is None else self.gaps.index(gap)
         found = Counter(zip(self.codes[..., place].ravel().tolist(), (self.periods.ravel() > 0).tolist(), strict=True))
         return {cell_word(*key): found[key] for key in sorted(found)}

@@ -52,14 +52,7 @@ _OTHER = 0.05  # share of the range of a branch by which another motion differs 
 
 
 class JumpDelay(NamedTuple):
-    """A jump that a run-up makes after the fold of a branch at which a slow sweep would jump.
-
-    Examples
-    --------
-    >>> delay = gw.records.JumpDelay(fold=1.39, jump=1.42, delay=1.5)
-    >>> delay.words(system)
-    'jump at Ω = 1.42, a time of 1.5 after the fold at Ω = 1.39, where a slow sweep jumps'
-    """
+    """A jump that a run-up makes after the fold of a branch at which a slow sweep would jump."""
 
     fold: float  #: Speed of the fold.
     #: Speed at which the run-up is half way between the motions before and after. NaN if it never is, or if it does not
@@ -126,14 +119,7 @@ _TOPS = 6  # of the largest samples of a force, around each of which it is looke
 
 
 class ForcePeak(NamedTuple):
-    """The largest magnitude of a contact's force in a run-up.
-
-    Examples
-    --------
-    >>> peak = run.peaks[0]
-    >>> peak.contact, round(peak.force, 4), peak.impacts
-    ('stop', 8.8825, 8)
-    """
+    """The largest magnitude of a contact's force in a run-up."""
 
     contact: str  #: Name of the contact.
     force: float  #: The force there, with its sign, in the unit of the force.

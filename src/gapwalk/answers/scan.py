@@ -206,13 +206,7 @@ def _at_words(at: Mapping[str, float]) -> str:
 
 
 class VariedHow(IntEnum):
-    """How a variation was made.
-
-    Examples
-    --------
-    >>> gw.records.VariedHow(2).name
-    'PAIR'
-    """
+    """How a variation was made."""
 
     NONE = 0
     """The system itself."""
@@ -394,14 +388,7 @@ _MARKS = {HOLDS: "holds", FAILS: "no", UNKNOWN: "?"}
 
 
 class Luck(NamedTuple):
-    """How likely it is that variations fulfil so many claims by chance.
-
-    Examples
-    --------
-    >>> luck = scan.luck(1)
-    >>> luck.neighbours, luck.share == luck.hits / luck.neighbours
-    (10, True)
-    """
+    """How likely it is that variations fulfil so many claims by chance."""
 
     score: int  #: The number of claims.
     #: hits, neighbours: Number of random neighbours that fulfil at least as many, and of all of them.
@@ -430,13 +417,7 @@ class Luck(NamedTuple):
 
 @dataclass(frozen=True)
 class ScanCheck:
-    """Comparison of the best variations with the exact flow.
-
-    Examples
-    --------
-    >>> scan.check.checked >= len(scan.check.different)
-    True
-    """
+    """Comparison of the best variations with the exact flow."""
 
     checked: int = 0  #: Number of settled motions that were classified again with the exact flow.
     different: tuple[str, ...] = ()  #: One sentence for each of them that then got another kind or period.

@@ -34,13 +34,7 @@ _STUCK = 8  # walks in succession that may fail to leave their first point
 
 
 class Direction(StrEnum):
-    """Direction in which a sweep changes the parameter.
-
-    Examples
-    --------
-    >>> bands.sweeps[0].direction
-    <Direction.UP: 'rising'>
-    """
+    """Direction in which a sweep changes the parameter."""
 
     UP = "rising"
     DOWN = "falling"
@@ -57,7 +51,7 @@ class SlowSweepOptions:
 
     Examples
     --------
-    >>> gw.records.SlowSweepOptions(steps=50).steps
+    >>> gw.ask.SlowSweepOptions(steps=50).steps
     50
     """
 
@@ -76,14 +70,7 @@ class SlowSweepOptions:
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """Stable periodic motions over a stretch of the parameter.
-
-    Examples
-    --------
-    >>> stretch = bands.sweeps[0].stretches[0]
-    >>> stretch.begin, round(stretch.end, 6), stretch.why
-    (1.1, 1.392109, 'fold')
-    """
+    """Stable periodic motions over a stretch of the parameter."""
 
     branch: Branch  #: The branch, in the direction of the sweep; its last point may lie beyond the loss of stability.
     #: begin, end: Values of the parameter between which it is stable, in the direction of the sweep.
@@ -107,13 +94,7 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """A settled motion at one value of the parameter.
-
-    Examples
-    --------
-    >>> gw.records.Sample(value=0.6, motion=settled).motion.period
-    1
-    """
+    """A settled motion at one value of the parameter."""
 
     value: float  #: Value of the parameter.
     motion: Settled  #: The motion, with its orbit if it is periodic.
@@ -121,14 +102,7 @@ class Sample:
 
 @dataclass(frozen=True, eq=False)
 class SettledSweep:
-    """The motions met by a slow sweep.
-
-    Examples
-    --------
-    >>> met = bands.sweeps[0]
-    >>> met.direction, len(met.stretches)
-    (<Direction.UP: 'rising'>, 2)
-    """
+    """The motions met by a slow sweep."""
 
     parameter: str  #: Name of the parameter.
     within: tuple[float, float]  #: Its range, the smaller end first.

@@ -145,14 +145,7 @@ class Spread:
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """Samples of some parameters.
-
-    Examples
-    --------
-    >>> drawn = gw.analysis.Spreads([gw.ask.Spread("stop.clearance", sd=0.05, mean=1.0)]).design(8, seed=0)
-    >>> drawn.names, drawn.values.shape
-    (('stop.clearance',), (8, 1))
-    """
+    """Samples of some parameters."""
 
     names: tuple[str, ...]  #: The parameters.
     values: Array  #: shape (samples, parameters): The samples.

@@ -192,14 +192,7 @@ class ThresholdOptions:
 
 
 class Confirmation(NamedTuple):
-    """Motions that were tried, such as those just beyond a threshold.
-
-    Examples
-    --------
-    >>> tried = threshold.confirmation
-    >>> tried.motions, tried.rattling
-    (12, 0)
-    """
+    """Motions that were tried, such as those just beyond a threshold."""
 
     value: float  #: Value of the parameter; of several, the last one.
     #: motions, starts: Number of motions, and of starts at each pair of values.

@@ -37,13 +37,7 @@ Array = NDArray[np.float64]
 
 
 class HowFound(IntEnum):
-    """How the special points of one sample were found.
-
-    Examples
-    --------
-    >>> gw.records.HowFound(tolerance.how[0]).name
-    'WALKED'
-    """
+    """How the special points of one sample were found."""
 
     TRACKED = 0
     """By predictions, corrected by Newton's method where their error is not known to be small."""
@@ -61,13 +55,7 @@ class HowFound(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Further:
-    """A special point of a sample that has no nominal counterpart.
-
-    Examples
-    --------
-    >>> gw.records.Further(sample=3, kind="fold", value=1.4).value
-    1.4
-    """
+    """A special point of a sample that has no nominal counterpart."""
 
     sample: int  #: Number of the sample.
     kind: str  #: Name of its kind.
@@ -160,14 +148,7 @@ _FAINT = 0.01  # index below which a parameter does not matter
 
 
 class Chance(NamedTuple):
-    """Probability with its confidence interval.
-
-    Examples
-    --------
-    >>> chance = tolerance.chance(1.35, 1.4)
-    >>> chance.count, chance.samples, chance.value
-    (8, 8, 1.0)
-    """
+    """Probability with its confidence interval."""
 
     #: count, samples: Samples in which it happened, and all samples that count.
     count: int  # pyright: ignore[reportIncompatibleMethodOverride] - a probability has no use for tuple.count
@@ -194,13 +175,7 @@ def chance_of(count: int, samples: int) -> Chance:
 
 @dataclass(frozen=True, eq=False)
 class Influences:
-    """Sobol indices of one special point.
-
-    Examples
-    --------
-    >>> tolerance.influences[0].first
-    array([1.])
-    """
+    """Sobol indices of one special point."""
 
     first: Array  #: shape (parameters,): Share of the variance that each parameter causes alone.
     total: Array  #: shape (parameters,): The same with all its interactions; nan where it is not known.
@@ -210,13 +185,7 @@ class Influences:
 
 @dataclass(frozen=True)
 class ToleranceCheck:
-    """Comparison of tracked samples with walks of their branches.
-
-    Examples
-    --------
-    >>> tolerance.check.checked, tolerance.check.different
-    (0, ())
-    """
+    """Comparison of tracked samples with walks of their branches."""
 
     checked: int = 0  #: Random tracked samples whose branches were walked.
     largest: float = 0.0  #: Largest difference of a tracked point from that of the walk.

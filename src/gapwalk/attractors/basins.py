@@ -266,13 +266,7 @@ _NEAREST = 4  # as for a cell of a plane
 
 @dataclass(frozen=True)
 class Box:
-    """Initial states at theta = 0, each component within a range; a component with equal ends is fixed.
-
-    Examples
-    --------
-    >>> gw.records.Box.of(system, {"x": (-1, 1)}).draw(3, seed=0).shape
-    (3, 2)
-    """
+    """Initial states at theta = 0, each component within a range; a component with equal ends is fixed."""
 
     names: tuple[str, ...]  #: Names of the components: coordinates, velocities, then extensions, which are zero.
     #: low, high: The ends of the ranges, in the order of the names.
@@ -281,15 +275,7 @@ class Box:
 
     @classmethod
     def of(cls, system: System, ranges: Mapping[str, Range]) -> Box:
-        """Create a box from ranges (two numbers) or fixed values (one number) by name; all others are 0.
-
-        Parameters
-        ----------
-        system
-            The system.
-        ranges
-            Two numbers, or one, by the name of a coordinate or velocity.
-        """
+        """Create a box from ranges (two numbers) or fixed values (one number) by name; all others are 0."""
         names = system.state_names
         low, high = np.zeros(len(names)), np.zeros(len(names))
         for name, given in ranges.items():
@@ -313,20 +299,6 @@ class Box:
         """Draw random states, uniformly distributed over the box and repeatable, shape (count, state_size).
 
         Only those that are possible are kept.
-
-        Parameters
-        ----------
-        count
-            Number of states.
-        seed
-            Seed of the random numbers.
-        is_possible
-            Returns which of some states are possible; None if all are.
-
-        Returns
-        -------
-        array, shape (count, state_size)
-            The states.
         """
         random, found = np.random.default_rng(seed), np.empty((0, len(self.names)))
         for _ in range(_DRAWS):
@@ -341,14 +313,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Window:
-    """A window on a plane of initial states: a box with two free components.
-
-    Examples
-    --------
-    >>> window = gw.records.Window.of(system, {"x": (-1, 1), "x'": (-2, 2)}, {})
-    >>> window.states((4, 3)).shape
-    (12, 2)
-    """
+    """A window on a plane of initial states: a box with two free components."""
 
     box: Box  #: The box.
     #: across, up: Names of the components along the two axes.
@@ -357,17 +322,7 @@ class Window:
 
     @classmethod
     def of(cls, system: System, ranges: Mapping[str, Sequence[float]], fixed: Mapping[str, float]) -> Window:
-        """Create the window on two components with their ranges, the horizontal one first; others are fixed or 0.
-
-        Parameters
-        ----------
-        system
-            The system.
-        ranges
-            The two ranges by name, the horizontal one first.
-        fixed
-            Fixed values by name.
-        """
+        """Create the window on two components with their ranges, the horizontal one first; others are fixed or 0."""
         if len(ranges) != 2:
             raise ModelError(
                 f"a plane has two axes, but {len(ranges)} ranges were given ({', '.join(ranges) or 'none'}); write "
@@ -397,13 +352,7 @@ class Window:
         return across, up
 
     def states(self, resolution: tuple[int, int]) -> NDArray[np.float64]:
-        """Return the states at the centres of all cells, row by row from the bottom; shape (cells, state_size).
-
-        Returns
-        -------
-        array, shape (cells, state_size)
-            The states.
-        """
+        """Return the states at the centres of all cells, row by row from the bottom; shape (cells, state_size)."""
         across, up = self.centres(resolution)
         states = np.tile(self.box.low, (len(across) * len(up), 1))
         states[:, self.box.names.index(self.across)] = np.tile(across, len(up))
@@ -468,13 +417,7 @@ _LETTERS = "abcdefghijklmnopqrstuvwxyz"
 
 @dataclass(frozen=True)
 class BasinCheck:
-    """Accuracy of the labels: cells that were checked with the exact flow and corrected where they were wrong.
-
-    Examples
-    --------
-    >>> basins.check.cells, basins.check.share < 0.1
-    (64, True)
-    """
+    """Accuracy of the labels: cells that were checked with the exact flow and corrected where they were wrong."""
 
     #: cells, borders: Number of cells in the plane (or random starts); number of them whose label differs from that of
     #: a neighbour, or that have a neighbour whose label was wrong.
@@ -627,14 +570,7 @@ class Basins(Shown):
 
 @dataclass(frozen=True)
 class Share:
-    """The fraction of random starts that lead to one attractor.
-
-    Examples
-    --------
-    >>> share = shares.shares[0]
-    >>> share.name, share.share, round(share.low, 4), round(share.high, 4)
-    ('period 1a', 0.5, 0.272, 0.728)
-    """
+    """The fraction of random starts that lead to one attractor."""
 
     name: str  #: Name of the attractor.
     starts: int  #: Number of starts that lead to it.
@@ -646,13 +582,7 @@ class Share:
 
 @dataclass(frozen=True, eq=False)
 class BasinShares:
-    """Fractions of a box of initial states that lead to each attractor, estimated from random starts.
-
-    Examples
-    --------
-    >>> [(each.name, each.share) for each in shares.shares]
-    [('period 1a', 0.5), ('period 1b', 0.5)]
-    """
+    """Fractions of a box of initial states that lead to each attractor, estimated from random starts."""
 
     system: System  #: The system.
     box: Box  #: The box.

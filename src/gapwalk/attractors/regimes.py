@@ -33,13 +33,7 @@ _SHORT = 8  # longest period that a short summary lists separately
 
 @dataclass(frozen=True)
 class RegimeCheck:
-    """Accuracy of the regimes of a map.
-
-    Examples
-    --------
-    >>> regimes.check.checked >= len(regimes.check.different)
-    True
-    """
+    """Accuracy of the regimes of a map."""
 
     #: Number of cells whose motion was settled further and classified with the exact flow, rare kinds first.
     checked: int = 0

@@ -27,13 +27,7 @@ _MOST = 1024  # the most strobes with which curves are tested
 
 @dataclass(frozen=True, slots=True)
 class Rotation:
-    """The rotation number of strobes on closed curves.
-
-    Examples
-    --------
-    >>> gw.records.Rotation(number=0.313, error=1e-6, curves=1, roughness=1.0).number
-    0.313
-    """
+    """The rotation number of strobes on closed curves."""
 
     #: Turns per return to the same curve, between 0 and 1/2: a strobe map cannot distinguish rho from 1 - rho.
     number: float

@@ -98,13 +98,7 @@ class Attractor(Shown):
 
 
 class AttractorKind(StrEnum):
-    """The kind of motion on an attractor.
-
-    Examples
-    --------
-    >>> attractor.kind is gw.records.AttractorKind.PERIODIC
-    True
-    """
+    """The kind of motion on an attractor."""
 
     PERIODIC = "periodic"
     QUASI_PERIODIC = "quasi-periodic"

@@ -24,13 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Unexplained:
-    """Step of a branch whose changes are not accounted for by its special points: one was missed there.
-
-    Examples
-    --------
-    >>> gw.records.Unexplained(first=0.7, last=0.8, text="the motion became unstable").text
-    'the motion became unstable'
-    """
+    """Step of a branch whose changes are not accounted for by its special points: one was missed there."""
 
     #: first, last: Values of the parameter at the points before and after it.
     first: float

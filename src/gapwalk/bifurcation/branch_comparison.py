@@ -27,14 +27,7 @@ _NOTHING = 1e-12  # size of a signal, relative to the largest, below which it is
 
 @dataclass(frozen=True)
 class Match:
-    """Special point that both branches have.
-
-    Examples
-    --------
-    >>> match = gw.compare(branch, branch).matches[0]
-    >>> match.difference
-    0.0
-    """
+    """Special point that both branches have."""
 
     #: first, second: The point of either branch.
     first: SpecialPoint
@@ -51,12 +44,6 @@ class Comparison(Shown):
     """Agreement and differences of two branches.
 
     Lengths are relative to the range of the parameter and to the range of each measure.
-
-    Examples
-    --------
-    >>> found = gw.compare(branch, branch)
-    >>> found.within(1e-3), len(found.matches)
-    (True, 6)
     """
 
     #: parameter, measures: Quantities that are compared: each branch is a curve over the parameter, in the space of
@@ -86,13 +73,7 @@ class Comparison(Shown):
         return max((abs(match.difference) for match in self.matches), default=0.0)
 
     def within(self, tolerance: float) -> bool:
-        """Return True if the branches agree: no distance or relative shift above the tolerance, no point unmatched.
-
-        Parameters
-        ----------
-        tolerance
-            The tolerance, as a share of the ranges.
-        """
+        """Return True if the branches agree: no distance or relative shift above the tolerance, no point unmatched."""
         unmatched = self.only_first or self.only_second
         return not unmatched and max(self.largest, self.largest_shift / self.width) <= tolerance
 

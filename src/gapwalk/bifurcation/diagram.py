@@ -25,13 +25,7 @@ from gapwalk.summary import SummaryParts, Tree, remarks, summarizes
 
 @dataclass(frozen=True)
 class Origin:
-    """Special point at which a branch begins on another: the name of that branch, and the index of the point.
-
-    Examples
-    --------
-    >>> diagram.members[1].begins
-    Origin(parent='P1-1', special=1)
-    """
+    """Special point at which a branch begins on another: the name of that branch, and the index of the point."""
 
     parent: str  #: Name of that branch.
     special: int  #: Index of the special point, from 0.
@@ -39,14 +33,7 @@ class Origin:
 
 @dataclass(frozen=True)
 class DiagramBranch:
-    """Member of a diagram: one branch and its place in the tree.
-
-    Examples
-    --------
-    >>> member = diagram.members[1]
-    >>> member.name, member.period, member.begins.parent
-    ('P2-1', 2, 'P1-1')
-    """
+    """Member of a diagram: one branch and its place in the tree."""
 
     name: str  #: Name such as ``P2-3``: the third branch of period 2.
     branch: Branch  #: The branch.
@@ -71,11 +58,6 @@ class Cascade:
     Each flip lies on the child that begins at the flip before it, and is the first flip along it from there. If the
     next flip lies in the opposite direction, the child has turned back before reaching it. There the cascade ends, and
     another may begin. Only with this rule can the intervals between the flips shrink by a constant ratio.
-
-    Examples
-    --------
-    >>> diagram.cascades
-    ()
     """
 
     members: tuple[str, ...]  #: Names of the branches on which the flips lie.

@@ -143,28 +143,7 @@ BranchTracing = Tracing[BranchStart, BranchTracer, Step]
 
 
 class BranchWalk(Iterator[BranchPoint]):
-    """Walk of a branch, as an iterator over its points; see `walk`.
-
-    Parameters
-    ----------
-    beginnings
-        Beginning of the walk, or two at one point in opposite directions.
-    options
-        Options of the walk.
-    events
-        User-defined special points.
-    resume
-        State of a stopped walk with the same beginnings.
-    judges
-        False to leave out what only other branches tell, such as the criticality of a flip.
-
-    Examples
-    --------
-    >>> steps = gw.walk(orbit, "frequency", 0.62)
-    >>> points = list(steps)
-    >>> steps.branch.points[-1].value == points[-1].value
-    True
-    """
+    """Walk of a branch, as an iterator over its points; see `walk`."""
 
     def __init__(
         self,

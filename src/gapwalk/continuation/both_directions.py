@@ -19,14 +19,7 @@ from gapwalk.summary import row_of
 
 @dataclass(frozen=True, eq=False)
 class BranchPoint:
-    """One orbit on a branch.
-
-    Examples
-    --------
-    >>> point = branch.points[0]
-    >>> point.value, point.stable, round(point.measure("max.x"), 6)
-    (0.6, True, 0.777839)
-    """
+    """One orbit on a branch."""
 
     _row: ClassVar = {
         "parameter": "value",
@@ -62,13 +55,7 @@ class BranchPoint:
         return self.orbit.instability
 
     def measure(self, name: str) -> float:
-        """Return one measure of the motion; see `Orbit.measure`.
-
-        Parameters
-        ----------
-        name
-            Name of the measure, such as ``half.q1``.
-        """
+        """Return one measure of the motion; see `Orbit.measure`."""
         return self.orbit.measure(name)
 
     def __repr__(self) -> str:

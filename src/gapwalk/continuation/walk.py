@@ -114,13 +114,7 @@ _GOOD = 0.1  # distance from a guess, in steps, within which another guess would
 
 
 class EndReason(Enum):
-    """Reason why a branch ends; the value is the sentence that a user reads.
-
-    Examples
-    --------
-    >>> branch.ends[1].reason
-    <EndReason.RANGE: 'the end of the range was reached'>
-    """
+    """Reason why a branch ends; the value is the sentence that a user reads."""
 
     START = "the walk began here"
     RANGE = "the end of the range was reached"
@@ -154,13 +148,7 @@ class EndReason(Enum):
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """Place and reason of the end of a branch.
-
-    Examples
-    --------
-    >>> branch.ends[1].reason_words
-    'the end of the range was reached'
-    """
+    """Place and reason of the end of a branch."""
 
     reason: EndReason  #: The reason.
     value: float  #: Value of the parameter there.

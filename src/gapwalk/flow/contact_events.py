@@ -48,14 +48,7 @@ class RestOnJumpError(FlowError):
 
 
 class ContactEvent(NamedTuple):
-    """One crossing of a breakpoint.
-
-    Examples
-    --------
-    >>> event = impacting.events[0]
-    >>> event.enters, round(event.velocity, 6)
-    (True, 1.377284)
-    """
+    """One crossing of a breakpoint."""
 
     theta: float  #: Angle of the event, in radians of the fundamental excitation.
     switch: int  #: The stage and its side: index into `Equations.switches`.

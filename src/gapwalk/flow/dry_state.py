@@ -20,14 +20,7 @@ Array = NDArray[np.float64]
 
 
 class SlipEvent(NamedTuple):
-    """Dry friction begins to slip or to stick.
-
-    Examples
-    --------
-    >>> event = slipping.slips[1]
-    >>> round(event.theta, 6), event.slip
-    (0.49058, 0)
-    """
+    """Dry friction begins to slip or to stick."""
 
     theta: float  #: Angle of the event, in radians of the fundamental excitation.
     contact: int  #: Number of the contact in the structure.
@@ -35,28 +28,14 @@ class SlipEvent(NamedTuple):
 
 
 class Hold(NamedTuple):
-    """Contacts begin or cease to be held: rigid friction that sticks, and rigid stops.
-
-    Examples
-    --------
-    >>> gw.records.Hold(theta=0.5, reactions=(0,)).reactions
-    (0,)
-    """
+    """Contacts begin or cease to be held: rigid friction that sticks, and rigid stops."""
 
     theta: float  #: Angle of the event, in radians of the fundamental excitation.
     reactions: tuple[int, ...]  #: The numbers in `Structure.reactions` of all that are held from there on.
 
 
 class Kink(NamedTuple):
-    """An instant at which velocities or accelerations jump: positions, and both of them before and after.
-
-    Examples
-    --------
-    >>> bouncing = gw.System(["x"], [[1.0]], contacts=[gw.rigid_stop("wall", {"x": 1.0}, 1.0, 0.8)])
-    >>> kink = gw.integrate(bouncing, np.array([0.0, 2.0]), 0.5).impacts[0]
-    >>> [round(float(velocity[0]), 6) for velocity in kink.velocities]  # before, after: - 0.8 times
-    [1.732051, -1.385641]
-    """
+    """An instant at which velocities or accelerations jump: positions, and both of them before and after."""
 
     theta: float  #: Angle of the excitation, in radians.
     positions: Array  #: Positions at that instant.
@@ -111,6 +90,8 @@ class _Held(NamedTuple):
 
 class DryState:
     """Modes of friction and of rigid stops of one compiled integrator.
+
+    Shapes: `column_signs` (columns,).
 
     Shapes: `column_signs` (columns,).
 

@@ -651,6 +651,8 @@ class BreakpointGeometry:
 
     Shapes: `signs` (count,).
 
+    Shapes: `signs` (count,).
+
     Attributes
     ----------
     signs : shape (count,)

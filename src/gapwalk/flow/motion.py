@@ -46,13 +46,7 @@ _AT = 1e-9  # radians within which an event is at an instant
 
 
 class DryModes(NamedTuple):
-    """Modes of dry friction and of rigid stops, at one instant or at some.
-
-    Examples
-    --------
-    >>> gw.records.DryModes(slips=np.array([1]), held=np.array([False])).slips
-    array([1])
-    """
+    """Modes of dry friction and of rigid stops, at one instant or at some."""
 
     #: shape (..., contacts that are friction): 1 or -1 in slip, by its direction; 0 in stick. The order is that of
     #: `Structure.friction`.
@@ -168,14 +162,7 @@ def forces_and_accelerations(
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A motion of `system`, sampled at `theta` and exact at each sample.
-
-    Examples
-    --------
-    >>> motion = impacting.motion(64)
-    >>> motion.q.shape, float(motion.signal("stop.force").max()) > 0.0
-    ((65, 1), True)
-    """
+    """A motion of `system`, sampled at `theta` and exact at each sample."""
 
     system: System  #: The system that moves.
     theta: NDArray[np.float64]  #: shape (samples,): Angle of the fundamental excitation, ``W t``, in radians.
@@ -209,16 +196,7 @@ class Motion:
     ) -> Motion:
         """Make a motion from its states, shape (samples, state_size), and its logs.
 
-        Parameters
-        ----------
-        system
-            The system.
-        theta : shape (samples,)
-            Angles of the excitation, in radians.
-        states : shape (samples, state_size)
-            States.
-        events, slips, holds, impacts
-            Logs, as the attributes of these names.
+        Shapes: `theta` (samples,); `states` (samples, state_size).
         """
         q, v, z = np.split(states, (system.size, 2 * system.size), axis=1)
         return cls(system, theta, q, v, tuple(events), z, tuple(slips), tuple(holds), tuple(impacts))
@@ -284,13 +262,7 @@ class Motion:
         return contact_deflections(layout_of(self.system.structure), self._coefficients, self.theta, self.q)
 
     def deflection_rate(self, contact: int) -> NDArray[np.float64]:
-        """Return the rate of the deflection of a contact.
-
-        Returns
-        -------
-        array, shape (samples,)
-            The rate over time, in consistent units.
-        """
+        """Return the rate of the deflection of a contact."""
         slots = layout_of(self.system.structure).contacts[contact]
         sway = Angles(layout_of(self.system.structure), self._coefficients, self.theta).sway(slots, 0, 1)
         return self.v @ self._coefficients[slots.deflection] + sway
@@ -307,26 +279,7 @@ class Motion:
         )
 
     def signal(self, name: str) -> NDArray[np.float64]:
-        """Return one time history by name, shape (samples,).
-
-        Parameters
-        ----------
-        name
-            A coordinate (``"q1"``), its velocity (``"q1'"``), its acceleration (``"q1''"``), the force of a contact
-            (``"stop.force"``, or ``"stop"`` for short, where that is not a coordinate, nor the system a drive train),
-            the extension of the spring of friction that has one (``"brake.extension"``), or the mode of dry friction
-            (``"brake.slip"``: 1 or -1 in slip, by its direction, and 0 in stick).
-            For a drive train also the absolute acceleration of an inertia (``"box''"``), and the torque in a shaft or
-            gear (``"clutch.torque"``). In a system with units, positions and velocities are as in states: in the unit
-            of angles, and in that over s. Accelerations are in rad/s^2, torques in N m.
-
-        Where a rigid stop strikes, accelerations and its force are infinite for no time: `impulses` has the integrals.
-
-        Returns
-        -------
-        array, shape (samples,)
-            In the unit of the signal.
-        """
+        """Return one time history by name, shape (samples,)."""
         place, size, structure = signal_place(self.system, name), self.system.size, self.system.structure
         widths = {"q": size, "v": size, "a": size, "forces": len(structure.contacts), "z": len(structure.memories)}
         widths["slip"] = len(structure.friction)
@@ -340,13 +293,6 @@ class Motion:
         """Return the impulses of a signal where rigid stops strike, which `signal` leaves out.
 
         An acceleration or a force is infinite there for no time; its integral is that of the jump of velocities.
-
-        Returns
-        -------
-        theta : shape (impacts,)
-            The angles of the excitation at which it has impulses, in radians.
-        sizes : shape (impacts,)
-            Integrals of the signal over theta.
         """
         place, structure, size = signal_place(self.system, name), self.system.structure, self.system.size
         theta = np.array([impact.theta for impact in self.impacts])
@@ -377,14 +323,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class ContactRecord:
-    """One entry of the contact log, with the names of the model.
-
-    Examples
-    --------
-    >>> entry = impacting.motion().contacts[0]
-    >>> entry.contact, entry.side, entry.closes, round(entry.velocity, 6)
-    ('stop', 1, True, 1.377284)
-    """
+    """One entry of the contact log, with the names of the model."""
 
     #: theta, time: Instant of the event: in radians of the fundamental excitation, and in units of time.
     theta: float

@@ -401,15 +401,7 @@ _TINY = 1e-9  # share of a deflection that counts as none
 
 @dataclass(frozen=True)
 class ContactRest:
-    """A contact in a static equilibrium.
-
-    Examples
-    --------
-    >>> pressed = gw.System(["x"], [[1.0]], contacts=[gw.stop("stop", {"x": 1.0}, 1.0, 3.0)], mean={"x": 5.0})
-    >>> contact = gw.find_equilibria(pressed).equilibria[0].contacts[0]
-    >>> contact.name, float(contact.deflection), contact.side
-    ('stop', 2.0, 1)
-    """
+    """A contact in a static equilibrium."""
 
     name: str  #: Name of the contact.
     #: deflection, force: Its deflection, and the force of its spring.
@@ -436,15 +428,7 @@ class ContactRest:
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """A static equilibrium of a system.
-
-    Examples
-    --------
-    >>> pressed = gw.System(["x"], [[1.0]], contacts=[gw.stop("stop", {"x": 1.0}, 1.0, 3.0)], mean={"x": 5.0})
-    >>> rest = gw.find_equilibria(pressed).equilibria[0]
-    >>> rest.position, rest.stable
-    (array([2.]), True)
-    """
+    """A static equilibrium of a system."""
 
     position: NDArray[np.float64]  #: shape (n,): The coordinates.
     contacts: tuple[ContactRest, ...]  #: Each contact there.
@@ -464,14 +448,7 @@ class Equilibrium:
 
 @dataclass(frozen=True)
 class Rest:
-    """The static equilibria of a system.
-
-    Examples
-    --------
-    >>> rest = gw.find_equilibria(system)
-    >>> rest.complete, rest.equilibria[0].position
-    (True, array([0.]))
-    """
+    """The static equilibria of a system."""
 
     #: The stable ones first, then those nearest to zero; nine at most of forces by formulas. Empty if there is none:
     #: the mean load drives the system away.

@@ -188,12 +188,6 @@ class Modes(Shown):
     -----
     The largest entry of a column is 1, of `angles` for a drive train and of `shapes` otherwise. There are as many modes
     as coordinates, less what sticks rigidly or is held.
-
-    Examples
-    --------
-    >>> modes = gw.find_modes(driveline)
-    >>> modes.frequencies.shape, modes.inertias
-    ((2,), ('engine', 'gear', 'box'))
     """
 
     #: shape (modes,): Angular natural frequencies; 0 for a motion without stiffness, NaN for one that grows or is not a

@@ -22,13 +22,7 @@ _SMALL = 0.02  # size of multipliers whose changes are irrelevant: their motions
 
 
 class Instability(NamedTuple):
-    """Numbers of multipliers outside the unit circle, by where they left it, and of those on it.
-
-    Examples
-    --------
-    >>> branch.special("fold")[0].after.above
-    1
-    """
+    """Numbers of multipliers outside the unit circle, by where they left it, and of those on it."""
 
     above: int  #: Number of real ones above +1.
     below: int  #: Number of real ones below -1.

@@ -69,11 +69,6 @@ class Turns(NamedTuple):
     """Turning points of a quantity along an orbit: their angles, increasing, and its values there.
 
     Plain lists are used, because there are few turning points and they are needed at every step of a walk.
-
-    Examples
-    --------
-    >>> [round(value, 6) for value in impacting.turns[0].values]  # of the deflection of the stop
-    [1.254466, -1.539058]
     """
 
     thetas: list[float]  #: Angles, in radians.

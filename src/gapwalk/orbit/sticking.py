@@ -48,11 +48,6 @@ class FrictionPhase(NamedTuple):
     """A phase of friction: its mode, 1 or -1 in slip and 0 in stick, and the angles at which it begins and ends.
 
     The end of the last phase lies in the next period if it passes the end of its own.
-
-    Examples
-    --------
-    >>> gw.records.FrictionPhase(0, 0.5, 0.75).length
-    0.25
     """
 
     mode: int  #: 1 or -1 in slip, 0 in stick.
@@ -66,17 +61,7 @@ class FrictionPhase(NamedTuple):
         return self.stop - self.start
 
     def contains(self, theta: float, full: float, margin: float = 0.0) -> bool:
-        """Return True if an angle lies within it, on a circle of circumference `full`.
-
-        Parameters
-        ----------
-        theta
-            The angle, in radians.
-        full
-            The circumference, in radians.
-        margin
-            Distance from the ends that the angle must keep, in radians.
-        """
+        """Return True if an angle lies within it, on a circle of circumference `full`."""
         return (theta - self.start + margin) % full <= self.length + 2.0 * margin
 
     def away(self, theta: float, full: float) -> float:
@@ -112,14 +97,7 @@ def stick_words(phases: Sequence[FrictionPhase]) -> str:
 
 
 class Margin(NamedTuple):
-    """Distance of friction from a change at one instant.
-
-    Examples
-    --------
-    >>> margin = slipping.margins[0]
-    >>> margin.what, round(margin.value, 6)
-    ('stop', 0.093398)
-    """
+    """Distance of friction from a change at one instant."""
 
     contact: int  #: Number of the contact.
     what: str  #: What vanishes at the change: ``rate`` within slip, ``reserve`` within stick, ``stop`` where slip ends.

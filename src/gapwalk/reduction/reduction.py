@@ -66,14 +66,7 @@ _FEW = 2  # most coordinates of a contact or load that are retained; for more, i
 
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """The vectors that span the motions of a reduced system.
-
-    Examples
-    --------
-    >>> small = gw.reduce(gw.train.chain(9, 1.0, 100.0, held=True).system(), modes=3, keep=["shaft1"])
-    >>> small.basis.size, small.basis.vectors.shape
-    (4, (9, 4))
-    """
+    """The vectors that span the motions of a reduced system."""
 
     kept: NDArray[np.intp]  #: shape (kept,): Indices of the retained coordinates.
     #: shape (modes,): Squares of the frequencies of the modes, with the retained coordinates fixed.

@@ -146,13 +146,7 @@ Test = Callable[[BranchPoint], float]
 
 @dataclass(frozen=True)
 class SpecialCheck:
-    """The special point of the full system that corresponds to one of the reduced system.
-
-    Examples
-    --------
-    >>> gw.records.SpecialCheck(special=fold, shift=1e-4, error=1e-5, motion=1e-3).corrected > fold.value
-    True
-    """
+    """The special point of the full system that corresponds to one of the reduced system."""
 
     special: SpecialPoint  #: The special point of the reduced system.
     shift: float  #: Correction to be added to its parameter value; nan if the full system has no such point nearby.
@@ -173,18 +167,7 @@ class SpecialCheck:
 
 @dataclass(frozen=True)
 class BranchCheck:
-    """The comparison of a branch of the reduced system with the full system's equation.
-
-    Examples
-    --------
-    >>> chain = gw.train.chain(4, 1.0, 100.0, 1.0, held=True).system()
-    >>> matrices = [chain.matrix(name) for name in ("stiffness", "damping", "mass")]
-    >>> stop, load = gw.stop("stop", {"x1": 1.0}, 0.01, 500.0), gw.Harmonic(1.0, {"x1": 1.0})
-    >>> small = gw.reduce(gw.System(["x1", "x2", "x3", "x4"], *matrices, contacts=[stop], harmonics=[load]), modes=2)
-    >>> found = small.check(gw.follow(gw.find_orbit(small.system, frequency=3.0), "frequency", 3.1))
-    >>> found.motion < 0.1, found.special
-    (True, ())
-    """
+    """The comparison of a branch of the reduced system with the full system's equation."""
 
     branch: Branch  #: The branch.
     special: tuple[SpecialCheck, ...]  #: Checks of its special points.
@@ -213,17 +196,7 @@ class BranchCheck:
 
 @dataclass(frozen=True)
 class OrbitCheck:
-    """The comparison of an orbit of the reduced system with the full system's equation.
-
-    Examples
-    --------
-    >>> chain = gw.train.chain(4, 1.0, 100.0, 1.0, held=True).system()
-    >>> matrices = [chain.matrix(name) for name in ("stiffness", "damping", "mass")]
-    >>> stop, load = gw.stop("stop", {"x1": 1.0}, 0.01, 500.0), gw.Harmonic(1.0, {"x1": 1.0})
-    >>> small = gw.reduce(gw.System(["x1", "x2", "x3", "x4"], *matrices, contacts=[stop], harmonics=[load]), modes=2)
-    >>> small.check(gw.find_orbit(small.system, frequency=3.0)).error < 0.1
-    True
-    """
+    """The comparison of an orbit of the reduced system with the full system's equation."""
 
     orbit: Orbit  #: The orbit.
     #: Estimated error of the deflections of the contacts: the largest sum of the errors of the amplitudes of all

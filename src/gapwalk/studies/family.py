@@ -43,13 +43,7 @@ if TYPE_CHECKING:
 
 
 class Place(NamedTuple):
-    """Indices of a special point: of its member, of the branch in it, and of the point on the branch, all from 0.
-
-    Examples
-    --------
-    >>> family.of_kind("fold")[0].places[0]
-    Place(member=0, branch=0, special=0)
-    """
+    """Indices of a special point: of its member, of the branch in it, and of the point on the branch, all from 0."""
 
     #: member, branch, special: The indices.
     member: int
@@ -59,14 +53,7 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True)
 class Member:
-    """A member of a family: the branches at one value of the parameter in which members differ.
-
-    Examples
-    --------
-    >>> member = family.members[0]
-    >>> member.number, member.value, [name for name, branch in member.named]
-    (0, 0.9, ['P1-1'])
-    """
+    """A member of a family: the branches at one value of the parameter in which members differ."""
 
     number: int  #: Index of the member, from 0.
     value: float  #: Value of the parameter that differs.
@@ -236,13 +223,7 @@ class MemberParameter:
 
 
 class Fate(StrEnum):
-    """Fate of a special point on the way to the next member.
-
-    Examples
-    --------
-    >>> [fate.value for fate in gw.records.Fate][:2]
-    ['joined', 'near']
-    """
+    """Fate of a special point on the way to the next member."""
 
     JOINED = "joined"
     """Its locus leads to a special point of the other member: that is proved."""
@@ -268,13 +249,7 @@ TURN = "turn"
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """A point of codimension two on the way from one member to the next.
-
-    Examples
-    --------
-    >>> gw.records.Passage(kind="cusp", first=1.2, value=0.9, contact="").kind
-    'cusp'
-    """
+    """A point of codimension two on the way from one member to the next."""
 
     kind: str  #: Kind of the point, a value of `gapwalk.bifurcation.loci.Codim2`.
     #: first, value: The parameter of the members there, and the quantity that differs.
@@ -285,14 +260,7 @@ class Passage:
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """Path of a special point between two neighbouring members.
-
-    Examples
-    --------
-    >>> connection = family.connections[0][0]
-    >>> connection.kind, connection.fate.value
-    ('fold', 'joined')
-    """
+    """Path of a special point between two neighbouring members."""
 
     #: kind, contact, period: Properties of the special point.
     kind: Kind
@@ -342,14 +310,7 @@ class Connection:
 
 @dataclass(frozen=True)
 class SpecialPointPath:
-    """Path of one special point through all members that have it.
-
-    Examples
-    --------
-    >>> path = family.of_kind("fold")[0]
-    >>> path.name, path.exact, len(path.places)
-    ('fold-1', True, 2)
-    """
+    """Path of one special point through all members that have it."""
 
     name: str  #: Such as ``fold-3``: the third path of folds.
     #: kind, contact, period: Kind of the special point, period of the motions, and the contact that grazes, if any.

@@ -79,14 +79,7 @@ Ranges = tuple[tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True, eq=False)
 class MapSection:
-    """The branches along the first parameter at one value of the second.
-
-    Examples
-    --------
-    >>> section = loci.sections[0]
-    >>> section.value, [name for name, branch in section.named]
-    (1.0, ['P1-1'])
-    """
+    """The branches along the first parameter at one value of the second."""
 
     value: float  #: Value of the second parameter.
     branches: tuple[Branch, ...]  #: The branches; none if no first orbit was found.

@@ -165,14 +165,7 @@ BLOCK = 20
 
 @dataclass(frozen=True, eq=False)
 class Lane:
-    """One start of a sweep, with one order of the values.
-
-    Examples
-    --------
-    >>> lane = sweep.lanes[0]
-    >>> lane.way, lane.start, lane.is_carried
-    (<Way.UP: 'up'>, 1, True)
-    """
+    """One start of a sweep, with one order of the values."""
 
     way: Way  #: Order in which the values are visited.
     start: int  #: Number of the start, from 1.
@@ -210,14 +203,7 @@ class SweepSegment:
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """A range of the parameter in which the regime is the same.
-
-    Examples
-    --------
-    >>> band = sweep.bands()[0]
-    >>> band.regime, round(band.low, 3), round(band.high, 3)
-    ('period 1', 0.6, 0.725)
-    """
+    """A range of the parameter in which the regime is the same."""
 
     regime: str  #: In words, such as ``period 3``.
     #: low, high: Its ends, halfway to the next values of another regime.

@@ -21,14 +21,7 @@ Advance = Callable[[str, int, int], object]
 
 
 class Check(Enum):
-    """Kind of check: a name, a sentence, and the largest figure that passes.
-
-    Examples
-    --------
-    >>> found = gw.verify(gw.follow(orbit, "frequency", 0.62))
-    >>> [summary.check.name for summary in found.summaries][:2]
-    ['RECORD', 'RESIDUAL']
-    """
+    """Kind of check: a name, a sentence, and the largest figure that passes."""
 
     SEAL = ("seal", "the file is as gapwalk wrote it, by its checksum", 0.0)
     RECORD = ("record", "the stored data of a point are consistent", 1e-9)
@@ -75,14 +68,7 @@ class Check(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """Place of a check.
-
-    Examples
-    --------
-    >>> found = gw.verify(gw.follow(orbit, "frequency", 0.62))
-    >>> found.summaries[0].worst.spot.value <= 0.62
-    True
-    """
+    """Place of a check."""
 
     branch: str  #: Name of the branch or locus; of a family, with its member.
     item: str  #: One of its points, such as ``point 12``, ``special point 3`` or ``points 12 to 13``, numbered from 0.
@@ -95,14 +81,7 @@ class Spot:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """Result of one check at one place.
-
-    Examples
-    --------
-    >>> found = gw.verify(gw.follow(orbit, "frequency", 0.62))
-    >>> found.summaries[0].worst.passes
-    True
-    """
+    """Result of one check at one place."""
 
     check: Check  #: The check.
     spot: Spot  #: Its place.
@@ -123,14 +102,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Summary:
-    """Summary of all figures of one check.
-
-    Examples
-    --------
-    >>> found = gw.verify(gw.follow(orbit, "frequency", 0.62))
-    >>> found.summaries[0].count > 0
-    True
-    """
+    """Summary of all figures of one check."""
 
     check: Check  #: The check.
     count: int  #: Number of places at which it was made.

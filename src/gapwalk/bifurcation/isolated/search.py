@@ -67,13 +67,7 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class SearchResult:
-    """Result of a search.
-
-    Examples
-    --------
-    >>> found.values, len(found.at(1.3)), len(found.new)
-    ((1.3,), 3, 3)
-    """
+    """Result of a search."""
 
     parameter: str  #: Name of the parameter.
     #: The distinct orbits in the order of the values; at each value in the order of their periods, then of their hits.
@@ -105,14 +99,7 @@ class SearchResult:
 
 @dataclass(frozen=True)
 class FoundOrbit:
-    """One orbit that the search has found.
-
-    Examples
-    --------
-    >>> each = found.found[0]
-    >>> each.orbit.period, each.is_new
-    (1, True)
-    """
+    """One orbit that the search has found."""
 
     value: float  #: Value of the parameter.
     orbit: Orbit  #: The orbit, with its true period.
@@ -128,13 +115,7 @@ class FoundOrbit:
 
 @dataclass(frozen=True, eq=False)
 class Tally:
-    """Counts of the search at one value of the parameter.
-
-    Examples
-    --------
-    >>> found.tallies[0].starts, found.tallies[0].settled
-    (8, 8)
-    """
+    """Counts of the search at one value of the parameter."""
 
     value: float  #: Value of the parameter.
     box: NDArray[np.float64]  #: shape (state_size,): Half-widths of the box of starts.

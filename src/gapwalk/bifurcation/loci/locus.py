@@ -13,13 +13,7 @@ from gapwalk.orbit.orbit import Orbit
 
 
 class LocusEndReason(Enum):
-    """Reason why a locus ends; the value is the sentence that a user reads.
-
-    Examples
-    --------
-    >>> locus.ends[0].reason.name
-    'RANGE'
-    """
+    """Reason why a locus ends; the value is the sentence that a user reads."""
 
     START = "the start lies on the edge of the range"
     RANGE = "the edge of the range was reached"
@@ -40,13 +34,7 @@ class LocusEndReason(Enum):
 
 @dataclass(frozen=True, slots=True)
 class LocusEnd:
-    """Place and reason of the end of a locus.
-
-    Examples
-    --------
-    >>> locus.ends[0].reason_words
-    'the edge of the range was reached'
-    """
+    """Place and reason of the end of a locus."""
 
     reason: LocusEndReason  #: The reason.
     values: tuple[float, float]  #: Values of both parameters there.
@@ -65,14 +53,7 @@ class LocusEnd:
 
 @dataclass(frozen=True, eq=False)
 class LocusPoint:
-    """Point of a locus.
-
-    Examples
-    --------
-    >>> point = locus.points[0]
-    >>> np.round(point.values, 6), point.measure("max.x") > 1.0
-    (array([1.372124, 1.1     ]), True)
-    """
+    """Point of a locus."""
 
     values: tuple[float, float]  #: Values of both parameters.
     orbit: Orbit  #: The orbit at its bifurcation; its system carries all parameter values.
@@ -92,13 +73,7 @@ class LocusPoint:
             raise ValueError("the unknowns of a point are not as many as the components of its tangent")
 
     def measure(self, name: str) -> float:
-        """Return one measure of the motion; see `Orbit.measure`.
-
-        Parameters
-        ----------
-        name
-            Name of the measure, such as ``half.q1``.
-        """
+        """Return one measure of the motion; see `Orbit.measure`."""
         return self.orbit.measure(name)
 
     def __repr__(self) -> str:
@@ -107,13 +82,7 @@ class LocusPoint:
 
 
 class Codim2(StrEnum):
-    """Kind of a point of codimension two.
-
-    Examples
-    --------
-    >>> [kind.value for kind in gw.records.Codim2][:3]
-    ['cusp', 'fold-flip', 'fold-neimark-sacker']
-    """
+    """Kind of a point of codimension two."""
 
     CUSP = "cusp"
     """Two folds merge and vanish."""
@@ -147,14 +116,7 @@ class Codim2(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Codim2Point:
-    """Point of a locus at which a second condition holds.
-
-    Examples
-    --------
-    >>> wide = gw.follow_locus(fold, "frequency", "harmonic1.amplitude", ((0.8, 1.8), (0.05, 1.0)))
-    >>> [str(point.kind) for point in wide.codim2_points]
-    ['cusp']
-    """
+    """Point of a locus at which a second condition holds."""
 
     kind: Codim2  #: Its kind.
     point: LocusPoint  #: The located point of the locus.

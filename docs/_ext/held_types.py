@@ -1,0 +1,99 @@
+"""Types that public names return or hold without being public: the pages of these names describe their fields."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+import sys
+from collections.abc import Iterator
+from enum import Enum
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+import gapwalk as gw
+from gapwalk.field_docs import field_docs
+from gapwalk.summary import Described
+
+
+def held_types(thing: object) -> list[type]:
+    """Return the types with described fields that a public thing returns or holds, and those that they hold."""
+    found: list[type] = []
+    left = [thing]
+    while left:
+        for annotation, scope in _annotations(left.pop(0)):
+            for kind in _types_in(annotation, scope):
+                if kind not in found and not public_types().intersection(kind.__mro__) and description(kind):
+                    found.append(kind)
+                    left.append(kind)
+    return found
+
+
+def description(kind: type) -> list[str]:
+    """Describe a type in reStructuredText: its first sentence, and its fields or members; empty if it has none."""
+    if issubclass(kind, Enum):
+        entries = [(f"{kind.__name__}.{member.name}", f"``{member.value!r}``") for member in kind]
+    else:
+        entries = [(", ".join(each.names), each.words) for each in field_docs(kind)]
+    if not entries:
+        return []
+    sentence = " ".join(inspect.cleandoc(kind.__doc__ or "").split("\n\n")[0].split())
+    lines = ["", f".. rubric:: {kind.__name__}", "", sentence, ""]
+    for names, words in entries:
+        lines += [f"{names}", f"    {words}"]
+    return [*lines, ""]
+
+
+@cache
+def public_types() -> frozenset[type]:
+    """Return the types that have pages of their own."""
+    modules = [gw, *(module for name in gw.__all__ if inspect.ismodule(module := getattr(gw, name)))]
+    things = (getattr(module, name) for module in modules for name in getattr(module, "__all__", ()))
+    return frozenset(thing for thing in things if inspect.isclass(thing))
+
+
+def _annotations(thing: object) -> Iterator[tuple[object, ModuleType]]:
+    """Yield what a function returns, or what the fields, properties and methods of a class hold or return."""
+    if inspect.isroutine(thing):
+        function = inspect.unwrap(thing)
+        yield function.__annotations__.get("return"), _module_of(function)
+    elif inspect.isclass(thing) and not issubclass(thing, Enum):
+        for base in thing.__mro__:
+            if not base.__module__.startswith("gapwalk") or base is Described:
+                continue
+            for field, annotation in vars(base).get("__annotations__", {}).items():
+                if not field.startswith("_"):
+                    yield annotation, _module_of(base)
+            for key, member in vars(base).items():
+                function = getattr(member, "fget", None) or getattr(member, "func", None)
+                function = inspect.unwrap(function or getattr(member, "__func__", member))
+                if not key.startswith("_") and inspect.isfunction(function):
+                    yield function.__annotations__.get("return"), _module_of(base)
+
+
+def _module_of(thing: object) -> ModuleType:
+    return sys.modules[thing.__module__]  # type: ignore[attr-defined]
+
+
+def _types_in(annotation: object, scope: ModuleType) -> Iterator[type]:
+    """Yield the classes of gapwalk that an annotation names; it is a text where it is evaluated late."""
+    for word in re.findall(r"[A-Za-z_]\w*", str(annotation or "")):
+        thing = getattr(scope, word, None) or _imported_late(scope).get(word)
+        if inspect.isclass(thing) and thing.__module__.startswith("gapwalk") and not word.startswith("_"):
+            yield thing
+
+
+@cache
+def _imported_late(scope: ModuleType) -> dict[str, object]:
+    """Return the names that a module imports for type checkers only."""
+    tree = ast.parse(Path(str(scope.__file__)).read_text(encoding="utf-8"))
+    return {
+        alias.name: getattr(import_module(str(statement.module)), alias.name)
+        for block in tree.body
+        if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING"
+        for statement in block.body
+        if isinstance(statement, ast.ImportFrom) and str(statement.module).startswith("gapwalk")
+        for alias in statement.names
+    }
