@@ -17,6 +17,10 @@ import gapwalk as gw
 from gapwalk.field_docs import field_docs
 from gapwalk.summary import Described
 
+# What only the package handles: the pages do not describe it.
+HIDDEN = ("Assembly", "BalanceEquation", "BranchStart", "BranchWalk", "Charter", "Corrector", "Course", "Matrices")
+HIDDEN += ("NamedFile", "PaceLimits", "ShootingEquation", "Structure", "TouchEquation", "Zero")
+
 
 def held_types(thing: object) -> list[type]:
     """Return the types with described fields that a public thing returns or holds, and those that they hold."""
@@ -25,25 +29,45 @@ def held_types(thing: object) -> list[type]:
     while left:
         for annotation, scope in _annotations(left.pop(0)):
             for kind in _types_in(annotation, scope):
-                if kind not in found and not public_types().intersection(kind.__mro__) and description(kind):
+                is_known = kind in found or kind.__name__ in HIDDEN or public_types().intersection(kind.__mro__)
+                if not is_known and description(kind):
                     found.append(kind)
                     left.append(kind)
     return found
 
 
 def description(kind: type) -> list[str]:
-    """Describe a type in reStructuredText: its first sentence, and its fields or members; empty if it has none."""
+    """Describe a type in reStructuredText: its first sentence, its fields or members, and methods."""
     if issubclass(kind, Enum):
         entries = [(f"{kind.__name__}.{member.name}", f"``{member.value!r}``") for member in kind]
     else:
         entries = [(", ".join(each.names), each.words) for each in field_docs(kind)]
+        entries += [(name, first_sentence(member)) for name, member in _members(kind)]
     if not entries:
         return []
-    sentence = " ".join(inspect.cleandoc(kind.__doc__ or "").split("\n\n")[0].split())
-    lines = ["", f".. rubric:: {kind.__name__}", "", sentence, ""]
+    lines = ["", f".. rubric:: {kind.__name__}", "", first_sentence(kind), ""]
     for names, words in entries:
         lines += [f"{names}", f"    {words}"]
     return [*lines, ""]
+
+
+def first_sentence(thing: object) -> str:
+    """Return the first paragraph of a docstring in one line."""
+    return " ".join(inspect.cleandoc(thing.__doc__ or "").split("\n\n")[0].split())
+
+
+def _members(kind: type) -> Iterator[tuple[str, object]]:
+    """Yield the public properties and methods of a class with their names, as a call shows them."""
+    for name, member in vars(kind).items():
+        function = getattr(member, "fget", None) or getattr(member, "func", None)
+        method = getattr(member, "__func__", member)
+        if name.startswith("_") or name in vars(Described):
+            continue
+        if function is not None:
+            yield name, function
+        elif inspect.isfunction(method):
+            parameters = [each for each in inspect.signature(method).parameters if each not in ("self", "cls")]
+            yield f"{name}({', '.join(parameters)})", method
 
 
 @cache

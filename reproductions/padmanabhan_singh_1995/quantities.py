@@ -248,7 +248,7 @@ def synthetic_record(orbit: gw.Orbit) -> gw.measure.Record:
     return gw.measure.Record(time, exact + noise, name="SYNTHETIC, no measurement")
 
 
-def aligned_with_record(computed: gw.Result, recorded: gw.Result) -> gw.measure.Alignment:
+def aligned_with_record(computed: gw.Result, recorded: gw.Result) -> Any:
     """Align u3'' of a settled motion with the synthetic record of another one at the same frequency."""
     orbit = orbit_of(computed)
     return gw.measure.align(orbit, synthetic_record(orbit_of(recorded)), third_inertia(orbit.system))

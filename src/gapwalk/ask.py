@@ -1,13 +1,4 @@
-"""Questions that engineers ask of a machine with gaps: where it rattles, what makes it stop, and how sure that is.
-
-Functions: `design`, `rattle_bands`, `run_up`, `run_ups`, `scan`, `threshold`, `tolerance`,
-`variations`.
-
-Classes: `Change`, `Design`, `DesignOptions`, `LeastChangeOptions`, `MotionClaim`, `Need`, `NoPoint`,
-`PeakBelow`, `PointClaim`, `Quiet`, `RattleBands`, `RattleOptions`, `Resonance`, `RunUp`, `RunUps`, `Scan`,
-`ScanOptions`, `SlowSweepOptions`, `SpeedCourse`, `Spread`, `Threshold`, `ThresholdOptions`, `Tolerance`,
-`ToleranceOptions`, `Variations`.
-"""
+"""Questions that engineers ask of a machine with gaps: where it rattles, what makes it stop, and how sure that is."""
 
 from gapwalk.lazy_names import lazy_names
 

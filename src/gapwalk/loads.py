@@ -1,10 +1,4 @@
-"""Loads, and what a load of your own needs.
-
-Functions: `register`, `orders_of`, `displacement_orders`, `speed_table`.
-
-Classes: `Harmonic`, `Measured`, `Rectangle`, `Steady`, `OrderTable`, `OrderLine`, `SpeedTable`, `FactorOverSpeed`,
-`Levels`, `Line`, `Load`, `Parameter`.
-"""
+"""Loads, and what a load of your own needs."""
 
 from gapwalk.lazy_names import lazy_names
 

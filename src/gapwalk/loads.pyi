@@ -1,6 +1,5 @@
 """Public names of `gapwalk.loads`; see `gapwalk.lazy_names`."""
 
-from .model.loads import Harmonic as Harmonic
 from .model.loads import Levels as Levels
 from .model.loads import Line as Line
 from .model.loads import Load as Load
@@ -10,7 +9,6 @@ from .model.loads import Steady as Steady
 from .model.loads import register as register
 from .model.loads.load import FactorOverSpeed as FactorOverSpeed
 from .model.measured.crank_orders import OrderLine as OrderLine
-from .model.measured.crank_orders import OrderTable as OrderTable
 from .model.measured.crank_orders import displacement_orders as displacement_orders
 from .model.measured.crank_orders import orders_of as orders_of
 from .model.measured.measured_table import SpeedTable as SpeedTable

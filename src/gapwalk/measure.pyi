@@ -2,18 +2,10 @@
 
 from .answers.measured_points import MeasuredPoint as MeasuredPoint
 from .answers.measured_points import read_points as read_points
-from .answers.point_fit import Combination as Combination
-from .answers.point_fit import FittedPoint as FittedPoint
-from .answers.point_fit import PointFit as PointFit
 from .answers.point_fit import fit_points as fit_points
-from .attractors.spectrum import Tracked as Tracked
 from .flow.motion import Signal as Signal
-from .measurement.damping_match import DampingMatch as DampingMatch
 from .measurement.damping_match import find_impact_damping as find_impact_damping
 from .measurement.damping_match import match_impact_damping as match_impact_damping
-from .measurement.fit import Alignment as Alignment
-from .measurement.fit import Estimate as Estimate
-from .measurement.fit import Fit as Fit
 from .measurement.fit import FitOptions as FitOptions
 from .measurement.fit import align as align
 from .measurement.fit import fit as fit

@@ -1,9 +1,4 @@
-"""Methods that compute periodic orbits, and what a method of your own needs.
-
-Functions: `register`.
-
-Classes: `Balance`, `Evaluation`, `Method`, `OrbitEquation`, `ParameterLine`, `Shooting`.
-"""
+"""Methods that compute periodic orbits, and what a method of your own needs."""
 
 from gapwalk.lazy_names import lazy_names
 

@@ -1,9 +1,4 @@
-"""Kinds of special points of branches, and what a kind of your own needs.
-
-Functions: `register`.
-
-Classes: `Criticality`, `Event`, `Kind`, `Symbol`.
-"""
+"""Kinds of special points of branches, and what a kind of your own needs."""
 
 from gapwalk.lazy_names import lazy_names
 

@@ -1,6 +1,5 @@
 """Public names of `gapwalk.special_points`; see `gapwalk.lazy_names`."""
 
-from .bifurcation.kinds import Event as Event
 from .bifurcation.kinds import Kind as Kind
 from .bifurcation.kinds import Symbol as Symbol
 from .bifurcation.kinds import register as register

@@ -5,15 +5,10 @@ from .model.drivetrain import Force as Force
 from .model.drivetrain import Friction as Friction
 from .model.drivetrain import Gear as Gear
 from .model.drivetrain import Inertia as Inertia
-from .model.drivetrain import NonDimensional as NonDimensional
-from .model.drivetrain import PaperNumbers as PaperNumbers
 from .model.drivetrain import Scales as Scales
 from .model.drivetrain import Shaft as Shaft
 from .model.drivetrain import Train as Train
 from .model.drivetrain import chain as chain
 from .model.drivetrain import nondimensional as nondimensional
 from .model.drivetrain import paper_numbers as paper_numbers
-from .model.drivetrain.train_parts import Link as Link
-from .model.units import Quantity as Quantity
-from .model.units import Unit as Unit
 from .model.units import Units as Units

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gapwalk as gw
-from gapwalk.answers.threshold import Confirmation, ThresholdOptions
+from gapwalk.answers.threshold import Confirmation, Threshold, ThresholdOptions
 
 DAMPING, STIFFNESS, LOAD, GAP = 0.4, 1.3, 0.2, 0.5
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -134,7 +134,7 @@ def test_texts_of_a_threshold_have_units() -> None:
     system = gw.read_study(EXAMPLES / "idle.toml", name="drag").system
     tried = Confirmation(-3.0, 40, 2, 0, 0, 0, 60, 0, 0.0)
     ends = ("mean.gear", -1.0, -6.0, "speed", 700.0, 1100.0)
-    none = gw.ask.Threshold(system, ("mesh",), *ends, None, math.nan, math.inf, False, (), tried)
+    none = Threshold(system, ("mesh",), *ends, None, math.nan, math.inf, False, (), tried)
     assert none.sentence == "mesh: no threshold of mean.gear from -1 to -6 N m over speed from 700 to 1100 rpm"
     assert "confirmed at mean.gear = -3 N m: none of 40" in str(none.summary())
 

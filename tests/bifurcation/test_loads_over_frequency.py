@@ -6,8 +6,10 @@ import pytest
 import gapwalk as gw
 from gapwalk.bifurcation.loci.balanced_plane import BalancedPlane
 from gapwalk.bifurcation.loci.orbit_plane import ShotPlane
-from gapwalk.loads import Harmonic, Measured, Rectangle, SpeedTable, Steady, orders_of
-from gapwalk.methods import Balance, Shooting
+from gapwalk.loads import Measured, Rectangle, SpeedTable, Steady, orders_of
+from gapwalk.model.loads import Harmonic
+from gapwalk.orbit import Shooting
+from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.orbit import sensitivity
 from tests.tiers import in_campaign, some_of
 

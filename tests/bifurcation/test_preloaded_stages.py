@@ -170,7 +170,7 @@ def test_a_search_begins_in_motion_where_a_jump_holds_rest():
 
 
 def test_an_event_at_the_start_of_a_segment_is_passed_with_all_starts_moved():
-    stage, method = gw.Stage(1.0, 3.0, side="positive", numbers={"preload": 0.5}), gw.methods.Shooting(segments=4)
+    stage, method = gw.Stage(1.0, 3.0, side="positive", numbers={"preload": 0.5}), gw.Shooting(segments=4)
     event = gw.find_orbit(mass(stage, 0.08, 0.5, 0.85)).events[0].theta
     start = gw.find_orbit(mass(stage, 0.08, 0.5, 0.85, event - 0.5 * np.pi), method=method)
     walk = gw.WalkOptions(max_points=3, initial_step=1e-4, largest_step=1e-4)
@@ -256,7 +256,7 @@ def test_a_doubled_branch_joins_only_a_parent_that_is_there():
     assert doubled.ends[-1].reason.name == "JOINED"  # at the graze, beside which the motion of period 1 is unstable
     assert doubled.ends[-1].value == pytest.approx(touching(1.0, 0.08, 0.5)[0], abs=1e-8)
     before, last = doubled.points[-2:]
-    equation = gw.methods.Shooting().pose(last.orbit.system, "frequency", 2)
+    equation = gw.Shooting().pose(last.orbit.system, "frequency", 2)
     assert has_parent(last, equation, doubled.ends[-1].value)
     assert not has_parent(last, equation, 0.8)
     assert value_ahead(last, before, 1.0) is None

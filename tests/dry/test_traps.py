@@ -308,7 +308,7 @@ def test_the_slope_of_a_signal_of_friction_is_that_of_neighbouring_orbits():
 def test_the_centre_of_a_deflection_that_other_friction_stops_is_found() -> None:
     """A spring that never slips is centred by the extremes of its deflection, where the rate has corners."""
     brakes = [friction("f", {"x": 1.0}, 0.5), friction("j", {"x": 1.0}, 3.0, stiffness=0.5)]
-    load = [gw.loads.Harmonic(1.0, {"x": 1.0})]
+    load = [gw.Harmonic(1.0, {"x": 1.0})]
     system = gw.System(["x"], [[1.0]], [[0.1]], contacts=brakes, harmonics=load, frequency=0.70)
     branch = gw.follow(gw.find_orbit(system), "frequency", 0.74, walk=gw.WalkOptions(largest_step=0.1))
     assert branch.ends[-1].reason is EndReason.RANGE

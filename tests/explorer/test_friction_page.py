@@ -148,7 +148,7 @@ def test_harmonic_balance_shows_its_phases_and_says_why_it_has_no_energy() -> No
         harmonics=[gw.Harmonic(1.0, {"x": 1.0})],
         frequency=0.8,
     )
-    exact, balanced = gw.find_orbit(system), gw.find_orbit(system, method=gw.methods.Balance())
+    exact, balanced = gw.find_orbit(system), gw.find_orbit(system, method=gw.Balance())
     shown = panels_of(balanced, "x")["elements"]["shares"][0]
     assert shown == pytest.approx(panels_of(exact, "x")["elements"]["shares"][0], abs=1e-3)
     assert "refine it first" in details_of(balanced, "x")["energy"]["reason"]

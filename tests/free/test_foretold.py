@@ -10,6 +10,7 @@ from scipy.special import ellipk
 import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.free import island_births as work_balance
+from gapwalk.free.island_births import IslandBirth
 
 STIFFNESS, DAMPING = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.array([[0.02, -0.01], [-0.01, 0.02]])
 CUBIC = gw.force("spring", {"x": 1.0}, "x*x*x")
@@ -24,7 +25,7 @@ def pair(contact: gw.Contact) -> gw.System:
     return gw.System(["a", "b"], STIFFNESS, DAMPING, contacts=[contact], harmonics=load)
 
 
-def lowest_amplitude(orbit: gw.Orbit, birth: gw.free.IslandBirth) -> float:
+def lowest_amplitude(orbit: gw.Orbit, birth: IslandBirth) -> float:
     """Follow the isolated branch, which closes, then its fold over frequency and amplitude down to its vertex."""
     w, a = birth.frequency, birth.amplitude
     island = gw.follow(orbit, "frequency", (0.6 * w, 1.6 * w))

@@ -7,6 +7,8 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
+from gapwalk.free.free_shooting import FreeOrbit
+from gapwalk.free.self_excitation import SelfExcited
 from tests.studies.jobs import study_of
 
 
@@ -19,12 +21,12 @@ def stored(tmp_path_factory):
 def test_self_excitation_is_stored_and_verified(stored):
     result, path = stored
     found = result.finding.record
-    assert isinstance(found, gw.free.SelfExcited)
+    assert isinstance(found, SelfExcited)
     assert found.complete
     assert len(found.hopf_points) == len(found.cycles) == 1
     again = gw.load(path).finding.record
     assert again.cycles[0].points[-1].orbit.state.tolist() == found.cycles[0].points[-1].orbit.state.tolist()
-    assert isinstance(again.cycles[0].points[-1].orbit, gw.free.FreeOrbit)
+    assert isinstance(again.cycles[0].points[-1].orbit, FreeOrbit)
     assert gw.verify(path).ok
 
 

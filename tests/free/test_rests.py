@@ -6,10 +6,10 @@ from scipy.integrate import solve_ivp
 
 import gapwalk as gw
 from gapwalk.errors import ConvergenceError, ModelError
-from gapwalk.free import RestEventKind
+from gapwalk.free.rest_walk import RestEventKind, Rests
 
 
-def kinds(rests: gw.free.Rests) -> list[str]:
+def kinds(rests: Rests) -> list[str]:
     return [event.kind.value for event in rests.events]
 
 

@@ -11,7 +11,8 @@ from scipy.optimize import brentq
 import gapwalk as gw
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ConvergenceError, ModelError
-from gapwalk.free.self_excitation import _exact, _shortest
+from gapwalk.free.free_shooting import FreeOrbit
+from gapwalk.free.self_excitation import SelfExcited, _exact, _shortest
 from gapwalk.orbit.orbit import sensitivity
 from gapwalk.verification import Ledger, verify_branches
 
@@ -31,7 +32,7 @@ def belt(damping: float) -> gw.System:
 
 
 @pytest.fixture(scope="module")
-def found() -> gw.free.SelfExcited:
+def found() -> SelfExcited:
     return gw.free.self_excited(van_der_pol(-0.5), "damper.mu", 1.0)
 
 
@@ -155,7 +156,7 @@ def test_a_mass_on_a_belt_grows_until_it_sticks():
 
 
 def _duration(orbit: gw.Orbit) -> float:
-    assert isinstance(orbit, gw.free.FreeOrbit)
+    assert isinstance(orbit, FreeOrbit)
     return orbit.duration
 
 
@@ -183,7 +184,7 @@ def test_a_motion_is_found_from_a_state():
     assert back.ends[-1].reason is EndReason.AT_REST
     # gw.follow knows that its frequency is an unknown
     ahead = gw.follow(orbit, "damper.mu", 2.0)
-    assert isinstance(ahead.points[-1].orbit, gw.free.FreeOrbit)
+    assert isinstance(ahead.points[-1].orbit, FreeOrbit)
     assert ahead.points[-1].value == 2.0
     with pytest.raises(ConvergenceError, match="dies away"):
         gw.free.find_self_excited(van_der_pol(-0.5), [0.3, 0.1])

@@ -7,6 +7,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.answers.speed_course import SpeedCourse
+from gapwalk.attractors.spectrum import Waterfall
 from gapwalk.errors import ModelError
 from gapwalk.measure import read_run_up
 from tests.answers.test_run_up import impacting, train
@@ -38,7 +39,7 @@ def test_orders_of_a_record_in_other_units_are_those_of_the_run_up() -> None:
             assert high == pytest.approx(low, rel=0.01)
 
 
-def sorted_by_speed(found: gw.analysis.Waterfall, place: int) -> tuple[np.ndarray, np.ndarray]:
+def sorted_by_speed(found: Waterfall, place: int) -> tuple[np.ndarray, np.ndarray]:
     order = np.argsort(found.values)
     return found.values[order], found.amplitudes[order, place]
 

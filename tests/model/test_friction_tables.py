@@ -8,7 +8,8 @@ import pytest
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import ModelError
-from gapwalk.laws import Coulomb, Hysteretic, Jenkins, Rigid
+from gapwalk.laws import Coulomb, Hysteretic
+from gapwalk.model.laws import Jenkins, Rigid
 from gapwalk.model.model_file import check_model
 from gapwalk.model.model_source import read_source
 from gapwalk.model.words import parameter_words

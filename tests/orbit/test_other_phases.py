@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.methods import Balance, Shooting
+from gapwalk.orbit import Shooting
+from gapwalk.orbit.harmonic_balance import Balance
 
 
 @pytest.mark.parametrize("method", [Shooting(), Shooting(segments=2), Balance(harmonics=60)])

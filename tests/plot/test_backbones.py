@@ -7,6 +7,7 @@ import pytest
 from scipy.special import ellipk
 
 import gapwalk as gw
+from gapwalk.free.backbones import Backbones
 from gapwalk.plot.picture import new_sheet, picture_of, write_legend
 from gapwalk.plot.style import sized
 from tests.free.test_backbone import oscillator
@@ -68,7 +69,7 @@ def test_labels_of_settled_motions_and_backbones_fit(size) -> None:
     two = gw.System(
         ["a", "b"], [[1.0, -1.0], [-1.0, 2.0]], [0.05, 0.05], contacts=[stop], harmonics=load, frequency=0.7
     )
-    lines = gw.free.Backbones((gw.free.backbone(two, 1, (0.5, 0.8)),))
+    lines = Backbones((gw.free.backbone(two, 1, (0.5, 0.8)),))
     with sized(size):
         for record in (gw.settle(gw.paper.case("15"), frequency=0.45), lines):
             figure = picture_of(record)

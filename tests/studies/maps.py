@@ -4,7 +4,8 @@ import sys
 import time
 
 from gapwalk import Balance, Kind, Study, WalkOptions, run
-from gapwalk.studies import MapStudyOptions, ParameterRange
+from gapwalk.studies import ParameterRange
+from gapwalk.studies.map_study import MapStudyOptions
 from tests.systems import clutch
 
 KINDS = (Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING)

@@ -5,6 +5,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.model import ModelFileError
 from gapwalk.model.model_source import parse_source
+from gapwalk.studies.map_study import MapStudyOptions
 from gapwalk.studies.study_file import Study, check_study
 from gapwalk.studies.study_kind import StudyKind
 from tests.results.again import again
@@ -64,7 +65,7 @@ def problems_of(text: str, changes=None):
 
 def test_a_map_has_all_that_its_file_says() -> None:
     options = study_of(MAP).options
-    assert isinstance(options, gw.studies.MapStudyOptions)
+    assert isinstance(options, MapStudyOptions)
     assert options.second == gw.studies.ParameterRange("frequency", 0.9, 0.4)
     assert options.within == ((0.1, 0.5), (0.4, 0.9))
     assert options.limits == gw.MapOptions((0.5, 0.6), 1, (gw.Kind.FLIP, gw.Kind.FOLD), 3)

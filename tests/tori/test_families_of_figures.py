@@ -5,6 +5,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.attractors.rotation import rotation
+from gapwalk.tori.torus_family import TorusEndReason, TorusEventKind
 from tests.tiers import in_campaign
 
 # five values of each family whose tori no contact grazes; of the family of three curves it does below .85364
@@ -36,7 +37,7 @@ def test_a_family_goes_on_beyond_the_window_in_which_it_locks():
     case = gw.paper.case("15")
     torus = gw.tori.find_torus(gw.settle(case, frequency=1.13))
     family = gw.tori.follow_tori(torus, "frequency", 1.135)
-    assert family.ends[1].reason is gw.tori.TorusEndReason.RANGE
+    assert family.ends[1].reason is TorusEndReason.RANGE
     (event,) = [each for each in family.events if each.ratio_words in ("1/9", "8/9")]
     window = event.window
     assert window is not None
@@ -61,7 +62,7 @@ def test_the_family_of_two_curves_connects_two_neimark_sacker_points():
     case = gw.paper.case("15")
     torus = gw.tori.find_torus(gw.settle(case, frequency=1.12))
     family = gw.tori.follow_tori(torus, "frequency", (1.11, 1.175))
-    assert [end.reason for end in family.ends] == [gw.tori.TorusEndReason.SHRINKS] * 2
+    assert [end.reason for end in family.ends] == [TorusEndReason.SHRINKS] * 2
     assert [end.value for end in family.ends] == pytest.approx([1.1158757, 1.170599], abs=1e-7)
     windows = {each.ratio_words: each.window for each in family.events if each.window is not None}
     assert {"1/9", "1/8", "2/15", "1/7"} <= set(windows)
@@ -86,13 +87,13 @@ def test_the_ends_of_the_family_of_three_curves():
     torus = gw.tori.find_torus(gw.settle(case, frequency=0.855))
     family = gw.tori.follow_tori(torus, "frequency", (0.84, 0.87))
     end = family.ends[0]
-    assert end.reason is gw.tori.TorusEndReason.RESONANCE
+    assert end.reason is TorusEndReason.RESONANCE
     assert "approaches 1/3; period 9, stable" in end.detail
     assert end.value == pytest.approx(0.8456, abs=2e-4)
     assert gw.settle(case, family.points[0].torus.state(), frequency=end.value - 2e-4).period == 9
-    assert family.ends[1].reason is gw.tori.TorusEndReason.SHRINKS
+    assert family.ends[1].reason is TorusEndReason.SHRINKS
     assert family.ends[1].value == pytest.approx(0.859849, abs=1e-6)
-    (graze,) = [each for each in family.events if each.kind is gw.tori.TorusEventKind.GRAZING]
+    (graze,) = [each for each in family.events if each.kind is TorusEventKind.GRAZING]
     assert graze.value == pytest.approx(0.853644, abs=graze.uncertainty + 1e-6)  # by simulation at eight values
     assert graze.uncertainty < 1e-5
     touches = [each.torus.touches for each in family.points if each.value < graze.value - 1e-5]

@@ -7,6 +7,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ConvergenceError, ModelError
+from gapwalk.tori.torus import Torus
 from tests.tiers import in_campaign
 from tests.tori.closed_forms import one_circle
 
@@ -21,7 +22,7 @@ TORI = [
 
 
 @pytest.fixture(scope="module")
-def torus() -> gw.tori.Torus:
+def torus() -> Torus:
     """A torus of figure 13."""
     return gw.tori.find_torus(gw.settle(gw.paper.case("13"), frequency=0.672))
 

@@ -8,6 +8,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
+from gapwalk.tori.torus_family import TorusEndReason, TorusEventKind
 from tests.tori.closed_forms import one_circle, two_circles
 
 
@@ -31,13 +32,13 @@ def test_rotation_numbers_of_circles_in_closed_form():
 def test_a_fold_of_tori_and_the_orbit_to_which_they_shrink_in_closed_form():
     """The outer circle is stable down to the fold at a = 0; the inner one is unstable and shrinks to rest at a = 4."""
     family = gw.tori.follow_tori(settled(two_circles(1.0)), "excitation.a", (-1.0, 4.5))
-    ends = sorted(family.ends, key=lambda end: end.reason is not gw.tori.TorusEndReason.SHRINKS)
-    (fold,) = [each for each in family.events if each.kind is gw.tori.TorusEventKind.FOLD]
+    ends = sorted(family.ends, key=lambda end: end.reason is not TorusEndReason.SHRINKS)
+    (fold,) = [each for each in family.events if each.kind is TorusEventKind.FOLD]
     assert fold.value == pytest.approx(0.0, abs=1e-9)
     assert {fold.before, fold.after} == {0, 1}
-    assert ends[0].reason is gw.tori.TorusEndReason.SHRINKS
+    assert ends[0].reason is TorusEndReason.SHRINKS
     assert ends[0].value == pytest.approx(4.0, abs=1e-9)
-    assert ends[1].reason is gw.tori.TorusEndReason.RANGE
+    assert ends[1].reason is TorusEndReason.RANGE
     for point in family.points:
         square = point.torus.states[:, 0] ** 2 + point.torus.states[:, 2] ** 2
         outer = square.mean() > 2.0
@@ -53,8 +54,8 @@ def test_a_family_connects_two_neimark_sacker_points():
     assert (first.value, second.value) == pytest.approx((1.196729044, 1.183716615), abs=1e-8)
     family = gw.tori.follow_tori(first, "frequency", (1.1, 1.3))
     begin, end = family.ends
-    assert begin.reason is gw.tori.TorusEndReason.BORN
-    assert end.reason is gw.tori.TorusEndReason.SHRINKS
+    assert begin.reason is TorusEndReason.BORN
+    assert end.reason is TorusEndReason.SHRINKS
     assert end.value == pytest.approx(second.value, abs=1e-10)
     assert end.rotation == pytest.approx(abs(np.angle(second.multiplier)) / (2 * np.pi), abs=1e-8)
     assert all(point.torus.stable for point in family.points)
@@ -73,7 +74,7 @@ def test_the_end_at_a_strong_resonance_names_the_locked_motion():
     (start,) = branch.special(gw.Kind.NEIMARK_SACKER)
     family = gw.tori.follow_tori(start, "frequency", (0.37, 0.38))
     end = family.ends[1]
-    assert end.reason is gw.tori.TorusEndReason.RESONANCE
+    assert end.reason is TorusEndReason.RESONANCE
     assert "approaches 1/3; period 3, stable" in end.detail
     assert end.value == pytest.approx(0.3778009, abs=1e-6)
     assert gw.settle(case, family.points[-1].torus.state(), frequency=end.value + 2e-5).period == 3
@@ -98,7 +99,7 @@ def test_a_kept_rotation_number_in_closed_form():
     assert family.rotations == pytest.approx(np.full(len(family.points), torus.rotation), abs=1e-14)
     assert family.values[0] == pytest.approx(1.25)
     # the second parameter leaves its range first
-    assert family.ends[1].reason is gw.tori.TorusEndReason.RANGE
+    assert family.ends[1].reason is TorusEndReason.RANGE
     assert "tone.frequency" in family.ends[1].detail
     assert family.second_values.max() < 2.2
     assert "is kept by tone.frequency" in str(family.summary())
@@ -118,7 +119,7 @@ def test_a_kept_rotation_number_as_by_families_in_which_it_varies():
     assert family.points[-1].torus.rotation == pytest.approx(torus.rotation, abs=1e-9)
     # at the other end the tori shrink to an orbit, whose critical multipliers turn by the same number
     end = curve.ends[1]
-    assert end.reason is gw.tori.TorusEndReason.SHRINKS
+    assert end.reason is TorusEndReason.SHRINKS
     system = curve.points[-1].torus.system
     branch = gw.follow(gw.find_orbit(system, 2, curve.points[-1].torus.state()), "frequency", (0.6722, 0.6726))
     (point,) = branch.special(gw.Kind.NEIMARK_SACKER)

@@ -11,9 +11,10 @@ import pytest
 import gapwalk as gw
 from gapwalk.attractors.rotation import rotation
 from gapwalk.attractors.section import Strobe
+from gapwalk.tori.torus_family import TorusEndReason, TorusEventKind
 from tests.tori.closed_forms import nlvib_pair
 
-EVENTS = gw.tori.TorusEventKind
+EVENTS = TorusEventKind
 
 
 @cache
@@ -49,7 +50,7 @@ def test_beside_the_resonance_1_4_tori_end_on_the_locked_motion():
     assert start.value == pytest.approx(0.6186068743, abs=1e-9)
     family = gw.tori.follow_tori(start, "frequency", (0.6, 0.63))
     end = family.ends[1]
-    assert end.reason is gw.tori.TorusEndReason.RESONANCE
+    assert end.reason is TorusEndReason.RESONANCE
     assert "approaches 1/4; period 4, stable" in end.detail
     assert end.value == pytest.approx(0.61852039, abs=2e-8)
     assert all(each.torus.stable for each in family.points)
@@ -90,7 +91,7 @@ def test_beside_a_graze_the_family_ends_on_the_motion_of_period_7(samples):
     options = gw.tori.TorusOptions(max_samples=samples)
     family = gw.tori.follow_tori(point(0.5819), "frequency", (0.5, 0.8), options=options)
     end = family.ends[1]
-    assert end.reason is gw.tori.TorusEndReason.RESONANCE
+    assert end.reason is TorusEndReason.RESONANCE
     assert "approaches 1/7; period 7, stable" in end.detail
     assert "a contact grazes along the torus (0 to 2 contact events)" in end.detail
     assert end.value == pytest.approx(0.58190183, abs=2e-8)

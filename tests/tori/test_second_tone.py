@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
+from gapwalk.tori.torus_family import TorusEndReason
 
 FILE = """
 coordinates = ["x"]
@@ -143,7 +144,7 @@ def test_in_a_model_file(tmp_path):
     found = result.finding.record
     (family,) = found.families
     assert len(family.points) < 10  # in the large steps of the file
-    assert (found.starts, found.complete, family.ends[1].reason) == ((), True, gw.tori.TorusEndReason.RANGE)
+    assert (found.starts, found.complete, family.ends[1].reason) == ((), True, TorusEndReason.RANGE)
     assert family.rotations == pytest.approx(1.2727922 / family.values - 1.0, abs=1e-9)
     again = gw.load(tmp_path / "two.gapwalk").finding
     assert again is not None

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 import gapwalk as gw
 from gapwalk.errors import ConvergenceError, ModelError
+from gapwalk.tori.tongue import Tongue, TongueTipKind
 from tests.computed import once
 
 RANGES = ((2.9, 3.1), (0.0, 0.5))
@@ -23,7 +24,7 @@ def ring(mu: float, force: float, frequency: float) -> gw.System:
 
 
 @once
-def third(mu: float) -> gw.tori.Tongue:
+def third(mu: float) -> Tongue:
     """The tongue in which a force of nearly three times the natural frequency locks the oscillator to a third of it."""
     torus = gw.tori.find_torus(gw.settle(ring(mu, 0.3, 3.0 + 0.4 * mu)))
     window = gw.tori.find_window(torus, "1/3", "frequency", 3.0, RANGES[0])
@@ -46,7 +47,7 @@ def test_the_width_of_a_tongue_is_that_of_averaging() -> None:
 def test_without_a_force_both_sides_meet_at_three_times_the_natural_frequency() -> None:
     tongue = third(0.1)
     assert tongue.tip is not None
-    assert tongue.tip.kind is gw.tori.TongueTipKind.MEETING
+    assert tongue.tip.kind is TongueTipKind.MEETING
     np.testing.assert_allclose(tongue.tip.values, (3.0, 0.0), atol=1e-6)
     assert (tongue.period, tongue.curves, tongue.complete, tongue.failures) == (3, 1, True, ())
     assert np.isnan(tongue.width(0.6))
@@ -94,7 +95,7 @@ def test_the_tip_is_the_neimark_sacker_point_whose_multipliers_turn_by_the_fract
     window = gw.tori.find_window(torus, "1/9", "frequency", 1.132, (1.12, 1.14))
     tongue = gw.tori.follow_tongue(window, "frequency", "harmonic1.amplitude", ((1.0, 1.3), (0.1, 0.5)))
     assert tongue.tip is not None
-    assert tongue.tip.kind is gw.tori.TongueTipKind.NEIMARK_SACKER
+    assert tongue.tip.kind is TongueTipKind.NEIMARK_SACKER
     start = gw.find_orbit(case.at(frequency=1.113), 2, gw.settle(case, frequency=1.113).strobes[-1])
     (born,) = gw.follow(start, "frequency", 1.12).special("neimark-sacker")
     locus = gw.follow_locus(born, "frequency", "harmonic1.amplitude", ((1.05, 1.25), (0.2, 0.55)))

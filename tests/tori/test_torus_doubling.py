@@ -8,6 +8,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
+from gapwalk.tori.torus_family import TorusEndReason, TorusEventKind
 
 WELLS = gw.force("wells", {"y": 1.0}, "x*x*x - x")
 LOADS = "harmonic1.amplitude"
@@ -42,7 +43,7 @@ def before_doubling(between):
     """The family of tori of one curve, through the load at which it doubles, and the doubling."""
     torus = gw.tori.find_torus(gw.settle(pair(0.3, between), [1.0, 1.0, 0.0, 0.0]))
     family = gw.tori.follow_tori(torus, LOADS, 0.33)
-    (event,) = [each for each in family.events if each.kind is gw.tori.TorusEventKind.DOUBLING]
+    (event,) = [each for each in family.events if each.kind is TorusEventKind.DOUBLING]
     assert (event.before, event.after) == (0, 1)
     assert "twice as many curves" in event.detail
     return torus, event
@@ -56,8 +57,8 @@ def test_apart_the_torus_doubles_where_the_orbit_does():
     assert event.value == pytest.approx(flip.value, abs=1e-8)
     doubled = gw.tori.follow_tori(event, LOADS, 0.32)
     assert doubled.curves == 2
-    assert doubled.ends[0].reason is gw.tori.TorusEndReason.DOUBLED
-    assert doubled.ends[1].reason is gw.tori.TorusEndReason.RANGE
+    assert doubled.ends[0].reason is TorusEndReason.DOUBLED
+    assert doubled.ends[1].reason is TorusEndReason.RANGE
     # the mass moves as on its orbit of period 2, whatever the oscillator beside it does
     last = doubled.points[-1].torus
     expected = gw.find_orbit(one(0.32), 2, last.state()[[1, 3]])

@@ -8,6 +8,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.continuation.corrector import check_range
 from gapwalk.tori.torus_equation import TorusOptions
+from gapwalk.tori.torus_family import TorusEndReason, TorusEventKind
 from gapwalk.tori.torus_start import starts_at, torus_at
 from gapwalk.tori.torus_tracer import halved, vanished
 
@@ -27,7 +28,7 @@ def test_a_small_torus_shrinks_to_the_point_at_which_it_is_born():
     assert last is not None
     end = vanished(first, last, "frequency")
     assert end is not None
-    assert end.reason is gw.tori.TorusEndReason.SHRINKS
+    assert end.reason is TorusEndReason.SHRINKS
     assert end.value == pytest.approx(born.value, abs=1e-11)
     assert end.rotation == pytest.approx(start.end.rotation, abs=1e-10)
     # the parameter and the rotation number change with the square of the size
@@ -50,10 +51,10 @@ def test_both_ends_of_the_family_of_figure_13_are_named():
     family = gw.tori.follow_tori(torus, "frequency", (0.66, 0.68))
     orbit = gw.find_orbit(case, 2, family.points[0].torus.states.mean(axis=0), frequency=family.points[0].value)
     born = neimark_sacker(case, orbit, (0.665, 0.68))
-    assert [end.reason for end in family.ends] == [gw.tori.TorusEndReason.SHRINKS] * 2
+    assert [end.reason for end in family.ends] == [TorusEndReason.SHRINKS] * 2
     assert [end.value for end in family.ends] == pytest.approx([each.value for each in born], abs=1e-10)
     turns = [abs(np.angle(each.multiplier)) / (2.0 * np.pi) for each in born]
     assert [end.rotation for end in family.ends] == pytest.approx(turns, abs=1e-8)
-    folds = [each for each in family.events if each.kind is gw.tori.TorusEventKind.FOLD]
+    folds = [each for each in family.events if each.kind is TorusEventKind.FOLD]
     assert born[1].value < folds[-1].value < born[1].value + 3e-7
     assert not family.points[-1].torus.grazes

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
+from gapwalk.tori.torus_family import TorusEventKind
 
 LOAD = "harmonic1.amplitude"
 
@@ -27,7 +28,7 @@ def swing(load, state, periods=1500):
 
 
 def folds():
-    return [each.value for each in family().events if each.kind is gw.tori.TorusEventKind.FOLD]
+    return [each.value for each in family().events if each.kind is TorusEventKind.FOLD]
 
 
 def test_motions_jump_at_the_folds_of_tori():

@@ -19,7 +19,7 @@ from gapwalk.verification.guard_samples import brackets
 from tests.dry.trials.random_systems import random_system
 
 PASSES = ("contact", 0)
-LOAD = [gw.loads.Harmonic(1.0, {"x": 1.0})]
+LOAD = [gw.Harmonic(1.0, {"x": 1.0})]
 
 
 def oscillator(contacts, *, damping=0.0, frequency=1.0, load=LOAD) -> gw.System:
@@ -135,7 +135,7 @@ def test_an_impact_less_deep_than_the_error_has_its_multipliers(speed: float) ->
     state = expm(-angle * flow) @ [h, speed + minus_p] + [0.0, np.hypot(*forced)]
     reset = [[-restitution, 0.0], [(turning[1] + restitution * turning[0]) / speed, -restitution]]
     expected = expm((2.0 * np.pi - angle) * flow) @ reset @ expm(angle * flow)
-    load = [gw.loads.Harmonic(0.1 * float(np.hypot(*forced)), {"x": 1.0})]
+    load = [gw.Harmonic(0.1 * float(np.hypot(*forced)), {"x": 1.0})]
     orbit = gw.find_orbit(oscillator([stop(restitution)], damping=0.1, load=load), start=state)
     (found,) = carry([orbit])
     assert isinstance(found, DryRound)
@@ -253,7 +253,7 @@ def test_a_pause_of_slip_ends_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_stop_on_which_a_step_has_ended_is_struck() -> None:
     """As at the stored angle of a slow impact, near the end of chatter: the gap is then zero to the last digit."""
-    system = oscillator([stop(0.8)], damping=0.1, load=[gw.loads.Harmonic(3.0, {"x": 1.0})])
+    system = oscillator([stop(0.8)], damping=0.1, load=[gw.Harmonic(3.0, {"x": 1.0})])
     motion = _Motion(gw.find_orbit(system, start="settle"))
     motion.states[:, :2] = 1.0, 1e-8
     assert motion._hops() == {("contact", 0): 0.0}

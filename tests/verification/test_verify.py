@@ -16,6 +16,7 @@ from gapwalk.cli import main
 from gapwalk.errors import VerificationError
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.results.result_file import reading
+from gapwalk.studies.map_study import MapStudyOptions
 from gapwalk.studies.response_study import MOMENT, START, Moment
 from gapwalk.studies.result import request_file
 from gapwalk.verification import Check
@@ -371,7 +372,7 @@ def test_scipy_needs_no_other_events():
 
 def test_a_resumed_map_is_verified_if_the_study_now_wants_it(tmp_path, monkeypatch):
     second = gw.studies.ParameterRange("mean.q1", 0.25, 0.26)
-    options = gw.studies.MapStudyOptions(
+    options = MapStudyOptions(
         "frequency", 0.85, 0.79, "half.q1", second=second, sections=(0.25,), max_period=1, workers=1
     )
     path = tmp_path / "map.gapwalk"

@@ -451,15 +451,7 @@ class JudgedGoal:
 
 @dataclass(frozen=True, eq=False)
 class Design(Shown):
-    """The least change that reaches all goals; or the design that comes nearest to them.
-
-    Examples
-    --------
-    >>> design.is_reached, round(design.system.parameters["stop.clearance"], 3)
-    (True, 0.873)
-    >>> design.sentence
-    'no fold between Ω = 1.35 and 1.42: change stop.clearance -12.74 %'
-    """
+    """The least change that reaches all goals; or the design that comes nearest to them."""
 
     #: before, system: The present and the new system, at the first value of the range.
     before: System
@@ -504,13 +496,7 @@ class Design(Shown):
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
-        """Return the answer, the changes, the goals and the proof; notes and failures if wanted.
-
-        Parameters
-        ----------
-        notes
-            True to include notes and failures.
-        """
+        """Return the answer, the changes, the goals and the proof; notes and failures if wanted."""
         units = self.system.units
         yield self.sentence
         yield ""

@@ -408,14 +408,7 @@ _POINTS = Evidence("the points do not determine", "it moves none of them", "leav
 
 @dataclass(frozen=True, slots=True)
 class FittedPoint:
-    """A measured special point beside the computed one.
-
-    Examples
-    --------
-    >>> fitted = gw.measure.fit_points(branch, [("fold", 1.39, 0.001)], ["stop.clearance"])
-    >>> round(fitted.points[0].before, 6), round(fitted.points[0].after, 6)
-    (1.392109, 1.39)
-    """
+    """A measured special point beside the computed one."""
 
     #: kind, contact: Its kind, and the contact that grazes.
     kind: str
@@ -435,14 +428,7 @@ class FittedPoint:
 
 @dataclass(frozen=True, slots=True)
 class Combination:
-    """A combination of relative changes of the parameters, and how well the points determine it.
-
-    Examples
-    --------
-    >>> fitted = gw.measure.fit_points(branch, [("fold", 1.39, 0.001)], ["stop.clearance"])
-    >>> fitted.combinations[0].words(["stop.clearance"])
-    '1.00 stop.clearance'
-    """
+    """A combination of relative changes of the parameters, and how well the points determine it."""
 
     #: Weight of the relative change of each parameter; the sum of their squares is 1. A parameter that is 0 counts in
     #: its unit.
@@ -455,13 +441,7 @@ class Combination:
         return 1.0 / self.singular if self.singular > 0.0 else math.inf
 
     def words(self, names: Sequence[str]) -> str:
-        """Return the combination as a sum, without small parts.
-
-        Parameters
-        ----------
-        names
-            Names of the parameters, in the order of the weights.
-        """
+        """Return the combination as a sum, without small parts."""
         parts = [(w, name) for w, name in zip(self.weights, names, strict=True) if abs(w) > _SMALL]
         parts.sort(key=lambda part: -abs(part[0]))
         text = " ".join(f"{'-' if w < 0.0 else '+'} {abs(w):.2f} {name}" for w, name in parts)
@@ -470,14 +450,7 @@ class Combination:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PointFit(Shown):
-    """Parameters fitted to measured special points.
-
-    Examples
-    --------
-    >>> fitted = gw.measure.fit_points(branch, [("fold", 1.39, 0.001)], ["stop.clearance"])
-    >>> round(fitted.system.parameters["stop.clearance"], 4), fitted.freedom
-    (1.0102, 0)
-    """
+    """Parameters fitted to measured special points."""
 
     parameter: str  #: Parameter of the branch.
     estimates: tuple[Estimate, ...]  #: The fitted parameters, each with its standard error.
@@ -508,13 +481,7 @@ class PointFit(Shown):
 
     @summarizes
     def summary(self, failures: bool = True) -> SummaryParts:
-        """Return the parameters, the points, what the points determine, notes, and failures if wanted.
-
-        Parameters
-        ----------
-        failures
-            True to include the reasons to distrust the result.
-        """
+        """Return the parameters, the points, what the points determine, notes, and failures if wanted."""
         units = self.system.units
         parameters, points = len(self.estimates), len(self.points)
         yield f"{parameters} parameter{'s'[: parameters > 1]} fitted to {points} measured point{'s'[: points > 1]}"

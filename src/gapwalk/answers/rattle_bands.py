@@ -115,15 +115,7 @@ class Worst:
 
 @dataclass(frozen=True, eq=False)
 class RattleBands(Shown):
-    """The bands of a parameter in which gaps rattle.
-
-    Examples
-    --------
-    >>> [(round(band.low.value, 6), round(band.high.value, 6)) for band in bands.of("stop", met="rising")]
-    [(1.1, 1.392109)]
-    >>> [(round(band.low.value, 6), round(band.high.value, 6)) for band in bands.of("stop", met="falling")]
-    [(1.1, 1.218574)]
-    """
+    """The bands of a parameter in which gaps rattle."""
 
     system: System  #: The system; its own value of the parameter plays no role.
     #: parameter, within: The parameter and its range.
@@ -140,15 +132,7 @@ class RattleBands(Shown):
     notes: tuple[str, ...] = ()  #: Remarks, in sentences.
 
     def of(self, gap: str | None = None, met: str = "any") -> tuple[RattleBand, ...]:
-        """Return the bands of a gap (by default the first one) that are met in one way, from low to high.
-
-        Parameters
-        ----------
-        gap
-            Name of the contact; None for the first one.
-        met
-            ``"rising"``, ``"falling"``, or ``"any"``.
-        """
+        """Return the bands of a gap (by default the first one) that are met in one way, from low to high."""
         gap = self.gaps[0] if gap is None else gap
         return tuple(band for band in self.bands if band.gap == gap and band.met == met)
 

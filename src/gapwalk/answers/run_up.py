@@ -133,15 +133,7 @@ class ForcePeak(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunUp(Shown):
-    """The motion during a run-up, sampled, exact at each sample.
-
-    Examples
-    --------
-    >>> run.signal("x").shape == run.time.shape, run.peaks[0].contact
-    (True, 'stop')
-    >>> round(run.peaks[0].force, 4), round(run.peaks[0].speed, 4)
-    (8.8825, 1.4774)
-    """
+    """The motion during a run-up, sampled, exact at each sample."""
 
     system: System  #: The system; its own speed plays no role.
     course: SpeedCourse  #: Speed over time.
@@ -177,19 +169,7 @@ class RunUp(Shown):
         return names + [name for name in train_signals(system.structure) if name.endswith(".torque") and not displaced]
 
     def signal(self, name: str) -> NDArray[np.float64]:
-        """Return one time history, shape (samples,).
-
-        Parameters
-        ----------
-        name
-            A coordinate, its velocity (``"q1'"``) or acceleration (``"q1''"``), the force of a contact
-            (``"stop.force"``), or the torque of a link of a train (``"clutch.torque"``).
-
-        Returns
-        -------
-        array, shape (samples,)
-            In the unit of the signal.
-        """
+        """Return one time history, shape (samples,)."""
         known = self.signals
         if name not in known:
             raise ModelError(f"a run-up has no signal {name!r}; {did_you_mean(name, known, 'signals are')}")
@@ -205,13 +185,7 @@ class RunUp(Shown):
         return found[:, train_signals(self.system.structure).index(name)]
 
     def tracked(self, signal: str) -> Tracked:
-        """Return a signal over the angle of the excitation, for order tracking.
-
-        Parameters
-        ----------
-        signal
-            Name of a signal, as in `signal`.
-        """
+        """Return a signal over the angle of the excitation, for order tracking."""
         return Tracked(self.system, signal, self.samples, self.theta, self.time, self.speed, self.signal(signal))
 
     @property
@@ -249,33 +223,11 @@ class RunUp(Shown):
         return contact_deflections(layout, coefficients_of(self.system), self.theta, self.states[:, : self.system.size])
 
     def envelope(self, signal: str) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return speed, smallest and largest value of a signal in each forcing period, shapes (periods,).
-
-        Parameters
-        ----------
-        signal
-            Name of a signal, as in `signal`.
-
-        Returns
-        -------
-        speed, low, high : array, shape (periods,)
-            The speed in the middle of each period, and the extremes in it.
-        """
+        """Return speed, smallest and largest value of a signal in each forcing period, shapes (periods,)."""
         return self.tracked(signal).extremes()
 
     def half(self, coordinate: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return speed, and half the range of a signal, in each forcing period: the measure ``half.X`` of orbits.
-
-        Parameters
-        ----------
-        coordinate
-            Name of a signal, as in `signal`.
-
-        Returns
-        -------
-        speed, half : array, shape (periods,)
-            The speed in the middle of each period, and half the range.
-        """
+        """Return speed, and half the range of a signal, in each forcing period: the measure ``half.X`` of orbits."""
         speed, low, high = self.envelope(coordinate)
         return speed, 0.5 * (high - low)
 
@@ -284,13 +236,6 @@ class RunUp(Shown):
 
         At each fold that a slow sweep in the same direction would meet, the run-up has jumped where half its range is
         first closer to that of the other stable motion at the speed of the fold than to that of the fold.
-
-        Parameters
-        ----------
-        branch
-            A response over the speed.
-        coordinate
-            The coordinate by which motions differ.
         """
         return jump_delays(self, branch, coordinate)
 
@@ -299,17 +244,6 @@ class RunUp(Shown):
 
         The motion is sampled evenly over the angle, so orders stay lines while the speed changes. The spectra are over
         the speed, or over the time if the speed is held or turns back.
-
-        Parameters
-        ----------
-        signal
-            As in `signal`.
-        top
-            Highest order.
-        periods
-            Length of a window; the resolution is one order over this number (four of them for Hann's window).
-        overlap
-            Share of a window that the next one repeats.
         """
         return self.tracked(signal).waterfall(top, periods, overlap, over_speed=self.course.is_invertible)
 
@@ -340,15 +274,7 @@ class RunUp(Shown):
         return replace(self, theta=theta, time=wanted, speed=speed[0], states=states)
 
     def sound(self, signal: str = "", *, rate: int = RATE, second: float | None = None) -> Sound:
-        """Return a signal as a sound, at its true pitch and level; see `gapwalk.analysis.sound`.
-
-        Parameters
-        ----------
-        signal
-            As in `signal`; by default the acceleration of `loudest`.
-        rate, second
-            As in `gapwalk.analysis.sound`.
-        """
+        """Return a signal as a sound, at its true pitch and level; see `gapwalk.analysis.sound`."""
         signal, system = signal or f"{self.loudest}''", self.system
         lasts = second_of(system, second)
         times = instants(float(self.time[-1]) / lasts, rate) * lasts

@@ -29,13 +29,7 @@ _SAME = 1e-9  # relative difference of rates that are one
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunUps(Shown):
-    """Extremes, contact forces and impacts of many run-ups, each divided into equal times (bins).
-
-    Examples
-    --------
-    >>> runs.contacts, runs.bins, runs.peaks("stop").shape
-    (('stop',), 20, (2,))
-    """
+    """Extremes, contact forces and impacts of many run-ups, each divided into equal times (bins)."""
 
     system: System  #: The system; its own speed plays no role.
     courses: tuple[SpeedCourse, ...]  #: Speed over time of each run-up.
@@ -96,36 +90,16 @@ class RunUps(Shown):
         return np.array([each.at(each.duration * shares)[0] for each in self.courses])
 
     def peaks(self, contact: str) -> NDArray[np.float64]:
-        """Return the largest magnitude of a contact's force in each run-up, shape (runs,); NaN if it diverged.
-
-        Returns
-        -------
-        array, shape (runs,)
-            In the unit of the force.
-        """
+        """Return the largest magnitude of a contact's force in each run-up, shape (runs,); NaN if it diverged."""
         return self.forces[:, :, self._place(contact)].max(axis=1)
 
     def places(self, contact: str) -> NDArray[np.float64]:
-        """Return the speed of the bin with the largest force of a contact in each run-up, shape (runs,).
-
-        Returns
-        -------
-        array, shape (runs,)
-            In the unit of the first parameter.
-        """
+        """Return the speed of the bin with the largest force of a contact in each run-up, shape (runs,)."""
         forces = np.nan_to_num(self.forces[:, :, self._place(contact)])
         return self.speeds[np.arange(len(forces)), forces.argmax(axis=1)]
 
     def quantiles(self, contact: str, levels: Sequence[float] = LEVELS) -> tuple[NDArray, NDArray]:
-        """Return the different rates, and quantiles of the largest force at each, shapes (rates,), (levels, rates).
-
-        Returns
-        -------
-        rates : array, shape (rates,)
-            The different rates, increasing.
-        quantiles : array, shape (levels, rates)
-            In the unit of the force.
-        """
+        """Return the different rates, and quantiles of the largest force at each, shapes (rates,), (levels, rates)."""
         peaks, rates, group = self.peaks(contact), *self._groups
         return rates, np.array([np.nanquantile(peaks[group == k], levels) for k in range(len(rates))]).T
 

@@ -425,13 +425,7 @@ class ScanCheck:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scan(Shown):
-    """Which claims hold for which variations of a system.
-
-    Examples
-    --------
-    >>> scan.words(scan.best[0]), int(scan.scores[scan.best[0]])
-    ('harmonic1.amplitude = 0.25', 2)
-    """
+    """Which claims hold for which variations of a system."""
 
     system: System  #: The system.
     claims: tuple[AnyClaim, ...]  #: The claims.

@@ -226,15 +226,7 @@ class Confirmation(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Threshold(Shown):
-    """Value of a parameter beyond which gaps do not rattle over a range of another one.
-
-    Examples
-    --------
-    >>> round(threshold.value, 6), round(threshold.at, 6), str(threshold.limit.kind)
-    (0.099875, 0.997497, 'grazing')
-    >>> threshold.confirmation.rattling  # of the motions that were tried just beyond
-    0
-    """
+    """Value of a parameter beyond which gaps do not rattle over a range of another one."""
 
     system: System  #: The system.
     gaps: tuple[str, ...]  #: Names of the contacts concerned.
@@ -273,11 +265,6 @@ class Threshold(Shown):
         """Return how far other parameters move the threshold; see `SpecialPoint.gradient`.
 
         At an extremum the slope by the other parameter is zero, so these are the slopes of the limit itself.
-
-        Parameters
-        ----------
-        *names
-            The parameters; by default all that are not zero.
         """
         if self.limit is None:
             raise ModelError("there is no threshold in the range, so it has no gradient")

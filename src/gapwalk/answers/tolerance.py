@@ -194,15 +194,7 @@ class ToleranceCheck:
 
 @dataclass(frozen=True, eq=False)
 class Tolerance(Shown):
-    """Distribution of the special points of a response, when parameters vary from part to part.
-
-    Examples
-    --------
-    >>> tolerance.names, tolerance.values.shape
-    (('stop.clearance',), (8, 3))
-    >>> tolerance.quantiles(0.05, 0.95).shape
-    (2, 3)
-    """
+    """Distribution of the special points of a response, when parameters vary from part to part."""
 
     branch: Branch  #: The nominal branch.
     spreads: Spreads  #: Distribution of the parameters.
@@ -252,11 +244,6 @@ class Tolerance(Shown):
         """Return the values below which a point lies in given shares of the samples that have it: (shares, points).
 
         A point that exists in no sample has nan.
-
-        Returns
-        -------
-        array, shape (shares, points)
-            In the unit of the branch's parameter.
         """
         found = np.full((len(shares), len(self.points)), np.nan)
         for j, column in enumerate(self._columns):
@@ -270,13 +257,7 @@ class Tolerance(Shown):
         return tuple(chance_of(len(column), int(self.known.sum())) for column in self._columns)
 
     def chances(self, low: float, high: float) -> tuple[Chance, ...]:
-        """Return the probability that each point lies in a band, ends included.
-
-        Parameters
-        ----------
-        low, high
-            Ends of the band, in the unit of the branch's parameter.
-        """
+        """Return the probability that each point lies in a band, ends included."""
         inside = [int(np.sum((column >= low) & (column <= high))) for column in self._columns]
         return tuple(chance_of(count, int(self.known.sum())) for count in inside)
 
@@ -284,13 +265,6 @@ class Tolerance(Shown):
         """Return the probability that any point of a kind lies in a band; by default a fold, at which motions jump.
 
         Further points are counted too. A tracked sample may have one that was not noticed: see `check`.
-
-        Parameters
-        ----------
-        low, high
-            Ends of the band, in the unit of the branch's parameter.
-        kind
-            Name of the kind of special points.
         """
         columns = [j for j, special in enumerate(self.points) if special.kind.value == kind]
         inside = np.any((self.values[:, columns] >= low) & (self.values[:, columns] <= high), axis=1)

@@ -30,13 +30,7 @@ _LINES = 20  # highest order of the lines that are compared
 
 @dataclass(frozen=True, repr=False)
 class Contrast(Pictured):
-    """A comparison of two motions.
-
-    Examples
-    --------
-    >>> gw.analysis.contrast(orbit, impacting, ["x"], names=("quiet", "rattling")).names
-    ('quiet', 'rattling')
-    """
+    """A comparison of two motions."""
 
     names: tuple[str, str]  #: Names of the two motions.
     motions: tuple[Orbit | Settled, Orbit | Settled]  #: The two motions.
@@ -53,14 +47,7 @@ class Contrast(Pictured):
 
 
 class LinePair(NamedTuple):
-    """One spectral line of two histories.
-
-    Examples
-    --------
-    >>> line = gw.analysis.contrast(orbit, orbit, ["x"]).pairs[0].agreement.lines[1]
-    >>> line.order, line.difference
-    (2.0, 0.0)
-    """
+    """One spectral line of two histories."""
 
     order: float  #: Multiple of the excitation frequency, or per turn of the shaft whose speed is a parameter.
     #: first, second: Amplitudes.
@@ -76,14 +63,7 @@ class LinePair(NamedTuple):
 
 @dataclass(frozen=True)
 class Agreement:
-    """Agreement of two histories after removal of their means, because an accelerometer does not measure the mean.
-
-    Examples
-    --------
-    >>> found = gw.analysis.contrast(orbit, orbit, ["x"]).pairs[0].agreement
-    >>> found.rms, round(found.correlation, 9)
-    (0.0, 1.0)
-    """
+    """Agreement of two histories after removal of their means, because an accelerometer does not measure the mean."""
 
     rms: float  #: Root mean square of the difference, in the units of the signal.
     relative: float  #: The rms difference divided by the root mean square of the first history.
@@ -93,14 +73,7 @@ class Agreement:
 
 @dataclass(frozen=True, eq=False)
 class SignalPair:
-    """One signal of two motions.
-
-    Examples
-    --------
-    >>> pair = gw.analysis.contrast(orbit, impacting, ["x''"]).pairs[0]
-    >>> pair.signal, pair.histories.shape[0]
-    ("x''", 2)
-    """
+    """One signal of two motions."""
 
     signal: str  #: Name of the signal.
     theta: NDArray[np.float64]  #: shape (samples,): Angles of the excitation.

@@ -41,14 +41,7 @@ _ALIGNING = 8  # the first 1/8 of the periods is omitted: the directions are sti
 
 @dataclass(frozen=True, eq=False)
 class Lyapunov:
-    """Lyapunov exponents of a motion.
-
-    Examples
-    --------
-    >>> found = gw.analysis.lyapunov(system, orbit.state)
-    >>> found.per_period.round(6), found.converged
-    (array([-0.523599, -0.523599]), True)
-    """
+    """Lyapunov exponents of a motion."""
 
     #: exponents, errors: shape (state_size,): Exponents per unit of time, in descending order, and their standard
     #: errors. An exponent is minus infinity where slip, stick or an impact without rebound makes neighbouring motions

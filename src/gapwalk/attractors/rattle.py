@@ -38,12 +38,6 @@ class Rattle:
     -----
     In a system with units, velocities are in the unit of angles per second, accelerations in rad/s^2, forces in N m,
     energies in J, and powers in W.
-
-    Examples
-    --------
-    >>> found = gw.analysis.rattle(impacting)
-    >>> len(found.impacts), round(found.index, 3)
-    (1, 8.662)
     """
 
     system: System  #: The system that moves.
@@ -85,14 +79,7 @@ class Rattle:
 
 @dataclass(frozen=True, slots=True)
 class Impact:
-    """One closure of the innermost stage of a contact, from closing to opening.
-
-    Examples
-    --------
-    >>> impact = gw.analysis.rattle(impacting).impacts[0]
-    >>> round(impact.velocity, 6), round(impact.duration, 6)
-    (1.377284, 0.646867)
-    """
+    """One closure of the innermost stage of a contact, from closing to opening."""
 
     #: contact, side: Name of the contact, and its side: +1 or -1.
     contact: str
@@ -109,14 +96,7 @@ class Impact:
 
 @dataclass(frozen=True, slots=True)
 class SideRattle:
-    """The impacts of one contact on one side.
-
-    Examples
-    --------
-    >>> side = gw.analysis.rattle(impacting).sides[0]
-    >>> side.contact, side.side, side.impacts
-    ('stop', 1, 1.0)
-    """
+    """The impacts of one contact on one side."""
 
     #: contact, side: Name of the contact, and its side: +1 or -1.
     contact: str
@@ -134,14 +114,7 @@ class SideRattle:
 
 @dataclass(frozen=True, slots=True)
 class ContactLoad:
-    """The force of one contact over the whole motion.
-
-    Examples
-    --------
-    >>> load = gw.analysis.rattle(impacting).contacts[0]
-    >>> load.contact, round(load.closed, 6), round(load.peak, 6)
-    ('stop', 0.113247, 5.236497)
-    """
+    """The force of one contact over the whole motion."""
 
     contact: str  #: Name of the contact.
     closed: float  #: Fraction of the time for which it is closed; nan for a force without stages, such as a formula.
@@ -153,14 +126,7 @@ class ContactLoad:
 
 @dataclass(frozen=True, slots=True)
 class Impulsiveness:
-    """The impulsiveness of the acceleration of one coordinate.
-
-    Examples
-    --------
-    >>> found = gw.analysis.rattle(impacting).coordinates[0]
-    >>> found.coordinate, round(found.crest, 3), round(found.kurtosis, 3)
-    ('x', 3.765, 8.662)
-    """
+    """The impulsiveness of the acceleration of one coordinate."""
 
     coordinate: str  #: Name of the coordinate.
     #: rms, peak: Root mean square and largest magnitude of its acceleration, about its mean (zero for a settled

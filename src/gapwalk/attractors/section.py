@@ -27,14 +27,7 @@ _ROUNDING = 1e-13  # share of the size of a motion below which its height over a
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """States of one motion at one phase, or on one plane.
-
-    Examples
-    --------
-    >>> points = gw.analysis.strobe(system, orbit.state, periods=3)
-    >>> points.states.shape, points.text
-    ((3, 2), 'phase 0 of the period')
-    """
+    """States of one motion at one phase, or on one plane."""
 
     system: System  #: The system that moves.
     theta: NDArray[np.float64]  #: shape (count,): Angle of the excitation at each state, in radians.
@@ -50,18 +43,7 @@ class Section:
         return self.theta % PERIOD
 
     def signal(self, name: str) -> NDArray[np.float64]:
-        """Return one signal at each state, by the names of `Motion.signal`; shape (count,).
-
-        Parameters
-        ----------
-        name
-            A coordinate, its velocity or acceleration, or a contact's force.
-
-        Returns
-        -------
-        array, shape (count,)
-            In the unit of the signal.
-        """
+        """Return one signal at each state, by the names of `Motion.signal`; shape (count,)."""
         return Motion.of(self.system, self.theta, self.states).signal(name)
 
 

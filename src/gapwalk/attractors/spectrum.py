@@ -40,14 +40,7 @@ _CLEAN = 4  # lines above a quarter of the sampling rate are omitted: aliasing a
 
 @dataclass(frozen=True, eq=False)
 class Spectrum(Described):
-    """The spectrum of one signal.
-
-    Examples
-    --------
-    >>> lines = gw.analysis.spectrum(impacting, "x")
-    >>> lines.orders[:3], round(lines.amplitude(1), 6)
-    (array([0., 1., 2.]), 1.302088)
-    """
+    """The spectrum of one signal."""
 
     system: System  #: The system that moves.
     signal: str  #: Name of the signal.
@@ -77,27 +70,13 @@ class Spectrum(Described):
         yield from map(list, np.column_stack(columns).tolist())
 
     def amplitude(self, order: float) -> float:
-        """Return the amplitude of the line nearest to an order within the resolution; 0 if there is none.
-
-        Parameters
-        ----------
-        order
-            The order, a multiple of W or per turn, as in `orders`.
-        """
+        """Return the amplitude of the line nearest to an order within the resolution; 0 if there is none."""
         nearest = int(np.argmin(np.abs(self.orders - order)))
         reach = max(self.resolution, 1e-9)
         return float(self.amplitudes[nearest]) if abs(self.orders[nearest] - order) <= reach else 0.0
 
     def peaks(self, count: int = 10, least: float = 1e-3) -> tuple[Peak, ...]:
-        """Return the highest peaks without the mean, in descending order.
-
-        Parameters
-        ----------
-        count
-            Largest number of peaks.
-        least
-            Smallest height, relative to the highest peak.
-        """
+        """Return the highest peaks without the mean, in descending order."""
         from scipy.signal import find_peaks  # imported late: it takes long
 
         heights = self.amplitudes.copy()
@@ -149,14 +128,7 @@ class SpectrumOptions:
 
 
 class Peak(NamedTuple):
-    """A line of a spectrum: its name, its order (see `Spectrum`) and its amplitude.
-
-    Examples
-    --------
-    >>> peak = gw.analysis.spectrum(impacting, "x").peaks(1)[0]
-    >>> peak.order, round(peak.amplitude, 6)
-    (1.0, 1.302088)
-    """
+    """A line of a spectrum: its name, its order (see `Spectrum`) and its amplitude."""
 
     name: str  #: Name of the line.
     order: float  #: Its order.
@@ -165,14 +137,7 @@ class Peak(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Waterfall(Described, Pictured):
-    """Spectra over orders, orbit by orbit: multiples of W, or orders per turn of the shaft whose speed is a parameter.
-
-    Examples
-    --------
-    >>> found = gw.analysis.waterfall([orbit, impacting], "x''", top=4.0)
-    >>> found.values, found.amplitudes.shape
-    (array([0.6, 1.1]), (2, 5))
-    """
+    """Spectra over orders, orbit by orbit: multiples of W, or orders per turn of a shaft whose speed is a parameter."""
 
     parameter: str  #: Name of the parameter that changes from orbit to orbit.
     signal: str  #: Name of the signal.
@@ -399,14 +364,7 @@ _TURNS_BACK = 0.05  # share of the range of the speed by which it must come back
 
 @dataclass(frozen=True, eq=False)
 class Tracked(Described):
-    """A signal over the angle of the excitation.
-
-    Examples
-    --------
-    >>> tracked = run.tracked("x")
-    >>> tracked.is_one_way, len(tracked.legs())
-    (True, 1)
-    """
+    """A signal over the angle of the excitation."""
 
     system: System  #: The system, whose signal it is.
     signal: str  #: Name of the signal.
@@ -461,13 +419,7 @@ class Tracked(Described):
         return replace(self, theta=theta, time=time, speed=speed, values=values)
 
     def extremes(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return speed, smallest and largest value in each forcing period, shapes (periods,).
-
-        Returns
-        -------
-        speed, low, high : array, shape (periods,)
-            The speed in the middle of each period, and the extremes in it.
-        """
+        """Return speed, smallest and largest value in each forcing period, shapes (periods,)."""
         turn = np.floor((self.theta - self.theta[0]) / PERIOD + 1e-9).astype(int)
         firsts = np.flatnonzero(np.diff(turn, prepend=-1))
         count = np.diff(np.append(firsts, len(turn)))
@@ -480,19 +432,7 @@ class Tracked(Described):
     def waterfall(
         self, top: float = 10.0, periods: int = 8, overlap: float = 0.75, *, over_speed: bool | None = None
     ) -> Waterfall:
-        """Compute spectra over orders in windows of some forcing periods.
-
-        Parameters
-        ----------
-        top
-            Highest order.
-        periods
-            Length of a window; the resolution is one order over this number (four of them for Hann's window).
-        overlap
-            Share of a window that the next one repeats.
-        over_speed
-            True for spectra over the speed, False over the time; by default over the speed if each is met once.
-        """
+        """Compute spectra over orders in windows of some forcing periods."""
         turns, even = float(self.system.turns or 1), self._is_even
         values, length = self.values[even], periods * self.samples
         over_speed = self.is_one_way if over_speed is None else over_speed
@@ -543,14 +483,7 @@ _LOG_SAMPLES = 64  # per period, of the motion from which impulses are taken
 
 @dataclass(frozen=True, eq=False)
 class Sound(Described):
-    """A signal over true time.
-
-    Examples
-    --------
-    >>> tone = gw.analysis.sound(orbit, "x", 0.1)
-    >>> tone.rate, len(tone.values) == round(0.1 * tone.rate)
-    (48000, True)
-    """
+    """A signal over true time."""
 
     #: signal, unit: Name of the signal, and its unit; empty without units.
     signal: str
@@ -587,14 +520,7 @@ class Sound(Described):
         return self.values - self.values.mean()
 
     def wav(self, full_scale: float | None = None) -> bytes:
-        """Return the content of a WAV file of one channel, 24 bits; a comment in it says what full scale is.
-
-        Parameters
-        ----------
-        full_scale
-            Amplitude, in the unit of the signal, that becomes the largest sample. Files with one full scale keep the
-            ratio of their levels. By default `full_scale`.
-        """
+        """Return the content of a WAV file of one channel, 24 bits; a comment in it says what full scale is."""
         scale = self.full_scale if full_scale is None else full_scale
         if isinstance(scale, bool) or not isinstance(scale, int | float) or not (scale > 0.0 and math.isfinite(scale)):
             raise ModelError(f"full_scale is {given(scale)}; it must be a positive amplitude of {self.signal}")

@@ -128,14 +128,7 @@ class BatchOptions:
 
 @dataclass(frozen=True, eq=False)
 class BatchSurvey:
-    """Extremes, forces and impacts of trajectories over the last forcing periods of a run; NaN if one diverged.
-
-    Examples
-    --------
-    >>> flow = gw.parallel.batch_flow_of(system.at(frequency=1.1))
-    >>> flow.run(np.zeros((1, 2)), periods=40, survey=8).survey.impacts[0, 0]  # positive side, negative side
-    array([1., 0.])
-    """
+    """Extremes, forces and impacts of trajectories over the last forcing periods of a run; NaN if one diverged."""
 
     periods: int  #: Number of surveyed forcing periods.
     #: low, high: shape (N, n): Smallest and largest value of each coordinate.
@@ -151,14 +144,7 @@ class BatchSurvey:
 
 @dataclass(frozen=True, eq=False)
 class BatchRun:
-    """Many trajectories after some forcing periods, at a stated accuracy.
-
-    Examples
-    --------
-    >>> found = gw.parallel.batch_flow_of(system).run(np.zeros((3, 2)), periods=4, every=2)
-    >>> found.strobes.shape, found.error < 1e-4
-    ((2, 3, 2), True)
-    """
+    """Many trajectories after some forcing periods, at a stated accuracy."""
 
     #: shape (N, state size): Positions, then velocities, then extensions of Jenkins elements, at the end; NaN for
     #: trajectories that diverged.
@@ -235,14 +221,7 @@ _STEPS_AT_ONCE = 50_000  # of a block, between two looks for Ctrl-C: some millis
 
 @dataclass(frozen=True)
 class BatchFlow:
-    """Integrator of many trajectories of one system, or of several systems of its structure; see `batch_flow_of`.
-
-    Examples
-    --------
-    >>> flow = gw.parallel.batch_flow_of(system)
-    >>> flow.run(np.zeros((3, 2)), periods=4).states.shape
-    (3, 2)
-    """
+    """Integrator of many trajectories of one system, or of several systems of its structure; see `batch_flow_of`."""
 
     system: System  #: The system.
     options: BatchOptions = BatchOptions()  #: Accuracy and threads.
@@ -258,18 +237,7 @@ class BatchFlow:
     ) -> BatchRun:
         """Integrate trajectories from theta = 0 over some forcing periods.
 
-        Parameters
-        ----------
-        states : array_like, shape (N, state size)
-            Positions, then velocities, then extensions of Jenkins elements, of each trajectory.
-        periods
-            Number of forcing periods.
-        parameters
-            Parameter values by name, one for each trajectory, if they differ from those of the system.
-        every
-            If not 0, the states are recorded every so many forcing periods.
-        survey
-            If not 0, extremes, contacts and largest forces are recorded over that many last periods.
+        Shapes: `states` (N, state size).
         """
         batch = batch_of(self.system, states, parameters or {})
         plan = _Plan(periods, every, survey)

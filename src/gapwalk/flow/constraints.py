@@ -33,6 +33,8 @@ class Constraint:
 
     Shapes: `impulses` (n, independent).
 
+    Shapes: `impulses` (n, independent).
+
     Attributes
     ----------
     impulses : shape (n, independent)

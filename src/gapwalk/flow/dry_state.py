@@ -95,6 +95,8 @@ class DryState:
 
     Shapes: `column_signs` (columns,).
 
+    Shapes: `column_signs` (columns,).
+
     Attributes
     ----------
     slots, laws, reaction_of, memory_of

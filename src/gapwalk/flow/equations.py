@@ -653,6 +653,8 @@ class BreakpointGeometry:
 
     Shapes: `signs` (count,).
 
+    Shapes: `signs` (count,).
+
     Attributes
     ----------
     signs : shape (count,)

@@ -224,14 +224,7 @@ class Moves(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """An interval in which a contact has one mode.
-
-    Examples
-    --------
-    >>> phase = gw.analysis.stick_slip(slipping).phases[1]
-    >>> phase.element, phase.mode, round(phase.start, 6)
-    ('brake', 'stick', 0.49058)
-    """
+    """An interval in which a contact has one mode."""
 
     element: str  #: Name of the contact.
     mode: str  #: ``slip +``, ``slip -``, ``stick``, or ``held`` for a rigid stop.
@@ -242,15 +235,7 @@ class Phase:
 
 @dataclass(frozen=True, slots=True)
 class Strike:
-    """An impact on a rigid stop.
-
-    Examples
-    --------
-    >>> bouncing = gw.System(["x"], [[1.0]], contacts=[gw.rigid_stop("wall", {"x": 1.0}, 1.0, 0.8)])
-    >>> strike = gw.analysis.stick_slip(gw.integrate(bouncing, np.array([0.0, 2.0]), 0.5)).strikes[0]
-    >>> strike.element, round(strike.velocity, 6)
-    ('wall', 1.732051)
-    """
+    """An impact on a rigid stop."""
 
     element: str  #: Name of the contact.
     theta: float  #: Angle of the excitation, in radians.
@@ -259,14 +244,7 @@ class Strike:
 
 @dataclass(frozen=True, eq=False)
 class StickSlip(Shown):
-    """The phases of dry friction and rigid stops along a motion.
-
-    Examples
-    --------
-    >>> found = gw.analysis.stick_slip(slipping)
-    >>> found.elements, [phase.mode for phase in found.phases]
-    (('brake',), ['slip +', 'stick', 'slip -', 'stick', 'slip +'])
-    """
+    """The phases of dry friction and rigid stops along a motion."""
 
     motion: Motion  #: The motion.
     phases: tuple[Phase, ...]  #: All phases, contact by contact, in their order.
@@ -279,15 +257,7 @@ class StickSlip(Shown):
         return tuple(form.name for form in structure.contacts if form.law.is_dry or form.law.rebounds)
 
     def share(self, element: str, mode: str) -> float:
-        """Return the fraction of the time in which an element has a mode: ``"slip +"``, ``"slip -"``, ``"stick"``.
-
-        Parameters
-        ----------
-        element
-            Name of the contact.
-        mode
-            ``"slip +"``, ``"slip -"``, ``"stick"``; ``"held"`` for a rigid stop.
-        """
+        """Return the fraction of the time in which an element has a mode: ``"slip +"``, ``"slip -"``, ``"stick"``."""
         if element not in self.elements:
             raise ModelError(f"there is no friction or rigid stop {element!r}; there are {', '.join(self.elements)}")
         if mode not in (known := [*MODES.values(), "held"]):

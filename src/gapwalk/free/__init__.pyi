@@ -1,26 +1,12 @@
 """Public names of `gapwalk.free`; see `gapwalk.lazy_names`."""
 
-from .backbone_curve import Backbone as Backbone
-from .backbone_curve import BackboneEnd as BackboneEnd
-from .backbone_curve import BackboneEvent as BackboneEvent
-from .backbone_curve import BackboneEventKind as BackboneEventKind
 from .backbone_curve import BackboneOptions as BackboneOptions
-from .backbone_curve import BackbonePoint as BackbonePoint
 from .backbone_curve import backbone as backbone
-from .backbones import Backbones as Backbones
-from .free_shooting import FreeOrbit as FreeOrbit
 from .free_shooting import FreeShooting as FreeShooting
 from .free_shooting import without_excitation as without_excitation
 from .free_shooting import without_losses as without_losses
-from .island_births import Foretold as Foretold
-from .island_births import IslandBirth as IslandBirth
 from .island_births import foretell as foretell
-from .rest_walk import RestEvent as RestEvent
-from .rest_walk import RestEventKind as RestEventKind
-from .rest_walk import RestPoint as RestPoint
-from .rest_walk import Rests as Rests
 from .rest_walk import follow_rest as follow_rest
-from .self_excitation import SelfExcited as SelfExcited
 from .self_excitation import find_self_excited as find_self_excited
 from .self_excitation import follow_self_excited as follow_self_excited
 from .self_excitation import self_excited as self_excited

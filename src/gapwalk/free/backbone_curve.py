@@ -35,14 +35,7 @@ _GROWS = 1e-5  # modulus of a multiplier beyond 1 that is not rounding: two of t
 
 @dataclass(frozen=True, eq=False)
 class BackbonePoint:
-    """One free vibration.
-
-    Examples
-    --------
-    >>> point = backbone.points[-1]
-    >>> point.stable, point.touches
-    (True, 2)
-    """
+    """One free vibration."""
 
     _row: ClassVar = {
         "frequency": "value",
@@ -88,13 +81,7 @@ class BackbonePoint:
 
 
 class BackboneEventKind(StrEnum):
-    """Kind of event along a backbone.
-
-    Examples
-    --------
-    >>> gw.free.BackboneEventKind.TURN.value
-    'the frequency turns'
-    """
+    """Kind of event along a backbone."""
 
     TURN = "the frequency turns"
     CROSSING = "another backbone crosses"
@@ -102,13 +89,7 @@ class BackboneEventKind(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class BackboneEvent:
-    """Free vibration at which a backbone turns, as near an internal resonance, or at which another one crosses.
-
-    Examples
-    --------
-    >>> len(backbone.events)
-    0
-    """
+    """Free vibration at which a backbone turns, as near an internal resonance, or at which another one crosses."""
 
     _row: ClassVar = {
         "kind": "kind",
@@ -133,13 +114,7 @@ class BackboneEvent:
 
 @dataclass(frozen=True, slots=True)
 class BackboneEnd:
-    """Place and reason of the end of a backbone.
-
-    Examples
-    --------
-    >>> print(backbone.ends[0])
-    the backbone begins here, at 1
-    """
+    """Place and reason of the end of a backbone."""
 
     reason: str  #: The reason, as a sentence.
     value: float  #: The frequency there.
@@ -151,15 +126,7 @@ class BackboneEnd:
 
 @dataclass(frozen=True, eq=False)
 class Backbone(Shown):
-    """Free vibrations of one family: how frequency and amplitude belong together without damping and excitation.
-
-    Examples
-    --------
-    >>> backbone.mode, len(backbone.points) > 20
-    (1, True)
-    >>> bool(backbone.values[-1] > backbone.values[0])
-    True
-    """
+    """Free vibrations of one family: how frequency and amplitude belong together without damping and excitation."""
 
     system: System  #: The system without losses.
     mode: int  #: Number of the linear mode from which it begins, from 1; 0 if it began at a given release.
@@ -178,13 +145,7 @@ class Backbone(Shown):
         return np.array([point.energy for point in self.points])
 
     def half(self, coordinate: str) -> NDArray[np.float64]:
-        """Return half the peak to peak of a coordinate between the places of rest, at each point.
-
-        Returns
-        -------
-        array, shape (points,)
-            In the unit of the coordinate.
-        """
+        """Return half the peak to peak of a coordinate between the places of rest, at each point."""
         place = self.system.coordinates.index(coordinate)
         return np.array([point.half[place] for point in self.points])
 

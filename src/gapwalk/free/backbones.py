@@ -14,14 +14,7 @@ from gapwalk.summary import Rows, SummaryParts, remarks, row_of, rows_of, summar
 
 @dataclass(frozen=True, eq=False)
 class Backbones(Shown):
-    """Backbones of one system, one for each linear mode or release.
-
-    Examples
-    --------
-    >>> lines = gw.free.Backbones((backbone,))
-    >>> lines.complete, lines.failures
-    (True, ())
-    """
+    """Backbones of one system, one for each linear mode or release."""
 
     lines: tuple[Backbone, ...]  #: The backbones.
     failures: tuple[str, ...] = ()  #: Modes without a backbone, with the reasons, in sentences.

@@ -331,12 +331,6 @@ class FreeOrbit(Orbit):
 
     Its multipliers include the trivial one, which is exactly 1: a shift along the motion. `free_multipliers`, which
     decide on stability, have 0 in its place: they are those of the return map to the section on which it begins.
-
-    Examples
-    --------
-    >>> orbit = cycle.points[-1].orbit
-    >>> orbit.coordinate, orbit.stable
-    ('x', True)
     """
 
     found_by: ClassVar[str] = "free shooting"

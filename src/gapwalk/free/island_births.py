@@ -182,14 +182,7 @@ _FLAT = 1e-6  # relative change of the amplitude within which a minimum is round
 
 @dataclass(frozen=True, eq=False)
 class IslandBirth:
-    """Place at which an isolated branch is born, or joins another one, as a backbone foretells it.
-
-    Examples
-    --------
-    >>> birth = foretold.births[0]
-    >>> birth.harmonic, birth.period, birth.joins
-    (3, 3, False)
-    """
+    """Place at which an isolated branch is born, or joins another one, as a backbone foretells it."""
 
     _row: ClassVar = {
         "mode": "mode",
@@ -226,13 +219,7 @@ class IslandBirth:
 
 @dataclass(frozen=True, eq=False)
 class Foretold(Shown):
-    """What a backbone foretells for one load.
-
-    Examples
-    --------
-    >>> foretold.load, foretold.harmonics, foretold.amplitudes.shape[1]
-    ('harmonic1', (1, 3), 2)
-    """
+    """What a backbone foretells for one load."""
 
     system: System  #: The system with its damping.
     line: Backbone  #: Its backbone.
@@ -244,20 +231,7 @@ class Foretold(Shown):
     births: tuple[IslandBirth, ...]  #: Minima and maxima of it along the backbone, in the order of the harmonics.
 
     def needed(self, frequency: float, harmonic: int) -> tuple[float, ...]:
-        """Return the amplitudes of the load at which responses at a frequency reach the backbone.
-
-        Parameters
-        ----------
-        frequency
-            Frequency of the excitation, in the unit of the model.
-        harmonic
-            Harmonic of the free vibration that the load drives.
-
-        Returns
-        -------
-        tuple of float
-            One for each place at which the backbone passes that frequency; empty if it does not.
-        """
+        """Return the amplitudes of the load at which responses at a frequency reach the backbone."""
         values = self.line.values * harmonic / self._balance.order
         column, found = self.amplitudes[:, self.harmonics.index(harmonic)], []
         for k in range(len(values) - 1):
@@ -268,22 +242,7 @@ class Foretold(Shown):
         return tuple(found)
 
     def starts(self, birth: IslandBirth, amplitude: float) -> tuple[System, list[NDArray[np.float64]]]:
-        """Return the system above a birth, and states near two motions of the isolated branch.
-
-        Parameters
-        ----------
-        birth
-            One of its births.
-        amplitude
-            Amplitude of the load, larger than that of the birth.
-
-        Returns
-        -------
-        system : System
-            The system at the frequency of the birth with that amplitude.
-        states : list of array, shape (2n,)
-            Guesses for ``gw.find_orbit(system, birth.period, state)``; none if the amplitude is too small.
-        """
+        """Return the system above a birth, and states near two motions of the isolated branch."""
         there = self.system.at({self._balance.pace: birth.frequency, f"{self.load}.amplitude": amplitude})
         return there, self._balance.states(birth.point, birth.harmonic, amplitude)
 

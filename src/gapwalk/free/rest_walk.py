@@ -42,14 +42,7 @@ _REAL_ROUNDING = 1e-9  # real part of an eigenvalue that is rounding, as a share
 
 @dataclass(frozen=True, eq=False)
 class RestPoint:
-    """One equilibrium.
-
-    Examples
-    --------
-    >>> point = rests.points[0]
-    >>> point.value, point.stable, point.position
-    (-0.5, True, array([0.]))
-    """
+    """One equilibrium."""
 
     _row: ClassVar = {
         "parameter": "value",
@@ -103,13 +96,7 @@ class RestPoint:
 
 
 class RestEventKind(StrEnum):
-    """Kind of event along equilibria.
-
-    Examples
-    --------
-    >>> gw.free.RestEventKind.HOPF.value
-    'Hopf point'
-    """
+    """Kind of event along equilibria."""
 
     HOPF = "Hopf point"
     FOLD = "fold"
@@ -119,14 +106,7 @@ class RestEventKind(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class RestEvent:
-    """Equilibrium at which something changes.
-
-    Examples
-    --------
-    >>> event = rests.events[0]
-    >>> event.kind.value, abs(event.value) < 1e-9, round(event.frequency, 9)
-    ('Hopf point', True, 1.0)
-    """
+    """Equilibrium at which something changes."""
 
     _row: ClassVar = {
         "kind": "kind",
@@ -176,13 +156,7 @@ RestEnd = BackboneEnd
 
 @dataclass(frozen=True, eq=False)
 class Rests(Shown):
-    """Equilibria along one parameter.
-
-    Examples
-    --------
-    >>> rests.parameter, len(rests.hopf_points)
-    ('damper.mu', 1)
-    """
+    """Equilibria along one parameter."""
 
     system: System  #: The system without excitation.
     parameter: str  #: Name of the parameter.
@@ -202,13 +176,7 @@ class Rests(Shown):
         return tuple(event for event in self.events if event.kind is RestEventKind.HOPF)
 
     def coordinate(self, name: str) -> NDArray[np.float64]:
-        """Return a coordinate at each point.
-
-        Returns
-        -------
-        array, shape (points,)
-            In the unit of the coordinate.
-        """
+        """Return a coordinate at each point."""
         place = self.system.coordinates.index(name)
         return np.array([point.position[place] for point in self.points])
 

@@ -407,14 +407,7 @@ _NEAR = 0.02  # share of the range within which a motion that shrinks to an equi
 
 @dataclass(frozen=True, eq=False)
 class SelfExcited(Shown):
-    """Equilibria over a parameter, and the periodic motions without excitation that begin at their Hopf points.
-
-    Examples
-    --------
-    >>> found = gw.free.SelfExcited("damper.mu", (-0.5, 1.0), (rests,), (cycle,))
-    >>> len(found.hopf_points), found.complete
-    (1, True)
-    """
+    """Equilibria over a parameter, and the periodic motions without excitation that begin at their Hopf points."""
 
     parameter: str  #: Name of the parameter.
     within: tuple[float, float]  #: Its range.
@@ -457,13 +450,7 @@ class SelfExcited(Shown):
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
-        """Return equilibria and motions in words.
-
-        Parameters
-        ----------
-        notes
-            True to include notes and failures.
-        """
+        """Return equilibria and motions in words."""
         for line in self.rests:
             yield from line.summary()
         for number, cycle in enumerate(self.cycles, start=1):

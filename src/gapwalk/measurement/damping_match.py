@@ -31,19 +31,7 @@ _SAMPLES = 512  # samples per forcing period at which the motions are matched
 
 @dataclass(frozen=True, eq=False)
 class DampingMatch:
-    """The impact damping of a contact that is equivalent to viscous dampers, computed in two ways.
-
-    Examples
-    --------
-    >>> stages = [gw.Stage(1.0, 20.0, side="positive")]
-    >>> damper = gw.Contact("stop", {"x": 1.0}, stages, law="viscous", viscous_damping=0.2)
-    >>> load, mean = gw.Harmonic(1.0, {"x": 1.0}), {"x": 2.0}
-    >>> viscous = gw.System(["x"], [[1.0]], [[0.1]], contacts=[damper], mean=mean, harmonics=[load], frequency=3.5)
-    >>> wall = gw.stop("stop", {"x": 1.0}, 1.0, 20.0, impact_damping=0.1)
-    >>> impact = gw.System(["x"], [[1.0]], [[0.1]], contacts=[wall], mean=mean, harmonics=[load])
-    >>> round(gw.measure.match_impact_damping(gw.find_orbit(viscous), impact).one_harmonic_share, 3)
-    0.991
-    """
+    """The impact damping of a contact that is equivalent to viscous dampers, computed in two ways."""
 
     contact: str  #: Name of the contact.
     #: Coefficient of one damper parallel to the contact that is equivalent to the viscous dampers of the first system.
@@ -67,15 +55,7 @@ class DampingMatch:
     impact: Orbit
 
     def contrast(self, signals: tuple[str, ...] = (), **options: Any) -> Contrast:
-        """Compare the two motions; see `gapwalk.analysis.contrast`.
-
-        Parameters
-        ----------
-        signals
-            The signals, as in `Motion.signal`; by default as in `gapwalk.analysis.contrast`.
-        **options
-            Options of `gapwalk.analysis.contrast`.
-        """
+        """Compare the two motions; see `gapwalk.analysis.contrast`."""
         return contrast(self.viscous, self.impact, signals, names=("viscous damping", "impact damping"), **options)
 
 

@@ -41,14 +41,7 @@ _BOUND = 1e-4  # distance from a bound, relative to the parameter, below which i
 
 
 class Estimate(NamedTuple):
-    """One fitted parameter.
-
-    Examples
-    --------
-    >>> fitted = gw.measure.fit_points(branch, [("fold", 1.39, 0.001)], ["stop.clearance"])
-    >>> fitted.estimates[0].name, round(fitted.estimates[0].error, 4)
-    ('stop.clearance', 0.0049)
-    """
+    """One fitted parameter."""
 
     name: str  #: Its name.
     #: start, value: The first guess, and the fitted value.
@@ -202,14 +195,7 @@ _ALIKE = 0.8  # correlation below which the two are probably different motions
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Alignment(Pictured):
-    """A record and a computed orbit, at the phase at which they agree best.
-
-    Examples
-    --------
-    >>> found = gw.measure.align(orbit, record, "x''")
-    >>> found.periods, round(found.agreement.correlation, 6)
-    (1, 1.0)
-    """
+    """A record and a computed orbit, at the phase at which they agree best."""
 
     #: orbit, record, signal: The orbit, the record, and the signal of the orbit that is compared with the record.
     orbit: Orbit
@@ -411,14 +397,7 @@ _EDGE = 1e-3  # cosine between residual and slopes above which a minimum was not
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit(Shown):
-    """Parameters fitted to a record.
-
-    Examples
-    --------
-    >>> found = gw.measure.fit(orbit, record, ["damping.x.x"], "x''")
-    >>> round(found.estimates[0].value, 6), round(found.orbit.system.parameters["damping.x.x"], 6)
-    (0.1, 0.1)
-    """
+    """Parameters fitted to a record."""
 
     estimates: tuple[Estimate, ...]  #: The parameters, each with its standard error.
     #: The estimate of the phase at the record's first sample, in radians; its error is 0 if it was given.

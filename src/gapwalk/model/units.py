@@ -118,13 +118,7 @@ _DEGREE = math.pi / 180.0
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit.
-
-    Examples
-    --------
-    >>> driveline.units.unit("mesh.ratio").text, driveline.units.parameter("clutch.stiffness")
-    ('', 'N m/rad')
-    """
+    """A unit."""
 
     text: str  #: As it is written.
     factor: float  #: Value in the reference unit of its kind: SI, with angles in rad and speeds in rad/s.
@@ -223,13 +217,7 @@ _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A number with a unit.
-
-    Examples
-    --------
-    >>> round(driveline.units.read("mesh.clearance", "0.002 rad"), 9)  # in deg
-    0.114591559
-    """
+    """A number with a unit."""
 
     number: float  #: The number as it was written.
     unit: str  #: The unit, in the form ``N m/deg``.

@@ -59,14 +59,7 @@ class Moving(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class EnergyItem:
-    """The work of one load, or the loss in one element.
-
-    Examples
-    --------
-    >>> item = gw.analysis.energy(slipping).work[0]
-    >>> item.element, item.kind, item.share
-    ('harmonic1', 'load', 1.0)
-    """
+    """The work of one load, or the loss in one element."""
 
     element: str  #: Name of the load, the contact or the link; ``damping`` for the damping matrix.
     #: ``load``, ``displacement``, ``variation`` or ``moving base``, which do work; or ``damping``, ``friction``,
@@ -86,12 +79,6 @@ class Energy(Shown):
     -----
     Where the equations are given in a form whose matrices are not symmetric, as after a division by masses, the masses
     are found for which each contact acts along its own deflection, and the stiffness matrix is symmetric.
-
-    Examples
-    --------
-    >>> book = gw.analysis.energy(slipping)
-    >>> [(item.element, round(item.share, 3)) for item in book.losses]
-    [('damping', 0.114), ('brake', 0.886)]
     """
 
     _words: ClassVar[dict[str, str]] = {"work": "work of", "losses": "loss in"}
@@ -120,18 +107,7 @@ class Energy(Shown):
         return (self.supplied - self.dissipated) / size if size else 0.0
 
     def of(self, element: str) -> float:
-        """Return the sum of the losses in one element, such as a contact, in one period.
-
-        Parameters
-        ----------
-        element
-            Name of a contact or a link; ``damping`` for the damping matrix.
-
-        Returns
-        -------
-        float
-            Energy lost in one period: in J in a system with units, otherwise a force times a length.
-        """
+        """Return the sum of the losses in one element, such as a contact, in one period."""
         own = [each.energy for each in self.losses if each.element == element]
         if not own:
             known = ", ".join(dict.fromkeys(each.element for each in self.losses)) or "there are none"

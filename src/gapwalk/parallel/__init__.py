@@ -1,9 +1,4 @@
-"""Parallel work: pieces on local cores or on a cluster, and their progress.
-
-Functions: `batch_flow_of`, `local_workers`, `on_cluster`, `on_cores`, `show_progress`.
-
-Classes: `BatchFlow`, `BatchOptions`, `BatchRun`, `BatchSurvey`, `Pace`, `Workers`.
-"""
+"""Parallel work: pieces on local cores or on a cluster, and their progress."""
 
 from gapwalk.lazy_names import lazy_names
 

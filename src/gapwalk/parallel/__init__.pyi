@@ -1,9 +1,6 @@
 """Public names of `gapwalk.parallel`; see `gapwalk.lazy_names`."""
 
-from ..ensemble import BatchFlow as BatchFlow
 from ..ensemble import BatchOptions as BatchOptions
-from ..ensemble import BatchRun as BatchRun
-from ..ensemble import BatchSurvey as BatchSurvey
 from ..ensemble import batch_flow_of as batch_flow_of
 from ..notebook import show_progress as show_progress
 from .workers import Pace as Pace

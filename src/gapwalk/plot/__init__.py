@@ -1,8 +1,4 @@
-"""Pictures of branches, diagrams, maps, motions, sweeps, basins, regimes and records, drawn with matplotlib.
-
-Functions: `begin`, `draw`, `draw_machine`, `draws`, `figure`, `in_style`, `machine_svg`, `new_sheet`,
-`overlay`, `save`, `sized`.
-"""
+"""Pictures of branches, diagrams, maps, motions, sweeps, basins, regimes and records, drawn with matplotlib."""
 
 from gapwalk.lazy_names import lazy_names
 

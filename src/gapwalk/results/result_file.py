@@ -255,13 +255,7 @@ class Part:
 
 
 class Entry(NamedTuple):
-    """Value that is written as a part.
-
-    Examples
-    --------
-    >>> gw.studies.Part("name", str).entry("a text").value
-    'a text'
-    """
+    """Value that is written as a part."""
 
     part: Part  #: Kind of part.
     number: int  #: Its number, from 0.

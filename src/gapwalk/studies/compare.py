@@ -40,13 +40,7 @@ _LISTED = 20  # cells in words; JSON has all
 
 
 class CellDifference(NamedTuple):
-    """A cell whose label differs.
-
-    Examples
-    --------
-    >>> gw.studies.CellDifference("regime", (0.8, 0.2), ("period 1", "chaotic")).labels[1]
-    'chaotic'
-    """
+    """A cell whose label differs."""
 
     what: str  #: What the label says: ``regime``, ``leads to``, or the name of a gap.
     place: tuple[float, float]  #: The values at the centre of the cell.
@@ -55,13 +49,7 @@ class CellDifference(NamedTuple):
 
 @dataclass(frozen=True)
 class CellComparison(Shown):
-    """Cells of two maps whose labels differ.
-
-    Examples
-    --------
-    >>> gw.studies.CellComparison((result, result), ("a", "b"), ((0, 1), (0, 1)), (2, 2), ("regime",)).within_share(0.0)
-    True
-    """
+    """Cells of two maps whose labels differ."""
 
     results: tuple[Result, Result]  #: The results.
     names: tuple[str, str]  #: Names of the axes.
@@ -105,13 +93,7 @@ class CellComparison(Shown):
             yield f"and {left} more (all are in --json)"
 
     def document(self, tolerance: float) -> dict[str, Any]:
-        """Return the comparison as plain JSON values.
-
-        Parameters
-        ----------
-        tolerance
-            The share of cells that may differ.
-        """
+        """Return the comparison as plain JSON values."""
         return {
             "agree": self.within_share(tolerance),
             "tolerance": tolerance,
@@ -250,14 +232,7 @@ def _place_words(cells: _Cells) -> str:
 
 
 class Shift(NamedTuple):
-    """A special point that both results have.
-
-    Examples
-    --------
-    >>> shift = gw.studies.compare_results(result, result).pairs[0].shifts[0]
-    >>> shift.label, shift.differences
-    ('fold', (0.0,))
-    """
+    """A special point that both results have."""
 
     label: str  #: Kind of the special point, and the contact that grazes.
     #: first, second: The value of the parameter in each result; on a locus, of both parameters.
@@ -272,13 +247,7 @@ class Shift(NamedTuple):
 
 
 class Lone(NamedTuple):
-    """A special point that is in one result only: its kind, and its place.
-
-    Examples
-    --------
-    >>> gw.studies.Lone("fold", (1.39,)).label
-    'fold'
-    """
+    """A special point that is in one result only: its kind, and its place."""
 
     label: str  #: Kind of the special point, and the contact that grazes.
     values: tuple[float, ...]  #: Its place.
@@ -286,13 +255,7 @@ class Lone(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """A branch, or a locus, that both results have.
-
-    Examples
-    --------
-    >>> gw.studies.compare_results(result, result).pairs[0].within(1e-5)
-    True
-    """
+    """A branch, or a locus, that both results have."""
 
     names: tuple[str, str]  #: Its name in each result.
     #: places, distances: shape (points, 1 or 2), (points,): Parameters of the points of both, and how far each is from
@@ -324,13 +287,7 @@ class Pair:
         return max((shift.share for shift in self.shifts), default=0.0)
 
     def within(self, tolerance: float) -> bool:
-        """Return True if the curves agree in distances, locations and ranges, and have the same special points.
-
-        Parameters
-        ----------
-        tolerance
-            The tolerance, as a share of the ranges.
-        """
+        """Return True if the curves agree in distances, locations and ranges, and have the same special points."""
         return not any(self.only) and max(self.largest, self.largest_shift, self.missing) <= tolerance
 
 
@@ -339,12 +296,6 @@ class ResultComparison(Shown):
     """Common and different branches and loci of two results.
 
     Lengths are shares: of the range of the parameter, and of the range of each measure, over all branches of both.
-
-    Examples
-    --------
-    >>> found = gw.studies.compare_results(result, result)
-    >>> found.within(1e-5), found.only
-    (True, ((), ()))
     """
 
     results: tuple[Result, Result]  #: The results.
@@ -368,13 +319,7 @@ class ResultComparison(Shown):
         return max((pair.largest_shift for pair in self.pairs), default=0.0)
 
     def within(self, tolerance: float) -> bool:
-        """Return True if both results contain the same, within a tolerance (a share of the ranges).
-
-        Parameters
-        ----------
-        tolerance
-            The tolerance, as a share of the ranges.
-        """
+        """Return True if both results contain the same, within a tolerance (a share of the ranges)."""
         return not any(self.only) and all(pair.within(tolerance) for pair in self.pairs)
 
     def __str__(self) -> str:

@@ -19,13 +19,7 @@ from gapwalk.studies.set_values import study_tables, walked_parameters
 
 @dataclass(frozen=True)
 class ReducedFrom:
-    """Origin of a reduced system.
-
-    Examples
-    --------
-    >>> gw.studies.ReducedFrom(degrees=1000, kept=("x1",), modes=5, up_to=3.0, error=0.01).words
-    'reduced from 1000 degrees of freedom to 6: 1 kept, 5 modes; contacts deflect within 1.0e-02 up to frequency 3'
-    """
+    """Origin of a reduced system."""
 
     degrees: int  #: Degrees of freedom of the full system.
     kept: tuple[str, ...]  #: The coordinates that are kept.

@@ -48,13 +48,7 @@ from gapwalk.verification import Verification
 
 @dataclass(frozen=True)
 class FullCheck:
-    """Distance of a branch of the reduced system from that of the full system.
-
-    Examples
-    --------
-    >>> gw.studies.FullCheck(branch="P1-1", errors=(1e-5,), motion=1e-3, harmonics=15, detail="").motion
-    0.001
-    """
+    """Distance of a branch of the reduced system from that of the full system."""
 
     branch: str  #: Its name.
     #: Estimated error of the parameter value of each special point, in their order; inf where none was found near by in

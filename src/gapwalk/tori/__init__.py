@@ -1,10 +1,4 @@
-"""Quasi-periodic motions: invariant closed curves of the stroboscopic map, and families of them.
-
-Functions: `find_torus`, `find_window`, `follow_tongue`, `follow_tori`, `two_tones`.
-
-Classes: `LockedWindow`, `Tone`, `Tongue`, `TongueTip`, `TongueTipKind`, `Torus`, `TorusDiagram`, `TorusEnd`,
-`TorusEndReason`, `TorusEvent`, `TorusEventKind`, `TorusFamily`, `TorusOptions`, `TorusPoint`.
-"""
+"""Quasi-periodic motions: invariant closed curves of the stroboscopic map, and families of them."""
 
 from gapwalk.lazy_names import lazy_names
 

@@ -2,20 +2,8 @@
 
 from .second_tone import Tone as Tone
 from .second_tone import two_tones as two_tones
-from .tongue import LockedWindow as LockedWindow
-from .tongue import Tongue as Tongue
-from .tongue import TongueTip as TongueTip
-from .tongue import TongueTipKind as TongueTipKind
 from .tongue import find_window as find_window
 from .tongue import follow_tongue as follow_tongue
-from .torus import Torus as Torus
 from .torus_continuation import follow_tori as follow_tori
 from .torus_equation import TorusOptions as TorusOptions
 from .torus_equation import find_torus as find_torus
-from .torus_family import TorusDiagram as TorusDiagram
-from .torus_family import TorusEnd as TorusEnd
-from .torus_family import TorusEndReason as TorusEndReason
-from .torus_family import TorusEvent as TorusEvent
-from .torus_family import TorusEventKind as TorusEventKind
-from .torus_family import TorusFamily as TorusFamily
-from .torus_family import TorusPoint as TorusPoint

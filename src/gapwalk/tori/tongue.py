@@ -55,14 +55,7 @@ _PERIODS = 120  # the longest orbits that are looked for, in forcing periods
 
 @dataclass(frozen=True, eq=False)
 class LockedWindow:
-    """Range of the parameter in which motions lock to a fraction.
-
-    Examples
-    --------
-    >>> windows = [event.window for event in tori.events if event.window is not None]
-    >>> all(window.width < 1e-6 for window in windows)
-    True
-    """
+    """Range of the parameter in which motions lock to a fraction."""
 
     ratio: Fraction  #: The fraction p/q.
     #: low, high: Ends of the range: folds of the locked orbits. An end that was not reached is the last value that was.
@@ -83,13 +76,7 @@ class LockedWindow:
         return self.high - self.low
 
     def distance(self, value: float) -> float:
-        """Return the distance of a value of the parameter from the range; 0 inside.
-
-        Examples
-        --------
-        >>> window.distance(window.low)
-        0.0
-        """
+        """Return the distance of a value of the parameter from the range; 0 inside."""
         return max(self.low - value, value - self.high, 0.0)
 
     @property
@@ -261,13 +248,7 @@ _ITERATIONS = 12
 
 
 class TongueTipKind(StrEnum):
-    """Kind of the tip of a tongue.
-
-    Examples
-    --------
-    >>> gw.tori.TongueTipKind.NEIMARK_SACKER.value
-    'the locked motions shrink to the orbit that the tori surround, at a Neimark-Sacker point'
-    """
+    """Kind of the tip of a tongue."""
 
     NEIMARK_SACKER = "the locked motions shrink to the orbit that the tori surround, at a Neimark-Sacker point"
     MEETING = "both sides meet"
@@ -275,14 +256,7 @@ class TongueTipKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TongueTip:
-    """Tip of a tongue.
-
-    Examples
-    --------
-    >>> tip = tongue.tip
-    >>> tip.kind.name, bool(np.abs(np.subtract(tip.values, (3.0, 0.0))).max() < 1e-5)
-    ('MEETING', True)
-    """
+    """Tip of a tongue."""
 
     _row: ClassVar = {"kind": "kind", "values": "values", "uncertainty": "uncertainty"}
 
@@ -296,13 +270,7 @@ class TongueTip:
 
 @dataclass(frozen=True, eq=False)
 class Tongue(Shown):
-    """Region of two parameters in which motions lock to a fraction.
-
-    Examples
-    --------
-    >>> tongue.period, str(tongue.ratio), tongue.complete
-    (3, '1/3', True)
-    """
+    """Region of two parameters in which motions lock to a fraction."""
 
     ratio: Fraction  #: The fraction p/q.
     curves: int  #: m, the number of curves of the tori; locked orbits repeat after m q forcing periods.
@@ -341,20 +309,7 @@ class Tongue(Shown):
         return max(float(each.min()) for each in values), min(float(each.max()) for each in values)
 
     def edges(self, second: float) -> tuple[float, float]:
-        """Return the ends of the window at a value of the second parameter, to the tolerance of the loci.
-
-        Returns
-        -------
-        tuple of two floats
-            The lower and the upper end; nan where a side does not reach that value. If a side passes it several times,
-            as where it turns, it is the passage nearest to the window from which the tongue was followed.
-
-        Examples
-        --------
-        >>> low, high = tongue.edges(0.2)
-        >>> print(f"{low:.5f} {high:.5f}")
-        2.99253 3.00745
-        """
+        """Return the ends of the window at a value of the second parameter, to the tolerance of the loci."""
         return _edges(self.sides, second)
 
     def width(self, second: float) -> float:

@@ -238,13 +238,6 @@ class Torus(Shown):
     Notes
     -----
     See docs/numerics/tori.md.
-
-    Examples
-    --------
-    >>> torus.curves, torus.stable, bool(torus.error < 1e-9)
-    (1, True, True)
-    >>> round(torus.rotation, 9)
-    0.447213595
     """
 
     system: System  #: The system that moves.
@@ -323,13 +316,7 @@ class Torus(Shown):
         return self.error <= _RESOLVED * relative_size(self)
 
     def state(self, psi: float = 0.0) -> NDArray[np.float64]:
-        """Return the state of the curve at a phase, in radians; shape (state_size,).
-
-        Returns
-        -------
-        array, shape (state_size,)
-            Positions, then velocities, in units of the model.
-        """
+        """Return the state of the curve at a phase, in radians; shape (state_size,)."""
         return at_phases(self.states, np.array([psi]))[0]
 
     @cached_property
@@ -341,13 +328,7 @@ class Torus(Shown):
         return tuple(found)
 
     def strobes(self, count: int) -> NDArray[np.float64]:
-        """Return successive strobes of the motion from phase 0, without integration; shape (count, state_size).
-
-        Returns
-        -------
-        array, shape (count, state_size)
-            Positions, then velocities, in units of the model.
-        """
+        """Return successive strobes of the motion from phase 0, without integration; shape (count, state_size)."""
         steps = np.arange(count)
         turns = TURN * self.rotation * (steps // self.curves).astype(np.float64)
         found = np.empty((count, self.states.shape[1]))
@@ -361,16 +342,6 @@ class Torus(Shown):
 
         The shape is ``(m * samples + 1, N + 1, state_size)``: over the angle of the excitation, then over the phase.
         Both ends of the phase are the same; the last angle is the first curve again, rotated.
-
-        Parameters
-        ----------
-        samples
-            Angles of the excitation in each forcing period.
-
-        Returns
-        -------
-        array, shape (m * samples + 1, N + 1, state_size)
-            Positions, then velocities, in units of the model.
         """
         thetas = np.linspace(0.0, PERIOD * self.curves, samples * self.curves + 1)
         flow, coefficients = flow_of(self.system), coefficients_of(self.system)
@@ -381,11 +352,6 @@ class Torus(Shown):
         """Return ``max.``, ``min.`` or ``half.`` (half the difference) of a coordinate over the torus, as ``max.q1``.
 
         They are taken at 64 angles of each forcing period and at all N phases.
-
-        Parameters
-        ----------
-        name
-            ``max.``, ``min.`` or ``half.``, and a coordinate.
         """
         what, _, coordinate = name.partition(".")
         if what not in ("max", "min", "half") or coordinate not in self.system.coordinates:

@@ -26,13 +26,7 @@ from gapwalk.verification.verification import Advance, Check, Ledger, Spot
 
 
 class TorusEndReason(Enum):
-    """Reason why a family of tori ends; the value is the sentence that a user reads.
-
-    Examples
-    --------
-    >>> gw.tori.TorusEndReason.SHRINKS.value
-    'the tori shrink to an orbit, at a Neimark-Sacker point'
-    """
+    """Reason why a family of tori ends; the value is the sentence that a user reads."""
 
     START = "the family starts here"
     BORN = "the tori begin here, at a Neimark-Sacker point"
@@ -54,13 +48,7 @@ class TorusEndReason(Enum):
 
 @dataclass(frozen=True, slots=True)
 class TorusEnd:
-    """Place and reason of the end of a family of tori.
-
-    Examples
-    --------
-    >>> print(tori.ends[1].reason.value)
-    the end of the range was reached
-    """
+    """Place and reason of the end of a family of tori."""
 
     _row: ClassVar = {"reason": "reason", "value": "value", "rotation": "rotation", "detail": "detail"}
 
@@ -81,13 +69,7 @@ class TorusEnd:
 
 
 class TorusEventKind(StrEnum):
-    """Kind of event along a family of tori.
-
-    Examples
-    --------
-    >>> gw.tori.TorusEventKind.FOLD.value
-    'fold of tori'
-    """
+    """Kind of event along a family of tori."""
 
     FOLD = "fold of tori"
     DOUBLING = "torus doubling"
@@ -99,13 +81,7 @@ class TorusEventKind(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class TorusEvent:
-    """Torus of a family at which its stability or its rotation is special.
-
-    Examples
-    --------
-    >>> [event.ratio_words for event in tori.events]
-    ['4/9']
-    """
+    """Torus of a family at which its stability or its rotation is special."""
 
     _row: ClassVar = {
         "kind": "kind",
@@ -159,13 +135,7 @@ class TorusEvent:
 
 @dataclass(frozen=True, eq=False)
 class TorusPoint:
-    """One torus of a family.
-
-    Examples
-    --------
-    >>> tori.points[0].value, tori.points[0].torus.curves
-    (2.21, 1)
-    """
+    """One torus of a family."""
 
     _row: ClassVar = {
         "parameter": "value",
@@ -189,15 +159,7 @@ class TorusPoint:
 
 @dataclass(frozen=True, eq=False)
 class TorusFamily(Shown):
-    """Tori along a parameter.
-
-    Examples
-    --------
-    >>> tori.parameter, tori.complete
-    ('frequency', True)
-    >>> bool(abs(tori.rotations * tori.values - 1.0).max() < 1e-9)
-    True
-    """
+    """Tori along a parameter."""
 
     parameter: str  #: Name of the parameter.
     points: tuple[TorusPoint, ...]  #: The tori, in order along the family.
@@ -236,13 +198,7 @@ class TorusFamily(Shown):
         return tuple(str(end) for end in self.ends if end.reason.is_failure)
 
     def measure(self, name: str) -> NDArray[np.float64]:
-        """Return one measure at each point; see `Torus.measure`.
-
-        Returns
-        -------
-        array, shape (points,)
-            In the unit of the coordinate.
-        """
+        """Return one measure at each point; see `Torus.measure`."""
         return np.array([point.torus.measure(name) for point in self.points])
 
     @summarizes
@@ -304,14 +260,7 @@ _SAME = 1e-6  # distance of two Neimark-Sacker points, relative to the parameter
 
 @dataclass(frozen=True, eq=False)
 class TorusDiagram(Shown):
-    """Families of tori over a range of one parameter, with the branches at whose Neimark-Sacker points they begin.
-
-    Examples
-    --------
-    >>> found = gw.tori.TorusDiagram(diagram)
-    >>> len(found.families), found.starts
-    (0, ())
-    """
+    """Families of tori over a range of one parameter, with the branches at whose Neimark-Sacker points they begin."""
 
     diagram: Diagram  #: The branches of periodic motions.
     families: tuple[TorusFamily, ...] = ()  #: The families of tori.
@@ -362,13 +311,7 @@ class TorusDiagram(Shown):
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
-        """Return the number of branches and points, and each family, in words.
-
-        Parameters
-        ----------
-        notes
-            True to include notes and failures.
-        """
+        """Return the number of branches and points, and each family, in words."""
         branches, starts, families = len(self.diagram.members), len(self.starts), len(self.families)
         begun = (
             f"{branches} {'branch' if branches == 1 else 'branches'} with {starts} Neimark-Sacker "

@@ -9,7 +9,8 @@ import pytest
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import ModelError
-from gapwalk.laws import Coulomb, Hysteretic, Jenkins, Rigid
+from gapwalk.laws import Coulomb, Hysteretic
+from gapwalk.model.laws import Jenkins, Rigid
 from gapwalk.train import Force, Friction, Gear, Inertia, Shaft, Train
 from tests.results.again import again
 

@@ -9,6 +9,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
+from gapwalk.model.drivetrain import PaperNumbers
 from gapwalk.paper import parameter_set
 from tests.model.drivetrain.trains import DEGREE, by_hand, physical
 
@@ -137,14 +138,14 @@ def test_scales_are_found_that_make_numbers_of_about_one() -> None:
         gw.train.Scales(-1.0, 1.0, 1.0)
 
 
-def of_the_paper(figure: str) -> gw.train.PaperNumbers:
+def of_the_paper(figure: str) -> PaperNumbers:
     """The printed numbers of a figure, with C11 and C22 such that three inertias can have them."""
     given = parameter_set(figure)
     k11, k12, k21, k22 = given.stiffness
     _, c12, c21, _ = given.damping
     te2, p, phi = given.second or (0.0, 2, 0.0)
     (n1, n2), (tm1, tm2) = given.n, given.mean
-    return gw.train.PaperNumbers(
+    return PaperNumbers(
         **{"K11": k11, "K12": k12, "K21": k21, "K22": k22},
         **{"C11": c21 * n1 / n2, "C12": c12, "C21": c21, "C22": c12 * k22 / k12},
         **{"n1": n1, "n2": n2, "Tm1": tm1, "Tm2": tm2, "Te1": given.excitation, "Te2": te2, "p": p, "phi": phi},

@@ -10,8 +10,9 @@ from scipy.integrate import quad, solve_ivp
 import gapwalk as gw
 from gapwalk.ensemble import BatchOptions, batch_flow_of
 from gapwalk.errors import ModelError
-from gapwalk.loads import Harmonic, Measured, displacement_orders, orders_of
+from gapwalk.loads import Measured, displacement_orders, orders_of
 from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.loads import Harmonic
 
 TURN = 2.0 * math.pi
 MODEL = """
@@ -238,7 +239,7 @@ def test_a_changed_file_is_noticed_when_a_study_is_resumed(folder: Path) -> None
 def test_harmonic_balance_and_the_batch_integrator_carry_it(folder: Path) -> None:
     system = read(folder)
     exact = gw.find_orbit(system)
-    balanced = gw.find_orbit(system, start=exact.state, method=gw.methods.Balance())
+    balanced = gw.find_orbit(system, start=exact.state, method=gw.Balance())
     assert np.abs(balanced.state - exact.state).max() < 1e-3
     assert balanced.harmonics >= 2 * max(order for form in system.structure.harmonics for order in form.orders)
     run = batch_flow_of(system, BatchOptions(error=1e-5)).run(np.array([exact.state, [0.1, 0.0]]), 60)

@@ -40,13 +40,7 @@ _FAINT = 1e-4  # error of a slope, relative to the largest one in percent per pe
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Gradient(Shown):
-    """Derivatives of the parameter value of a special point with respect to other parameters.
-
-    Examples
-    --------
-    >>> round(fold.gradient("stop.clearance")["stop.clearance"], 6)
-    -0.20789
-    """
+    """Derivatives of the parameter value of a special point with respect to other parameters."""
 
     special: SpecialPoint  #: The special point.
     names: tuple[str, ...]  #: The other parameters.
@@ -146,14 +140,7 @@ class Gradient(Shown):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Gradients(Shown):
-    """Gradients of some special points.
-
-    Examples
-    --------
-    >>> found = gw.analysis.gradients(branch.special("flip"), ["stop.clearance"])
-    >>> [round(each["stop.clearance"], 4) for each in found.found]
-    [0.3593, 0.0545]
-    """
+    """Gradients of some special points."""
 
     found: tuple[Gradient, ...]  #: Gradients in the order of the points.
     failures: tuple[str, ...] = ()  #: Sentences on the points that have none.

@@ -87,14 +87,7 @@ class Scales:
 
 @dataclass(frozen=True)
 class NonDimensional:
-    """A drive train without units, with the physical one that it represents.
-
-    Examples
-    --------
-    >>> plain = gw.train.nondimensional(driveline)
-    >>> plain.system.frequency > 0.0, plain.name("speed")
-    (True, 'frequency')
-    """
+    """A drive train without units, with the physical one that it represents."""
 
     physical: System  #: The system with units.
     system: System  #: The same without; its parameters have the same names, but ``frequency`` for a ``speed``.
@@ -105,15 +98,7 @@ class NonDimensional:
         return "frequency" if parameter == self.physical.structure.pace else parameter
 
     def value(self, parameter: str, value: float) -> float:
-        """Return the non-dimensional value of a parameter (by its physical name) from a value in its unit.
-
-        Parameters
-        ----------
-        parameter
-            Name in the physical system.
-        value
-            Value in the unit of the parameter.
-        """
+        """Return the non-dimensional value of a parameter (by its physical name) from a value in its unit."""
         return value * self._factor(parameter)
 
     def physical_value(self, parameter: str, value: float) -> float:
@@ -121,23 +106,11 @@ class NonDimensional:
         return value / self._factor(parameter)
 
     def state(self, state: ArrayLike) -> NDArray[np.float64]:
-        """Make a non-dimensional state from a physical one (angles, angles per second, extensions as angles).
-
-        Returns
-        -------
-        array
-            Non-dimensional states, of the same shape.
-        """
+        """Make a non-dimensional state from a physical one (angles, angles per second, extensions as angles)."""
         return np.asarray(state, dtype=float) * self._states
 
     def physical_state(self, state: ArrayLike) -> NDArray[np.float64]:
-        """Make a physical state from a non-dimensional one, shape (..., state_size).
-
-        Returns
-        -------
-        array
-            Physical states, of the same shape.
-        """
+        """Make a physical state from a non-dimensional one, shape (..., state_size)."""
         return np.asarray(state, dtype=float) / self._states
 
     def _factor(self, parameter: str) -> float:
@@ -251,12 +224,6 @@ class PaperNumbers:
     """The non-dimensional numbers of the paper's equations 10 to 18, called as there.
 
     `n1` and `n2` are the second stage alone (the reading "reduced"); `b` is its clearance, `beta` its impact damping.
-
-    Examples
-    --------
-    >>> numbers = gw.train.paper_numbers(line)
-    >>> numbers.train(gw.train.Scales(angle=0.05, frequency=400.0, inertia=0.01)).inertias[1].name
-    'hub'
     """
 
     #: K11, K12, K21, K22: Stiffness.
@@ -290,13 +257,7 @@ class PaperNumbers:
         return (self.n1 / self.n2 + load) / (1.0 + load * self.K22 / self.K12)
 
     def train(self, scales: Scales) -> Train:
-        """Make the physical train of these numbers, in kg m^2, N m, rad and rad/s.
-
-        Parameters
-        ----------
-        scales
-            The angle bc1, the frequency w, and the inertia I2 of the hub.
-        """
+        """Make the physical train of these numbers, in kg m^2, N m, rad and rad/s."""
         if problems := [*self._problems()]:
             raise ModelError("\n".join(problems))
         r, hub, w, angle = self.length_ratio(), scales.inertia, scales.frequency, scales.angle

@@ -58,21 +58,7 @@ class Inertia:
 
 @dataclass(frozen=True, init=False)
 class Link:
-    """A connection of two inertias: springs with and without clearances, and a damper, all of them optional.
-
-    Parameters
-    ----------
-    impact_damping, viscous_damping
-        The parameter of Hunt and Crossley's law, or of a damper which acts while they touch. One of the two at most.
-    hysteresis, hysteresis_stiffness
-        The torque of dry friction beside its springs, and the stiffness of the spring with which it sticks; without one
-        it sticks rigidly. It always acts; beside a single spring with a clearance it acts while that touches.
-
-    Examples
-    --------
-    >>> gw.train.Shaft("bearing", ("box", "ground"), damping="0.1 N m s/rad").is_drag
-    True
-    """
+    """A connection of two inertias: springs with and without clearances, and a damper, all of them optional."""
 
     name: str  #: Prefix of its parameters' names, as in ``clutch.stiffness``, and name of its deflection.
     between: tuple[str, str]  #: The two inertias.
@@ -142,15 +128,7 @@ class Link:
         return False
 
     def contacts(self, gapless: bool = False, angle: float = 1.0) -> tuple[Contact, ...]:
-        """Return its springs with clearances, the friction beside them, and its rigid stop, as contacts.
-
-        Parameters
-        ----------
-        gapless
-            True if the spring that acts always is one of them, with the clearance 0, because its stiffness varies.
-        angle
-            The unit of angles in which the equations are counted, in rad; only formulas depend on it.
-        """
+        """Return its springs with clearances, the friction beside them, and its rigid stop, as contacts."""
         alone = len(self.stages) + (self.stiffness is not None) == 1  # then its parameters need no name of a stage
         stages = []
         if self.stiffness is not None and (self.clearance is not None or gapless):

@@ -46,14 +46,7 @@ NUMPY_FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 
 class Edge(NamedTuple):
-    """A place of a formula where a function ends: ``sqrt``, ``log`` or a fractional power of something negative.
-
-    Examples
-    --------
-    >>> law = gw.force("orifice", {"x": 1.0}, "c*sqrt(x + h)", c=1.0, h=2.0).law
-    >>> [edge.function for edge in law.formula.edges]
-    ['sqrt']
-    """
+    """A place of a formula where a function ends: ``sqrt``, ``log`` or a fractional power of something negative."""
 
     function: str  #: ``"sqrt"``, ``"log"`` or ``"**"``.
     text: str  #: The argument, which must stay positive.
@@ -78,12 +71,6 @@ class Formula:
     """A force as a function of some variables and parameters; `formula_of` makes it of a text.
 
     It is equal by content: two texts that differ in spaces and needless parentheses give the same formula.
-
-    Examples
-    --------
-    >>> law = gw.force("spring", {"x": 1.0}, "k*max(x - gap, 0)**2 + c*v", k=8.0, gap=0.25, c=1.0).law
-    >>> law.formula.parameters
-    ('k', 'gap', 'c')
     """
 
     text: str  #: The formula written again, in one way only.
@@ -97,20 +84,7 @@ class Formula:
     def value(
         self, environment: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]], modes: Sequence[Any]
     ) -> Any:
-        """Evaluate the formula in given modes.
-
-        Parameters
-        ----------
-        environment
-            The variables and parameters by name: numbers, arrays, symbols, anything with ``+ - * /``. Under the key
-            ``"_edge"`` the width of the edges of fractional powers, in the unit of what stands in ``max(..., 0)``:
-            one for all, or a tuple in the order of `edge_widths`. Without it they are exact, and not smooth. Under the
-            key ``"_kinks"`` the error of sampled values of ``max(u, 0)`` at the kink of each mode, or None.
-        functions
-            ``sin cos exp log sqrt tanh`` of one argument, and ``pow(base, exponent)``.
-        modes
-            One number 1 or 0, an array of them, or a symbol, for each mode.
-        """
+        """Evaluate the formula in given modes."""
         return self._tree.at(self._values(environment, functions, modes))
 
     def guards(

@@ -31,11 +31,6 @@ class Friction(Law):
     less the constant `speed` of the base. In *stick* it is whatever keeps the element from slipping, up to the limit;
     so it is no function of the deflection and its rate. Slip in one direction, slip in the other and stick are modes of
     the flow (`gapwalk.flow.dry_switches`); `Stages.slip` is 1, -1 or 0 in them.
-
-    Examples
-    --------
-    >>> [number.name for number in gw.laws.Coulomb().parameters]
-    ['limit', 'static', 'speed']
     """
 
     #: ``"limit"``: the limit is a number. ``"stages"``: it is the sum of the numbers `hysteresis` of the closed stages
@@ -82,15 +77,7 @@ class Friction(Law):
                 yield f"{each.name} is {value:g}; it must be >= {each.least:g}: {why}"
 
     def limit(self, stages: Stages, numbers: Mapping[str, Any]) -> Any:
-        """Compute the size of the force in slip; arguments are as in `force`.
-
-        Parameters
-        ----------
-        stages
-            For a law with a host: stages and force of that contact.
-        numbers
-            The parameters of the contact by name.
-        """
+        """Compute the size of the force in slip; arguments are as in `force`."""
         if self.by == "limit":
             return numbers["limit"]
         host = stages.host
@@ -101,15 +88,7 @@ class Friction(Law):
         return numbers["coefficient"] * (side * host.force)
 
     def breakaway(self, stages: Stages, numbers: Mapping[str, Any]) -> Any:
-        """Compute the size of the force at which slip begins; arguments are as in `force`.
-
-        Parameters
-        ----------
-        stages
-            For a law with a host: stages and force of that contact.
-        numbers
-            The parameters of the contact by name.
-        """
+        """Compute the size of the force at which slip begins; arguments are as in `force`."""
         return self.limit(stages, numbers)
 
 
@@ -153,12 +132,6 @@ class Jenkins(Friction):
 
     Its own state ``z``, the extension of the spring, follows the deflection in stick, and stays at the limit in slip.
     Slip begins where the force ``stiffness z`` reaches the limit, and ends where the slip rate changes its sign.
-
-    Examples
-    --------
-    >>> joint = gw.friction("joint", {"x": 1.0}, 0.3, stiffness=5.0)
-    >>> gw.System(["x"], [[1.0]], contacts=[joint]).state_names
-    ('x', "x'", 'joint.extension')
     """
 
     name, words = "jenkins", "a spring in series with dry friction"

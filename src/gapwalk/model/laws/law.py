@@ -544,12 +544,6 @@ class Piecewise(Law):
     stage begins: the force jumps where it closes. ``offset`` is a constant force and ``even_quadratic`` a quadratic
     term that does not change its sign, both while the innermost stage is closed: with them a stage without a clearance
     is the middle piece of a measured curve.
-
-    Examples
-    --------
-    >>> curve = gw.laws.measured_spring("clutch", {"x": 1.0}, gw.laws.spring_curve([-4, -2, 2, 4], [-9, -1, 1, 10]))
-    >>> curve.law.name
-    'piecewise'
     """
 
     name, words = "piecewise", "a polynomial beyond each clearance, with a preload"
@@ -649,11 +643,6 @@ class Rigid(Law):
 
     Between impacts it has no force. Impacts that follow each other ever faster end in a contact that is held; its force
     is a reaction, and it ends where that force would pull.
-
-    Examples
-    --------
-    >>> gw.rigid_stop("wall", {"x": 1.0}, 1.0, 0.8).law
-    Rigid()
     """
 
     name, words = "rigid", "rigid stops with a coefficient of restitution"
@@ -699,13 +688,7 @@ class Elastic(Law):
 
 
 class Viscous(Elastic):
-    """``f = g + c v`` while any stage touches (Dubowsky and Freudenstein 1971); it jumps at contact.
-
-    Examples
-    --------
-    >>> gw.Contact("stop", {"x": 1.0}, [gw.Stage(1.0, 20.0)], law="viscous", viscous_damping=0.1).numbers
-    {'viscous_damping': 0.1}
-    """
+    """``f = g + c v`` while any stage touches (Dubowsky and Freudenstein 1971); it jumps at contact."""
 
     name, words = "viscous", "springs, and a viscous damper while they touch"
     parameters = (Parameter("viscous_damping", QuantityKind.DAMPING, "it is the coefficient of the damper", 0.0, 0.0),)
@@ -717,13 +700,7 @@ class Viscous(Elastic):
 
 
 class HuntCrossley(Elastic):
-    """``f = g + beta |g| v`` (Hunt and Crossley 1975): it dissipates on both sides.
-
-    Examples
-    --------
-    >>> gw.Contact("stop", {"x": 1.0}, [gw.Stage(1.0, 20.0)], law="hunt-crossley", impact_damping=0.1).law.name
-    'hunt-crossley'
-    """
+    """``f = g + beta |g| v`` (Hunt and Crossley 1975): it dissipates on both sides."""
 
     name, words = "hunt-crossley", "springs, and damping in proportion to their force"
     parameters = (
@@ -739,14 +716,7 @@ class HuntCrossley(Elastic):
 
 
 class HuntCrossleyAsPrinted(HuntCrossley):
-    """``f = g (1 + beta v)`` (paper, equation 15): it feeds energy in on the negative side.
-
-    Examples
-    --------
-    >>> law = "hunt-crossley-as-printed"
-    >>> gw.Contact("stop", {"x": 1.0}, [gw.Stage(1.0, 20.0)], law=law, impact_damping=0.1).law.name
-    'hunt-crossley-as-printed'
-    """
+    """``f = g (1 + beta v)`` (paper, equation 15): it feeds energy in on the negative side."""
 
     name, words = "hunt-crossley-as-printed", "the same without the magnitude: energy is fed in on the negative side"
 
@@ -764,11 +734,6 @@ class Pushing(Law):
 
     As a contact opens, the damping force would pull from some depth on; there the force is 0 instead. It ends
     continuously: the mode of a side is 1 while its sum pushes.
-
-    Examples
-    --------
-    >>> gw.Contact("stop", {"x": 1.0}, [gw.Stage(1.0, 20.0)], law="pushing", numbers={"viscous_damping": 0.1}).law.name
-    'pushing'
     """
 
     name, words = "pushing", "springs and a viscous damper that push, and never pull"

@@ -59,14 +59,7 @@ class OrderLine:
 
 @dataclass(frozen=True)
 class OrderTable:
-    """A signal over the angle of a shaft, as a mean and some orders.
-
-    Examples
-    --------
-    >>> table = gw.loads.orders_of(np.linspace(0.0, 2.0 * np.pi, 37), 5.0 + np.cos(np.linspace(0.0, 2.0 * np.pi, 37)))
-    >>> table.orders, round(table.mean, 9)
-    ((1.0,), 5.0)
-    """
+    """A signal over the angle of a shaft, as a mean and some orders."""
 
     turns: int  #: Turns of the shaft in a period: 1, or 2 for the cycle of a four-stroke engine.
     mean: float  #: The mean.
@@ -114,13 +107,7 @@ class OrderTable:
         return (self.lines[-1].order * 2.0 * math.pi * self.turns / self.samples) ** 2 / 12.0
 
     def value(self, angle: ArrayLike) -> Any:
-        """Return the signal at some angles (rad), of their shape.
-
-        Parameters
-        ----------
-        angle
-            Angles in rad, of any shape.
-        """
+        """Return the signal at some angles (rad), of their shape."""
         x = np.asarray(angle)
         total = np.full(x.shape, self.mean)
         for each in self.lines:

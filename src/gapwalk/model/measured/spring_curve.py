@@ -348,12 +348,6 @@ class Corner:
 
     With ``d = x - position``, the force changes by ``step + slope * d + quadratic * d**2 + cubic * d**3`` where
     ``side * d > 0``.
-
-    Examples
-    --------
-    >>> curve = gw.laws.spring_curve([-4, -2, 2, 4], [-10, 0, 0, 10])
-    >>> curve.corners[1].position, curve.corners[1].slope
-    (2.0, 5.0)
     """
 
     position: float  #: Deflection of the corner.
@@ -372,14 +366,7 @@ class Corner:
 
 @dataclass(frozen=True)
 class Curve:
-    """The force of a spring over its deflection, a piecewise polynomial.
-
-    Examples
-    --------
-    >>> curve = gw.laws.spring_curve([-4, -2, 2, 4], [-10, 0, 0, 10])
-    >>> float(curve.force(3.0)), float(curve.slope(3.0)), curve.covers(5.0)
-    (5.0, 5.0, False)
-    """
+    """The force of a spring over its deflection, a piecewise polynomial."""
 
     kind: str  #: ``"linear"`` or ``"cubic"``.
     #: Coefficients of 1, x, x**2 and x**3 of the piece that contains the deflection 0. If 0 is a corner, it is the
@@ -417,22 +404,11 @@ class Curve:
         """Return the force at some deflections, of their shape; complex deflections are given for derivatives.
 
         At a step it is the force on the inner side, towards the deflection 0.
-
-        Returns
-        -------
-        array
-            Forces, of the same shape.
         """
         return self._sum(deflection, _value)
 
     def slope(self, deflection: ArrayLike) -> Any:
-        """Return the derivative of the force by the deflection; at a corner, that on the inner side.
-
-        Returns
-        -------
-        array
-            Slopes, of the same shape.
-        """
+        """Return the derivative of the force by the deflection; at a corner, that on the inner side."""
         return self._sum(deflection, _slope)
 
     def covers(self, deflection: ArrayLike) -> bool:
