@@ -116,7 +116,7 @@ def test_a_regime_map_that_is_stopped_keeps_its_cells_in_the_file(tmp_path) -> N
     )
     path = tmp_path / "a.gapwalk"
     stopped = until_ctrl_c(gw.run, gw.read_study(model), path, report=after(1))
-    for result in (stopped, gw.load(path)):
+    for result in (stopped, gw.open_result(path)):
         assert not result.complete
         assert result.finding is not None
         assert result.finding.record.cells == {"period 1": 1024, "undecided": 32}

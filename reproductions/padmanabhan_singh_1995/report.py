@@ -141,7 +141,7 @@ def compute(
             progress("studies", done[-1], len(done), len(tasks))
 
     workers.run(_compute, tasks, accept, in_order=False)
-    return {task.job.key: gw.load(task.path) for task in tasks if task.path.exists()}, failures
+    return {task.job.key: gw.open_result(task.path) for task in tasks if task.path.exists()}, failures
 
 
 class _Task(NamedTuple):
@@ -199,7 +199,7 @@ def _draw(
 
 def _draw_one(sketch: _Sketch) -> tuple[str, ...]:
     figure, tables, folder = sketch
-    results = {job.key: gw.load(folder / "results" / f"{job.key}.gapwalk") for job in figure.jobs}
+    results = {job.key: gw.open_result(folder / "results" / f"{job.key}.gapwalk") for job in figure.jobs}
     for key in tables:
         gw.save_tables(results[key], folder / "results" / key)
     picture = figure.draw(results)

@@ -75,9 +75,10 @@ from .studies.map_study import bifurcation_map as bifurcation_map
 from .studies.regime_study import RegimeMapOptions as RegimeMapOptions
 from .studies.regime_study import regimes as regimes
 from .studies.result import Result as Result
-from .studies.result import load as load
+from .studies.result import open_result as open_result
 from .studies.runner import run as run
 from .studies.study_file import Study as Study
+from .studies.study_file import read_model as read_model
 from .studies.study_file import read_study as read_study
 from .studies.sweep_study import Sweep as Sweep
 from .studies.sweep_study import SweepOptions as SweepOptions

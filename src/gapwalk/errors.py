@@ -35,7 +35,7 @@ class StoreError(ModelError):
     Examples
     --------
     >>> try:
-    ...     gw.load("nothing.gapwalk")
+    ...     gw.open_result("nothing.gapwalk")
     ... except gw.errors.StoreError as error:
     ...     print("there is no such file")
     there is no such file

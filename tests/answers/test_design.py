@@ -218,4 +218,4 @@ def test_a_stopped_design_continues_to_the_same(tmp_path, quiet):
     again = gw.ask.design(stopped(), changes, goal, "frequency", (0.7, 1.5), **how)
     assert again.routes == quiet.routes
     assert again.system == quiet.system
-    assert gw.load(output).changes == quiet.changes
+    assert gw.open_result(output).changes == quiet.changes

@@ -134,7 +134,7 @@ def test_a_file_stores_it_and_a_stopped_run_goes_on(tmp_path):
     assert not caught.value.found.complete
     assert [str(each.direction) for each in caught.value.found.sweeps] == ["rising"]
     again = gw.ask.rattle_bands(stopped(), "frequency", (0.9, 1.1), workers=1, output=tmp_path / "part.gw")
-    for one in (again, gw.load(tmp_path / "whole.gw")):
+    for one in (again, gw.open_result(tmp_path / "whole.gw")):
         assert str(one.summary()) == str(whole.summary())
         assert [end.value for band in one.bands for end in (band.low, band.high)] == [
             end.value for band in whole.bands for end in (band.low, band.high)

@@ -95,7 +95,7 @@ def test_a_study_stores_its_threshold(gear: gw.System, tmp_path) -> None:
     found = gw.ask.threshold(
         gear, "mean.x", (0.1, 1.2), "frequency", (1.4, 2.0), options=FEW, output=tmp_path / "t.gapwalk"
     )
-    again = gw.load(tmp_path / "t.gapwalk")
+    again = gw.open_result(tmp_path / "t.gapwalk")
     assert again.value == found.value
     assert again.sentence == found.sentence
     header, *rows = again.tables()["loci"]()

@@ -109,7 +109,7 @@ def test_a_stopped_study_continues_to_the_same_bits(found, tmp_path):
     again = tolerance(*asked, band=(0.8, 0.93), options=OPTIONS, workers=1, output=file)
     assert again.values.tobytes() == found.values.tobytes()
     assert again.how.tobytes() == found.how.tobytes()
-    assert gw.load(file).values.tobytes() == found.values.tobytes()
+    assert gw.open_result(file).values.tobytes() == found.values.tobytes()
 
 
 def test_samples_without_points_that_all_walks_have_are_walked(tmp_path):

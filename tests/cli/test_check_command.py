@@ -153,3 +153,17 @@ def test_a_mistyped_frequency_is_not_missing_too(said) -> None:
     code, lines = said((MODEL + WIDE).replace("frequency = 0.8", "frequncy = 0.8"), "check")
     assert (code, len(lines)) == (2, 1)
     assert "frequncy is not a key here; did you mean frequency?" in lines[0]
+
+
+def test_a_model_without_a_study_is_checked_alone(tmp_path: Path, capsys) -> None:
+    file = tmp_path / "model.toml"
+    file.write_text(MODEL)
+    assert main(["check", str(file), "--set", "stop.clearance=0.5", "--picture", str(tmp_path / "forces.svg")]) == 0
+    out = capsys.readouterr().out
+    assert "contacts: stop" in out
+    assert "no study: `gapwalk modes` shows its modes" in out
+    assert (tmp_path / "forces.svg").stat().st_size > 1000
+    assert main(["check", str(file), "--json"]) == 0
+    assert '"system"' in capsys.readouterr().out
+    file.write_text(MODEL.replace("clearance = 2.0", "clearance = nan"))
+    assert main(["check", str(file)]) == 2

@@ -91,7 +91,7 @@ def test_maps_that_cannot_be_compared_are_refused_in_a_sentence(maps, capsys) ->
 
 
 def test_a_map_whose_axes_are_reversed_or_exchanged_has_the_same_cells(maps) -> None:
-    result = gw.load(maps / "regimes-a.gapwalk")
+    result = gw.open_result(maps / "regimes-a.gapwalk")
     chart = result.finding.map
     marked = replace(chart, regimes=chart.regimes.copy())
     marked.regimes[0, 3] = 2  # one chaotic cell, in a corner
@@ -118,7 +118,7 @@ def test_a_map_whose_axes_are_reversed_or_exchanged_has_the_same_cells(maps) -> 
 
 def test_basins_of_one_motion_are_the_same_whatever_their_letters(maps) -> None:
     """Letters follow the sizes of basins: those of two mirrored motions may be exchanged."""
-    result = gw.load(maps / "basins-a.gapwalk")
+    result = gw.open_result(maps / "basins-a.gapwalk")
     basins = result.finding.map
     one = basins.attractors[0]
     other = replace(one, strobes=-one.strobes)
@@ -133,4 +133,4 @@ def test_basins_of_one_motion_are_the_same_whatever_their_letters(maps) -> None:
     assert found.counts == {"leads to": 6}
     assert {each.labels for each in found.differences} == {("period 1b", "period 1a")}
     with pytest.raises(ModelError, match="compare two maps of one kind"):
-        compare_cells(both[0], gw.load(maps / "regimes-a.gapwalk"))
+        compare_cells(both[0], gw.open_result(maps / "regimes-a.gapwalk"))

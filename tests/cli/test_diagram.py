@@ -82,7 +82,7 @@ def test_all_studies_of_a_file_are_run(clutch, capsys, monkeypatch) -> None:
     ):
         assert words in captured.out
     assert set(os.listdir()) == {"clutch.toml"} | files_of("clutch-curve", "clutch-loop")
-    loop, curve = gw.load("clutch-loop.gapwalk"), gw.load("clutch-curve.gapwalk")
+    loop, curve = gw.open_result("clutch-loop.gapwalk"), gw.open_result("clutch-curve.gapwalk")
     assert (loop.study.name, loop.system["stage2.impact_damping"]) == ("loop", 0.051)
     assert (curve.study.name, curve.system["stage2.impact_damping"]) == ("curve", 0.05)
     assert loop.names == ("P1-1", "P2-1", "P4-1")
@@ -107,7 +107,7 @@ def test_one_study_may_have_a_name_of_its_own_for_the_result(clutch, capsys) -> 
     assert set(os.listdir()) == {"clutch.toml"} | files_of("x")
     assert main(["run", str(clutch), "--output", "y.gapwalk", "--set", "study.loop.max_period=1", "--quiet"]) == 0
     assert {"y-loop.gapwalk", "y-curve.gapwalk"} <= set(os.listdir())
-    assert gw.load("y-loop.gapwalk").names == ("P1-1",)
+    assert gw.open_result("y-loop.gapwalk").names == ("P1-1",)
     assert capsys.readouterr().out == ""
 
 
@@ -160,7 +160,7 @@ def test_show_has_the_tree_and_on_request_the_special_points(loop, capsys) -> No
     assert "multiplier" not in text
     assert main(["show", loop, "--points"]) == 0
     text = capsys.readouterr().out
-    result = gw.load(loop)
+    result = gw.open_result(loop)
     for branch in result.branches:
         assert all(f"{special.value:#.10g}" in text for special in branch.special_points)
     flip = result.branches[0].special("flip")[0]
@@ -198,7 +198,7 @@ def test_documents_and_tables_name_the_branches(loop, capsys) -> None:
     assert document["notes"] == []
     assert document["cascades"] == [
         {"branches": list(each.members), "values": list(each.values), "ratios": list(each.ratios)}
-        for each in gw.load(loop).diagram.cascades
+        for each in gw.open_result(loop).diagram.cascades
     ]
     assert main(["export", loop]) == 0
     rows = list(csv.DictReader(Path("x-points.csv").read_text().splitlines()))
@@ -221,15 +221,15 @@ def test_ctrl_c_then_resume_equals_an_undisturbed_run(clutch, command, undisturb
     until(lambda: has_branches("a-loop.gapwalk"), "a branch is stored")
     program.send_signal(signal.SIGINT)
     out, err = program.communicate()
-    stopped = gw.load("a-loop.gapwalk")
+    stopped = gw.open_result("a-loop.gapwalk")
     if not stopped.complete:  # else it was too late
         assert program.returncode == 130, (out, err)
         assert f"interrupted; all {len(stopped.branches)} branches up to {stopped.names[-1]} are stored" in err
         assert "gapwalk run clutch.toml --output a.gapwalk --resume" in err
         assert not Path("a-loop.png").exists()
-    assert gw.load("a-curve.gapwalk").complete
+    assert gw.open_result("a-curve.gapwalk").complete
     assert main(["run", str(clutch), "--output", "a.gapwalk", "--resume", "--quiet"]) == 0
-    assert_same_result(gw.load("a-loop.gapwalk"), gw.load(undisturbed))
+    assert_same_result(gw.open_result("a-loop.gapwalk"), gw.open_result(undisturbed))
     assert main(["show", "a-loop.gapwalk"]) == 0
     assert "complete" in capsys.readouterr().out
 
@@ -262,5 +262,5 @@ def count_of(result: gw.Result) -> int:
 
 def has_branches(path: str) -> bool:
     with suppress(StoreError):
-        return bool(gw.load(path).branches)
+        return bool(gw.open_result(path).branches)
     return False

@@ -77,7 +77,7 @@ def test_ctrl_c_says_what_is_stored_and_how_to_go_on(monkeypatch, capsys) -> Non
     assert "not complete: `gapwalk run` with --resume continues it" in capsys.readouterr().out
     assert main(["export", "x.gapwalk", "--format", "png"]) == 0  # there is a picture of what there is
     assert main(["run", "x.toml", "--resume", "--quiet"]) == 0
-    assert gw.load("x.gapwalk").complete
+    assert gw.open_result("x.gapwalk").complete
 
 
 def test_a_member_that_fails_is_told_and_is_3(capsys) -> None:

@@ -74,7 +74,7 @@ def test_a_study_is_checked_run_shown_and_exported(kind, capsys) -> None:
     assert "shows no measure; leave it out" in capsys.readouterr().err
     rows = list(csv.DictReader(Path(tables[0]).read_text(encoding="utf-8").splitlines()))
     assert len(rows) == {"settle": 3, "sweep": 2 * 45 * 13, "basins": 9000, "regimes": 36}[kind]
-    record = gw.load("x.gapwalk").finding.record
+    record = gw.open_result("x.gapwalk").finding.record
     if kind == "basins":
         last = rows[-1]
         assert (float(last["q1"]), float(last["q1'"])) == (record.axes[0][-1], record.axes[1][-1])
@@ -148,7 +148,7 @@ def test_a_motion_that_cannot_be_told_is_3(tmp_path, monkeypatch, capsys) -> Non
     captured = capsys.readouterr()
     assert "gapwalk: nobody knows" in captured.err
     assert "?: undecided motion" in captured.out
-    assert gw.load("x.gapwalk").failures == ("nobody knows",)
+    assert gw.open_result("x.gapwalk").failures == ("nobody knows",)
 
 
 def test_progress_tells_how_much_is_done(tmp_path, monkeypatch) -> None:
@@ -194,7 +194,7 @@ def test_a_cluster_does_the_work(tmp_path, monkeypatch, capsys) -> None:
         assert pids
         assert os.getpid() not in pids
         assert sum(done.values()) >= 6  # the stretches
-    one, other = (gw.load(f"{name}.gapwalk").finding.record for name in "xy")
+    one, other = (gw.open_result(f"{name}.gapwalk").finding.record for name in "xy")
     assert one.sections.tobytes() == other.sections.tobytes()
     assert main(["run", "x.toml", "--output", "z.gapwalk", "--scheduler", "none.json"]) == 2
     assert "none.json" in capsys.readouterr().err

@@ -67,7 +67,7 @@ def test_a_map_is_run_and_told(clutch, capsys) -> None:
     assert set(os.listdir()) == {"clutch.toml"} | {f"clutch{ending}" for ending in ENDINGS}
     text = capsys.readouterr().out
     assert "Ω from 1.1 to 1.4, mean.q1 from 0.2 to 0.3: 5 loci, 1 of fold, 2 of flip, 2 of grazing" in text
-    count = sum(len(branch.special_points) for branch in gw.load("clutch.gapwalk").branches)
+    count = sum(len(branch.special_points) for branch in gw.open_result("clutch.gapwalk").branches)
     assert f"started from {count} special points of 2 branches, on sections at mean.q1 = 0.2, 0.3" in text
     assert "written: clutch.gapwalk, clutch.png, clutch.svg, clutch-points.csv, clutch-special-points.csv, " in text
     content = Path("clutch.gapwalk").read_bytes()
@@ -78,7 +78,7 @@ def test_a_map_is_run_and_told(clutch, capsys) -> None:
     assert main(["run", str(clutch), "--resume", "--set", "study.second.to=0.25"]) == 2
     assert "second.end is 0.25, and was 0.3" in capsys.readouterr().err
     assert main(["run", str(clutch), "--force", "--set", "study.sections=[0.2]", "--set", 'study.kinds=["flip"]']) == 0
-    assert gw.load("clutch.gapwalk").map.names == ("flip-1", "flip-2")
+    assert gw.open_result("clutch.gapwalk").map.names == ("flip-1", "flip-2")
 
 
 def test_check_tells_the_plane(clutch, capsys) -> None:
@@ -164,14 +164,14 @@ def test_ctrl_c_then_resume_equals_an_undisturbed_run(clutch, command, undisturb
     until(lambda: has_sections("a.gapwalk"), "a section is stored")
     program.send_signal(signal.SIGINT)
     out, err = program.communicate()
-    stopped = gw.load("a.gapwalk")
+    stopped = gw.open_result("a.gapwalk")
     if not stopped.complete:  # else it was too late
         assert program.returncode == 130, (out, err)
         assert f"all {len(stopped.map.loci)} loci and {len(stopped.map.sections)} sections are stored" in err
         assert "gapwalk run clutch.toml --output a.gapwalk --resume" in err
         assert not Path("a.png").exists()
     assert main(["run", str(clutch), "--output", "a.gapwalk", "--resume", "--quiet"]) == 0
-    assert_same_result(gw.load("a.gapwalk"), undisturbed[0])
+    assert_same_result(gw.open_result("a.gapwalk"), undisturbed[0])
 
 
 def test_a_locus_that_cannot_be_followed_is_told_and_is_3(clutch, monkeypatch, capsys) -> None:
@@ -244,5 +244,5 @@ def test_the_line_of_progress_counts(clutch, monkeypatch) -> None:
 
 def has_sections(path: str) -> bool:
     with suppress(StoreError):
-        return bool(gw.load(path).map.sections)
+        return bool(gw.open_result(path).map.sections)
     return False

@@ -42,7 +42,7 @@ def test_a_run_writes_result_picture_and_tables(model, capsys, monkeypatch) -> N
         "stop-points.csv",
         "stop-special-points.csv",
     }
-    result = gw.load("stop.gapwalk")
+    result = gw.open_result("stop.gapwalk")
     assert result.system["stop.clearance"] == 0.9
     assert result.study.text == model.read_text()
     assert result.study.changes == (("stop.clearance", 0.9),)
@@ -97,7 +97,7 @@ def test_ctrl_c_then_resume_equals_an_undisturbed_run(model, command, undisturbe
     assert first.returncode == 130, (out, err)
     assert "interrupted at Ω = " in err
     assert f"gapwalk run stop.toml --output a.gapwalk --resume {' '.join(SLOWLY)}" in err
-    stopped = gw.load("a.gapwalk")
+    stopped = gw.open_result("a.gapwalk")
     assert not stopped.complete
     assert sorted(os.listdir()) == ["a.gapwalk", "stop.toml"]
     resume_and_compare(model, stopped, undisturbed)
@@ -108,7 +108,7 @@ def test_kill_then_resume_equals_an_undisturbed_run(model, command, undisturbed)
     until(lambda: points_in("a.gapwalk") >= 60, "60 points are stored")
     first.kill()
     first.communicate()
-    resume_and_compare(model, gw.load("a.gapwalk"), undisturbed)
+    resume_and_compare(model, gw.open_result("a.gapwalk"), undisturbed)
 
 
 def test_ctrl_c_with_json_is_still_one_document(model, command) -> None:
@@ -128,12 +128,12 @@ def test_a_different_study_is_not_resumed(model, capsys) -> None:
 
 def points_in(path: str) -> int:
     with suppress(StoreError):
-        return len(gw.load(path).branches[0].points)
+        return len(gw.open_result(path).branches[0].points)
     return 0
 
 
 def resume_and_compare(model: Path, stopped: gw.Result, undisturbed: gw.Result) -> None:
     assert main(["run", str(model), *SLOWLY, "--output", "a.gapwalk", "--resume", "--quiet"]) == 0
-    resumed = gw.load("a.gapwalk")
+    resumed = gw.open_result("a.gapwalk")
     assert 60 <= len(stopped.branches[0].points) < len(undisturbed.branches[0].points)
     assert_same_result(resumed, undisturbed)

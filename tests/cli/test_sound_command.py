@@ -29,7 +29,7 @@ def export(*words) -> int:
 def test_a_run_up_is_saved_at_the_full_scale_that_is_said(folder, capsys) -> None:
     assert export(folder / "run.gapwalk", "--format", "wav", "--signal", "stage2.force") == 0
     said = capsys.readouterr().out
-    record = gw.load(folder / "run.gapwalk").finding.record
+    record = gw.open_result(folder / "run.gapwalk").finding.record
     exact = record.sound("stage2.force")
     assert f"peak {exact.peak:.4g}" in said
     assert f"give --full-scale {exact.full_scale:g} to what it is compared with" in said
@@ -43,7 +43,7 @@ def test_a_run_up_is_saved_at_the_full_scale_that_is_said(folder, capsys) -> Non
 def test_a_settled_motion_is_heard_in_its_acceleration(folder, capsys) -> None:
     assert export(folder / "settled.gapwalk", "--output", folder / "a.wav", "--full-scale", "100") == 0
     assert "x'', 3 s at 48000 Hz" in capsys.readouterr().out
-    exact = gw.analysis.sound(gw.load(folder / "settled.gapwalk").finding.record, "x''")
+    exact = gw.analysis.sound(gw.open_result(folder / "settled.gapwalk").finding.record, "x''")
     assert np.abs(wavfile.read(folder / "a.wav")[1]).max() / 2.0**31 * 100.0 == pytest.approx(exact.peak, rel=1e-4)
 
 

@@ -45,7 +45,7 @@ def test_a_run_is_shown_in_units_and_without(tmp_path, capsys) -> None:
     assert "motions over Ω from" in capsys.readouterr().out
     assert main(["show", str(plain)]) == 0
     assert "changed: units = none: 1 means an angle of 3 deg" in capsys.readouterr().out
-    physical, other = gw.load(file), gw.load(plain)
+    physical, other = gw.open_result(file), gw.open_result(plain)
     scales = gw.train.nondimensional(physical.system).scales
     first, same = (result.branches[0].points[0] for result in (physical, other))
     assert first.measure("half.clutch") / 3.0 == pytest.approx(same.measure("half.clutch"), rel=1e-10)

@@ -38,9 +38,9 @@ def test_a_study_that_is_killed_goes_on_to_the_same_result(kind: str, tmp_path: 
     lines = killed_after(SAFE[kind], program(kind, path), longest_wait=0.1)
     if kind != "settle":  # its only line is its last
         assert "complete" not in lines
-        assert not gw.load(path).complete
+        assert not gw.open_result(path).complete
     gw.run(study_of(kind), path, resume=path.exists())
-    assert_same_result(gw.load(path), undisturbed(kind))
+    assert_same_result(gw.open_result(path), undisturbed(kind))
 
 
 @pytest.mark.parametrize("kind", some_of(["response", "sweep"], "response"))
@@ -54,9 +54,9 @@ def test_a_study_that_is_stopped_by_ctrl_c_keeps_what_it_has_and_goes_on(kind: s
 
     found = until_ctrl_c(gw.run, study_of(kind), path, report=report)
     assert not found.complete
-    assert not gw.load(path).complete
+    assert not gw.open_result(path).complete
     gw.run(study_of(kind), path, resume=True)
-    assert_same_result(gw.load(path), undisturbed(kind))
+    assert_same_result(gw.open_result(path), undisturbed(kind))
 
 
 def test_ctrl_c_within_a_walk_leaves_the_flow_usable() -> None:

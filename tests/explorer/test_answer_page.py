@@ -41,7 +41,7 @@ def folder(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def records(folder) -> dict[str, object]:
     """Records of the results, by name."""
-    return {path.stem: gw.load(path).finding.record for path in folder.glob("*.gapwalk")}
+    return {path.stem: gw.open_result(path).finding.record for path in folder.glob("*.gapwalk")}
 
 
 @pytest.fixture(scope="module")
@@ -297,7 +297,7 @@ def test_rattle_is_computed_from_the_page_and_shown_at_its_end(page) -> None:
 @pytest.mark.parametrize("name", ["rattle", "threshold", "run-up"])
 def test_a_saved_page_has_the_answer(page, folder, tmp_path, name) -> None:
     path, wrong = tmp_path / f"{name}.html", []
-    gw.save_html(gw.load(folder / f"{name}.gapwalk"), path, motions=4)
+    gw.save_html(gw.open_result(folder / f"{name}.gapwalk"), path, motions=4)
     kept = new_page(page.context.browser, offline=True)
     kept.on("pageerror", lambda error: wrong.append(str(error)))
     kept.goto(path.as_uri())

@@ -65,7 +65,7 @@ def test_what_the_page_shows_is_what_it_computes(page, folder) -> None:
     assert {"stop.clearance", "mean.x"} <= set(shown)
     computed(page, "#compute-values", 2)
     last = sorted((folder / "stop.explorer").glob("*.gapwalk"))[-1]
-    system = gw.load(last).branches[0].points[0].orbit.system
+    system = gw.open_result(last).branches[0].points[0].orbit.system
     assert (system["stop.clearance"], system["mean.x"], system["frequency"]) == (0.5, 0.1, 0.7)
     assert "stop.clearance = 0.5" in page.inner_text("#results li:last-child")
     page.click("#reset-file")

@@ -55,7 +55,7 @@ def test_a_job_grows_is_held_goes_on_and_is_stopped(client, session, long) -> No
     assert (found["state"], found["can_resume"]) == ("stopped", True)
     # all that it had found is in the file, and it goes on from there
     (path,) = session.workspace.exploration(session.workspace.path(long)).glob("*.gapwalk")
-    (branch,) = gw.load(path).branches
+    (branch,) = gw.open_result(path).branches
     assert len(branch.points) == found["branches"][0]["points"] > held
     assert job(client, "resume", long, key).status_code == 200
     growing(client, long, key, len(branch.points))

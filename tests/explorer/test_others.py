@@ -84,7 +84,7 @@ def test_a_search_finds_what_is_not_known_and_nothing_that_is(client, do, sessio
     assert again["message"].startswith("Nothing new was found.")
     assert found["saves"] == ["table", "script", "model", "result"]
     assert again["saves"] == ["script", "result"]  # there is no point to put into a table, or to walk from
-    stored = gw.load(result_file(session, model, again["key"]))
+    stored = gw.open_result(result_file(session, model, again["key"]))
     assert stored.complete
     assert stored.diagram is not None
     assert [each.branch for each in stored.diagram.search.found] == [0]
@@ -140,7 +140,7 @@ def test_a_locus_is_followed_shown_and_repeated(client, do, session, hard) -> No
     assert max(re for re, im in motion["multipliers"] if not im) == pytest.approx(1.0, abs=1e-6)
     assert [each["kind"] for each in curve["special"]] == ["codim2 cusp"]
     states = repeated(client, session, file, found["key"], found["key"].replace("-locus", "").join(["loci", ""]))
-    (locus,) = gw.load(result_file(session, file, found["key"])).map.loci
+    (locus,) = gw.open_result(result_file(session, file, found["key"])).map.loci
     np.testing.assert_array_equal(states, [point.orbit.state for point in locus.points])
 
 
@@ -202,10 +202,10 @@ def test_a_stopped_switch_keeps_what_it_found_and_goes_on_to_the_same_end(client
     assert stopped["state"] == "stopped"
     assert stopped["can_resume"]
     if stopped["branches"]:  # it may have been stopped before its first step was stored
-        assert not gw.load(result_file(session, clutch, key)).complete
+        assert not gw.open_result(result_file(session, clutch, key)).complete
     assert client.post("/api/job/resume", json={"file": clutch, "result": key}).status_code == 200
     resumed = wait(client, clutch, key)
     assert (resumed["state"], resumed["can_resume"]) == ("done", False)
     whole = do(clutch, **{name: value for name, value in action.items() if name != "file"}, low=0.15, high=2.0)
-    (one,), (other,) = (gw.load(result_file(session, clutch, each)).branches for each in (key, whole["key"]))
+    (one,), (other,) = (gw.open_result(result_file(session, clutch, each)).branches for each in (key, whole["key"]))
     np.testing.assert_array_equal([p.orbit.state for p in one.points], [p.orbit.state for p in other.points])

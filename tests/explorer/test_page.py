@@ -77,7 +77,7 @@ def place_of(page: Page, name: str, point: int) -> list[float]:
 
 def test_figure_13_is_computed_a_click_shows_a_motion_and_a_flip_leads_on(page, workspace) -> None:
     name = computed(page)
-    (result,) = gw.load(next((workspace / "clutch.explorer").glob("*.gapwalk"))).branches
+    (result,) = gw.open_result(next((workspace / "clutch.explorer").glob("*.gapwalk"))).branches
     until(page, f"gapwalk.curves.all.get('{name}').count === {len(result.points)}")
     x, y = place_of(page, name, 30)  # a click beside a point chooses it
     page.mouse.click(x + 1, y + 1)
@@ -216,7 +216,7 @@ def test_each_signal_of_a_train_is_shown_and_none_in_the_place_of_another(page, 
     page.keyboard.press("Home")
     until(page, "Boolean(gapwalk.motion.motion)")
     result, *_ = (workspace / "drivetrain.explorer").glob("*.gapwalk")
-    motion = gw.load(result).branches[0].points[0].orbit.motion(64)
+    motion = gw.open_result(result).branches[0].points[0].orbit.motion(64)
     for signal in ("clutch", "clutch'", "clutch.force", "clutch.torque", "flywheel''"):
         page.select_option("#signal", signal)
         until(page, f'gapwalk.motion.details?.signal === "{signal}"')

@@ -100,7 +100,7 @@ def test_walking_from_a_point_is_an_ordinary_result(client, do, session, model) 
     walked = do(model, do="walk", start=start, parameter="stop.clearance", to=0.5)
     assert walked["state"] == "done"
     path = session.workspace.exploration(session.workspace.path(model)) / f"{walked['key']}.gapwalk"
-    (branch,) = gw.load(path).branches
+    (branch,) = gw.open_result(path).branches
     assert (branch.parameter, branch.values[-1]) == ("stop.clearance", 0.5)
     orbit = gw.find_orbit(
         gw.read_study(session.workspace.path(model)).system, at=dict(branch.points[-1].orbit.system.parameters)

@@ -25,14 +25,14 @@ def branch(orbit):
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda orbit: gw.find_orbit("x.toml"), r"not 'x.toml'; read the file first: gw.read_study\('x.toml'\).system"),
+        (lambda orbit: gw.find_orbit("x.toml"), r"not 'x.toml'; read the file first: gw.read_model\('x.toml'\)"),
         (gw.find_orbit, r"find_orbit takes a System, not Orbit\(.*\); write its .system"),
         (lambda orbit: gw.settle("x.toml"), "settle takes a System"),
         (lambda orbit: gw.classify(3), r"settle takes a System, not 3; make one with gw.System"),
         (lambda orbit: gw.find_orbit(orbit.system, method="hb"), r"method is 'hb'; write method=gw.Balance\(\)"),
         (lambda orbit: gw.follow(orbit, "frequency", 1.0, method="hb"), r"method is 'hb'; write method=gw.Balance\(\)"),
         (lambda orbit: gw.follow(orbit.system, "frequency", 1.0), r"find an orbit first: gw.find_orbit\(system\)"),
-        (lambda orbit: gw.run("x.toml"), r"run takes a study, not 'x.toml'; .*: gw.run\(gw.read_study\('x.toml'\)\)"),
+        (gw.run, r"run takes a study or a model file, not Orbit\(.*\); write gw.run\(\"model.toml\"\)"),
     ],
 )
 def test_another_kind_of_value_is_named_with_the_line_to_write(orbit, call, words) -> None:
@@ -124,7 +124,7 @@ def test_a_result_and_a_model_are_told_apart(tmp_path) -> None:
     with pytest.raises(ModelError, match="this is a result, not a model file; `gapwalk show`"):
         gw.read_study(result)
     with pytest.raises(GapwalkError, match="a model file; compute a result first: gapwalk run"):
-        gw.load(model)
+        gw.open_result(model)
 
 
 def test_a_special_point_is_printed_with_its_error_and_nature() -> None:

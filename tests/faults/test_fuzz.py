@@ -214,7 +214,7 @@ def test_result_files_with_values_changed(tmp_path_factory, results, data) -> No
 
 
 def _load(path: Path) -> None:
-    assert path.name in told(lambda: gw.load(path), StoreError, nothing=path.name)
+    assert path.name in told(lambda: gw.open_result(path), StoreError, nothing=path.name)
 
 
 def _damaged(content: bytes, chance: random.Random) -> bytes:

@@ -38,7 +38,7 @@ class Job(NamedTuple):
 
 
 def _points(path: Path) -> int:
-    return len(gw.load(path).branches[0].points) - 1
+    return len(gw.open_result(path).branches[0].points) - 1
 
 
 def _parts(path: Path) -> Mapping[tuple[str, int], tuple[str, bytes]]:
@@ -58,7 +58,7 @@ def _same_as(study: gw.Study) -> Callable[[Path], None]:
     undisturbed = cache(lambda: gw.run(study))
 
     def check(path: Path) -> None:
-        assert_same_result(gw.load(path), undisturbed())
+        assert_same_result(gw.open_result(path), undisturbed())
 
     return check
 
@@ -66,7 +66,7 @@ def _same_as(study: gw.Study) -> Callable[[Path], None]:
 def _same_as_the_model(path: Path) -> None:
     """The explorer has a text of its own for the study, and the same branch."""
     expected = gw.run(gw.read_study(path.parents[1] / "model.toml"))
-    assert_same_branch(gw.load(path).branches[0], expected.branches[0])
+    assert_same_branch(gw.open_result(path).branches[0], expected.branches[0])
 
 
 def _same_finding(kind: str) -> Callable[[Path], None]:
@@ -83,7 +83,7 @@ def _same_finding(kind: str) -> Callable[[Path], None]:
 
 
 def _same_sweep(path: Path) -> None:
-    found = gw.load(path)
+    found = gw.open_result(path)
     assert found.complete
     np.testing.assert_array_equal(found.sections, _undisturbed_sweep().sections)
 
@@ -97,12 +97,12 @@ JOBS = {
     "walk": Job("from tests.studies.studies import main; main({path!r})", _points, _same_as(studies.long_study())),
     "diagram": Job(
         "from tests.studies.diagrams import main; main({path!r}, '2')",
-        lambda path: len(gw.load(path).branches),
+        lambda path: len(gw.open_result(path).branches),
         _same_as(diagrams.many_branches()),
     ),
     "sweep": Job(
         "from tests.studies.sweeps import main; main({path!r})",
-        lambda path: int((~np.isnan(gw.load(path).sections)).any(axis=(2, 3)).sum()) and 1,
+        lambda path: int((~np.isnan(gw.open_result(path).sections)).any(axis=(2, 3)).sum()) and 1,
         _same_sweep,
     ),
     **{

@@ -57,7 +57,7 @@ def test_a_walk_whose_disk_is_full_keeps_what_it_reported_and_goes_on(tmp_path) 
     assert "long.gapwalk cannot be" in message
     assert "all that was reported is in the file" in message
     assert os.listdir(tmp_path) == [path.name]
-    assert len(gw.load(path).branches[0].points) >= int(reported)
+    assert len(gw.open_result(path).branches[0].points) >= int(reported)
     resumed = gw.run(long_study(), path, resume=True)
     assert_same_branch(resumed.branches[0], long_result().branches[0])
     assert os.listdir(tmp_path) == [path.name]
@@ -97,13 +97,13 @@ def test_a_real_full_disk(tmp_path) -> None:
         path, filler = disk / "x.gapwalk", disk / "filler"
         with pytest.raises(StoreError, match=r"disk is full; all that was reported is in the file"):
             gw.run(long_study(), path, report=report)
-        assert len(gw.load(path).branches[0].points) >= reported > 10
+        assert len(gw.open_result(path).branches[0].points) >= reported > 10
         with pytest.raises(StoreError, match=r"picture.png cannot be written: No space left on device"):
             write_whole(disk / "picture.png", b"x" * 400_000)
         assert not list(disk.glob(".picture*"))
         assert os.listdir(disk) == ["x.gapwalk"]  # without its log it would be damaged
         shutil.move(path, elsewhere)
-        assert len(gw.load(elsewhere).branches[0].points) >= reported
+        assert len(gw.open_result(elsewhere).branches[0].points) >= reported
         fill(filler)
         with pytest.raises(StoreError, match=r"the disk (is|may be) full"):
             gw.run(study, disk / "x.gapwalk")
@@ -120,7 +120,7 @@ def test_a_disk_that_cannot_be_written(tmp_path) -> None:
         path = disk / "x.gapwalk"
         result = gw.run(stop_study(), path)
         subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
-        assert_same_result(gw.load(path), result)
+        assert_same_result(gw.open_result(path), result)
         with pytest.raises(StoreError, match=r"cannot be|read-only"):
             gw.run(stop_study(end=1.8), path, force=True)
         with pytest.raises(StoreError, match="cannot be opened"):
@@ -146,7 +146,7 @@ def test_a_folder_of_somebody_else(tmp_path) -> None:
                 os.setuid(NOBODY)
                 told = []
                 for call in (
-                    lambda: gw.load(shared / "x.gapwalk"),
+                    lambda: gw.open_result(shared / "x.gapwalk"),
                     lambda: gw.run(stop_study(), shared / "y.gapwalk"),
                     lambda: write_whole(shared / "x.csv", b"1"),
                 ):
@@ -219,12 +219,12 @@ def test_sigterm_keeps_what_was_found_and_says_how_to_go_on(tmp_path, kind) -> N
     assert "Traceback" not in told
     if kind == "response":
         assert "gapwalk run long.toml --output long.gapwalk --resume" in told
-        assert len(gw.load(path).branches[0].points) > 1
+        assert len(gw.open_result(path).branches[0].points) > 1
 
 
 def points_in(path: Path) -> int:
     with suppress(StoreError):
-        return len(gw.load(path).branches[0].points)
+        return len(gw.open_result(path).branches[0].points)
     return 0
 
 
@@ -257,7 +257,7 @@ def test_a_matrix_that_is_no_file_is_not_waited_for(tmp_path, name) -> None:
 def test_a_pipe_beside_a_result_is_not_waited_for(tmp_path, suffix) -> None:
     path = tmp_path / "x.gapwalk"
     os.mkfifo(f"{path}{suffix}")
-    for call in (lambda: gw.run(stop_study(), path), lambda: gw.load(path)):
+    for call in (lambda: gw.run(stop_study(), path), lambda: gw.open_result(path)):
         with pytest.raises(StoreError, match=f"x.gapwalk{suffix} is a pipe or a device"):
             call()
 
@@ -316,7 +316,7 @@ def test_a_clock_that_jumps_changes_nothing(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(time, "time_ns", lambda: next(times) * 10**9)
     path = tmp_path / "x.gapwalk"
     assert_same_result(gw.run(stop_study(), path), expected)
-    assert_same_result(gw.load(path), expected)
+    assert_same_result(gw.open_result(path), expected)
 
 
 def test_a_file_from_tomorrow_is_read_and_gone_on_with(tmp_path) -> None:

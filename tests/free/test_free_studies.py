@@ -24,7 +24,7 @@ def test_self_excitation_is_stored_and_verified(stored):
     assert isinstance(found, SelfExcited)
     assert found.complete
     assert len(found.hopf_points) == len(found.cycles) == 1
-    again = gw.load(path).finding.record
+    again = gw.open_result(path).finding.record
     assert again.cycles[0].points[-1].orbit.state.tolist() == found.cycles[0].points[-1].orbit.state.tolist()
     assert isinstance(again.cycles[0].points[-1].orbit, FreeOrbit)
     assert gw.verify(path).ok
@@ -58,7 +58,7 @@ def test_pictures_show_equilibria_motions_and_frequency(stored):
 
 def test_a_backbone_study_foretells(tmp_path):
     path = tmp_path / "backbone.gapwalk"
-    finding, stored = gw.run(study_of("backbone"), path).finding, gw.load(path).finding
+    finding, stored = gw.run(study_of("backbone"), path).finding, gw.open_result(path).finding
     assert finding is not None
     assert stored is not None
     found, again = finding.record, stored.record

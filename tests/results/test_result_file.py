@@ -82,7 +82,7 @@ def test_what_is_written_is_read_while_it_is_written_and_later(path) -> None:
         file.write(NUMBERS.entry((3.0, 0.1), 3), STATE.entry({"count": 1}))
         file.write(NUMBERS.entry((), 1), STATE.entry({"count": 2}))
         assert list(file.known(NUMBERS)) == [(1, ()), (3, (3.0, 0.1))]
-        assert gw.load(path) == 3.1
+        assert gw.open_result(path) == 3.1
     with reading(path) as parts:
         assert parts.one(VERSIONS).keys() == {"gapwalk", "heyoka", "numpy", "python"}
         assert parts.one(REQUEST) == CALL
@@ -143,7 +143,7 @@ def test_a_number_is_written_once(path) -> None:
             file.write(NUMBERS.entry((2.0,), 1))
         file.write(STATE.entry({"x": 1}))
         assert list(file.known(NUMBERS)) == [(1, (1.0,))]
-    assert gw.load(path) == 1.0
+    assert gw.open_result(path) == 1.0
 
 
 def test_parts_that_are_written_together_are_there_together(path) -> None:
@@ -156,7 +156,7 @@ def test_parts_that_are_written_together_are_there_together(path) -> None:
 
 def test_strange_files(path, tmp_path) -> None:
     with pytest.raises(StoreError, match="there is no file"):
-        gw.load(path)
+        gw.open_result(path)
     with pytest.raises(StoreError, match="there is no folder"), call_file(CALL, tmp_path / "nowhere" / "job"):
         pass
     path.write_text("some text that is long enough to be no database at all" * 20)
@@ -166,13 +166,13 @@ def test_strange_files(path, tmp_path) -> None:
     assert path.read_bytes() == content
     path.unlink()
     change(path, "CREATE TABLE notes (text TEXT)")
-    for use in (lambda: call_file(CALL, path).__enter__(), lambda: gw.load(path)):
+    for use in (lambda: call_file(CALL, path).__enter__(), lambda: gw.open_result(path)):
         with pytest.raises(StoreError, match="is not a result file of gapwalk"):
             use()
     path.write_bytes(b"")
     with call_file(CALL, path) as file:  # an empty file is no loss
         file.write(NUMBERS.entry((1.0,), 1))
-    assert gw.load(path) == 1.0
+    assert gw.open_result(path) == 1.0
 
 
 @pytest.mark.parametrize("schema", [SCHEMA - 1, SCHEMA + 1])
@@ -182,7 +182,7 @@ def test_a_file_of_another_version_is_refused(path, schema) -> None:
     change(path, f"PRAGMA user_version = {schema}")
     content = path.read_bytes()
     words = "by an older gapwalk" if schema < SCHEMA else "by a newer gapwalk"
-    for use in (lambda: call_file(CALL, path).__enter__(), lambda: gw.load(path)):
+    for use in (lambda: call_file(CALL, path).__enter__(), lambda: gw.open_result(path)):
         with pytest.raises(StoreError, match=f"was written {words}"):
             use()
     assert path.read_bytes() == content
@@ -195,7 +195,7 @@ def test_content_that_a_newer_gapwalk_wrote_is_not_called_damaged(path, monkeypa
     monkeypatch.undo()
     change_sealed(path, "UPDATE part SET head = replace(head, 'values', 'values2') WHERE name = 'request'")
     with pytest.raises(StoreError, match=r"was written by gapwalk 99\.0\.0, and holds what .* update gapwalk"):
-        gw.load(path)
+        gw.open_result(path)
 
 
 def test_a_killed_writer_leaves_what_it_had_written(path, tmp_path) -> None:
@@ -205,7 +205,7 @@ def test_a_killed_writer_leaves_what_it_had_written(path, tmp_path) -> None:
             copy = tmp_path / str(number)
             for side in ("", "-wal"):  # as they lie there when the writer dies
                 (tmp_path / f"{number}{side}").write_bytes((tmp_path / f"job{side}").read_bytes())
-            assert gw.load(copy) == number + 1.0
+            assert gw.open_result(copy) == number + 1.0
 
 
 class CtrlC:
@@ -253,10 +253,10 @@ def test_ctrl_c_at_any_line_of_the_writer_loses_nothing(tmp_path, request) -> No
         with suppress(KeyboardInterrupt), CtrlC(at):
             write_three(path, safe)
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-        assert not safe or gw.load(path) >= len(safe)
+        assert not safe or gw.open_result(path) >= len(safe)
         gc.collect()  # Ctrl-C in the first line of `close` leaves that to the end of the object
         write_three(path, safe)
-        assert gw.load(path) == 3.0
+        assert gw.open_result(path) == 3.0
         assert {name for name in os.listdir(tmp_path) if name.startswith(f"{at}-")} <= {f"{at}-lock"}
 
 
@@ -271,7 +271,7 @@ def test_a_part_is_named_where_it_is_damaged(path) -> None:
         content = path.read_bytes()
         change_sealed(path, statement)
         with pytest.raises(StoreError, match=message):
-            gw.load(path)
+            gw.open_result(path)
         path.write_bytes(content)
 
 

@@ -68,10 +68,10 @@ TAMPERINGS = {
 def test_a_change_by_something_else_than_gapwalk_is_found(diagram, tmp_path, statement) -> None:
     path = tmp_path / "changed.gapwalk"
     shutil.copy(diagram, path)
-    assert gw.load(path).complete
+    assert gw.open_result(path).complete
     tamper(path, statement)
     with pytest.raises(StoreError, match=r"changed\.gapwalk is damaged: .*checksum"):
-        gw.load(path)
+        gw.open_result(path)
     assert seal_fault(path)
 
 
@@ -123,7 +123,7 @@ def test_a_killed_run_leaves_a_seal_that_holds(tmp_path) -> None:
     for number in (2, 8, 41):
         killed = tmp_path / str(number)
         assert not seal_fault(killed)
-        assert not gw.load(killed).complete
+        assert not gw.open_result(killed).complete
         changed = tmp_path / f"{number}-changed"
         for side in ("", "-wal"):
             shutil.copy(f"{killed}{side}", f"{changed}{side}")
@@ -137,7 +137,7 @@ def test_a_killed_run_leaves_a_seal_that_holds(tmp_path) -> None:
 def test_a_write_that_fails_leaves_the_seal_of_what_was_there(response, tmp_path, monkeypatch) -> None:
     path = tmp_path / "stop.gapwalk"
     shutil.copy(response, path)
-    result = gw.load(path)
+    result = gw.open_result(path)
     found = gw.verify(result)
     insert = file._insert
 
@@ -150,11 +150,11 @@ def test_a_write_that_fails_leaves_the_seal_of_what_was_there(response, tmp_path
         with suppress(RuntimeError):
             write_more(path, result.system, VERIFICATION.entry(found))
     assert not seal_fault(path)
-    assert gw.load(path).verification is None
+    assert gw.open_result(path).verification is None
     for _ in range(2):  # a part of which there is one is replaced
         write_more(path, result.system, VERIFICATION.entry(found))
         assert not seal_fault(path)
-    assert gw.load(path).verification == found
+    assert gw.open_result(path).verification == found
 
 
 @pytest.mark.parametrize(
@@ -177,5 +177,5 @@ def test_values_of_wrong_types_are_refused_in_a_sentence(response, tmp_path, col
         assert value is None
         return
     with pytest.raises(StoreError, match=rf"changed\.gapwalk is damaged: its part .* has {words}"):
-        gw.load(path)
+        gw.open_result(path)
     assert main(["show", str(path)]) == 2

@@ -116,7 +116,7 @@ def test_a_balanced_response_is_that_of_shooting_to_the_truncation(growing) -> N
 def test_what_is_loaded_is_what_was_walked(growing, tmp_path) -> None:
     path = tmp_path / "result.gapwalk"
     assert_same_result(gw.run(growing_study(), path), growing)
-    loaded = gw.load(path)
+    loaded = gw.open_result(path)
     assert_same_result(loaded, growing)
     harmonics = [point.orbit.harmonics for point in loaded.branches[0].points]
     assert len(set(harmonics)) > 2
@@ -156,11 +156,11 @@ def test_a_run_that_is_killed_comes_to_the_same_result(growing, tmp_path) -> Non
         if "complete" in lines:
             break
         kills += 1
-        known = len(gw.load(path).branches[0].points)
+        known = len(gw.open_result(path).branches[0].points)
         reported = max((int(line) for line in lines), default=0)
         assert known > reported
     assert kills >= 1
-    assert_same_result(gw.load(path), growing)
+    assert_same_result(gw.open_result(path), growing)
 
 
 def test_tables_and_json_tell_harmonics_and_truncation(growing) -> None:
@@ -189,7 +189,7 @@ def test_a_stop_too_stiff_for_the_harmonics_ends_with_what_to_change(tmp_path) -
     assert "take harmonics = 30 or more, or leave harmonics out" in str(end)
     assert result.failures == (str(end),)
     assert all(point.orbit.truncation <= 1e-3 for point in result.branches[0].points)
-    assert_same_result(gw.load(path), result)
+    assert_same_result(gw.open_result(path), result)
     exact = gw.run(stop_study(**{"stop.stiffness": 1e3}, end=result.branches[0].values[-1]))
     comparison = gw.studies.compare_results(exact, result)
     assert comparison.within(1e-2)  # beside a hard contact small errors of the force grow: 9e-3 of this short range
@@ -250,7 +250,7 @@ def test_a_diagram_that_is_interrupted_comes_to_the_same_result(tmp_path) -> Non
 
     assert not until_ctrl_c(gw.run, study, path, report=report).complete
     assert_same_result(gw.run(study, path, resume=True), gw.run(study))
-    assert all(isinstance(point.orbit, BalancedOrbit) for b in gw.load(path).branches for point in b.points)
+    assert all(isinstance(point.orbit, BalancedOrbit) for b in gw.open_result(path).branches for point in b.points)
 
 
 def test_a_search_leads_to_balanced_branches_each_of_them_once(tmp_path) -> None:
@@ -262,7 +262,7 @@ def test_a_search_leads_to_balanced_branches_each_of_them_once(tmp_path) -> None
     assert [(found.value, found.orbit.period, found.is_new) for found in result.diagram.search.found] == [
         (found.value, found.orbit.period, found.is_new) for found in shot.diagram.search.found
     ]
-    assert_same_result(gw.load(path), result)
+    assert_same_result(gw.open_result(path), result)
 
 
 @pytest.mark.parametrize("figure", some_of(["9a", "9b"], "9a"))
@@ -307,6 +307,6 @@ def test_a_damaged_balanced_result_is_named(growing, tmp_path) -> None:
         change_sealed(path, f"UPDATE part SET head = replace(head, '{right}', '{wrong}') WHERE name = 'start'")
         assert path.read_bytes() != content
         with pytest.raises(StoreError, match=r"result\.gapwalk is damaged: "):
-            gw.load(path)
+            gw.open_result(path)
     path.write_bytes(content)
-    assert_same_result(gw.load(path), growing)
+    assert_same_result(gw.open_result(path), growing)

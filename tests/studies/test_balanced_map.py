@@ -41,7 +41,7 @@ def test_a_balanced_map_is_that_of_shooting(undisturbed) -> None:
 def test_what_is_loaded_is_what_was_found(undisturbed, tmp_path) -> None:
     path = tmp_path / "balanced.gapwalk"
     assert_same_result(gw.run(balanced_map(workers=2), path), undisturbed)
-    assert_same_result(gw.load(path), undisturbed)
+    assert_same_result(gw.open_result(path), undisturbed)
 
 
 @pytest.mark.slow
@@ -51,11 +51,11 @@ def test_a_run_that_is_killed_at_any_moment_goes_on_to_the_same_map(undisturbed,
     for aim in (1, 4, 100):
         code = f"from tests.studies.maps import main; main({str(path)!r}, '1', 'harmonic-balance')"
         lines = killed_after(aim, code, longest_wait=0.2)
-        stored = gw.load(path).map
+        stored = gw.open_result(path).map
         reported = [tuple(map(int, line.split())) for line in lines if line != "complete"]
         assert (len(stored.sections), len(stored.loci)) >= reported[-1]
     assert lines[-1] == "complete"
-    assert_same_result(replace(gw.load(path), study=undisturbed.study), undisturbed)
+    assert_same_result(replace(gw.open_result(path), study=undisturbed.study), undisturbed)
 
 
 def test_tables_and_documents_tell_harmonics_and_truncation(undisturbed, tmp_path) -> None:

@@ -90,15 +90,15 @@ def test_a_job_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
     with pytest.raises(
         StoreError, match=r"is not complete: 1 of 2 chunks of cells are stored; continue it by gapwalk\.basins"
     ):
-        gw.load(path)
+        gw.open_result(path)
     paces = []
     found = basins(
         double_well(), WELLS, size, options=in_process(check=9), report=lambda _, pace: paces.append(pace), output=path
     )
     assert [(pace.done, pace.total, pace.before) for pace in paces] == [(2, 2, 1)]
     assert same(found, whole)
-    assert same(gw.load(path), whole)
-    assert gw.load(path).window == whole.window
+    assert same(gw.open_result(path), whole)
+    assert gw.open_result(path).window == whole.window
     monkeypatch.setattr("gapwalk.studies.basin_study.explore", None)
     assert same(basins(double_well(), WELLS, size, options=in_process(check=9), output=path), whole)
     with pytest.raises(StoreError, match=r"something else, so it cannot be continued: check is 8, and was 9"):

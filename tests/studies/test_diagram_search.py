@@ -51,7 +51,7 @@ def test_what_hangs_together_with_nothing_is_found(undisturbed) -> None:
 def test_what_is_loaded_is_what_was_found(path, undisturbed) -> None:
     returned = gw.run(islands(), path)
     assert_same_result(returned, undisturbed)
-    loaded = gw.load(path).diagram.search
+    loaded = gw.open_result(path).diagram.search
     for found, expected in zip(loaded.found, undisturbed.diagram.search.found, strict=True):
         assert np.array_equal(found.orbit.state, expected.orbit.state)
         assert np.array_equal(found.orbit.multipliers, expected.orbit.multipliers)
@@ -73,7 +73,7 @@ def test_ctrl_c_then_resume_gives_the_same_names_in_the_same_order(path, after, 
     assert stopped.names == undisturbed.names[:after]
     assert (stopped.diagram.search is None) == (after == 1)
     assert_same_result(gw.run(islands(), path, resume=True), undisturbed)
-    assert_same_result(gw.load(path), undisturbed)
+    assert_same_result(gw.open_result(path), undisturbed)
 
 
 def test_a_search_that_is_stopped_keeps_what_it_has_and_is_resumed(path, monkeypatch, undisturbed) -> None:
@@ -88,7 +88,7 @@ def test_a_search_that_is_stopped_keeps_what_it_has_and_is_resumed(path, monkeyp
         stopped = until_ctrl_c(gw.run, islands(), path)
     assert not stopped.complete
     assert stopped.names == ("P3-1",)
-    part = gw.load(path).diagram
+    part = gw.open_result(path).diagram
     assert not part.search.complete
     assert part.search.values == (0.351,)
     assert part.search.new
@@ -106,9 +106,9 @@ def test_a_run_that_is_killed_at_any_moment_comes_to_the_same_result(path, undis
     code = f"from tests.studies.diagrams import islands, main; main({str(path)!r}, '1', islands)"
     for aim in (1, 1, 2, 100):
         lines = killed_after(aim, code, longest_wait=0.6)
-        assert gw.load(path).names == undisturbed.names[: len(gw.load(path).names)]
+        assert gw.open_result(path).names == undisturbed.names[: len(gw.open_result(path).names)]
     assert lines[-1] == "complete"
-    assert_same_result(replace(gw.load(path), study=undisturbed.study), undisturbed)
+    assert_same_result(replace(gw.open_result(path), study=undisturbed.study), undisturbed)
 
 
 def test_without_a_first_branch_there_is_no_search(monkeypatch) -> None:

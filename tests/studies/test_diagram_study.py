@@ -59,7 +59,7 @@ def test_the_number_of_workers_changes_nothing(path, undisturbed) -> None:
 
 def test_what_was_reported_is_in_the_file(path) -> None:
     def report(diagram, member) -> None:
-        stored = gw.load(path)
+        stored = gw.open_result(path)
         assert stored.names[-1] == member.name
         assert not stored.complete
         assert_same_branch(stored.branches[-1], member.branch)
@@ -76,7 +76,7 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(path, after, undisturbed) -> 
     stopped = until_ctrl_c(gw.run, clutch_diagram(), path, report=report)
     assert not stopped.complete
     assert len(stopped.branches) == after
-    assert_same_result(stopped, gw.load(path))
+    assert_same_result(stopped, gw.open_result(path))
     assert os.listdir(path.parent) == [path.name]
     reported = []
     resumed = gw.run(clutch_diagram(), path, resume=True, report=lambda diagram, member: reported.append(member.name))
@@ -93,7 +93,7 @@ def test_ctrl_c_just_after_the_file_was_made_keeps_its_branch(path, monkeypatch,
 
     monkeypatch.setattr(os, "replace", interrupted)
     until_ctrl_c(gw.run, clutch_diagram(), path)
-    assert gw.load(path).names == ("P1-1",)
+    assert gw.open_result(path).names == ("P1-1",)
     monkeypatch.undo()
     assert_same_result(gw.run(clutch_diagram(), path, resume=True), undisturbed)
 
@@ -108,7 +108,7 @@ def test_ctrl_c_just_before_a_branch_is_written_keeps_it(path, monkeypatch, undi
 
     monkeypatch.setattr(file.ResultFile, "write", interrupted)
     until_ctrl_c(gw.run, clutch_diagram(), path)
-    assert gw.load(path).names == ("P1-1",)
+    assert gw.open_result(path).names == ("P1-1",)
     assert_same_result(gw.run(clutch_diagram(), path, resume=True), undisturbed)
 
 
@@ -142,7 +142,7 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, work
     for aim in [*aims, 100]:
         code = f"from tests.studies.diagrams import main; main({str(path)!r}, '{workers}')"
         lines = killed_after(aim, code, longest_wait=0.3)
-        stored = gw.load(path)
+        stored = gw.open_result(path)
         assert list(stored.names)[: len(lines)] == lines[: len(stored.names)]
         assert stored.names == whole.names[: len(stored.names)]
     assert lines[-1] == "complete"
@@ -163,7 +163,7 @@ def test_a_disk_that_is_full_loses_nothing_that_was_reported(path, monkeypatch, 
         patch.setattr(file, "_insert", insert_some)
         with pytest.raises(StoreError, match="the disk is full"):
             gw.run(clutch_diagram(), path)
-    assert gw.load(path).names == ("P1-1", "P2-1")
+    assert gw.open_result(path).names == ("P1-1", "P2-1")
     assert_same_result(gw.run(clutch_diagram(), path, resume=True), undisturbed)
 
 
@@ -187,7 +187,7 @@ def test_what_cannot_be_walked_is_noted_once(path, monkeypatch) -> None:
     assert result.names == ("P1-1", "P2-1")
     assert len(result.diagram.failures) == 2  # from both flips of the loop
     assert all(note.endswith("could not be walked: no way") for note in result.diagram.failures)
-    assert_same_result(result, gw.load(path))
+    assert_same_result(result, gw.open_result(path))
     monkeypatch.setattr(growing, "walk_out", lambda *_: fail([replace_period(4)], None))
     with pytest.raises(NumericalError, match="no way"):
         gw.run(clutch_diagram())
@@ -235,7 +235,7 @@ def test_a_branch_may_end_anywhere(path) -> None:
     result = gw.run(clutch_diagram(end=0.7), path)  # the loop is cut off
     assert result.diagram["P2-1"].joins is None
     assert result.branches[1].ends[-1].reason in (EndReason.RANGE, EndReason.TURNED_BACK)
-    assert_same_result(result, gw.load(path))
+    assert_same_result(result, gw.open_result(path))
 
 
 @pytest.mark.parametrize(
@@ -258,7 +258,7 @@ def test_a_damaged_result_is_called_so(path, statement, whole_file) -> None:
     path.write_bytes(whole_file)
     change_sealed(path, statement)
     with pytest.raises(StoreError, match="damaged"):
-        gw.load(path)
+        gw.open_result(path)
 
 
 @pytest.fixture(scope="module")
@@ -270,5 +270,5 @@ def whole_file(tmp_path_factory) -> bytes:
 
 def test_a_response_has_no_diagram(path) -> None:
     result = gw.run(stop_study(end=0.72), path)
-    assert gw.load(path).diagram is None
+    assert gw.open_result(path).diagram is None
     assert result.names == ("P1-1",)

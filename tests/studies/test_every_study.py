@@ -103,7 +103,7 @@ def test_every_study(kind, tmp_path, monkeypatch, capsys) -> None:
     if kind != "settle":  # which has one part
         stopped = until_ctrl_c(gw.run, study, path, report=stop)
         assert not stopped.complete
-        assert_same_result(stopped, gw.load(path))
+        assert_same_result(stopped, gw.open_result(path))
         with pytest.raises(StoreError, match="exists already"):
             gw.run(study, path)
     result = gw.run(study, path, resume=True)
@@ -115,7 +115,7 @@ def test_every_study(kind, tmp_path, monkeypatch, capsys) -> None:
         assert result.finding is not None
         assert said(result.finding.record) == said(expected)
 
-    loaded, content, calls = gw.load(path), path.read_bytes(), Flow.calls
+    loaded, content, calls = gw.open_result(path), path.read_bytes(), Flow.calls
     assert loaded.study == study
     assert_same_result(loaded, result)
     assert_same_result(gw.run(study, path, resume=True), result)

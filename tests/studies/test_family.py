@@ -269,14 +269,14 @@ def test_a_stopped_family_goes_on_to_the_same_result(family, tmp_path) -> None:
     assert not stopped.complete
     assert [member.value for member in stopped.members] == list(LOADS[:2])
     assert "2 members of 3" in repr(stopped)
-    assert gw.load(path).connections == {}
+    assert gw.open_result(path).connections == {}
     again = until_ctrl_c(second_resonance, output=path, report=stop)
     assert len(again.members) == 3
     assert len(again.connections or {}) == 1
     assert not again.complete
     whole = second_resonance(output=path, report=lambda part, pace: seen.append((pace.done, pace.before)))
     assert seen == [(1, 5), (2, 5), (3, 5), (4, 5), (5, 4)]
-    for found in (whole, gw.load(path)):
+    for found in (whole, gw.open_result(path)):
         assert found.complete
         assert found.connections == family.connections
         assert found.point_paths == family.point_paths

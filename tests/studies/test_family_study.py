@@ -55,7 +55,7 @@ def test_a_killed_study_goes_on_to_the_same_result(tmp_path) -> None:
     path = tmp_path / "r.gapwalk"
     code = f"from tests.studies.families import main\nmain({str(path)!r})"
     assert killed_after(2, code, 0.1)[:2] == ["1 5", "2 5"]
-    assert not gw.load(path).complete
+    assert not gw.open_result(path).complete
     assert killed_after(2, code, 0.1)[-1] != "complete"
     result = gw.run(study_of(), path, resume=True)
     assert result.complete
@@ -177,7 +177,7 @@ def test_members_on_which_nothing_happens_are_read_again(tmp_path) -> None:
     assert result.finding is not None
     assert [len(branch.special_points) for branch in result.finding.record.branches] == [0, 0, 0]
     expected = gw.family(clutch(), "frequency", (1.4, 1.39), LOADS, options=gw.FamilyOptions(workers=1))
-    for found in (result, gw.load(tmp_path / "r.gapwalk")):
+    for found in (result, gw.open_result(tmp_path / "r.gapwalk")):
         assert found.finding is not None
         assert_same_family(found.finding.record, expected)
     assert gw.verify(tmp_path / "r.gapwalk").ok

@@ -1,5 +1,6 @@
 """Studies in model files: what they ask for, and what is said of those that are wrong."""
 
+import io
 import pickle
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import gapwalk as gw
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model import ModelFileError
@@ -176,6 +178,23 @@ def test_a_missing_study_is_said() -> None:
     (problem,) = problems_of(GOOD[: GOOD.index("[study]")])
     assert (problem.path, problem.line) == ("study", None)
     assert 'add [study] with kind = "response"' in problem.message
+
+
+def test_a_model_is_read_without_its_studies(tmp_path) -> None:
+    file = tmp_path / "model.toml"
+    file.write_text(GOOD.replace('kind = "response"', 'kind = "unknown"'))
+    system = gw.read_model(file, {"frequency": 0.7})
+    assert system == read_study(io.StringIO(GOOD)).system.at(frequency=0.7)
+    with pytest.raises(ModelFileError, match="no_such_name"):
+        gw.read_model(file, {"no_such_name": 1.0})
+
+
+def test_a_file_is_run_by_its_name_and_the_name_of_its_study(tmp_path) -> None:
+    file = tmp_path / "model.toml"
+    file.write_text(GOOD.replace("period = 2\n", "").replace("max_points = 500", "max_points = 3"))
+    assert gw.run(file).study == read_study(file)
+    with pytest.raises(ModelError, match="has one study, which has no name"):
+        gw.run(file, study="other")
 
 
 def test_walking_another_parameter_needs_a_frequency() -> None:

@@ -40,10 +40,10 @@ def test_a_run_that_is_killed_comes_to_the_same_result(kind, tmp_path) -> None:
     path, whole = tmp_path / "killed.gapwalk", gw.run(study_of(kind))
     code = f"from tests.studies.jobs import main; main({kind!r}, {str(path)!r})"
     assert "complete" not in killed_after(1, code)
-    assert not gw.load(path).complete
+    assert not gw.open_result(path).complete
     assert killed_after(100, code)[-1] == "complete"
-    assert_same_record(kind, gw.load(path).finding.record, whole.finding.record)
-    assert json.dumps(gw.load(path).finding.document(True)) == json.dumps(whole.finding.document(True))
+    assert_same_record(kind, gw.open_result(path).finding.record, whole.finding.record)
+    assert json.dumps(gw.open_result(path).finding.document(True)) == json.dumps(whole.finding.document(True))
 
 
 def test_a_settled_motion_has_its_rattle_spectrum_and_section() -> None:
@@ -98,7 +98,7 @@ def test_a_damaged_part_is_refused_and_another_study_is_not_gone_on_with(tmp_pat
             connection.execute(change)
         connection.close()
         with pytest.raises(StoreError, match="is damaged"):
-            gw.load(other)
+            gw.open_result(other)
 
 
 @pytest.mark.parametrize(

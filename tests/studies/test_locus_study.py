@@ -75,7 +75,7 @@ def written(tmp_path_factory) -> Path:
 
 def test_the_locus_of_first_contact_is_that_of_the_linear_response(written) -> None:
     """A motion that grazes never enters the stop: it is x = 1 at its height, which has a closed form."""
-    chart = map_of(gw.load(written))
+    chart = map_of(gw.open_result(written))
     assert chart.complete
     assert not chart.failures
     (locus,) = chart.loci  # both grazing points of the branch lie on it
@@ -89,7 +89,7 @@ def test_the_locus_of_first_contact_is_that_of_the_linear_response(written) -> N
 
 
 def test_it_is_the_locus_that_the_function_follows(written) -> None:
-    result = gw.load(written)
+    result = gw.open_result(written)
     special = result.branches[0].special("grazing")[0]
     expected = gw.follow_locus(special, "frequency", "harmonic1.amplitude", ((0.6, 2.0), (0.09, 0.6)))
     assert np.array_equal(map_of(result).loci[0].values, expected.values)
@@ -118,12 +118,12 @@ def test_nothing_to_follow_is_a_failure_that_says_what_there_is(tmp_path, monkey
     Path("x.toml").write_text(SYSTEM + STUDY.replace("grazing", "neimark-sacker"))
     assert main(["run", "x.toml", "--quiet"]) == 3
     assert "the branch has no neimark-sacker; it has grazing of stop + at 1." in capsys.readouterr().err
-    assert not map_of(gw.load("x.gapwalk")).loci
+    assert not map_of(gw.open_result("x.gapwalk")).loci
 
 
 def test_it_is_verified_and_shown_and_exported(written, tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
-    assert gw.verify(gw.load(written)).ok
+    assert gw.verify(gw.open_result(written)).ok
     assert main(["show", str(written), "--points"]) == 0
     text = capsys.readouterr().out
     assert "1 locus, 1 of grazing" in text

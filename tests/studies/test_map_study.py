@@ -68,7 +68,7 @@ def crossing(locus, load: float) -> np.ndarray:
 
 def test_what_was_reported_is_in_the_file(path) -> None:
     def report(chart, addition) -> None:
-        stored = gw.load(path).map
+        stored = gw.open_result(path).map
         assert not stored.complete
         assert stored.tried == chart.tried
         if chart.loci:
@@ -99,7 +99,7 @@ def test_ctrl_c_just_before_a_part_is_written_keeps_it(path, count, monkeypatch,
     monkeypatch.setattr(ResultFile, "write", interrupted)
     stopped = until_ctrl_c(gw.run, clutch_map(), path)
     assert len(stopped.map.sections) + len(stopped.map.loci) == count
-    assert_same_result(stopped, gw.load(path))
+    assert_same_result(stopped, gw.open_result(path))
     assert_same_result(gw.run(clutch_map(), path, resume=True), undisturbed)
 
 
@@ -112,7 +112,7 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(path, after, undisturbed) -> 
     stopped = until_ctrl_c(gw.run, clutch_map(), path, report=report)
     assert not stopped.complete
     assert len(stopped.map.sections) + len(stopped.map.loci) == after
-    assert_same_result(stopped, gw.load(path))
+    assert_same_result(stopped, gw.open_result(path))
     assert os.listdir(path.parent) == [path.name]
     reported = []
     resumed = gw.run(clutch_map(), path, resume=True, report=lambda _, new: reported.append(type(new).__name__))
@@ -156,11 +156,11 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, work
     for aim in [*aims, 100]:
         code = f"from tests.studies.maps import main; main({str(path)!r}, '{workers}')"
         lines = killed_after(aim, code, longest_wait=0.2)
-        stored = gw.load(path).map
+        stored = gw.open_result(path).map
         reported = [tuple(map(int, line.split())) for line in lines if line != "complete"]
         assert (len(stored.sections), len(stored.loci)) >= reported[-1]
     assert lines[-1] == "complete"
-    assert_same_result(replace(gw.load(path), study=undisturbed.study), undisturbed)
+    assert_same_result(replace(gw.open_result(path), study=undisturbed.study), undisturbed)
 
 
 def test_what_cannot_be_followed_is_a_failure(path, monkeypatch, undisturbed) -> None:
@@ -184,7 +184,7 @@ def test_what_cannot_be_followed_is_a_failure(path, monkeypatch, undisturbed) ->
     assert len(result.failures) == 2  # each once, though it was resumed
     assert all("fold at frequency = 1.21" in text for text in result.failures)
     assert all(text.endswith("could not be followed: no way") for text in result.failures)
-    assert_same_result(result, gw.load(path))
+    assert_same_result(result, gw.open_result(path))
 
 
 def test_a_section_without_a_first_orbit_is_a_failure(monkeypatch) -> None:
@@ -269,7 +269,7 @@ def test_a_damaged_file_is_named(path, change, message) -> None:
     gw.run(clutch_map(kinds=(gw.Kind.FLIP,)), path)
     change_sealed(path, change)
     with pytest.raises(StoreError, match=rf"resonance\.gapwalk is damaged: .*{message}"):
-        gw.load(path)
+        gw.open_result(path)
 
 
 def test_bad_requests_are_refused() -> None:

@@ -81,14 +81,14 @@ def test_a_map_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     until_ctrl_c(regimes, SET_15, plane, size, options=options, report=stop, output=path)
-    stopped = gw.load(path)
+    stopped = gw.open_result(path)
     assert not stopped.complete
     assert stopped.notes == ("stopped when 128 of 140 cells were done",)
     paces = []
     found = regimes(SET_15, plane, size, options=options, report=lambda _, pace: paces.append(pace), output=path)
     assert [(pace.done, pace.before) for pace in paces] == [(2, 1)]
     assert same(found, whole)
-    assert same(gw.load(path), whole)
+    assert same(gw.open_result(path), whole)
     monkeypatch.setattr("gapwalk.studies.regime_study._judge_piece", None)
     assert same(regimes(SET_15, plane, size, options=options, output=path), whole)
     with pytest.raises(StoreError, match=r"carry is 'no', and was 'up'"):

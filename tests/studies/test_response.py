@@ -120,7 +120,7 @@ def test_a_failure_on_the_way_keeps_what_was_found(tmp_path, monkeypatch) -> Non
     assert (end.reason, end.detail) == (EndReason.FAILED, "no orbit found between here and there")
     assert len(result.branches[0].points) == 31
     assert not result.complete
-    assert_same_result(result, gw.load(path))
+    assert_same_result(result, gw.open_result(path))
     assert_same_branch(gw.run(study, path, resume=True).branches[0], gw.run(study).branches[0])
 
 

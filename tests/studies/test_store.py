@@ -49,7 +49,7 @@ def test_what_is_loaded_is_what_was_found(path) -> None:
     returned = gw.run(study, path)
     orbit = gw.find_orbit(study.system)
     followed = gw.follow(orbit, "frequency", to=study.options.end, walk=study.options.walk)
-    loaded = gw.load(path)
+    loaded = gw.open_result(path)
     assert loaded.complete
     assert loaded.title == "A stop"
     assert set(loaded.versions) == {"gapwalk", "heyoka", "numpy", "python"}
@@ -87,12 +87,12 @@ def test_a_system_of_all_kinds_of_parts_survives(path) -> None:
     )
     study = gw.Study(system, options, "ü \x1b[31m", "", (("study.to", 0.2), ("study.start", [0.1, 0.0, 0.0, 1e-3])))
     result = gw.run(study, path)
-    assert_same_result(result, gw.load(path))
-    assert gw.load(path).branches[0].ends[-1].detail == "max_points = 5"
+    assert_same_result(result, gw.open_result(path))
+    assert gw.open_result(path).branches[0].ends[-1].detail == "max_points = 5"
 
 
 def test_a_picture_of_a_loaded_result_needs_no_integration(written) -> None:
-    branch = gw.load(written).branches[0]
+    branch = gw.open_result(written).branches[0]
     before = Flow.calls
     branch.measure("half.x")
     branch.measure("rms.x")
@@ -117,7 +117,7 @@ def test_what_was_reported_is_in_the_file_even_while_it_is_written(path) -> None
         nonlocal reported
         reported += 1
         if reported % 20 == 0:
-            branch = gw.load(path).branches[0]
+            branch = gw.open_result(path).branches[0]
             seen.append(len(branch.points) >= reported)
             assert_same_point(branch.points[reported - 1], point)
 
@@ -141,12 +141,12 @@ def test_an_interrupted_run_goes_on_as_if_never_stopped(path, after) -> None:
     assert not stopped.complete
     assert stopped.branches[0].ends[-1].reason is EndReason.INTERRUPTED
     assert len(stopped.branches[0].points) <= after + 2
-    assert_same_result(stopped, gw.load(path))
+    assert_same_result(stopped, gw.open_result(path))
     assert os.listdir(path.parent) == [path.name]
     reported = []
     resumed = gw.run(study, path, resume=True, report=lambda point, special_points: reported.append(point.value))
     assert_same_result(resumed, gw.run(study))
-    assert_same_result(resumed, gw.load(path))
+    assert_same_result(resumed, gw.open_result(path))
     assert reported == resumed.branches[0].values.tolist()
 
 
@@ -172,7 +172,7 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, undi
         lines = killed_after(random.randint(begin + 1, end), f"{program}, wait_at={end})", longest_wait=0.04)
         reported = int(lines[-1])
         assert reported <= end
-        result = gw.load(path)
+        result = gw.open_result(path)
         points = result.branches[0].points
         assert not result.complete
         assert len(points) >= reported
@@ -180,7 +180,7 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, undi
             assert_same_point(a, b)
         known = len(points) - 1
     assert killed_after(count + 2, f"{program})")[-1] == "complete"  # it prints a line less, and is not killed
-    assert_same_result(gw.load(path), undisturbed)
+    assert_same_result(gw.open_result(path), undisturbed)
     gw.run(long_study(), path, resume=True)
     assert os.listdir(path.parent) == [path.name]
 
@@ -192,7 +192,7 @@ def test_an_exception_in_the_callers_report_leaves_a_result_to_resume(path) -> N
 
     with pytest.raises(RuntimeError, match="screen"):
         gw.run(stop_study(), path, report=report)
-    assert not gw.load(path).complete
+    assert not gw.open_result(path).complete
     assert_same_result(gw.run(stop_study(), path, resume=True), gw.run(stop_study()))
 
 
@@ -208,7 +208,7 @@ def test_an_existing_result_is_kept_unless_told_otherwise(written) -> None:
         gw.run(stop_study(), written, resume=True, force=True)
     assert written.read_bytes() == content
     gw.run(stop_study(end=1.8), written, force=True)
-    assert gw.load(written).branches[0].points[-1].value == 1.8
+    assert gw.open_result(written).branches[0].points[-1].value == 1.8
 
 
 def test_a_new_run_that_finds_no_start_keeps_the_old_result(written) -> None:
@@ -256,7 +256,7 @@ def test_a_killed_run_that_left_its_lock_is_no_obstacle(path) -> None:
 def test_what_is_no_result_is_called_so(path, text) -> None:
     path.write_text(text)
     with pytest.raises(StoreError, match=r"stop.gapwalk is not a result file of gapwalk"):
-        gw.load(path)
+        gw.open_result(path)
 
 
 def test_another_database_is_no_result(path) -> None:
@@ -265,14 +265,14 @@ def test_another_database_is_no_result(path) -> None:
     connection.commit()
     connection.close()
     with pytest.raises(StoreError, match="not a result file"):
-        gw.load(path)
+        gw.open_result(path)
 
 
 def test_a_file_that_is_not_there(tmp_path) -> None:
     with pytest.raises(StoreError, match="there is no file"):
-        gw.load(tmp_path / "nothing.gapwalk")
+        gw.open_result(tmp_path / "nothing.gapwalk")
     with pytest.raises(StoreError, match="is a folder"):
-        gw.load(tmp_path)
+        gw.open_result(tmp_path)
     with pytest.raises(StoreError, match="there is no folder"):
         gw.run(stop_study(), tmp_path / "nowhere" / "x.gapwalk")
     with pytest.raises(ModelError, match="is a folder"):
@@ -286,7 +286,7 @@ def test_a_folder_that_cannot_be_written(written) -> None:
         folder.chmod(0o700)
         pytest.skip("this user may write everywhere")
     try:
-        assert gw.load(written).complete
+        assert gw.open_result(written).complete
         with pytest.raises(StoreError, match="folder cannot be written"):
             gw.run(stop_study(), folder / "other.gapwalk")
     finally:
@@ -296,7 +296,7 @@ def test_a_folder_that_cannot_be_written(written) -> None:
 def test_a_result_from_the_future(written) -> None:
     change(written, f"PRAGMA user_version = {SCHEMA + 1}")
     with pytest.raises(StoreError, match="written by a newer gapwalk"):
-        gw.load(written)
+        gw.open_result(written)
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.6, 0.8])
@@ -304,7 +304,7 @@ def test_a_file_cut_short(written, share) -> None:
     content = written.read_bytes()
     written.write_bytes(content[: int(share * len(content))])
     with pytest.raises(StoreError, match="damaged"):
-        gw.load(written)
+        gw.open_result(written)
 
 
 def part(name: str, number: int = 0) -> str:
@@ -352,7 +352,7 @@ DAMAGES = [
 def test_a_damaged_result_is_called_so(written, statement) -> None:
     assert change(written, statement)
     with pytest.raises(StoreError, match="damaged"):
-        gw.load(written)
+        gw.open_result(written)
 
 
 @pytest.mark.parametrize("statement", DAMAGES)
@@ -360,14 +360,14 @@ def test_what_a_faulty_program_wrote_is_called_damaged_too(written, statement) -
     """Its checksums hold: it is refused by what reads it."""
     change_sealed(written, statement)
     with pytest.raises(StoreError, match="damaged") as error:
-        gw.load(written)
+        gw.open_result(written)
     assert "checksum" not in str(error.value)
 
 
 def test_a_result_of_an_older_format_is_refused_in_a_sentence(written) -> None:
     change(written, "PRAGMA user_version = 3")
     content = written.read_bytes()
-    for call in (lambda: gw.load(written), lambda: gw.run(stop_study(), written, resume=True)):
+    for call in (lambda: gw.open_result(written), lambda: gw.run(stop_study(), written, resume=True)):
         with pytest.raises(StoreError, match=r"by an older gapwalk \(its schema is 3; .* compute the result again"):
             call()
     assert written.read_bytes() == content
@@ -384,7 +384,7 @@ def test_whatever_bytes_are_wrong_there_is_a_clear_error_or_none(written) -> Non
             damaged[random.randrange(len(damaged))] ^= 1 << random.randrange(8)
         written.write_bytes(damaged)
         try:
-            gw.load(written)
+            gw.open_result(written)
         except StoreError as error:
             message = str(error)
         else:
@@ -402,4 +402,4 @@ def test_versions_that_differ_are_all_told(path, monkeypatch) -> None:
         gw.run(stop_study(), path, report=report)
     monkeypatch.setattr("gapwalk.results.result_file.__version__", "0.0.2")
     gw.run(stop_study(), path, resume=True)
-    assert gw.load(path).versions["gapwalk"] == "0.0.1, 0.0.2"
+    assert gw.open_result(path).versions["gapwalk"] == "0.0.1, 0.0.2"

@@ -141,12 +141,12 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(after, hysteresis, tmp_path) 
     assert not stopped.complete
     assert np.count_nonzero(stopped.regimes != "") == sum(len(segment.regimes) for segment in done)
     assert [(pace.done, pace.total) for pace in paces] == [(k, 6) for k in range(1, after + 1)]
-    assert_same(gw.load(path), stopped)
+    assert_same(gw.open_result(path), stopped)
     assert os.listdir(tmp_path) == [path.name]
     paces.clear()
     again = gw.sweep(*FOLDS, options=options(workers=2), output=path, report=lambda _, pace: paces.append(pace))
     assert_same(again, hysteresis)
-    assert_same(gw.load(path), hysteresis)
+    assert_same(gw.open_result(path), hysteresis)
     assert [(pace.done, pace.before) for pace in paces] == [(k, after) for k in range(after + 1, 7)]
     calls = Flow.calls
     assert_same(gw.sweep(*FOLDS, options=options(), output=path), hysteresis)
@@ -158,7 +158,7 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(tmp_path, 
     path = tmp_path / "killed.sweep"
     for aim in (1, 2, 100):
         lines = killed_after(aim, f"from tests.studies.sweeps import main; main({str(path)!r})")
-        stored = gw.load(path)
+        stored = gw.open_result(path)
         for name in lines if aim < 100 else ():
             lane, number = map(int, name.split())
             places = np.arange(number * BLOCK, min((number + 1) * BLOCK, 45))
@@ -205,7 +205,7 @@ def test_a_damaged_file_is_called_so(tmp_path) -> None:
         with request_file(request, other) as file:
             file.write(STRETCH.entry(wrong, number))
         with pytest.raises(StoreError, match=message):
-            gw.load(other)
+            gw.open_result(other)
     for statement in (
         "UPDATE part SET head = replace(head, '\"steps\":2', '\"steps\":1')",
         "UPDATE part SET head = replace(head, '\"options\"', '\"option\"')",
@@ -215,7 +215,7 @@ def test_a_damaged_file_is_called_so(tmp_path) -> None:
         shutil.copy(path, other)
         change_sealed(other, statement)
         with pytest.raises(StoreError, match="is damaged"):
-            gw.load(other)
+            gw.open_result(other)
 
 
 def test_a_motion_that_runs_away_ends_its_lane_and_is_noted() -> None:

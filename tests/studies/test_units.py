@@ -87,7 +87,7 @@ def test_a_result_keeps_its_units(speed: gw.Result, tmp_path: Path) -> None:
     file = tmp_path / "drive.gapwalk"
     study = gw.read_study(EXAMPLE, {"study.speed.to": "2900 rpm"}, name="speed")
     result = gw.run(study, file)
-    loaded = gw.load(file)
+    loaded = gw.open_result(file)
     assert loaded.system == result.system
     assert loaded.system.units == study.system.units
     with pytest.raises(StoreError, match="made of other parts"):

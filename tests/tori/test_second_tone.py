@@ -146,7 +146,7 @@ def test_in_a_model_file(tmp_path):
     assert len(family.points) < 10  # in the large steps of the file
     assert (found.starts, found.complete, family.ends[1].reason) == ((), True, TorusEndReason.RANGE)
     assert family.rotations == pytest.approx(1.2727922 / family.values - 1.0, abs=1e-9)
-    again = gw.load(tmp_path / "two.gapwalk").finding
+    again = gw.open_result(tmp_path / "two.gapwalk").finding
     assert again is not None
     assert again.record.families[0].values == pytest.approx(family.values)
     assert str(found.summary()).splitlines()[0] == "1 family of tori"

@@ -163,7 +163,7 @@ def test_a_file_asks_for_tongues(tmp_path) -> None:
     orbit = gw.find_orbit(ring(0.8, amplitude, frequency))
     np.testing.assert_allclose(np.abs(orbit.multipliers), 1.0, atol=1e-7)
     np.testing.assert_allclose(np.abs(np.angle(orbit.multipliers)), 4.0 * np.pi / 13.0, atol=1e-7)
-    kept = gw.load(path).finding
+    kept = gw.open_result(path).finding
     assert kept is not None
     stored = kept.record
     assert stored.tongues[place].tip.values == tongue.tip.values
@@ -171,7 +171,7 @@ def test_a_file_asks_for_tongues(tmp_path) -> None:
     assert "tongue 2/13" in str(stored.summary()) or "tongue 11/13" in str(stored.summary())
     assert gw.verify(path).ok
     gw.plot.save(list(stored.tongues), tmp_path / "tongues.png")
-    gw.save_html(gw.load(path), tmp_path / "ring.html")
+    gw.save_html(gw.open_result(path), tmp_path / "ring.html")
 
 
 @pytest.mark.slow

@@ -41,19 +41,19 @@ def test_ctrl_c_stops_two_processes_and_they_go_on_bit_for_bit(tmp_path) -> None
     stopped = until_ctrl_c(gw.run, asked, path, report=stop)
     assert not stopped.complete
     assert stopped.finding.stored == "2 of 6 amplitudes are stored"
-    assert not gw.load(path).complete
+    assert not gw.open_result(path).complete
     resumed = gw.run(asked, path, resume=True, report=lambda _, pace: paces.append((pace.done, pace.before)))
     assert paces == [(3, 2), (4, 2), (5, 2), (6, 2)]
-    assert resumed.finding.record == gw.run(study()).finding.record == gw.load(path).finding.record
+    assert resumed.finding.record == gw.run(study()).finding.record == gw.open_result(path).finding.record
 
 
 def test_a_run_that_is_killed_goes_on_to_the_same_result(tmp_path) -> None:
     path = tmp_path / "killed.gapwalk"
     code = f"from tests.toys.amplitudes import main; main({str(path)!r})"
     assert "complete" not in killed_after(2, code)
-    assert len(gw.load(path).finding.record.found) >= 2
+    assert len(gw.open_result(path).finding.record.found) >= 2
     assert killed_after(100, code)[-1] == "complete"
-    assert gw.load(path).finding == gw.run(study()).finding
+    assert gw.open_result(path).finding == gw.run(study()).finding
 
 
 @pytest.mark.parametrize(

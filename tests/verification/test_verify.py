@@ -272,7 +272,7 @@ def test_the_stated_error_of_a_balanced_point_is_that_of_its_truncation(branch):
 
 def rewrite(path, branch):
     """Store another branch in place of the one in a result file, as a damaged program might have."""
-    study = gw.load(path).study
+    study = gw.open_result(path).study
     with reading(path) as parts:
         parts.base = study.system
         start = parts.one(START)
@@ -291,7 +291,7 @@ def test_the_command_passes_what_is_right(result, capsys):
 
 
 def test_the_command_has_an_exit_code_of_its_own_for_faults(result, tmp_path, capsys):
-    branch = gw.load(result).branches[0]
+    branch = gw.open_result(result).branches[0]
     path = tmp_path / "broken.gapwalk"
     point = branch.points[7]
     shifted = replace(point.orbit, state=point.orbit.state + np.array([0.0, 1e-6, 0.0, 0.0]))
@@ -329,11 +329,11 @@ def test_a_study_verifies_itself_and_keeps_what_it_found(tmp_path):
     found = gw.run(gw.Study(clutch(frequency=0.85), options), path)
     assert found.verification is not None
     assert found.verification.ok
-    assert gw.load(path).verification == found.verification
+    assert gw.open_result(path).verification == found.verification
     # one that did not ask is verified by a later run that does, without a walk
     path.unlink()
     gw.run(gw.Study(clutch(frequency=0.85), replace(options, verify=False)), path)
-    assert gw.load(path).verification is None
+    assert gw.open_result(path).verification is None
     assert gw.run(gw.Study(clutch(frequency=0.85), options), path, resume=True).verification == found.verification
 
 
@@ -386,7 +386,7 @@ def test_a_resumed_map_is_verified_if_the_study_now_wants_it(tmp_path, monkeypat
         stopped.setattr("gapwalk.studies.verify.verify", stop)
         with pytest.raises(KeyboardInterrupt, match="complete, but it is not verified"):
             gw.run(study, path, resume=True)
-    assert gw.load(path).verification is None
+    assert gw.open_result(path).verification is None
     found = gw.run(study, path, resume=True).verification
     assert found is not None
-    assert found == gw.load(path).verification
+    assert found == gw.open_result(path).verification

@@ -135,14 +135,14 @@ def modes(
 @command(
     4,
     "gapwalk run examples/clutch.toml --output out/clutch.gapwalk",
-    "gapwalk run examples/idle.toml --study drag",
+    "gapwalk run examples/idle.toml drag  # one of its studies",
     "gapwalk run rattle.toml --set study.to=0.3 --force",
     "gapwalk run rattle.toml --resume  # after Ctrl-C or a kill",
 )
 def run(
     file: Path,
     /,
-    *,
+    *studies: str,
     output: Path | None = None,
     study: Names = None,
     changes: Changes = None,
@@ -162,11 +162,13 @@ def run(
     ----------
     file
         The model file.
+    studies
+        Names of the studies to run, if not all.
     output
         The result file, by default named after the model file, ending in .gapwalk; names of several studies are added.
         Picture and tables are written next to it and replace earlier ones.
     study
-        Run only the study of this name; may be repeated.
+        The same: a study to run; may be repeated.
     changes
         A changed value: --set stage2.clearance=0.5, --set study.to=0.3, --set study.light.to=0.3; may be repeated.
     units
@@ -187,7 +189,7 @@ def run(
     from gapwalk.cli.run_command import run_file
 
     how = {"resume": resume, "force": force, "json": json, "quiet": quiet, "plain": units == "none"}
-    return run_file(file, output, changes or [], study or [], **how, scheduler=scheduler)
+    return run_file(file, output, changes or [], [*studies, *(study or [])], **how, scheduler=scheduler)
 
 
 @command(

@@ -35,26 +35,25 @@ def new_file(file: Path, table: Path | None) -> int:
 def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bool) -> int:
     """Print a summary of a model file; draw what is in it."""
     from gapwalk.cli.modes_command import train_lines
-    from gapwalk.model.model_file import check_model, curves_of, has_pace
+    from gapwalk.model.model_file import curves_of, has_pace
     from gapwalk.model.model_source import read_source
+    from gapwalk.model.modes import dissipation_doubts
     from gapwalk.results.plain import plain
     from gapwalk.studies.runner import check_work
-    from gapwalk.studies.set_values import change_source, change_system, parse_changes
-    from gapwalk.studies.study_file import check_studies
+    from gapwalk.studies.set_values import parse_changes
+    from gapwalk.studies.study_file import check_studies, check_system
 
     asked, source = parse_changes(changes), read_source(file)
-    studies = check_studies(source, asked)
+    studies = check_studies(source, asked) if "study" in source.data else ()
     check_work(studies)
-    source, rest, _ = change_source(source, asked)
-    model, curves = check_model(source)[0], curves_of(source)
-    assert model is not None  # its studies were checked
+    model, system = check_system(source, asked)
+    curves = curves_of(source)
     heading = model.title or studies[0].title if len(studies) == 1 else model.title or str(file)
+    if studies and studies[0].reduced:
+        system = studies[0].system
+    elif studies and not has_pace(source):  # loads may grow with the frequency, which only studies give
+        system = system.at({(pace := system.structure.pace): studies[0].system[pace]})
     if picture is not None:
-        system = change_system(model.system, source, {}, rest)[0]
-        if studies[0].reduced:
-            system = studies[0].system
-        elif not has_pace(source):  # loads may grow with the frequency, which only studies give
-            system = system.at({(pace := system.structure.pace): studies[0].system[pace]})
         draw_model(system, curves, picture, heading)
     if json:
         documents = [
@@ -70,10 +69,12 @@ def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bo
             }
             for study in studies
         ]
-        print_json(documents[0] if len(documents) == 1 else documents)
+        alone = {"ok": True, "title": model.title, "system": plain(system), "warnings": dissipation_doubts(system)}
+        print_json(documents if len(documents) > 1 else documents[0] if documents else alone)
         return DONE
-    system = studies[0].system
+    system = studies[0].system if studies else system
     doubts = dict.fromkeys(doubt for study in studies for doubt in study.doubts)
+    doubts |= dict.fromkeys([] if studies else dissipation_doubts(system))
     lines = [
         heading,
         *train_lines(system),
@@ -81,6 +82,7 @@ def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bo
         *(f"  curve of {each.name}: {each.curve.words}" for each in curves),
         *(f"  {study.reduced.words}" for study in studies[:1] if study.reduced),
         *(f"  study{f' {study.name}' if study.name else ''}: {study.options.plan}" for study in studies),
+        *["  no study: `gapwalk modes` shows its modes; [study] says what to compute"] * (not studies),
         *dict.fromkeys(f"  {words}" for study in studies for words in study.unused_words),
         *(f"warning: {doubt}" for doubt in doubts),
         "no errors apart from these warnings" if doubts else "no errors",

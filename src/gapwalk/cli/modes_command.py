@@ -13,15 +13,14 @@ from gapwalk.cli.output import DONE, print_json, show, show_files
 from gapwalk.errors import ModelError
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.equilibria import Equilibrium, Rest, find_equilibria
-from gapwalk.model.model_file import check_model, in_order
 from gapwalk.model.model_source import read_source
 from gapwalk.model.modes import Clearances, Modes, find_modes
-from gapwalk.model.problems import ModelFileError
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
 from gapwalk.model.words import parameter_symbol
 from gapwalk.results.plain import plain
-from gapwalk.studies.set_values import change_source, change_system, parse_changes
+from gapwalk.studies.set_values import parse_changes
+from gapwalk.studies.study_file import check_system
 from gapwalk.summary import Table
 
 _COLUMNS = 8  # most entries of a mode that get a column each; of longer modes the largest entries are named
@@ -31,7 +30,8 @@ _ROWS = 30  # modes that are printed; --json has all of them
 
 def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bool) -> int:
     """Print the static equilibria of the system of a model file, and its modes; a study is not needed."""
-    title, system = _read(file, changes)
+    model, system = check_system(read_source(file), parse_changes(changes))
+    title = model.title
     rest = find_equilibria(system)
     found = [(f"about the static equilibrium ({each})", find_modes(system, each)) for each in rest.equilibria]
     closed, reason = _closed(system)
@@ -104,18 +104,6 @@ def variation_lines(system: System) -> list[str]:
     varied, moved = (", ".join(dict.fromkeys(names[which])) for which in (False, True))
     words = [f"{varied} at the mean value"] * bool(varied) + [f"{moved} without prescribed displacement"] * bool(moved)
     return [f"  what varies over the angle is left out: {', '.join(words)}"] if words else []
-
-
-def _read(file: Path, changes: list[str]) -> tuple[str, System]:
-    source, rest, problems = change_source(read_source(file), parse_changes(changes))
-    model, found = check_model(source)
-    problems += found
-    if model is None or problems:
-        raise ModelFileError(in_order(problems))
-    system, problems = change_system(model.system, source, {}, rest)
-    if problems:
-        raise ModelFileError(problems)
-    return model.title, system
 
 
 def train_lines(system: System) -> list[str]:

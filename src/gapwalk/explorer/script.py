@@ -62,12 +62,15 @@ class _Script:
         file = Path(self.exploration.name).name
         self._comment(entry)
         if action is None:
-            self.lines += self._lines_of(entry, name, f"gw.load({file!r})")
+            self.lines += self._lines_of(entry, name, f"gw.open_result({file!r})")
         elif self.exploration.file.suffix == RESULT:
             changed = f"replace(study, system=study.system.at({dict(action.values)!r}))" if action.values else "study"
             if action.values:
                 self.imports.add("from dataclasses import replace")
-            self.lines += [f"study = gw.load({file!r}).study", *self._lines_of(entry, name, f"gw.run({changed})")]
+            self.lines += [
+                f"study = gw.open_result({file!r}).study",
+                *self._lines_of(entry, name, f"gw.run({changed})"),
+            ]
         else:
             self.lines += [f"study = {self._study(entry, action)}", *self._lines_of(entry, name, "gw.run(study)")]
         return name
@@ -76,7 +79,7 @@ class _Script:
         """Return the study of an entry, from the model at the time of its computation."""
         source = self._source(entry)
         if source is None:
-            return f"gw.load({self._result(entry)!r}).study"
+            return f"gw.open_result({self._result(entry)!r}).study"
         arguments = [source]
         if action.values or action.study:
             arguments.append(repr(dict(action.values)))
@@ -209,10 +212,10 @@ class _Script:
     def _base_system(self, entry: Entry) -> str:
         """Return the system of the opened file at the time when the entry was computed."""
         if self.exploration.file.suffix == RESULT:
-            return f"gw.load({Path(self.exploration.name).name!r}).system"
+            return f"gw.open_result({Path(self.exploration.name).name!r}).system"
         source = self._source(entry)
         return (
-            f"gw.load({self._result(entry)!r}).system"
+            f"gw.open_result({self._result(entry)!r}).system"
             if source is None
             else f"gw.studies.read_studies({source})[0].system"
         )

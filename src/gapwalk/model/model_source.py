@@ -118,7 +118,7 @@ def read_source(path: str | os.PathLike[str] | io.StringIO, within: str = "") ->
     if len(content) > MAX_BYTES:
         raise _refusal(f"the file is larger than {MAX_BYTES // 1_000_000} MB; a model file is a short text", name)
     if content.startswith(_RESULT):
-        message = "this is a result, not a model file; `gapwalk show` prints its content, and gw.load reads it"
+        message = "this is a result, not a model file; `gapwalk show` prints its content, and gw.open_result reads it"
         raise _refusal(message, name)
     try:
         text = content.decode("utf-8-sig")

@@ -535,7 +535,7 @@ def check_system(value: object, call: str) -> None:
     if isinstance(value, System):
         return
     if isinstance(value, str | os.PathLike):
-        hint = f"read the file first: gw.read_study({os.fspath(value)!r}).system"
+        hint = f"read the file first: gw.read_model({os.fspath(value)!r})"
     elif callable(getattr(value, "system", None)):
         hint = "write its system()"
     elif isinstance(getattr(value, "system", None), System):

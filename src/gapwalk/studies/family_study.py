@@ -353,8 +353,8 @@ def family(
     report
         Called with each part once it is done and written to the file.
     output
-        A file to write while the work is done; `gapwalk.load` reads it. If it holds a part of the same family, that is
-        continued to the same result.
+        A file to write while the work is done; `gapwalk.open_result` reads it. If it holds a part of the same family,
+        that is continued to the same result.
 
     Returns
     -------

@@ -436,8 +436,8 @@ def regimes(
     report
         Called with each chunk of cells once it is done and written to the file.
     output
-        A file to write while the work is done; `gapwalk.load` reads it. If it holds a part of the same job, that is
-        continued to the same result.
+        A file to write while the work is done; `gapwalk.open_result` reads it. If it holds a part of the same job,
+        that is continued to the same result.
 
     Returns
     -------

@@ -366,7 +366,7 @@ def claimed(request: Study | Call, output: str | os.PathLike[str] | None) -> Ite
         yield before
 
 
-def load(path: str | os.PathLike[str]) -> Any:
+def open_result(path: str | os.PathLike[str]) -> Any:
     """Load what a call has written: a study that was run, a sweep, basins, a regime map, a family.
 
     If a run is still writing the file, or was killed, the result is incomplete.
@@ -392,7 +392,7 @@ def load(path: str | os.PathLike[str]) -> Any:
     --------
     >>> gw.run(study, "stop.gapwalk", force=True).complete
     True
-    >>> gw.load("stop.gapwalk").title
+    >>> gw.open_result("stop.gapwalk").title
     'A sprung mass with a stop'
     """
     with reading(path) as parts:
@@ -400,19 +400,19 @@ def load(path: str | os.PathLike[str]) -> Any:
 
 
 def load_result(path: str | os.PathLike[str], *, sealed: bool = True) -> Result:
-    """Load the result of a study; errors as `load`, also if it is of another kind, or its checksum does not hold."""
+    """Load the result of a study; errors as `open_result`, also if it is of another kind, or its checksum is wrong."""
     with reading(path, sealed=sealed) as parts:
         found = read(parts)
     if not isinstance(found, Result):
         name = os.fspath(path)
         raise StoreError(
-            f"{name} holds {found!r}, and no result of a study; in Python, gapwalk.load({name!r}) returns it"
+            f"{name} holds {found!r}, and no result of a study; in Python, gapwalk.open_result({name!r}) returns it"
         )
     return found
 
 
 def read(parts: Parts) -> Any:
-    """Return the result or record that the parts of a file make together; errors as `load`."""
+    """Return the result or record that the parts of a file make together; errors as `open_result`."""
     written_by = parts.one(VERSIONS)
     try:
         request = parts.one(REQUEST)

@@ -36,7 +36,7 @@ from gapwalk.studies.result import (
     request_file,
     result_of,
 )
-from gapwalk.studies.study_file import Study
+from gapwalk.studies.study_file import Study, read_study
 from gapwalk.studies.study_kind import Work
 
 # A result as plain JSON values, for other programs.
@@ -256,29 +256,32 @@ def _carry_out(
 
 @shows_progress(lambda count, *news: str(news[-1]) if isinstance(news[-1], Pace) else f"{count} parts")
 def run(
-    study: Study,
+    request: Study | str | os.PathLike[str],
     output: str | os.PathLike[str] | None = None,
     *,
     resume: bool = False,
     force: bool = False,
+    study: str = "",
     report: Callable[..., object] | None = None,
 ) -> Result:
-    """Run a study.
+    """Run a study, or that of a model file.
 
     A numerical failure does not affect the other parts; the end of a branch, or the `failures` of a diagram or
     a map, state the reason.
 
     Parameters
     ----------
-    study
-        The study, as from `read_study`.
+    request
+        The study, as from `read_study`, or a model file with its study.
     output
-        A result file to write while it runs; `load` reads it. None: the result is only returned.
+        A result file to write while it runs; `open_result` reads it. None: the result is only returned.
     resume
         Continue the result file of an interrupted run; it becomes the same as without the interruption. If there is
         no such file, begin.
     force
         Overwrite an existing result file.
+    study
+        Name of the study, if `request` is a file that has several.
     report
         Called with each new result, once it is in the file: of a response, each point and the special points before it;
         of a diagram, the diagram and the branch that was added to it; of a map or a locus, the map and the section or
@@ -308,16 +311,19 @@ def run(
 
     Examples
     --------
-    >>> [str(special.kind) for special in gw.run(study).branches[0].special_points]
+    >>> [str(special.kind) for special in gw.run(study).branches[0].special_points]  # or: gw.run("stop.toml")
     ['fold', 'fold', 'grazing']
     """
-    if not isinstance(study, Study):
-        file = os.fspath(study) if isinstance(study, str | os.PathLike) else "model.toml"
-        hint = f"gw.run(gw.read_study({file!r}))"
-        raise ModelError(f"run takes a study, not {reprlib.repr(study)}; read one from a file: {hint}")
-    if resume and output is not None and study.reduced is not None and os.path.lexists(output):
-        study = as_before(study, load_result(output).study)
-    result = run_study(study, output, resume=resume, force=force, report=report)
+    if isinstance(request, str | os.PathLike):
+        asked = read_study(request, name=study)
+    elif isinstance(request, Study):
+        asked = request
+    else:
+        hint = 'gw.run("model.toml") or gw.run(gw.read_study("model.toml"))'
+        raise ModelError(f"run takes a study or a model file, not {reprlib.repr(request)}; write {hint}")
+    if resume and output is not None and asked.reduced is not None and os.path.lexists(output):
+        asked = as_before(asked, load_result(output).study)
+    result = run_study(asked, output, resume=resume, force=force, report=report)
     from gapwalk.studies.verify import with_checks, with_verification  # only now: it loads all that can be verified
 
-    return with_verification(with_checks(result, output), study.options, output)
+    return with_verification(with_checks(result, output), asked.options, output)

@@ -589,7 +589,7 @@ def scan(
     report
         Called with each part of the work once it is done and written to the file.
     output
-        A file to write while the work is done; `gapwalk.load` reads it, and a stopped scan continues.
+        A file to write while the work is done; `gapwalk.open_result` reads it, and a stopped scan continues.
 
     Returns
     -------

@@ -225,6 +225,50 @@ def read_study(
     return check_study(read_source(path), changes, name)
 
 
+def read_model(path: str | os.PathLike[str] | io.StringIO, changes: Mapping[str, object] | None = None) -> System:
+    """Read the system of a model file; studies in it are ignored.
+
+    Parameters
+    ----------
+    path
+        A TOML file, or its text, as ``io.StringIO(text)``.
+    changes
+        Values that replace those of the file, by parameter, for example ``{"stage2.clearance": 0.5}``.
+
+    Returns
+    -------
+    System
+        The system; its frequency is 1 if the file gives none.
+
+    Raises
+    ------
+    ModelFileError
+        With all problems of the model, each with its line.
+
+    Examples
+    --------
+    >>> import io
+    >>> gw.read_model(io.StringIO(file), {"stop.stiffness": 2.0})["stop.stiffness"]  # or: gw.read_model("stop.toml")
+    2.0
+    """
+    source = read_source(path)
+    alone = {name: value for name, value in source.data.items() if name != "study"}
+    return check_system(replace(source, data=alone), changes or {})[1]
+
+
+def check_system(source: Source, changes: Mapping[str, object]) -> tuple[Model, System]:
+    """Return the model of a source, and its system with changed values, without its studies."""
+    source, rest, problems = change_source(source, changes)
+    model, found = check_model(source)
+    problems += found
+    if model is None or problems:
+        raise ModelFileError(in_order(problems))
+    system, problems = change_system(model.system, source, {}, rest)
+    if problems:
+        raise ModelFileError(problems)
+    return model, system
+
+
 def read_studies(
     path: str | os.PathLike[str] | io.StringIO,
     changes: Mapping[str, object] | None = None,

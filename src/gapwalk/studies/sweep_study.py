@@ -804,7 +804,7 @@ def sweep(
     report
         Called with each segment of values once it is done and written to the file.
     output
-        A file to write during the work; `gapwalk.load` reads it. If it holds a part of the same sweep, that is
+        A file to write during the work; `gapwalk.open_result` reads it. If it holds a part of the same sweep, that is
         continued to the same result.
 
     Returns

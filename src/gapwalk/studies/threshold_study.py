@@ -161,7 +161,7 @@ def threshold(
     report
         Called with each round of the search, and with the threshold, once it is written to the file.
     output
-        A file to write while the work is done; `gapwalk.load` reads it, and a stopped search continues.
+        A file to write while the work is done; `gapwalk.open_result` reads it, and a stopped search continues.
 
     Returns
     -------

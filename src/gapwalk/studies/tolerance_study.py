@@ -585,7 +585,7 @@ def tolerance(
     report
         Called with each part of the work once it is done and written to the file.
     output
-        A file to write while the work is done; `gapwalk.load` reads it, and a stopped study continues.
+        A file to write while the work is done; `gapwalk.open_result` reads it, and a stopped study continues.
 
     Returns
     -------

@@ -144,7 +144,7 @@ def test_the_walk_of_the_example_over_its_load_finds_both_flips(tmp_path: Path) 
     result = gw.run(study, tmp_path / "train.gapwalk")
     values = [each.value for each in result.branches[0].special(gw.Kind.FLIP)]
     assert values == pytest.approx([8.305434714, 7.868696128], abs=1e-8)
-    back = gw.load(tmp_path / "train.gapwalk")
+    back = gw.open_result(tmp_path / "train.gapwalk")
     assert back.system == result.system
     for value in values:  # a flip has a multiplier of -1, also when its orbit is found anew
         at = back.branches[0].special(gw.Kind.FLIP)[0].point.orbit

@@ -238,7 +238,7 @@ def test_a_study_runs_is_kept_and_drawn(tmp_path: Path, text: str) -> None:
             [sys.executable, "-c", program.format(words)], capture_output=True, text=True, check=False
         )
         assert done.returncode == 0, done.stdout + done.stderr
-    result = gw.load(out)
+    result = gw.open_result(out)
     assert result.system == gw.read_study(file).system
 
 

@@ -138,7 +138,7 @@ def test_a_system_with_a_table_is_kept(tmp_path: Path) -> None:
     swept = gw.sweep(
         system, "frequency", (0.7, 0.75), options=gw.SweepOptions(steps=2), output=tmp_path / "sweep.gapwalk"
     )
-    known = gw.load(tmp_path / "sweep.gapwalk")
+    known = gw.open_result(tmp_path / "sweep.gapwalk")
     assert getattr(known, "record", known).system == swept.system == system
 
 
