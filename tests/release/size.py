@@ -1,4 +1,4 @@
-"""The size of the house beside that of the last release: `make lint` prints it, and fails where it grows too much.
+"""The size of the house beside a reference (later the last release): `make lint` prints it, and fails over a budget.
 
 A commit that adds a capability raises the budget in size.json, and says in its body what the lines are for.
 """
@@ -66,10 +66,10 @@ def lines_of(text: str) -> tuple[int, int]:
 def main() -> int:
     """Print the sizes, and return 1 if one of them exceeds its budget."""
     record = json.loads(RECORD.read_text(encoding="utf-8"))
-    now, last, budget = size(), record["last release"], record["budget"]
-    print(f"{'':16}{'last':>9}{'now':>9}{'budget':>9}")
+    now, last, budget = size(), record["reference"], record["budget"]
+    print(f"{'':16}{'reference':>11}{'now':>9}{'budget':>9}")
     for name, count in now.items():
-        print(f"{name:16}{last[name]:9,}{count:9,}{budget[name]:9,}")
+        print(f"{name:16}{last[name]:11,}{count:9,}{budget[name]:9,}")
     over = [name for name, count in now.items() if count > budget[name]]
     for name in over:
         print(
