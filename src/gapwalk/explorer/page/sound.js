@@ -1,7 +1,7 @@
 // Sounds at true pitch, all of a signal at one scale: a quiet motion is as much quieter than a rattling one as it is.
 
 const $ = (id) => document.getElementById(id);
-const SECOND = 2 * Math.PI * 90; // units of time that a second lasts without units, as in sound.py
+const SECOND = 2 * Math.PI * 90; // units of time that a second lasts without units, as in spectrum.py
 const HEADROOM = 4, ROOM = 1.25; // of the first sound of a signal; of one that exceeded the scale
 const FADE = 0.004; // seconds in which a motion that does not repeat fades at the ends of its loop
 const SHORTEST = 0.25; // seconds of a loop
