@@ -11,6 +11,7 @@ from gapwalk import Harmonic
 from gapwalk.cli import main, modes_command
 from gapwalk.cli.output import show
 from gapwalk.model.contact import force
+from gapwalk.model.model_file import Model
 from gapwalk.summary import Table
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -97,7 +98,7 @@ def test_all_rests_of_a_double_well_are_listed(monkeypatch, capsys) -> None:
     spring = force("spring", {"x": 1.0}, "k*x + b*x**3", k=-1.0, b=1.0)
     loads = [Harmonic(0.1, {"x": 1.0}), Harmonic(0.2, varies={"spring.k": 1.0}, order=2, name="parametric")]
     system = gw.System(["x"], [[0.0]], [[0.1]], contacts=[spring], harmonics=loads)
-    monkeypatch.setattr(modes_command, "_read", lambda file, changes: ("double well", system))
+    monkeypatch.setattr(modes_command, "check_system", lambda source, changes: (Model(system, "double well"), system))
     assert main(["modes", TRAIN]) == 0
     text = capsys.readouterr().out
     for words in ("spring at -1", "spring at 1", "spring at 0, unstable"):
@@ -118,7 +119,7 @@ def test_all_rests_of_a_double_well_are_listed(monkeypatch, capsys) -> None:
 def test_a_formula_without_a_value_at_zero_has_modes_about_its_rest(monkeypatch, capsys) -> None:
     spring = force("spring", {"x": 1.0}, "k*log(x)", k=2.0)
     system = gw.System(["x"], [[0.0]], [[0.1]], contacts=[spring], mean={"x": 1.0})
-    monkeypatch.setattr(modes_command, "_read", lambda file, changes: ("logarithm", system))
+    monkeypatch.setattr(modes_command, "check_system", lambda source, changes: (Model(system, "logarithm"), system))
     assert main(["modes", TRAIN]) == 0
     text = capsys.readouterr().out
     assert "static equilibrium with spring at 1.649" in text

@@ -105,7 +105,9 @@ def test_a_job_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
         basins(double_well(), WELLS, size, options=in_process(check=8), output=path)
     with pytest.raises(StoreError, match="its kind is sweep, and was basins"):
         gw.sweep(double_well(), "frequency", (0.9, 1.1), output=path)
-    with pytest.raises(StoreError, match=r"holds Basins\(.*, and no result of a study; in Python, gapwalk\.load"):
+    with pytest.raises(
+        StoreError, match=r"holds Basins\(.*, and no result of a study; in Python, gapwalk\.open_result"
+    ):
         load_result(path)
 
 

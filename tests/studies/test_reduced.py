@@ -8,7 +8,7 @@ import pytest
 import scipy.io
 import scipy.sparse as sp
 
-from gapwalk import load, reduce, run
+from gapwalk import open_result, reduce, run
 from gapwalk.cli.commands import app
 from gapwalk.errors import StoreError
 from gapwalk.model import ModelFileError
@@ -151,7 +151,7 @@ def test_the_result_says_what_the_full_system_says(finished) -> None:
     assert check.errors == tuple(each.error for each in again.special)
     assert max(check.errors) < 0.02
     assert f"{len(check.errors)} of its {len(check.errors)} special points exist there" in check.words
-    stored = load(path)
+    stored = open_result(path)
     assert stored.checks == result.checks
     assert stored.study.reduced == study.reduced
     document = result_document(stored)
