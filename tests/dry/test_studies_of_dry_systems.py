@@ -71,7 +71,7 @@ def test_impulses_make_peaks_and_rms_infinite(struck: gw.Orbit) -> None:
     assert struck.measure("mean.wall.force") == pytest.approx(0.1 - struck.measure("mean.x"), abs=1e-9)
     assert struck.measure("h1.x''") == pytest.approx(1.2**2 * struck.measure("h1.x"), rel=2e-3)
     found = gw.analysis.rattle(struck)
-    assert (found.index, found.contacts[0].peak, found.contacts[0].rms) == (math.inf, math.inf, math.inf)
+    assert all(map(math.isnan, (found.index, found.contacts[0].peak, found.contacts[0].rms)))  # impulses have none
     record = gw.measure.Record(np.linspace(0.0, 50.0, 2000), np.sin(1.2 * np.linspace(0.0, 50.0, 2000)))
     with pytest.raises(ModelError, match="infinite where a rigid stop strikes"):
         gw.measure.align(struck, record, "x''")

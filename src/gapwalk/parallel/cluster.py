@@ -90,7 +90,8 @@ class Cluster:
     def is_loss(self, error: BaseException) -> bool:
         """Return True if workers died over a piece, or one with other software came to the address of a worker."""
         if isinstance(error, ReplacedError):
-            self._faults.clear()  # all of them are asked again
+            self._faults.clear()  # all of them are asked again, from now on
+            self._last_good = time.monotonic()
             self.check()
         return isinstance(error, (self._killed, ReplacedError))
 
