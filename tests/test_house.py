@@ -11,6 +11,7 @@ from types import ModuleType
 import pytest
 
 import gapwalk
+from gapwalk.orbit.harmonic_balance.compile_kernels import MODULES
 from tests.tiers import QUICK, TESTS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -161,6 +162,11 @@ def test_a_file_name_occurs_once() -> None:
         if len(files) > 1 and name != "__init__.py" and name not in SAME_NAMES
     }
     assert not repeated, f"give each of these files a name of its own: {repeated}"
+
+
+def test_the_modules_with_kernels_are_there() -> None:
+    folder = SOURCE / "orbit" / "harmonic_balance"
+    assert all((folder / f"{name}.py").is_file() for name in MODULES)
 
 
 def test_every_pattern_of_quick_tests_names_a_file() -> None:

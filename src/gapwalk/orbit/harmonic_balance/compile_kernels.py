@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
-MODULES = ("kernels", "compliance", "residual_kernels", "monodromy")
+MODULES = ("kernels", "compliance", "monodromy")
 """Modules of this package that have kernels; importing them compiles what is not stored."""
 
 
