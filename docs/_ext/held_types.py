@@ -47,7 +47,7 @@ def description(kind: type) -> list[str]:
         return []
     lines = ["", f".. rubric:: {kind.__name__}", "", first_sentence(kind), ""]
     for names, words in entries:
-        lines += [f"{names}", f"    {words}"]
+        lines += [f"``{names}``", f"    {words}"]
     return [*lines, ""]
 
 

@@ -28,7 +28,7 @@ def test_what_a_function_returns_is_described_on_its_page() -> None:
     complete(None, "function", "gapwalk.basin_shares", gw.basin_shares, None, lines)  # type: ignore[arg-type]
     assert ".. rubric:: Share" in lines
     lines = lines[lines.index(".. rubric:: Share") :]
-    assert lines[lines.index("starts") + 1] == "    Number of starts that lead to it."
+    assert lines[lines.index("``starts``") + 1] == "    Number of starts that lead to it."
 
 
 def test_a_name_of_a_namespace_is_said_to_be_there() -> None:
