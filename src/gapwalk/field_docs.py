@@ -21,7 +21,7 @@ _NEXT = re.compile(r"\n\n(?=\w[\w ]*\n-{3,}\n)")
 
 
 class FieldDoc(NamedTuple):
-    """What is said about fields: their names, as a numpydoc entry has them with their shape, and the words."""
+    """Description of fields: their names, as a numpydoc entry has them with their shape, and the words."""
 
     names: tuple[str, ...]
     heading: str
@@ -48,7 +48,7 @@ def own_field_docs(kind: type) -> tuple[FieldDoc, ...]:
             several = _SEVERAL.match(words)
             names = tuple(several[1].split(", ")) if several else ()
             if names and all(name in fields for name in names):
-                words = words[several.end() :] if several else words
+                words = words.removeprefix(f"{', '.join(names)}: ")
             else:
                 names = (field[1],)
             shape = _SHAPE.match(words)

@@ -380,7 +380,7 @@ def _systems_among(
 
 
 HOLDS, FAILS, UNKNOWN = 1, 0, -1
-"""What a claim comes to for one variation."""
+"""Outcome of a claim for one variation."""
 
 _CONFIDENCE = 0.95
 _SHOWN = 12  # variations in a summary

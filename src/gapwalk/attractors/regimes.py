@@ -403,7 +403,7 @@ _CONTRACTING = -1e-3
 
 
 _SIGN = ClassifyOptions(lyapunov=LyapunovOptions(relative=0.1))
-"""Whether a motion is chaotic is the sign of its exponent: the average ends at twice the errors that decide it."""
+"""Sign of the exponent, not its digits: chaos is decided by it, so the average ends at twice the errors that decide."""
 
 
 def is_doubtful(verdicts: Verdicts) -> NDArray[np.bool_]:

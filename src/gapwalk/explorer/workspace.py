@@ -319,7 +319,7 @@ COLOURS = ("blue", "orange", "green", "purple", "red", "grey")
 
 
 class Look(BaseModel):
-    """What a user has chosen for a result."""
+    """Choices of a user for a result."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

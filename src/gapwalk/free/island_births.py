@@ -219,7 +219,7 @@ class IslandBirth:
 
 @dataclass(frozen=True, eq=False)
 class Foretold(Shown):
-    """What a backbone foretells for one load."""
+    """Forecast of a backbone for one load."""
 
     system: System  #: The system with its damping.
     line: Backbone  #: Its backbone.

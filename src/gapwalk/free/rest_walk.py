@@ -138,7 +138,7 @@ class RestEvent:
 
     @property
     def words(self) -> str:
-        """What happens, in words."""
+        """The event in words."""
         if self.kind is RestEventKind.HOPF:
             return f"{self.kind.value}, frequency {self.frequency:.8g}"
         if self.kind is RestEventKind.BORDER:

@@ -71,7 +71,7 @@ _LOOKS, _BETWEEN = 8, 4  # how often it is looked for, and after how many forcin
 
 @dataclass(frozen=True, eq=False)
 class ScanChunk:
-    """What the claims come to for some variations in a row."""
+    """Outcomes of the claims for some variations in a row."""
 
     number: int  #: Number of the chunk.
     #: holds, amounts: As in `gapwalk.ask.Scan`.
