@@ -75,6 +75,8 @@ class RangeStudy(StudyKind):
     (1.1, 1.5)
     """
 
+    arguments: ClassVar[tuple[str, ...]] = ("parameter", "to")
+
     #: The parameter, any of the system's, for example ``"frequency"``.
     parameter: Annotated[
         str, Field(description='write what is walked, as in parameter = "frequency"'), AfterValidator(known_parameter)
@@ -93,6 +95,11 @@ class RangeStudy(StudyKind):
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
         """Return the study of a table; it begins at the value of the system if the table says nothing else."""
         return cls(**{"begin": system[values["parameter"]], **values})
+
+    def refuse_invalid(self, system: System) -> None:
+        """Refuse ends of the range that no system can have."""
+        for value in self.ends:
+            system.at({self.parameter: value})
 
     def first_system(self, system: System) -> System:
         """Return the system at the first value of the parameter."""
