@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property, partial
@@ -32,7 +32,7 @@ from gapwalk.orbit.orbit import is_same, stroboscopic
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.diagram_study import DiagramOptions, diagram
-from gapwalk.studies.study_kind import Finding, Found, Work
+from gapwalk.studies.study_kind import AnswerFinding, Found, Work
 from gapwalk.studies.study_registry import Counted, check_integers
 
 if TYPE_CHECKING:
@@ -559,8 +559,8 @@ JOINTS = Part("connections", tuple[Connection, ...], numbered=True)
 class FamilyWork(Work):
     """The work on one family: its members, then the connections of special points between them."""
 
-    def __init__(self, system: System, asked: FamilyStudy, finding: Callable[[Family], Finding]) -> None:
-        self.asked, self._finding = asked, finding
+    def __init__(self, system: System, asked: FamilyStudy) -> None:
+        self.asked = asked
         self._family = Family(system, asked.parameter, asked.ends, asked.over)
         self.members: dict[int, Member] = {}
         self.connections: dict[int, tuple[Connection, ...]] = {}
@@ -623,9 +623,9 @@ class FamilyWork(Work):
         members = tuple(member for _, member in sorted(self.members.items()))
         return replace(self._family, members=members, connections=dict(sorted(self.connections.items())))
 
-    def finding(self) -> Finding:
+    def finding(self) -> AnswerFinding:
         """Return the family as the finding of a study."""
-        return self._finding(self.record)
+        return AnswerFinding(self.asked, self.record if self.members else None, self.done, self.total)
 
     @property
     def count(self) -> int:

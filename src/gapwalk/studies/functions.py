@@ -32,8 +32,10 @@ FUNCTIONS = {
     "basins": "basins",
     "regimes": "regimes",
     "design": "design",
+    "family": "family",
     "rattle_bands": "rattle",
     "scan": "scan",
+    "sweep": "sweep",
     "threshold": "threshold",
     "tolerance": "tolerance",
 }

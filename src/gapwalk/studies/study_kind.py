@@ -197,6 +197,26 @@ class StudyKind:
         """Return the record in words; notes are apart."""
         return found.summary(notes=False)
 
+    def tables(self, found: Any) -> Mapping[str, Callable[[], Rows]]:
+        """Return the tables of the record by name, the most important one first."""
+        return found.tables()
+
+    def remarks(self, found: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return notes and numerical failures, in sentences."""
+        return getattr(found, "notes", ()), getattr(found, "failures", ())
+
+    def stored_words(self, finding: AnswerFinding) -> str:
+        """Describe how many parts are stored."""
+        return f"{finding.done} of {finding.total} {finding.counted} are stored"
+
+    def can_be_drawn(self, found: Any) -> bool:
+        """Return True if there is something to draw."""
+        return True
+
+    def finding_of(self, job: Job) -> Finding | None:
+        """Return what the work has found so far; None before there is anything."""
+        return AnswerFinding(self, job.record, job.done, job.total)
+
     def drawn(self, found: Any) -> Mapping[str, Any]:
         """Return options of the picture of the record that the study decides."""
         return {}
@@ -431,7 +451,22 @@ class AnswerFinding(Finding):
     @property
     def stored(self) -> str:
         """Describe how many parts are stored."""
-        return f"{self.done} of {self.total} {self.counted} are stored"
+        return self.asked.stored_words(self)
+
+    @property
+    def can_be_drawn(self) -> bool:
+        """True if there is something to draw."""
+        return self.found is not None and self.asked.can_be_drawn(self.found)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remarks, in sentences."""
+        return self.asked.remarks(self.found)[0]
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Numerical failures, in sentences."""
+        return self.asked.remarks(self.found)[1]
 
     @property
     def drawn(self) -> Mapping[str, Any]:
@@ -453,7 +488,7 @@ class AnswerFinding(Finding):
 
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
         """Return the tables of the record."""
-        return {} if self.found is None else self.found.tables()
+        return {} if self.found is None else self.asked.tables(self.found)
 
 
 V = TypeVar("V")
@@ -558,7 +593,7 @@ class Job(Work):
 
     def finding(self) -> Finding | None:
         """Return the record so far as the finding of a study."""
-        return AnswerFinding(self.asked, self.record, self.done, self.total)
+        return self.asked.finding_of(self)
 
 
 def plain_numbers(values: Any) -> Any:

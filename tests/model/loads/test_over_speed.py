@@ -135,9 +135,7 @@ def test_equations_go_on_beyond_it_for_newtons_steps_only() -> None:
 def test_a_system_with_a_table_is_kept(tmp_path: Path) -> None:
     system = system_of(Steady(0.2, {"x": 1.0}, over_speed="1 + 0.5*W"))
     assert pickle.loads(pickle.dumps(system)) == system
-    swept = gw.sweep(
-        system, "frequency", (0.7, 0.75), options=gw.SweepOptions(steps=2), output=tmp_path / "sweep.gapwalk"
-    )
+    swept = gw.sweep(system, "frequency", (0.7, 0.75), steps=2, output=tmp_path / "sweep.gapwalk")
     known = gw.open_result(tmp_path / "sweep.gapwalk")
     assert getattr(known, "record", known).system == swept.system == system
 
