@@ -41,9 +41,9 @@ def _sweep(system: System, values: int, workers: Workers) -> object:
 
 
 def _map(workers: Workers) -> object:
-    plane = (0.25, 0.35), (0.2, 0.3)
-    options = gw.MapOptions(sections=4, max_period=2)
-    return gw.bifurcation_map(paper.case("27"), "frequency", "mean.q1", plane, **options, workers=workers)
+    plane = {"frequency": (0.25, 0.35), "mean.q1": (0.2, 0.3)}
+    options = {"sections": 4, "max_period": 2}
+    return gw.bifurcation_map(paper.case("27"), plane, **options, workers=workers)
 
 
 def _tolerance(samples: int, workers: Workers) -> object:

@@ -24,8 +24,8 @@ def branch():
 
 @pytest.fixture(scope="module")
 def tree():
-    options = gw.DiagramOptions(max_period=2, workers=1)
-    return gw.diagram(clutch(frequency=0.85), "frequency", (0.64, 0.85), options=options)
+    options = {"max_period": 2, "workers": 1}
+    return gw.diagram(clutch(frequency=0.85), "frequency", (0.64, 0.85), **options)
 
 
 @pytest.fixture(scope="module")

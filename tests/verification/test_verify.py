@@ -230,9 +230,7 @@ def test_balanced_branches_verify_with_their_truncation():
 
 
 def test_where_branches_are_attached_is_verified():
-    tree = gw.diagram(
-        clutch(frequency=0.85), "frequency", (0.64, 0.85), options=gw.DiagramOptions(max_period=2, workers=1)
-    )
+    tree = gw.diagram(clutch(frequency=0.85), "frequency", (0.64, 0.85), max_period=2, workers=1)
     found = gw.verify(tree)
     assert found.ok, found.words
     assert found.worst("tree").size < 1e-8

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from annotated_types import Ge, Le
@@ -174,6 +174,14 @@ class DesignStudy(RangeStudy):
     stored: ClassVar[tuple[Part, ...]] = (ROUTE,)
     answer: ClassVar[Part | None] = Part("design", Design)
     arguments: ClassVar[tuple[str, ...]] = ("changes", "goals", "parameter", "to")
+    call_types: ClassVar[Mapping[str, tuple[Any, Any, str]]] = {
+        "changes": (
+            Mapping[str, float] | Sequence[Change],
+            MISSING,
+            "The parameters that may change: largest relative changes by name, or `Change` for limits and weights.",
+        ),
+        "goals": (AnyGoal | Sequence[AnyGoal], MISSING, "The goals: `NoPoint`, `Quiet`, `PeakBelow`, `Resonance`."),
+    }
     table_types: ClassVar[Mapping[str, Any]] = {
         "changes": Annotated[
             list[key_type(ChangeTable)],
@@ -188,11 +196,8 @@ class DesignStudy(RangeStudy):
         **SEARCH_KEYS,
     }
 
-    #: The parameters that may change: `gapwalk.ask.Change` with limits and weights, or, in Python, largest relative
-    #: changes by their names.
-    changes: tuple[Change, ...] = field(kw_only=True)
-    #: The goals: `gapwalk.ask.NoPoint`, `gapwalk.ask.Quiet`, `gapwalk.ask.PeakBelow`, `gapwalk.ask.Resonance`.
-    goals: tuple[AnyGoal, ...] = field(kw_only=True)
+    changes: tuple[Change, ...] = field(kw_only=True)  #: The parameters that may change.
+    goals: tuple[AnyGoal, ...] = field(kw_only=True)  #: The goals.
     #: period, start: Period and start of the motion at the beginning of the range, as in `gapwalk.find_orbit`.
     period: Annotated[int, Ge(1), Le(MAX_PERIOD)] = 1
     start: StartOrState = Start.SETTLE
@@ -225,8 +230,10 @@ class DesignStudy(RangeStudy):
         """Return the study of a call."""
         changes, goals = values["changes"], values["goals"]
         if isinstance(changes, Mapping):
-            changes = tuple(Change(name, by) for name, by in changes.items())
-        return cls(**{**values, "changes": changes, "goals": (goals,) if isinstance(goals, AnyGoal) else goals})
+            changes = [Change(name, by) for name, by in changes.items()]
+        return cls(
+            **{**values, "changes": tuple(changes), "goals": (goals,) if isinstance(goals, AnyGoal) else tuple(goals)}
+        )
 
     @property
     def plan(self) -> str:

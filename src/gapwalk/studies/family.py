@@ -31,7 +31,7 @@ from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import is_same, stroboscopic
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.diagram_study import DiagramOptions, diagram
+from gapwalk.studies.diagram_study import DiagramOptions, diagram_from
 from gapwalk.studies.study_kind import AnswerFinding, Found, Work
 from gapwalk.studies.study_registry import Counted, check_integers
 
@@ -648,7 +648,7 @@ def _walk_member(system: System, asked: FamilyStudy, number: int) -> Member:
         if asked.max_period is None:
             return Member(number, value, (follow(orbit, parameter, asked.end, **how),))
         limits = DiagramOptions(max_period=asked.max_period, workers=1)
-        grown = diagram(first, parameter, ends, start=orbit, options=limits, **how)
+        grown = diagram_from(orbit, parameter, ends, limits, **how)
     except NumericalError as error:
         return Member(number, value, failures=(f"no branch could be walked: {error}",))
     return Member(number, value, grown.branches, grown.notes, grown.failures)

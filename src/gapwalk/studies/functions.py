@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 import re
 import types
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, fields, replace
 from enum import Enum
 from functools import reduce
@@ -29,6 +29,8 @@ from gapwalk.studies.study_kind import StudyKind
 from gapwalk.studies.study_registry import INLINE, OPEN, kind_of
 
 FUNCTIONS = {
+    "bifurcation_map": "map",
+    "diagram": "diagram",
     "basins": "basins",
     "regimes": "regimes",
     "design": "design",
@@ -79,6 +81,13 @@ def __getattr__(name: str) -> Any:
     return made
 
 
+def record_of(name: str) -> type:
+    """Return the type of what a function returns."""
+    answer = kind_of(FUNCTIONS[name]).answer
+    assert answer is not None
+    return answer.type
+
+
 def keywords_of(kind: type[StudyKind]) -> Iterator[Keyword]:
     """Yield the keywords of the function of a study: its positional arguments first."""
     hints, words = get_type_hints(kind, include_extras=True), field_words(kind)
@@ -93,7 +102,10 @@ def keywords_of(kind: type[StudyKind]) -> Iterator[Keyword]:
     left_out = {*kind.arguments, *kind.not_asked}
     for name, field in named.items():
         hint = hints[name]
-        if name in left_out or name in kind.call_types or ("to" in left_out and name in ("begin", "end")):
+        if name in left_out or ("to" in left_out and name in ("begin", "end")):
+            continue
+        if name in kind.call_types:
+            yield Keyword(name, *kind.call_types[name])
             continue
         if INLINE not in _marks(hint):
             yield Keyword(name, _bare(hint), _default(field, hint), words.get(name, ""))
@@ -113,10 +125,9 @@ def function_of(kind: type[StudyKind], name: str) -> Callable[..., Any]:
     for each in (each for each in keywords.values() if each.name not in SHARED):
         place = P.POSITIONAL_OR_KEYWORD if each.name in kind.arguments else P.KEYWORD_ONLY
         default = P.empty if each.default is MISSING else each.default
-        found.append(P(each.name, place, default=default, annotation=each.type))
+        found.append(P(each.name, place, default=default, annotation=_allowed(each.type)))
     found += [P(each, P.KEYWORD_ONLY, default=None, annotation=hint) for each, (hint, _) in SHARED.items()]
-    assert kind.answer is not None
-    record: type = kind.answer.type
+    record = record_of(name)
     signature = inspect.Signature(found, return_annotation=record.__name__)
 
     def ask(*arguments: Any, **given: Any) -> Any:
@@ -134,7 +145,7 @@ def function_of(kind: type[StudyKind], name: str) -> Callable[..., Any]:
         )
         check_system(system, name)
         asked = kind.of_call(_fields(kind, keywords, values), system)
-        first = asked.first_system(system)
+        first = asked.system_of_call(system)
         return call(asked, asked.work(first), first, **shared).record
 
     ask.__name__ = ask.__qualname__ = name
@@ -152,6 +163,8 @@ def _fields(kind: type[StudyKind], keywords: Mapping[str, Keyword], values: Mapp
     options: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         keyword = keywords[name]
+        if value is None and keyword.default is not MISSING:
+            continue  # as if it were not given
         if name == "to":
             found["begin"], found["end"] = _range(values.get("parameter", "the parameter"), value)
         elif keyword.inside:
@@ -178,10 +191,10 @@ def _converted(name: str, value: Any, hint: Any) -> Any:
     if isinstance(value, np.ndarray):
         value = value.tolist()
     lists = [each for each in members if get_origin(each) is tuple]
-    if isinstance(value, list) and lists:
-        return tuple(value)
     if isinstance(value, str) and lists == [*members] and get_args(lists[0])[:1] == (str,):
         return (value,)
+    if isinstance(value, Sequence) and not isinstance(value, str) and lists:
+        return tuple(value)
     words = next((each for each in members if isinstance(each, type) and issubclass(each, Enum)), None)
     if words is not None and isinstance(value, str):
         try:
@@ -196,6 +209,19 @@ def _converted(name: str, value: Any, hint: Any) -> Any:
         ((parameter, ends),) = value.items()
         return ParameterRange(parameter, *_range(parameter, ends))
     return value
+
+
+def _allowed(hint: Any) -> Any:
+    """Return the type of what a call may give for a field: `_converted` makes the field of it."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin in (Union, types.UnionType):
+        return reduce(or_, map(_allowed, arguments))
+    if origin is tuple and arguments[1:] == (...,):
+        many = Sequence[_allowed(arguments[0])]
+        return str | many if arguments[0] is str else many
+    if hint is ParameterRange:
+        return Mapping[str, tuple[float, float]]
+    return str if isinstance(hint, type) and issubclass(hint, Enum) else hint
 
 
 def _docstring(kind: type[StudyKind], keywords: Mapping[str, Keyword], record: type) -> str:

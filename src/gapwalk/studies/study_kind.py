@@ -139,6 +139,10 @@ class StudyKind:
         """
         return system
 
+    def system_of_call(self, system: System) -> System:
+        """Return the system with which the work of a call of the function begins."""
+        return self.first_system(system)
+
     def refuse_invalid(self, system: System) -> None:
         """Raise a ModelError if the study is invalid for the system at its beginning."""
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import uuid
 from collections import Counter
-from collections.abc import Generator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field, replace
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -182,6 +182,13 @@ class ToleranceStudy(RangeStudy):
     answer: ClassVar[Part | None] = Part("tolerance", Tolerance)
     always_counts: ClassVar[bool] = True
     arguments: ClassVar[tuple[str, ...]] = ("parameter", "to", "spreads")
+    call_types: ClassVar[Mapping[str, tuple[Any, Any, str]]] = {
+        "spreads": (
+            Spreads | Sequence[Spread],
+            MISSING,
+            "Distribution of the parameters that vary: a law for each, or measured parts.",
+        )
+    }
     table_types: ClassVar[Mapping[str, Any]] = {
         "spreads": None,
         "band": (Annotated[list[float] | None, BeforeValidator(_band), Field(min_length=2, max_length=2)], None),
