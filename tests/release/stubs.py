@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gapwalk.studies import functions
+from gapwalk.studies.study_registry import kind_of
 
 STUB = Path(functions.__file__).with_suffix(".pyi")
 _HEAD = '"""Signatures of the functions of studies; ``python -m tests.release.stubs`` writes this file."""\n'
@@ -24,7 +25,7 @@ def text() -> str:
         signature = inspect.signature(getattr(functions, name))
         shown = [_shown(each, homes) for each in signature.parameters.values()]
         place = next(k for k, each in enumerate(signature.parameters.values()) if each.kind is each.KEYWORD_ONLY)
-        record = functions.record_of(name)
+        record = functions.record_of(kind_of(functions.FUNCTIONS[name]))
         homes[record.__name__] = record.__module__
         lines.append(f"def {name}({', '.join([*shown[:place], '*', *shown[place:]])}) -> {record.__name__}: ...\n")
     imports = [f"from {home} import {name}\n" for name, home in homes.items()]

@@ -61,13 +61,7 @@ _PILOT = 64  # states that are looked at first: most attractors are found by the
 
 @dataclass(frozen=True, slots=True)
 class BasinOptions:
-    """Options for the computation of basins.
-
-    Examples
-    --------
-    >>> gw.basins(system, {"x": (-1, 1), "x'": (-1, 1)}, 4, options=gw.BasinOptions(check=4, workers=1)).cells
-    {'period 1': 16}
-    """
+    """Options for the computation of basins."""
 
     #: Largest number of forcing periods of the common run; motions still undecided are classified one by one.
     longest: int = 3000

@@ -45,13 +45,7 @@ Report = Callable[[Diagram, DiagramBranch], None]
 
 @dataclass(frozen=True, slots=True)
 class DiagramOptions:
-    """Options of a diagram: its extent, and the search for isolated branches.
-
-    Examples
-    --------
-    >>> gw.DiagramOptions(max_period=4, search_values=20).search_values
-    20
-    """
+    """Options of a diagram: its extent, and the search for isolated branches."""
 
     #: Longest period, in forcing periods, of branches to switch to.
     max_period: int = 8

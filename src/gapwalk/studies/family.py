@@ -526,13 +526,7 @@ def distance_between(a: SpecialPoint, b: SpecialPoint, within: tuple[float, floa
 
 @dataclass(frozen=True, slots=True)
 class FamilyOptions:
-    """Options of a family: the extent of its members, and how their special points are joined.
-
-    Examples
-    --------
-    >>> gw.FamilyOptions(kinds=("fold",), exact=False).exact
-    False
-    """
+    """Options of a family: the extent of its members, and how their special points are joined."""
 
     #: Longest period, in forcing periods, of further branches that are followed, as in a diagram; None: only the first
     #: branch.

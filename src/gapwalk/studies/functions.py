@@ -81,11 +81,10 @@ def __getattr__(name: str) -> Any:
     return made
 
 
-def record_of(name: str) -> type:
-    """Return the type of what a function returns."""
-    answer = kind_of(FUNCTIONS[name]).answer
-    assert answer is not None
-    return answer.type
+def record_of(kind: type[StudyKind]) -> type:
+    """Return the type of what the function of a study returns."""
+    assert kind.answer is not None
+    return kind.answer.type
 
 
 def keywords_of(kind: type[StudyKind]) -> Iterator[Keyword]:
@@ -118,7 +117,33 @@ def keywords_of(kind: type[StudyKind]) -> Iterator[Keyword]:
 
 
 def function_of(kind: type[StudyKind], name: str) -> Callable[..., Any]:
-    """Return the Python function of a study: its keywords and its docstring are those of the fields."""
+    """Return the Python function of a kind of study: its keywords and its docstring are those of the fields.
+
+    Parameters
+    ----------
+    kind
+        The class of the study. The type of its `answer` is what the function returns.
+    name
+        Name of the function.
+
+    Returns
+    -------
+    callable
+        The function: a system, the `arguments` of the study, its other fields by keyword, and ``workers``, ``report``
+        and ``output``.
+
+    Raises
+    ------
+    AssertionError
+        If the kind has no `answer`.
+
+    Examples
+    --------
+    >>> from gapwalk.studies.sweep_study import SweepStudy
+    >>> sweep = gw.studies.function_of(SweepStudy, "sweep")
+    >>> sweep(system, "frequency", (0.6, 1.0), steps=9, points=13).regimes[0, 0]
+    np.str_('period 1')
+    """
     keywords = {each.name: each for each in keywords_of(kind)}
     P = inspect.Parameter
     found = [P("system", P.POSITIONAL_OR_KEYWORD, annotation="System")]
@@ -127,7 +152,7 @@ def function_of(kind: type[StudyKind], name: str) -> Callable[..., Any]:
         default = P.empty if each.default is MISSING else each.default
         found.append(P(each.name, place, default=default, annotation=_allowed(each.type)))
     found += [P(each, P.KEYWORD_ONLY, default=None, annotation=hint) for each, (hint, _) in SHARED.items()]
-    record = record_of(name)
+    record = record_of(kind)
     signature = inspect.Signature(found, return_annotation=record.__name__)
 
     def ask(*arguments: Any, **given: Any) -> Any:

@@ -227,20 +227,7 @@ def _method_names() -> list[str]:
 
 @dataclass(frozen=True)
 class BranchOptions(RangeStudy):
-    """Options of all studies of branches: a first orbit, and the range of one parameter.
-
-    Parameters
-    ----------
-    parameter
-        The parameter that is walked, any of the system's, for example ``"frequency"``.
-    begin, end
-        The values between which it is walked, from the first to the second.
-
-    Examples
-    --------
-    >>> gw.studies.ResponseOptions(parameter="frequency", begin=0.6, end=1.6, measure="max.x").ends
-    (0.6, 1.6)
-    """
+    """Options of all studies of branches: a first orbit, and the range of one parameter."""
 
     table_types: ClassVar[Mapping[str, Any]] = {
         "method": (

@@ -44,13 +44,7 @@ from gapwalk.summary import SummaryParts, Table
 
 
 class Carry(StrEnum):
-    """Start of the motion at a cell.
-
-    Examples
-    --------
-    >>> gw.studies.RegimeStudy.__dataclass_fields__["carry"].default
-    <Carry.NO: 'no'>
-    """
+    """Start of the motion at a cell."""
 
     NO = "no"
     """At each cell from the same state."""

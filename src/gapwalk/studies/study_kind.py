@@ -40,7 +40,7 @@ class StudyKind:
 
     Examples
     --------
-    >>> gw.studies.ResponseOptions.kind, issubclass(gw.studies.ResponseOptions, gw.studies.StudyKind)
+    >>> study.options.kind, isinstance(study.options, gw.studies.StudyKind)
     ('response', True)
     """
 
@@ -260,12 +260,6 @@ class Work(ABC):
     Most kinds of work are made from the system at the beginning of the study and from the request. The methods are
     called in this order: `take` with the parts of a file, `parts` until no work is left, `last`; and `record` or
     `finding` at any time.
-
-    Examples
-    --------
-    >>> work = study.options.work(study.system)
-    >>> work.complete, work.done
-    (False, 0)
     """
 
     @abstractmethod
@@ -356,12 +350,6 @@ class Finding(ABC):
 
     A kind of study has a subclass, which describes itself: `summary` is what the terminal shows, `document` its JSON
     values, `tables` the CSV files. A function that draws its `record` is registered with `gapwalk.plot.draws`.
-
-    Examples
-    --------
-    >>> changed = gw.studies.SettleFinding
-    >>> [name for name in ("summary", "document", "tables") if name in vars(changed)]  # what a finding describes
-    ['summary', 'document', 'tables']
     """
 
     @property
@@ -436,7 +424,7 @@ class Answer(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class AnswerFinding(Finding):
     """Finding of a study whose record describes itself, complete or not."""
 
@@ -509,6 +497,13 @@ class Job(Work):
         The parts that are known, by their kind and number.
     workers
         Executor of pieces of the work, while it is done.
+
+    Examples
+    --------
+    >>> from gapwalk.studies.sweep_study import SweepStudy
+    >>> job = gw.studies.Job(system, SweepStudy("frequency", 0.6, 1.0))
+    >>> job.known
+    {Part(name='sweep', type=<class 'gapwalk.studies.sweep_study.Sweep'>, numbered=False): {}}
     """
 
     workers: Workers

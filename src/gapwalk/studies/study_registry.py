@@ -146,7 +146,7 @@ def add_kind(kind: type[StudyKind]) -> type[StudyKind]:
 
     Examples
     --------
-    >>> gw.studies.add_kind(gw.studies.SweepStudy) is gw.studies.SweepStudy  # as gapwalk has done
+    >>> gw.studies.add_kind(type(study.options)) is type(study.options)  # as gapwalk has done
     True
     """
     return _KINDS.add(kind.kind, kind)

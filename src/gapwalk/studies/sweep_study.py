@@ -47,13 +47,7 @@ _MOST = 100_000_000  # states that are kept
 
 
 class Way(StrEnum):
-    """Order in which the values are visited.
-
-    Examples
-    --------
-    >>> [way.value for way in gw.studies.Way]
-    ['up', 'down', 'again']
-    """
+    """Order in which the values are visited."""
 
     UP = "up"
     """From the lowest to the highest, the state carried over."""
@@ -75,13 +69,7 @@ class Way(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Patience:
-    """Limits on the length of a transient.
-
-    Examples
-    --------
-    >>> gw.studies.Patience(shortest=20, longest=500).longest
-    500
-    """
+    """Limits on the length of a transient."""
 
     #: shortest, longest: Least and largest number of forcing periods.
     shortest: int = 48

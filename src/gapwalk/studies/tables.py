@@ -128,13 +128,7 @@ def _state_length(start: tuple[float, ...], info: ValidationInfo[Surroundings]) 
 
 
 class Start(StrEnum):
-    """Start of the search for the first orbit of a study.
-
-    Examples
-    --------
-    >>> study.options.start
-    <Start.SETTLE: 'settle'>
-    """
+    """Start of the search for the first orbit of a study."""
 
     REST = "rest"
     """Newton's method from the state zero."""
