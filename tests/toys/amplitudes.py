@@ -14,19 +14,10 @@ from pydantic import AfterValidator, ValidationInfo
 
 import gapwalk as gw
 from gapwalk import Study
-from gapwalk.studies import (
-    OPEN,
-    Counted,
-    Found,
-    Job,
-    Part,
-    RangeStudy,
-    Rows,
-    Surroundings,
-    add_kind,
-    check_signal,
-    check_study,
-)
+from gapwalk.studies import OPEN, Counted, Found, Job, Part, RangeStudy, Surroundings, add_kind
+from gapwalk.studies.study_file import check_study
+from gapwalk.studies.study_kind import Rows
+from gapwalk.studies.tables import check_signal
 
 
 def _is_a_coordinate(name: str | None, info: ValidationInfo[Surroundings]) -> str | None:

@@ -10,14 +10,11 @@ from .options import RangeStudy as RangeStudy
 from .response_study import ResponseOptions as ResponseOptions
 from .settle_study import SettleFinding as SettleFinding
 from .settle_study import SettleStudyOptions as SettleStudyOptions
-from .study_file import check_study as check_study
 from .study_file import read_studies as read_studies
 from .study_kind import Found as Found
 from .study_kind import Job as Job
-from .study_kind import Rows as Rows
 from .study_kind import StudyKind as StudyKind
 from .study_registry import OPEN as OPEN
 from .study_registry import Counted as Counted
 from .study_registry import add_kind as add_kind
 from .tables import Surroundings as Surroundings
-from .tables import check_signal as check_signal

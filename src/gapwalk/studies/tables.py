@@ -173,11 +173,6 @@ def check_signal(signal: str, known: Sequence[str]) -> str:
     ------
     ValueError
         If it is unknown.
-
-    Examples
-    --------
-    >>> gw.studies.check_signal("x", ["x", "x'"])
-    'x'
     """
     if known and signal not in known:
         raise ValueError(f"is {given(signal)}; {did_you_mean(signal, list(known))}")

@@ -11,10 +11,11 @@ import gapwalk as gw
 from gapwalk.bifurcation.loci.locus import LocusEndReason
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.loads import FactorOverSpeed, SpeedTable, Steady
+from gapwalk.loads import FactorOverSpeed, Steady
 from gapwalk.loads import Load as AnyLoad
 from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.loads import Harmonic
+from gapwalk.model.measured.measured_table import SpeedTable
 
 SPEEDS, FACTORS = (0.5, 0.8, 1.2, 1.5), (1.0, 1.3, 1.3, 2.0)
 TABLE = SpeedTable(SPEEDS, FACTORS, "gas.csv")
