@@ -21,7 +21,7 @@ from gapwalk.model.contact import OF_FRICTION, friction_name, stop_name
 from gapwalk.model.drivetrain.train import Train
 from gapwalk.model.drivetrain.train_orders import LONGEST, Counted
 from gapwalk.model.drivetrain.train_parts import Force, Friction, Gear, Inertia, Shaft
-from gapwalk.model.element_tables import FrictionBase, LoadBase, default_name, friction_part, load_fields, loads_of
+from gapwalk.model.element_tables import FrictionBase, LoadBase, default_name, friction_part, load_fields
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import (
@@ -31,6 +31,7 @@ from gapwalk.model.model_tables import (
     given_of,
     is_no_law,
     law_fields,
+    loads_of,
     or_rigid,
     stage_of,
     stages_field,
@@ -111,7 +112,7 @@ class GearBase(LinkBase):
         Annotated[
             Annotated[Count, tagged("first")]
             | Annotated[list[Count], Field(min_length=2, max_length=2), tagged("both")],
-            by_shape(lambda value: "both" if isinstance(value, list) else "first"),
+            by_shape(both=list, first=object),
         ]
         | None
     ) = None
@@ -165,11 +166,11 @@ class TrainLoadBase(LoadBase):
     mesh: Name | None = None
     turns_of: Name | None = None
 
-    def load(self, **changes: Any) -> Load | Counted:
+    def load(self, *, units: bool, **changes: Any) -> Load | Counted:
         """Make the load, with the way in which its order is counted."""
         mesh, turns_of, order = self.mesh or "", self.turns_of or "", self.order
         is_whole = float(order).is_integer()
-        load = super().load(order=int(order) if is_whole else 1, **changes)
+        load = super().load(units=units, order=int(order) if is_whole else 1, **changes)
         return load if is_whole and not (mesh or turns_of) else Counted(load, mesh, turns_of, order)
 
 
@@ -209,14 +210,14 @@ class TrainBase(Part):
             )
         return self
 
-    def train(self) -> Train:
-        """Make the train."""
-        return Train(
+    def system(self, elements: Mapping[str, list[Any]]) -> System:
+        """Make the system of the train, with the loads that its tables have made."""
+        train = Train(
             inertias=[part.part() for part in self.inertia],
             shafts=[part.part() for part in getattr(self, "shaft", ())],
             gears=[part.part() for part in getattr(self, "gear", ())],
             mean=self.mean,
-            harmonics=loads_of(self),
+            harmonics=loads_of(elements),
             frequency=self.frequency or 1.0,
             reaction=self.reaction,
             speed=self.speed,  # pyright: ignore[reportArgumentType]
@@ -225,10 +226,7 @@ class TrainBase(Part):
             reference=self.reference,
             longest=self.longest,
         )
-
-    def system(self) -> System:
-        """Make the system of the train."""
-        return self.train().system()
+        return train.system()
 
 
 @by_registered_kinds
