@@ -49,6 +49,7 @@ _ALLOWED = {
     "model_type": "a table",
     "too_short": "a list of at least {min_length}",
     "too_long": "a list of at most {max_length}",
+    "less_than": "< {lt:g}",
     "less_than_equal": "<= {le}",
     "greater_than": "> {gt:g}",
     "greater_than_equal": ">= {ge:g}",

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated
-
-from annotated_types import Ge
+from typing import TYPE_CHECKING
 
 from gapwalk.errors import ModelError
+from gapwalk.model.bounds import Counted  # noqa: F401 (kinds of study take it from here)
 from gapwalk.model.registry import Registry
 
 if TYPE_CHECKING:
@@ -18,9 +17,6 @@ INLINE = "inline"
 
 OPEN = "open"
 """In ``Annotated``, marks a field that a table may leave out though it has no default: it depends on the system."""
-
-Counted = Annotated[int, Ge(1)]
-"""1, 2, 3, ..., as options have it: a bound that the schema of a table knows too."""
 
 MAX_VALUES = 100_000
 """Largest number of values of a parameter, of periods and of branches."""

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.model.bounds import Positive, check_fields
 from gapwalk.model.contact import Stage
 from gapwalk.model.drivetrain.train import Train
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly, TrainForm, structure_of
@@ -49,14 +50,13 @@ class Scales:
     80.0
     """
 
-    angle: float  #: In rad, > 0.
-    frequency: float  #: In rad/s, > 0: the time 1 is one divided by it.
-    inertia: float  #: In kg m^2, > 0.
+    angle: Positive  #: In rad, > 0.
+    frequency: Positive  #: In rad/s, > 0: the time 1 is one divided by it.
+    inertia: Positive  #: In kg m^2, > 0.
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in ("angle", "frequency", "inertia"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ModelError(f"the scale {name} is {getattr(self, name)!r}; it must be a number > 0")
             object.__setattr__(self, name, float(getattr(self, name)))
 
     @property
