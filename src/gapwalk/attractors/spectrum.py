@@ -26,7 +26,7 @@ from gapwalk.errors import ModelError, StoreError
 from gapwalk.files import why_no_file
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import Motion, integrate, sample
-from gapwalk.model.bounds import check, check_fields
+from gapwalk.model.bounds import Positive, check, check_fields
 from gapwalk.model.problems import given
 from gapwalk.model.system import System, pace_text
 from gapwalk.model.units import Units
@@ -521,8 +521,7 @@ class Sound(Described):
     def wav(self, full_scale: float | None = None) -> bytes:
         """Return the content of a WAV file of one channel, 24 bits; a comment in it says what full scale is."""
         scale = self.full_scale if full_scale is None else full_scale
-        if isinstance(scale, bool) or not isinstance(scale, int | float) or not (scale > 0.0 and math.isfinite(scale)):
-            raise ModelError(f"full_scale is {given(scale)}; it must be a positive amplitude of {self.signal}")
+        check("full_scale", scale, Positive)
         if self.peak > scale * (1.0 + 1e-12):
             raise ModelError(
                 f"{self.signal} reaches {self.peak:.4g} {self.unit}".rstrip()
@@ -647,8 +646,7 @@ def second_of(system: System, second: float | None) -> float:
         return 1.0
     if second is None:
         return SECOND
-    if isinstance(second, bool) or not isinstance(second, int | float) or not 0.0 < second < math.inf:
-        raise ModelError(f"second is {given(second)}; it must be a positive number of units of time")
+    check("second", second, Positive)
     return float(second)
 
 

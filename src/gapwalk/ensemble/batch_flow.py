@@ -36,7 +36,7 @@ from gapwalk.ensemble.start import (
 )
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.model.bounds import Bounded
+from gapwalk.model.bounds import Bounded, Counted, Natural, check_fields
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 
@@ -379,14 +379,12 @@ class _Plan:
     """The schedule of a run."""
 
     #: periods, every, survey: See `BatchFlow.run`.
-    periods: int
-    every: int = 0
-    survey: int = 0
+    periods: Counted
+    every: Natural = 0
+    survey: Natural = 0
 
     def __post_init__(self) -> None:
-        for name, value, least in (("periods", self.periods, 1), ("every", self.every, 0), ("survey", self.survey, 0)):
-            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= {least}, in forcing periods")
+        check_fields(self)
         if self.survey > self.periods:
             raise ModelError(f"survey is {self.survey}, but the run lasts {self.periods} forcing periods only")
 

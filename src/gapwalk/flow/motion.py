@@ -9,7 +9,6 @@ the paper shows u3'' of three inertias. Absolute angles and speeds depend on the
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -28,7 +27,7 @@ from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.dry_state import Hold, Kink, SlipEvent
 from gapwalk.flow.flow import PERIOD, Restarts, flow_of, flow_with
 from gapwalk.flow.forces import Angles, Dry, accelerations, balance, contact_deflections, contact_forces
-from gapwalk.model.bounds import Positive, check
+from gapwalk.model.bounds import Finite, Positive, check
 from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.drivetrain.train_parts import Displacing
@@ -634,8 +633,7 @@ def signal_of(system: System, given: str | Mapping[str, float] | Signal) -> Sign
         terms = given.terms if isinstance(given, Signal) else tuple(given.items())
     for name, factor in terms:
         signal_place(system, name)
-        if isinstance(factor, bool) or not isinstance(factor, int | float) or not math.isfinite(factor):
-            raise ModelError(f"the factor of {name} is {factor!r}; it must be a finite number")
+        check(f"the factor of {name}", factor, Finite)
     if not any(factor for _, factor in terms):
         raise ModelError("a signal names at least one of the system's, as in \"q1''\" or { \"q1''\" = 1.0 }")
     return given if isinstance(given, Signal) else Signal(terms)

@@ -21,6 +21,9 @@ Natural = Annotated[int, Ge(0)]
 Positive = Annotated[float, Gt(0)]
 """A number > 0."""
 
+NotNegative = Annotated[float, Ge(0)]
+"""A number >= 0."""
+
 Fraction = Annotated[float, Ge(0), Lt(1)]
 """A number from 0 to below 1."""
 
