@@ -16,6 +16,7 @@ from gapwalk.model.bounds import _bounds as bounds
 
 GIVEN: dict[str, dict[str, Any]] = {
     "Change": {"parameter": "frequency"},
+    "_Plan": {"periods": 9},
     "MeasuredPoint": {"kind": "fold", "value": 1.0, "error": 0.1},
     "MotionClaim": {"motion": "chaotic"},
     "Resonance": {"number": 1, "below": 1.0},

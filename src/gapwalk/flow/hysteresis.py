@@ -19,9 +19,8 @@ from gapwalk.flow.forces import Angles, contact_force, stages_of
 from gapwalk.flow.motion import Motion, is_dry
 from gapwalk.model.bounds import Finite, Positive, check
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, coefficients_of, layout_of
-from gapwalk.model.contact import Contact
+from gapwalk.model.contact import Contact, ContactForm
 from gapwalk.model.laws import Law
-from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System, check_system
 from gapwalk.notebook import Pictured, Shown
 from gapwalk.summary import SummaryParts, Table, summarizes

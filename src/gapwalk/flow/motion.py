@@ -29,11 +29,12 @@ from gapwalk.flow.flow import PERIOD, Restarts, flow_of, flow_with
 from gapwalk.flow.forces import Angles, Dry, accelerations, balance, contact_deflections, contact_forces
 from gapwalk.model.bounds import Finite, Positive, check
 from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
+from gapwalk.model.contact import ContactForm
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.drivetrain.train_parts import Displacing
 from gapwalk.model.loads import Line
 from gapwalk.model.problems import did_you_mean
-from gapwalk.model.structure import ContactForm, Structure
+from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 
 # Forces and accelerations along a motion with dry friction and rigid stops, from the modes of the flow.

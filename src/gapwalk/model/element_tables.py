@@ -14,6 +14,7 @@ from typing import Annotated, Any, ClassVar, Self, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import (
+    AfterValidator,
     ConfigDict,
     Field,
     ModelWrapValidatorHandler,
@@ -29,6 +30,7 @@ from pydantic import (
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.contact import force as make_force
+from gapwalk.model.drivetrain.train_orders import Counted
 from gapwalk.model.laws import FRICTION, Expression
 from gapwalk.model.laws.formula import FormulaError, formula_of
 from gapwalk.model.loads import LOADS, Load
@@ -277,6 +279,25 @@ class LoadBase(Element):
         if not self.kind.is_periodic:
             del numbers["order"]
         return self.kind.from_table({**numbers, "name": numbers.get("name", "")}, units=units)
+
+
+_TrainOrder = Annotated[Positive, AfterValidator(lambda order: int(order) if float(order).is_integer() else order)]
+"""A whole number, or a fraction; loads of drive trains count it."""
+
+
+class TrainLoadBase(LoadBase):
+    """A load of a drive train, whose order may count teeth or turns, and may be a fraction."""
+
+    order: _TrainOrder = 1  # pyright: ignore[reportIncompatibleVariableOverride]
+    mesh: Name | None = None
+    turns_of: Name | None = None
+
+    def load(self, *, units: bool, **changes: Any) -> Load | Counted:
+        """Make the load, with the way in which its order is counted."""
+        mesh, turns_of, order = self.mesh or "", self.turns_of or "", self.order
+        is_whole = float(order).is_integer()
+        load = super().load(units=units, order=int(order) if is_whole else 1, **changes)
+        return load if is_whole and not (mesh or turns_of) else Counted(load, mesh, turns_of, order)
 
 
 def default_name(key: str, table: Mapping[str, Any], taken: Collection[str]) -> str:

@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Bounded, Finite
-from gapwalk.model.contact import Contact
+from gapwalk.model.contact import Contact, ContactForm
 from gapwalk.model.loads import Load, LoadForm
-from gapwalk.model.structure import ContactForm, JumpTerm, Structure
+from gapwalk.model.structure import JumpTerm, Structure
 from gapwalk.model.units import Units
 from gapwalk.model.value_checks import checked
 from gapwalk.notebook import Shown

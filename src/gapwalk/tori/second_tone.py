@@ -26,8 +26,7 @@ from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.equations import natural_length
 from gapwalk.model.bounds import Positive, check_fields
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.model.contact import force
-from gapwalk.model.structure import ContactForm
+from gapwalk.model.contact import ContactForm, force
 from gapwalk.model.system import System
 from gapwalk.tori.torus import CLOCK, TURN, Torus, error_of, in_steps, odd, of_quasi_periodic
 from gapwalk.tori.torus_equation import STROBES, TorusOptions, resolved_torus

@@ -22,13 +22,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Positive, check_fields
-from gapwalk.model.contact import Stage
+from gapwalk.model.contact import ContactForm, Stage
 from gapwalk.model.drivetrain.train import Train
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly, TrainForm, structure_of
 from gapwalk.model.drivetrain.train_parts import Inertia, Shaft, scaled
 from gapwalk.model.laws import Expression
 from gapwalk.model.loads import Harmonic, LoadForm
-from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind, Unit, Units
 

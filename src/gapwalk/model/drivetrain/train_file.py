@@ -19,10 +19,10 @@ from pydantic import (
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import OF_FRICTION, friction_name, stop_name
 from gapwalk.model.drivetrain.train import Train
-from gapwalk.model.drivetrain.train_orders import LONGEST, Counted
+from gapwalk.model.drivetrain.train_orders import LONGEST
 from gapwalk.model.drivetrain.train_parts import Force, Friction, Gear, Inertia, Shaft
-from gapwalk.model.element_tables import FrictionBase, LoadBase, default_name, friction_part, load_fields
-from gapwalk.model.loads import LOADS, Load
+from gapwalk.model.element_tables import FrictionBase, TrainLoadBase, default_name, friction_part, load_fields
+from gapwalk.model.loads import LOADS
 from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import (
     LawTable,
@@ -68,7 +68,6 @@ _Inertia = Annotated[Positive, measured(QuantityKind.INERTIA)]
 _Stiffness = Annotated[Positive, measured(QuantityKind.STIFFNESS), or_rigid()]
 _Damping = Annotated[NonNegative, measured(QuantityKind.DAMPING), BeforeValidator(is_no_law)]
 _Pace = Annotated[Positive, measured(QuantityKind.FREQUENCY)]
-_Order = Annotated[Positive, AfterValidator(lambda order: int(order) if float(order).is_integer() else order)]
 _Ends = Annotated[list[Name], Field(min_length=2, max_length=2), AfterValidator(without_repeats)]
 
 
@@ -157,21 +156,6 @@ class TrainFrictionBase(FrictionBase):
         """Make the friction."""
         first, second = self.between
         return Friction(self.name, (first, second), normal=self.normal or "", ratio=self.ratio, numbers=self.given)
-
-
-class TrainLoadBase(LoadBase):
-    """A load of a drive train, whose order may count teeth or turns, and may be a fraction."""
-
-    order: _Order = 1  # pyright: ignore[reportIncompatibleVariableOverride]
-    mesh: Name | None = None
-    turns_of: Name | None = None
-
-    def load(self, *, units: bool, **changes: Any) -> Load | Counted:
-        """Make the load, with the way in which its order is counted."""
-        mesh, turns_of, order = self.mesh or "", self.turns_of or "", self.order
-        is_whole = float(order).is_integer()
-        load = super().load(units=units, order=int(order) if is_whole else 1, **changes)
-        return load if is_whole and not (mesh or turns_of) else Counted(load, mesh, turns_of, order)
 
 
 class TrainBase(Part):
