@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from gapwalk.bifurcation.kinds import Kind
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
-from gapwalk.files import open_file
+from gapwalk.files import content_of
 from gapwalk.model.bounds import Finite, Positive, check_fields
 from gapwalk.model.measured.measured_table import parse_csv
 from gapwalk.model.problems import did_you_mean
@@ -140,8 +140,7 @@ def read_points(path: str | os.PathLike[str]) -> tuple[MeasuredPoint, ...]:
     """
     name = repr(os.fspath(path))
     try:
-        with open_file(path) as file:
-            table = parse_csv(file.read(_MAX_BYTES + 1), "kind,value,error", MAX_POINTS)
+        table = parse_csv(content_of(path, _MAX_BYTES, "leave out rows"), "kind,value,error", MAX_POINTS)
         places = {head: place for place, head in enumerate(table.heads)}
         for head in _COLUMNS[:3]:
             if head not in places:
@@ -160,8 +159,6 @@ def read_points(path: str | os.PathLike[str]) -> tuple[MeasuredPoint, ...]:
                 points.append(MeasuredPoint(kind, float(value), float(error), int(text) if text.isdigit() else text))
             except ModelError as problem:
                 raise ModelError(f"line {line}: {problem}") from None
-    except OSError as problem:
-        raise ModelError(f"points cannot be read from {name}: {problem.strerror or problem}") from None
-    except ModelError as problem:
+    except ValueError as problem:
         raise ModelError(f"points in {name}: {problem}") from None
     return tuple(points)

@@ -51,8 +51,9 @@ class Bound(NamedTuple):
                 return or_none if value is None else isinstance(value, tuple | list) and all(map(each.has, value))
             if isinstance(value, bool) or not isinstance(value, Integral if kind is int else Real):
                 return False
-        high = value < most if below else value <= most
-        return high and (value > least if above else value >= least) and abs(value) < math.inf
+        number: Any = value
+        high = number < most if below else number <= most
+        return high and (number > least if above else number >= least) and abs(number) < math.inf
 
     def __str__(self) -> str:
         what = "an integer" if self.kind is int else "a number"
@@ -78,15 +79,15 @@ def bound_of(hint: Any) -> Bound | None:
         return found and found._replace(several=True)
     if origin is not Annotated or arguments[0] not in (int, float):
         return None
-    found: dict[str, Any] = {}
+    ends: dict[str, Any] = {}
     for mark in arguments[1:]:
         for each in mark if isinstance(mark, Interval) else (mark,):
             match each:
                 case Ge(end) | Gt(end):
-                    found |= {"least": end, "above": isinstance(each, Gt)}
+                    ends |= {"least": end, "above": isinstance(each, Gt)}
                 case Le(end) | Lt(end):
-                    found |= {"most": end, "below": isinstance(each, Lt)}
-    return Bound(arguments[0], **found) if found or any(isinstance(mark, Interval) for mark in arguments) else None
+                    ends |= {"most": end, "below": isinstance(each, Lt)}
+    return Bound(arguments[0], **ends) if ends or any(isinstance(mark, Interval) for mark in arguments) else None
 
 
 def check(name: str, value: object, hint: Any) -> None:

@@ -67,7 +67,7 @@ class Element(Part):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _has_its_names(cls, table: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo[Names]) -> Self:
+    def _has_its_names(cls, table: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo[Any]) -> Self:
         names, taken = info.context, {*info.context.taken}
         try:
             found = handler(table)

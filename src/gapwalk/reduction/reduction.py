@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import numpy as np
 import scipy.linalg
@@ -623,7 +623,7 @@ def _check(system: System, modes: int | None, error: float | None, up_to: float 
     if modes is not None and error is not None:
         raise ModelError("modes and error are both given; give one of them: the error decides the number of modes")
     check("modes", modes, Natural | None)
-    check("error", error, Annotated[float, Ge(1e-8), Le(1)] | None)
+    check("error", error, Optional[Annotated[float, Ge(1e-8), Le(1)]])  # noqa: UP045 (what | does not take)
     check("up_to", up_to, Positive | None)
 
 

@@ -154,7 +154,7 @@ def check_system(source: Source, changes: Mapping[str, object]) -> tuple[Model, 
     if model is None or problems:
         raise ModelFileError(in_order(problems))
     system, problems = change_system(model.system, source, {}, rest)
-    if problems:
+    if problems or system is None:
         raise ModelFileError(problems)
     return model, system
 
