@@ -154,7 +154,7 @@ BAD = [
     ("segments = 4", "segments = 0", 33, "study.shooting.segments", ["it must be >= 1"]),
     ("segments = 4", "segments = 4.0", 33, "study.shooting.segments", ["it must be an integer"]),
     ("segments = 4", "tolerance = 1.0", 33, "study.shooting.tolerance", ["is 1.0; it must be <= 0.001"]),
-    ("segments = 4", "tolerance = -1e-9", 33, "study.shooting.tolerance", ["is -1e-09; it must be > 0"]),
+    ("segments = 4", "tolerance = -1e-9", 33, "study.shooting.tolerance", ["is -1e-09; it must be >= 1e-14"]),
     ("initial_step = 0.01", "initial_stepp = 0.01", 29, "study.walk.initial_stepp", ["did you mean initial_step"]),
     ("initial_step = 0.01", "initial_step = 0", 29, "study.walk.initial_step", ["is 0; it must be > 0"]),
     ("initial_step = 0.01", "smallest_step = 9.0", 28, "study.walk", ["smallest_step <= largest_step"]),

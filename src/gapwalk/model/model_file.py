@@ -105,9 +105,10 @@ def checked_model(source: Source) -> tuple[Model | None, list[Problem], System |
 
 def _with_names(data: Mapping[str, Any], names: Names) -> System | None:
     """Return a system with the names of an invalid file, without its matrices."""
-    tables = {key: data.get(key, []) for key in ("contact", "friction", "force", *LOADS)}
-    if any(len(names.elements.get(key, ())) != len(each) for key, each in tables.items()):
-        return None
+    for key in ("contact", "friction", "force", *LOADS):
+        tables = data.get(key, [])
+        if not isinstance(tables, list) or len(names.elements.get(key, ())) != len(tables):
+            return None
     coordinates = names.coordinates or []
     with suppress(ModelError):
         return system_of(names.elements, coordinates=coordinates, stiffness=[0.0] * len(coordinates))

@@ -224,6 +224,13 @@ def check_studies(
     source: Source, changes: Mapping[str, object] | None = None, names: Sequence[str] = ()
 ) -> tuple[Study, ...]:
     """Return the studies that a source describes, or those of some names; see `read_studies`."""
+    return check_whole(source, changes, names)[2]
+
+
+def check_whole(
+    source: Source, changes: Mapping[str, object] | None = None, names: Sequence[str] = ()
+) -> tuple[Model, System, tuple[Study, ...]]:
+    """Return the model of a source, its system with changed values but without its studies, and these studies."""
     _check_names(source, names)
     asked = dict(changes or {})
     source, rest, problems = change_source(source, asked)
@@ -252,7 +259,9 @@ def check_studies(
         problems = [each for each in problems if (each.path, each.message[:10]) != ("frequency", "is missing")]
     if model is None or problems:
         raise ModelFileError(in_order(list(dict.fromkeys(problems))))
-    return tuple(study for study in studies if study)
+    system = change_system(model.system, source, {}, rest)[0]
+    assert system is not None
+    return model, system, tuple(study for study in studies if study)
 
 
 def _check_table(
