@@ -15,6 +15,8 @@ from typing import IO, Any
 
 import numpy as np
 
+_PIECE = 1 << 20
+
 
 def why_no_file(path: str | os.PathLike[str]) -> str:
     """Say why a name cannot be that of a file; empty if there is a file or nothing of that name.
@@ -56,6 +58,20 @@ def open_file(path: str | os.PathLike[str]) -> IO[bytes]:
     if os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path)):  # a folder has an error of its own
         raise OSError(errno.EINVAL, "it is a pipe or a device, and no file", os.fspath(path))
     return open(path, "rb")
+
+
+def content_of(path: str | os.PathLike[str], most: int, advice: str) -> bytes:
+    """Return the content of a file of at most `most` bytes; raise a ValueError, whose subject is the file."""
+    content = bytearray()
+    try:
+        with open_file(path) as file:
+            while len(content) <= most and (piece := file.read(_PIECE)):  # read() of all would allocate the most
+                content += piece
+    except (OSError, ValueError) as error:  # a ValueError is a NUL in the name
+        raise ValueError(f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if len(content) > most:
+        raise ValueError(f"is larger than {most // 1_000_000} MB; {advice}")
+    return bytes(content)
 
 
 def check_npz(source: str | os.PathLike[str] | IO[bytes], most: int) -> None:

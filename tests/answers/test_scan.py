@@ -46,7 +46,6 @@ def test_claims_about_points() -> None:
     ("make", "text"),
     [
         (lambda: gw.ask.MotionClaim("period 0"), 'write "period 3"'),
-        (lambda: gw.ask.MotionClaim("chaotic", share=2.0), "from 0"),
         (lambda: gw.ask.PointClaim("fold", "frequency", 2.0, 1.0), "lower end first"),
         (lambda: gw.ask.PointClaim("fold", "frequency", 1.0, 2.0, over=(1.5, 1.0)), "must cover"),
         (lambda: gw.ask.PointClaim("fold", "frequency", 1.0, 2.0, at={"frequency": 1.0}), "leave it out"),

@@ -106,19 +106,6 @@ def test_a_shorter_average_has_an_error_that_holds():
     assert long.errors[0] < 0.5 * np.median([each.errors[0] for each in short])
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"max_periods": 10}, "max_periods is 10; it must be an integer >= 256"),
-        ({"relative": 2.0}, "relative is 2.0"),
-        ({"absolute": -1.0}, "absolute is -1.0"),
-    ],
-)
-def test_options_that_make_no_sense(options, message):
-    with pytest.raises(ModelError, match=message):
-        LyapunovOptions(**options)
-
-
 def test_the_exponents_of_what_settle_and_find_orbit_return():
     system = linear().at(frequency=1.3)
     settled, orbit = gw.settle(system), gw.find_orbit(system)

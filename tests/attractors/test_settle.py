@@ -137,19 +137,6 @@ def test_an_unforced_system_comes_to_rest():
     assert found.state == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"max_periods": 0}, "max_periods is 0; it must be an integer >= 1"),
-        ({"max_period": 2.5}, "max_period is 2.5; it must be an integer >= 1"),
-        ({"tolerance": 1.0}, "tolerance is 1.0; it must lie between 0 and 0.1"),
-    ],
-)
-def test_options_that_make_no_sense(options, message):
-    with pytest.raises(ModelError, match=message):
-        SettleOptions(**options)
-
-
 @pytest.mark.parametrize("start", ["soon", [1.0, 2.0]])
 def test_starts_that_make_no_sense(start):
     with pytest.raises(ModelError):

@@ -108,17 +108,9 @@ def test_names_of_lines(order, periods, name):
     assert line_name(order, periods) == name
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"periods": 4}, "periods is 4; it must be an integer >= 8"),
-        ({"tolerance": 1.0}, "tolerance is 1.0"),
-        ({"window": "curtain"}, "window is 'curtain'; write the name of a window of scipy.signal"),
-    ],
-)
-def test_options_that_make_no_sense(options, message):
-    with pytest.raises(ModelError, match=message):
-        SpectrumOptions(**options)
+def test_a_window_that_there_is_not():
+    with pytest.raises(ModelError, match=r"window is 'curtain'; write the name of a window"):
+        SpectrumOptions(window="curtain")
 
 
 def test_a_signal_that_is_none():

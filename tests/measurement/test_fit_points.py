@@ -129,7 +129,7 @@ def test_a_bound_is_kept_and_a_misfit_is_said(guess, exact) -> None:
         ([("grazing", 0.8, 0.001, "stage2")], NAMES, r"is that of stage2; the branch has 1: at 0\.8228"),
         ([("neimark-sacker", 0.6, 0.001)], NAMES, "but the branch has none; it has grazing, flip, fold"),
         ([("folt", 0.6, 0.001)], NAMES, "kind is 'folt'; .*fold"),
-        ([("fold", 0.6, 0.0)], NAMES, "its standard uncertainty must be > 0"),
+        ([("fold", 0.6, 0.0)], NAMES, "error of the .* is .*; it must be a number > 0"),
         ([("fold", 0.6)], NAMES, r"write \(kind, value, error\)"),
         ([], NAMES, "no point was measured"),
         ([("fold", 0.619, 0.001)], ["frequency"], "is the parameter of the branch"),

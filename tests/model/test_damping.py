@@ -70,11 +70,6 @@ def test_a_ratio_is_a_number_that_is_not_negative(ratios) -> None:
         ModalDamping(ratios)
 
 
-def test_a_share_is_a_number() -> None:
-    with pytest.raises(ModelError, match="must be a number, as in stiffness="):
-        ProportionalDamping(0.1, "much")  # type: ignore[arg-type]
-
-
 MODEL = 'coordinates = ["a", "b", "c"]\nstiffness = [[3, -1, 0], [-1, 2, -1], [0, -1, 4]]\nfrequency = 1.0\n'
 
 

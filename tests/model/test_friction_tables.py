@@ -10,10 +10,9 @@ from gapwalk.cli import main
 from gapwalk.errors import ModelError
 from gapwalk.model.laws import Coulomb, Hysteretic, Jenkins, Rigid
 from gapwalk.model.laws.law import Elastic
-from gapwalk.model.model_file import check_model
+from gapwalk.model.model_file import check_model, checked_model
 from gapwalk.model.model_source import read_source
 from gapwalk.model.words import parameter_words
-from gapwalk.studies.study_file import sketch_of
 from tests.results.again import again
 
 BASE = """
@@ -320,10 +319,11 @@ def test_a_file_with_another_error_still_has_its_names(tmp_path) -> None:
     """Studies are checked against the names of a system whose file is wrong elsewhere."""
     stages = STAGE.format(0.5, 3.0) + "hysteresis = 0.1\n" + STAGE.format(1.0, '"rigid"') + "restitution = 7\n"
     text = STOP + "hysteresis = 0.1\nhysteresis_stiffness = 9.0\n" + stages + BRAKE + "limit = -0.3\nstatic = 2.0\n"
-    sketch = sketch_of(read_source(write(tmp_path, text)))
-    assert sketch is not None
+    model, _, system = checked_model(read_source(write(tmp_path, text)))
+    assert model is None
+    assert system is not None
     for name in ("brake.limit", "brake.static", "stop_friction.stiffness", "stop_stop.restitution"):
-        assert name in sketch.system.parameters
+        assert name in system.parameters
 
 
 def test_python_says_what_is_missing() -> None:

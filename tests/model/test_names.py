@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.model.structure import NameBlock, ParameterNames
+from gapwalk.model.registry import NameBlock, ParameterNames
 from tests.results.again import again
 
 NAMES = ParameterNames((NameBlock("w"), NameBlock("k", 2), NameBlock("c.e", 1), NameBlock("c.b")), ("x", "y", "z"))

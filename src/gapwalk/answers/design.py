@@ -20,6 +20,7 @@ from gapwalk.bifurcation.isolated.search_chunk import SearchOptions
 from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
+from gapwalk.model.bounds import Bounded, Counted, Fraction, Natural, Positive, check_fields
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
@@ -54,19 +55,16 @@ class Change:
     """
 
     parameter: str  #: Name of the parameter.
-    by: float = 0.5  #: Largest relative change in either direction; 0.5 is 50 %.
+    by: Positive = 0.5  #: Largest relative change in either direction; 0.5 is 50 %.
     #: low, high: Limits of its value, in place of `by`.
     low: float | None = None
     high: float | None = None
     #: Weight of its relative change: of two parameters that serve a goal equally, the one of larger weight changes
     #: less.
-    weight: float = 1.0
+    weight: Positive = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("by", "weight"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < math.inf:
-                raise ModelError(f"{name} of {self.parameter} is {value!r}; it must be a number > 0")
+        check_fields(self, f" of {self.parameter}")
 
     def bounds(self, system: System) -> tuple[float, float]:
         """Return the limits of the value.
@@ -121,23 +119,15 @@ class Route:
 
 
 @dataclass(frozen=True, slots=True)
-class LeastChangeOptions:
+class LeastChangeOptions(Bounded):
     """Options of a search for the least change."""
 
     #: Further starts, spread over the bounds, for the ways that need the least change from the present design.
-    starts: int = 2
-    steps: int = 40  #: The most designs whose response is walked, for each way and start.
-    margin: float = MARGIN  #: Safety margin: as a share of the width of a band, or of a limit.
-    seed: int = 0  #: Seed of the further starts.
+    starts: Natural = 2
+    steps: Counted = 40  #: The most designs whose response is walked, for each way and start.
+    margin: Fraction = MARGIN  #: Safety margin: as a share of the width of a band, or of a limit.
+    seed: Natural = 0  #: Seed of the further starts.
     walk: WalkOptions = COARSE  #: Options of the walks.
-
-    def __post_init__(self) -> None:
-        for name, least in (("starts", 0), ("steps", 1), ("seed", 0)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= {least}")
-        if not 0.0 <= self.margin < 1.0:
-            raise ModelError(f"margin is {self.margin!r}; it must be at least 0 and less than 1")
 
 
 class _Judged(NamedTuple):

@@ -23,6 +23,7 @@ from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import force_of, quadrature, signal_names, signal_place
+from gapwalk.model.bounds import Positive, check_fields
 from gapwalk.model.equilibria import Equilibrium, find_equilibria
 from gapwalk.model.modes import find_modes
 from gapwalk.model.problems import did_you_mean
@@ -212,7 +213,7 @@ class PeakBelow(Goal):
     #: Name of a contact, for its force; of a shaft or gear of a drive train, for its whole torque, that of its
     #: permanent spring and damper included; or any signal, as in `Orbit.signal`.
     signal: str
-    limit: float  #: The limit of its magnitude, in the unit of the signal (N m for a torque) or non-dimensional.
+    limit: Positive  #: The limit of its magnitude, in the unit of the signal (N m for a torque) or non-dimensional.
     within: tuple[float, float]  #: The band.
 
     def words(self, system: System, parameter: str) -> str:
@@ -230,8 +231,7 @@ class PeakBelow(Goal):
                 f"a goal limits the peak of {self.signal}, which is infinite where the rigid stop {rigid[0].name} is "
                 f'struck; write a goal without impacts, {{ quiet = "{rigid[0].name}" }}'
             )
-        if not self.limit > 0.0:
-            raise ModelError(f"the limit of {self.signal} is {self.limit!r}; it must be a number > 0")
+        check_fields(self, f" of {self.signal}")
 
     def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
         """Return the margins where the peaks of either sign are largest: where both are equal, both count."""
@@ -403,7 +403,7 @@ class Resonance(Goal):
     above: float | None = None
     #: Order of the excitation that meets it: per turn where the first parameter is the speed of a shaft, otherwise a
     #: multiple of the frequency.
-    order: float = 1.0
+    order: Positive = 1.0
     #: The linearisation: ``"rest"``, about the static equilibrium under the mean load, with the stages that are closed
     #: there; ``"closed"``, with the first stage of every contact, or ``"open"``, as in `gapwalk.find_modes`.
     at: str = "rest"
@@ -411,8 +411,7 @@ class Resonance(Goal):
     def __post_init__(self) -> None:
         if self.below is None and self.above is None:
             raise ModelError("a goal names a resonance, but no limit; write below = ... or above = ...")
-        if not self.order > 0.0:
-            raise ModelError(f"the order of a resonance is {self.order!r}; it must be a number > 0")
+        check_fields(self, " of a resonance")
         if self.at not in _STATES:
             raise ModelError(f"a resonance is taken at {self.at!r}; {did_you_mean(str(self.at), _STATES)}")
 

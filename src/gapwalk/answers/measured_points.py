@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +9,8 @@ from dataclasses import dataclass
 from gapwalk.bifurcation.kinds import Kind
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
-from gapwalk.files import open_file
+from gapwalk.files import content_of
+from gapwalk.model.bounds import Finite, Positive, check_fields
 from gapwalk.model.measured.measured_table import parse_csv
 from gapwalk.model.problems import did_you_mean
 
@@ -27,8 +27,8 @@ class MeasuredPoint:
     """A special point that was measured, such as the frequency of a jump in a slow sweep."""
 
     kind: str  #: Its kind: ``"fold"`` for a jump, ``"grazing"`` for a stop that is first touched, or another.
-    value: float  #: Measured value of the parameter of the branch, in its units.
-    error: float  #: Standard uncertainty of this value.
+    value: Finite  #: Measured value of the parameter of the branch, in its units.
+    error: Positive  #: Standard uncertainty of this value.
     #: The special point of the computed branch that was measured, if the nearest one of its kind is in doubt: its
     #: number among those of its kind along the branch, from 1; or its contact, such as ``"stage2 +"``.
     which: int | str = ""
@@ -37,12 +37,7 @@ class MeasuredPoint:
         kinds = [str(kind) for kind in Kind.known()]
         if self.kind not in kinds:
             raise ModelError(f"kind is {self.kind!r}; {did_you_mean(str(self.kind), kinds)}")
-        for name in ("value", "error"):
-            number = getattr(self, name)
-            if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
-                raise ModelError(f"{name} of the {self.kind} is {number!r}; it must be a finite number")
-        if self.error <= 0.0:
-            raise ModelError(f"error of the {self.kind} is {self.error!r}; its standard uncertainty must be > 0")
+        check_fields(self, f" of the {self.kind}")
         if isinstance(self.which, bool) or not isinstance(self.which, int | str):
             raise ModelError(f"which is {self.which!r}; write a number from 1, or a contact such as 'stage2 +'")
 
@@ -139,8 +134,7 @@ def read_points(path: str | os.PathLike[str]) -> tuple[MeasuredPoint, ...]:
     """
     name = repr(os.fspath(path))
     try:
-        with open_file(path) as file:
-            table = parse_csv(file.read(_MAX_BYTES + 1), "kind,value,error", MAX_POINTS)
+        table = parse_csv(content_of(path, _MAX_BYTES, "leave out rows"), "kind,value,error", MAX_POINTS)
         places = {head: place for place, head in enumerate(table.heads)}
         for head in _COLUMNS[:3]:
             if head not in places:
@@ -159,8 +153,6 @@ def read_points(path: str | os.PathLike[str]) -> tuple[MeasuredPoint, ...]:
                 points.append(MeasuredPoint(kind, float(value), float(error), int(text) if text.isdigit() else text))
             except ModelError as problem:
                 raise ModelError(f"line {line}: {problem}") from None
-    except OSError as problem:
-        raise ModelError(f"points cannot be read from {name}: {problem.strerror or problem}") from None
-    except ModelError as problem:
+    except ValueError as problem:
         raise ModelError(f"points in {name}: {problem}") from None
     return tuple(points)

@@ -13,9 +13,10 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 
@@ -36,6 +37,7 @@ from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.forces import contact_deflections, contact_forces
 from gapwalk.flow.motion import check_state, force_of, integrate, signal_factor, train_histories, train_signals
 from gapwalk.flow.ramp import Ramped
+from gapwalk.model.bounds import check
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.problems import did_you_mean
@@ -370,8 +372,7 @@ def run_up(
     100.0
     """
     check_system(system, "run_up")
-    if isinstance(samples, bool) or not isinstance(samples, int) or not 16 <= samples <= 65_536:
-        raise ModelError(f"samples is {samples!r}; it must be an integer from 16 to 65,536 per forcing period")
+    check("samples", samples, Annotated[int, Ge(16), Le(65_536)])
     if not isinstance(speed, SpeedCourse):
         raise ModelError(
             f"speed is {speed!r}; write gw.ask.SpeedCourse.ramp(700, 1100, 100), or gw.ask.SpeedCourse(time, speed)"

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.answers.run_up import run_batch, start_at
@@ -16,6 +18,7 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import sample
 from gapwalk.flow.ramp import Ramped
+from gapwalk.model.bounds import check
 from gapwalk.model.system import System, check_system
 from gapwalk.model.words import parameter_symbol, value_words
 from gapwalk.notebook import Shown
@@ -240,8 +243,7 @@ def run_ups(
     courses = tuple(speeds)
     if not courses or not all(isinstance(each, SpeedCourse) for each in courses):
         raise ModelError("speeds must be a list of courses, such as [gw.ask.SpeedCourse.ramp(700, 1100, rate), ...]")
-    if isinstance(bins, bool) or not isinstance(bins, int) or not 2 <= bins <= 10_000:
-        raise ModelError(f"bins is {bins!r}; it must be an integer from 2 to 10,000")
+    check("bins", bins, Annotated[int, Ge(2), Le(10_000)])
     ramped, count = Ramped(system), len(courses)
     try:
         angles = np.broadcast_to(np.array(phases, dtype=float), (count,)).copy()

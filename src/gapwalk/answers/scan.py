@@ -13,9 +13,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from itertools import combinations
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import NDArray
 from scipy import special
 
@@ -23,6 +24,7 @@ from gapwalk.attractors.regimes import Regime
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.kinds import Kind
 from gapwalk.errors import ModelError
+from gapwalk.model.bounds import check_fields
 from gapwalk.model.problems import given
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
@@ -56,15 +58,14 @@ class MotionClaim:
     at: Mapping[str, float] = field(default_factory=dict, hash=False)
     #: Least share of the starts that must settle on it; at 0, one start is enough, and 1 means that there is nothing
     #: else.
-    share: float = 0.0
+    share: Annotated[float, Ge(0), Le(1)] = 0.0
 
     def __post_init__(self) -> None:
         if self.motion not in _KINDS and not _PERIOD.fullmatch(self.motion):
             raise ModelError(
                 f'motion is {given(self.motion)}; write "period 3", "periodic", "quasi-periodic" or "chaotic"'
             )
-        if not 0.0 <= self.share <= 1.0:
-            raise ModelError(f"share is {self.share!r}; it must be from 0 (one start is enough) to 1 (all of them)")
+        check_fields(self)
 
     @property
     def words(self) -> str:

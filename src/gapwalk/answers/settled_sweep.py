@@ -12,8 +12,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge
 from numpy.typing import NDArray
 
 from gapwalk.attractors.section import Strobe
@@ -23,7 +25,8 @@ from gapwalk.bifurcation.follow import walk
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.walk import EndReason, WalkOptions
-from gapwalk.errors import FlowError, ModelError, NumericalError
+from gapwalk.errors import FlowError, NumericalError
+from gapwalk.model.bounds import Bounded, Counted
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 
@@ -46,20 +49,14 @@ class Direction(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class SlowSweepOptions:
+class SlowSweepOptions(Bounded):
     """Options of a slow sweep."""
 
-    steps: int = 100  #: Steps of the range at which motions without a branch are sampled.
+    steps: Annotated[int, Ge(2)] = 100  #: Steps of the range at which motions without a branch are sampled.
     #: Longest period, in forcing periods, of motions that are followed as branches; longer ones are sampled.
-    longest: int = 2
-    patience: int = 300  #: The most forcing periods in which a sampled motion may become periodic.
+    longest: Counted = 2
+    patience: Annotated[int, Ge(16)] = 300  #: The most forcing periods in which a sampled motion may become periodic.
     walk: WalkOptions = WalkOptions()  #: Options of the walks.
-
-    def __post_init__(self) -> None:
-        for name, least in (("steps", 2), ("longest", 1), ("patience", 16)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= {least}")
 
 
 @dataclass(frozen=True, eq=False)

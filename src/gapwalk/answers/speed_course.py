@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
+from gapwalk.model.bounds import NotNegative, Positive, check
 from gapwalk.model.measured.measured_table import NamedFile, WantedColumn, read_table
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind
@@ -82,12 +83,10 @@ class SpeedCourse:
         hold
             Time for which the last speed is held.
         """
-        if not rate > 0.0 or not np.isfinite(rate):
-            raise ModelError(f"rate is {rate!r}; it must be a positive change of the speed per unit of time")
+        check("rate", rate, Positive)
         if start == stop:
             raise ModelError(f"a ramp from {start:g} to {stop:g} is empty; give two different speeds")
-        if not hold >= 0.0:
-            raise ModelError(f"hold is {hold!r}; it must be a time >= 0")
+        check("hold", hold, NotNegative)
         time = abs(stop - start) / rate
         points = [(0.0, start), (time, stop), *([(time + hold, stop)] if hold else [])]
         return cls(*np.array(points).T)

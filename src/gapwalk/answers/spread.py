@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from gapwalk.errors import ModelError
-from gapwalk.files import open_file
+from gapwalk.files import content_of
 from gapwalk.model.measured.measured_table import parse_csv
 from gapwalk.model.system import System
 
@@ -287,10 +287,10 @@ def measured_parts(path: str | os.PathLike[str]) -> Spreads:
         If the file cannot be read, or an entry is no finite number.
     """
     try:
-        with open_file(path) as file:
-            return parts_in(file.read(MAX_BYTES + 1), os.fspath(path))
-    except OSError as error:
-        raise ModelError(f"parts cannot be read from {os.fspath(path)!r}: {error.strerror or error}") from None
+        content = content_of(path, MAX_BYTES, "give fewer parts")
+    except ValueError as error:
+        raise ModelError(f"{os.fspath(path)} {error}") from None
+    return parts_in(content, os.fspath(path))
 
 
 def parts_in(content: bytes, name: str) -> Spreads:

@@ -11,9 +11,10 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from annotated_types import Ge
 from numpy.typing import NDArray
 
 from gapwalk.answers.gap_states import GapState, gap_state, innermost, judge_gaps, watched
@@ -32,6 +33,7 @@ from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, powers_of_two
 from gapwalk.ensemble.start import state_at_rest
 from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError
+from gapwalk.model.bounds import Bounded, Counted, Natural
 from gapwalk.model.system import System
 from gapwalk.model.words import range_words, value_words
 from gapwalk.notebook import Shown
@@ -167,22 +169,16 @@ _SMOOTH = 1e-6  # error of a limit, relative to the range, above which its locus
 
 
 @dataclass(frozen=True, slots=True)
-class ThresholdOptions:
+class ThresholdOptions(Bounded):
     """Options of a threshold."""
 
-    values: int = 24  #: Values of the other parameter at which motions are tried.
-    starts: int = 10  #: Starts at each of them: rest, and states spread over a box.
+    values: Annotated[int, Ge(4)] = 24  #: Values of the other parameter at which motions are tried.
+    starts: Annotated[int, Ge(2)] = 10  #: Starts at each of them: rest, and states spread over a box.
     #: Number of forcing periods in which motions may become periodic. Those that have not are followed up to 60 times
     #: as long.
-    periods: int = 600
-    rounds: int = 6  #: The most borders that are followed one after the other.
-    seed: int = 0  #: Seed of the starts.
-
-    def __post_init__(self) -> None:
-        for name, least in (("values", 4), ("starts", 2), ("periods", 16), ("rounds", 1), ("seed", 0)):
-            given = getattr(self, name)
-            if isinstance(given, bool) or not isinstance(given, int) or given < least:
-                raise ModelError(f"{name} is {given!r}; it must be an integer >= {least}")
+    periods: Annotated[int, Ge(16)] = 600
+    rounds: Counted = 6  #: The most borders that are followed one after the other.
+    seed: Natural = 0  #: Seed of the starts.
 
 
 class Confirmation(NamedTuple):

@@ -15,16 +15,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import NamedTuple, Protocol
+from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
+from annotated_types import Ge
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from gapwalk.attractors.section import check_count
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.motion import check_state
+from gapwalk.model.bounds import Bounded, Fraction
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
 from gapwalk.orbit.sticking import collapses
@@ -99,7 +100,7 @@ class Average(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class LyapunovOptions:
+class LyapunovOptions(Bounded):
     """Options of the averages of Lyapunov exponents.
 
     Examples
@@ -108,17 +109,11 @@ class LyapunovOptions:
     True
     """
 
-    max_periods: int = 16_384  #: The most forcing periods.
+    max_periods: Annotated[int, Ge(256)] = 16_384  #: The most forcing periods.
     #: relative, absolute: The averages end when the standard error of each exponent is below `relative` times the
     #: exponent, or below `absolute` per forcing period.
-    relative: float = 0.02
-    absolute: float = 1e-6
-
-    def __post_init__(self) -> None:
-        check_count("max_periods", self.max_periods, 256)
-        for name in ("relative", "absolute"):
-            if not 0.0 <= getattr(self, name) < 1.0:
-                raise ModelError(f"{name} is {getattr(self, name)!r}; it must lie between 0 and 1")
+    relative: Fraction = 0.02
+    absolute: Fraction = 1e-6
 
 
 class _Moving(Protocol):

@@ -14,13 +14,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.section import check_count
 from gapwalk.attractors.settle import Settled
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles, contact_deflections, contact_force
 from gapwalk.flow.motion import Motion, Quadrature, quadrature, signal_factor, switch_names
+from gapwalk.model.bounds import Counted, check
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.energy import impact_losses
@@ -172,7 +172,7 @@ def rattle(motion: Orbit | Settled, periods: int = _PERIODS) -> Rattle:
     >>> found.sides[0].impacts, round(found.sides[0].velocity, 6)
     (1.0, 1.377284)
     """
-    check_count("periods", periods)
+    check("periods", periods, Counted)
     system, period = motion.system, motion.period
     along = quadrature(system, motion.state, period or periods)
     if period:  # two periods, so that an impact across the end is complete

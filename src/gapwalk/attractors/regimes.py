@@ -12,17 +12,18 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from gapwalk.attractors.basins import centres
 from gapwalk.attractors.lyapunov import LyapunovOptions
 from gapwalk.attractors.many_motions import ExactMotions, ManyMotions
-from gapwalk.attractors.section import check_count
 from gapwalk.attractors.settle import AttractorKind, ClassifyOptions, SettleOptions, classify, judge_returns, settle
 from gapwalk.errors import FlowError, ModelError
+from gapwalk.model.bounds import Bounded, Counted
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
 from gapwalk.orbit.orbit import parameter_headings
@@ -196,20 +197,14 @@ _FORCES = 256  # forcing periods over which the contact forces of a motion that 
 
 
 @dataclass(frozen=True, slots=True)
-class RegimeOptions:
+class RegimeOptions(Bounded):
     """Options of the classification of regimes."""
 
     #: The most forcing periods in which a motion may become periodic; after them it is classified by its exponent.
-    longest: int = 3000
+    longest: Counted = 3000
     #: The longest period m that is searched for at once; longer ones are found only where the exponent is negative.
-    max_period: int = 16
+    max_period: Annotated[int, Ge(1), Le(LONGEST_RETURN)] = 16
     forces: bool = True  #: True if peak forces and impacts are computed.
-
-    def __post_init__(self) -> None:
-        check_count("longest", self.longest)
-        check_count("max_period", self.max_period)
-        if self.max_period > LONGEST_RETURN:
-            raise ModelError(f"max_period is {self.max_period}; it must be at most {LONGEST_RETURN}")
 
 
 class Verdicts(NamedTuple):

@@ -17,6 +17,7 @@ from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, Arc, flow_of
 from gapwalk.flow.motion import Motion, check_state, is_dry
+from gapwalk.model.bounds import Counted, check
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 
@@ -141,7 +142,7 @@ def section(system: System, start: NDArray[np.float64], plane: Plane, periods: i
     >>> gw.analysis.section(impacting.system, impacting.state, plane, periods=3).signal("x'").round(6)
     array([1.377284, 1.377284, 1.377284])
     """
-    check_count("periods", periods)
+    check("periods", periods, Counted)
     crossings = _Crossings(system, plane)
     current, theta = check_state(system, start), 0.0
     for _ in range(periods):
@@ -150,12 +151,6 @@ def section(system: System, start: NDArray[np.float64], plane: Plane, periods: i
     thetas = np.array([theta for theta, _ in crossings.found])
     states = np.array([found for _, found in crossings.found]).reshape(-1, system.state_size)
     return Section(system, thetas, states, plane.text)
-
-
-def check_count(what: str, value: object, least: int = 1) -> None:
-    """Check that a value is an integer of at least `least`; raise an error that states what is allowed."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise ModelError(f"{what} is {value!r}; it must be an integer >= {least}")
 
 
 class _Crossings:
@@ -320,7 +315,7 @@ def strobe(system: System, start: NDArray[np.float64], periods: int = 1000, phas
     >>> gw.analysis.strobe(system, orbit.state, periods=2).signal("x").round(6)
     array([0.774443, 0.774443])
     """
-    check_count("periods", periods)
+    check("periods", periods, Counted)
     if not 0.0 <= phase < PERIOD:
         raise ModelError(f"phase is {phase!r}; it must be an angle in radians, at least 0 and less than 2 pi")
     first = at_phase(system, check_state(system, start), phase)

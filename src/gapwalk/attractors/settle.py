@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
 from gapwalk.attractors.lyapunov import (
@@ -25,10 +26,10 @@ from gapwalk.attractors.lyapunov import (
     of_multipliers,
 )
 from gapwalk.attractors.rotation import Rotation, rotation
-from gapwalk.attractors.section import Strobe, check_count, size_of
+from gapwalk.attractors.section import Strobe, size_of
 from gapwalk.attractors.trapping_region import Approach, nearby_orbit, pushed_off, watch
-from gapwalk.errors import ModelError
 from gapwalk.flow.motion import Motion, integrate
+from gapwalk.model.bounds import Bounded, Counted
 from gapwalk.model.system import System, check_system, pace_text
 from gapwalk.notebook import Shown
 from gapwalk.orbit.find import initial_state
@@ -386,7 +387,7 @@ _FAR = 0.01  # distance from an unstable orbit, relative to the motion, above wh
 
 
 @dataclass(frozen=True, slots=True)
-class SettleOptions:
+class SettleOptions(Bounded):
     """Options of the transient and of the test for settling.
 
     Examples
@@ -396,17 +397,11 @@ class SettleOptions:
     """
 
     #: The most forcing periods of the transient (some more may pass while it is compared with an orbit).
-    max_periods: int = 20_000
-    max_period: int = 64  #: The longest period m of the orbits that are searched for.
+    max_periods: Counted = 20_000
+    max_period: Counted = 64  #: The longest period m of the orbits that are searched for.
     #: Drift of the motion's averages, relative to its size, below which a motion that is not periodic counts as
     #: settled; a chaotic one may drift by four standard errors.
-    tolerance: float = 1e-5
-
-    def __post_init__(self) -> None:
-        check_count("max_periods", self.max_periods)
-        check_count("max_period", self.max_period)
-        if not 0.0 < self.tolerance <= 0.1:
-            raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 0 and 0.1")
+    tolerance: Annotated[float, Gt(0), Le(0.1)] = 1e-5
 
 
 def settle(
@@ -552,7 +547,7 @@ Strobes = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class ClassifyOptions:
+class ClassifyOptions(Bounded):
     """Options of the classification of a motion.
 
     Examples
@@ -564,14 +559,10 @@ class ClassifyOptions:
     #: settle, lyapunov: Options of the transient and of the average of the exponents.
     settle: SettleOptions = field(default_factory=SettleOptions)
     lyapunov: LyapunovOptions = field(default_factory=LyapunovOptions)
-    zero: float = 1e-5  #: Size of an exponent per forcing period below which it may be that of a torus.
-    errors: float = 5.0  #: Number of standard errors by which an exponent must differ from zero to count as different.
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.zero <= 0.01:
-            raise ModelError(f"zero is {self.zero!r}; it must lie between 0 and 0.01 per forcing period")
-        if not self.errors >= 1.0:
-            raise ModelError(f"errors is {self.errors!r}; it must be at least 1 standard error")
+    #: Size of an exponent per forcing period below which it may be that of a torus.
+    zero: Annotated[float, Gt(0), Le(0.01)] = 1e-5
+    #: Number of standard errors by which an exponent must differ from zero to count as different.
+    errors: Annotated[float, Ge(1)] = 5.0
 
 
 def classify(

@@ -14,18 +14,19 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import lcm
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from gapwalk.attractors.section import check_count
 from gapwalk.attractors.settle import Settled
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.files import why_no_file
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import Motion, integrate, sample
+from gapwalk.model.bounds import Positive, check, check_fields
 from gapwalk.model.problems import given
 from gapwalk.model.system import System, pace_text
 from gapwalk.model.units import Units
@@ -106,19 +107,17 @@ class SpectrumOptions:
     'hann'
     """
 
-    periods: int = 256  #: Number of forcing periods in the window, for a motion without period.
+    periods: Annotated[int, Ge(8)] = 256  #: Number of forcing periods in the window, for a motion without period.
     #: A window of `scipy.signal.get_window`, for a motion without period. ``"flattop"`` gives amplitudes to 0.1 %,
     #: ``"hann"`` separates neighbouring lines better.
     window: str = "flattop"
     #: The sampling is refined until aliasing changes no line by more than this, relative to the largest line.
-    tolerance: float = 1e-6
+    tolerance: Annotated[float, Ge(1e-12), Le(0.1)] = 1e-6
 
     def __post_init__(self) -> None:
         from scipy.signal import get_window  # imported late: it takes long
 
-        check_count("periods", self.periods, 8)
-        if not 1e-12 <= self.tolerance <= 0.1:
-            raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-12 and 0.1")
+        check_fields(self)
         try:
             get_window(self.window, 8)
         except (ValueError, TypeError):
@@ -522,8 +521,7 @@ class Sound(Described):
     def wav(self, full_scale: float | None = None) -> bytes:
         """Return the content of a WAV file of one channel, 24 bits; a comment in it says what full scale is."""
         scale = self.full_scale if full_scale is None else full_scale
-        if isinstance(scale, bool) or not isinstance(scale, int | float) or not (scale > 0.0 and math.isfinite(scale)):
-            raise ModelError(f"full_scale is {given(scale)}; it must be a positive amplitude of {self.signal}")
+        check("full_scale", scale, Positive)
         if self.peak > scale * (1.0 + 1e-12):
             raise ModelError(
                 f"{self.signal} reaches {self.peak:.4g} {self.unit}".rstrip()
@@ -634,8 +632,7 @@ def _struck(motion: Motion, signal: str, theta: NDArray[np.float64], whole: floa
 
 def instants(seconds: float, rate: int) -> NDArray[np.float64]:
     """Return the times of the samples of a sound, in seconds."""
-    if isinstance(rate, bool) or not isinstance(rate, int) or not _RATES[0] <= rate <= _RATES[1]:
-        raise ModelError(f"rate is {given(rate)}; it must be an integer from {_RATES[0]} to {_RATES[1]} samples per s")
+    check("rate", rate, Annotated[int, Ge(_RATES[0]), Le(_RATES[1])])  # in samples per s
     if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not 2.0 <= seconds * rate <= _MOST:
         raise ModelError(f"seconds is {given(seconds)}; it must be a length up to {_MOST / rate:g} s")
     return np.arange(int(seconds * rate + 1e-9)) / rate
@@ -649,8 +646,7 @@ def second_of(system: System, second: float | None) -> float:
         return 1.0
     if second is None:
         return SECOND
-    if isinstance(second, bool) or not isinstance(second, int | float) or not 0.0 < second < math.inf:
-        raise ModelError(f"second is {given(second)}; it must be a positive number of units of time")
+    check("second", second, Positive)
     return float(second)
 
 

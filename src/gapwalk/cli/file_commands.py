@@ -41,12 +41,14 @@ def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bo
     from gapwalk.results.plain import plain
     from gapwalk.studies.runner import check_work
     from gapwalk.studies.set_values import parse_changes
-    from gapwalk.studies.study_file import check_studies, check_system
+    from gapwalk.studies.study_file import check_system, check_whole
 
     asked, source = parse_changes(changes), read_source(file)
-    studies = check_studies(source, asked) if "study" in source.data else ()
+    if "study" in source.data:
+        model, system, studies = check_whole(source, asked)
+    else:
+        (model, system), studies = check_system(source, asked), ()
     check_work(studies)
-    model, system = check_system(source, asked)
     curves = curves_of(source)
     heading = model.title or studies[0].title if len(studies) == 1 else model.title or str(file)
     if studies and studies[0].reduced:

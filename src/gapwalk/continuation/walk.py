@@ -15,12 +15,13 @@ from enum import Enum
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge
 from numpy.typing import NDArray
 
 from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Correction, Corrector, Range, ahead, hermite, length_of
 from gapwalk.errors import ModelError
+from gapwalk.model.bounds import Positive, check_fields
 
 # Options of a walk, and the control of its step size.
 #
@@ -30,8 +31,6 @@ _LONGEST, _SHORTEST = 2.0, 0.4  # limits of the ratio of successive steps
 GOAL = 0.6
 """Share of the largest allowed turn, or change, that a step aims at."""
 
-# Bounds that the schema of a table knows too: it names a wrong value as it was written.
-_Positive = Annotated[float, Gt(0)]
 _AtLeastTwo = Annotated[int, Ge(2)]
 
 
@@ -46,28 +45,21 @@ class WalkOptions:
     'the largest number of points was reached (max_points = 10)'
     """
 
-    initial_step: _Positive = 0.002  #: The first step; it is clipped to the two limits below.
+    initial_step: Positive = 0.002  #: The first step; it is clipped to the two limits below.
     # not compared: it changes no point of a walk, so a walk begun with another value can be resumed
-    smallest_step: _Positive = field(default=1e-13, compare=False)  #: The step at which the walk gives up.
-    largest_step: _Positive = 0.01  #: The longest step.
-    largest_turn: _Positive = 0.35  #: The largest angle between the tangents at both ends of a step, in radians.
+    smallest_step: Positive = field(default=1e-13, compare=False)  #: The step at which the walk gives up.
+    largest_step: Positive = 0.01  #: The longest step.
+    largest_turn: Positive = 0.35  #: The largest angle between the tangents at both ends of a step, in radians.
     iterations: _AtLeastTwo = 3  #: Newton iterations per step that the step-size control aims at.
     max_points: _AtLeastTwo = 20_000  #: Number of points after which the walk stops and reports that limit.
 
     def __post_init__(self) -> None:
-        for name in ("initial_step", "smallest_step", "largest_step", "largest_turn"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
-                raise ModelError(f"{name} is {value!r}; it must be a number > 0")
+        check_fields(self)
         if not self.smallest_step <= self.largest_step:
             raise ModelError(
                 f"the steps must satisfy smallest_step <= largest_step, but they are {self.smallest_step} and "
                 f"{self.largest_step}"
             )
-        for name in ("iterations", "max_points"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 2:
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= 2")
 
     @property
     def first_step(self) -> float:

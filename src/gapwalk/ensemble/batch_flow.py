@@ -16,9 +16,10 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.ensemble.force_source import LANES
@@ -35,6 +36,7 @@ from gapwalk.ensemble.start import (
 )
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.model.bounds import Bounded, Counted, Natural, check_fields
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 
@@ -85,7 +87,7 @@ class Batch:
 
 
 @dataclass(frozen=True, slots=True)
-class BatchOptions:
+class BatchOptions(Bounded):
     """Accuracy and threads of the batch integrator.
 
     Examples
@@ -97,24 +99,13 @@ class BatchOptions:
     #: The allowed error over one forcing period: the root mean square, over the trajectories and periods that are
     #: compared with the exact flow, of the largest difference in any component of the state, in units of the largest
     #: value of that component.
-    error: float = 1e-4
+    error: Annotated[float, Ge(1e-10), Le(0.1)] = 1e-4
     #: Steps per forcing period. By default they are chosen for `error`; if given, the error is only reported.
-    steps: int | None = None
-    sample: int = 16  #: Number of trajectories that are compared with the exact flow, at several times of each run.
-    threads: int | None = None  #: Number of threads; by default all local cores. The result does not depend on it.
-
-    def __post_init__(self) -> None:
-        if not 1e-10 <= self.error <= 0.1:
-            raise ModelError(
-                f"error is {self.error}; it must be a number from 1e-10 to 0.1. For motions exact to rounding use "
-                "gapwalk.integrate"
-            )
-        for name, least, most in (("steps", 8, MOST_STEPS), ("sample", 1, 10_000), ("threads", 1, 4096)):
-            value = getattr(self, name)
-            if value is None and name != "sample":
-                continue
-            if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-                raise ModelError(f"{name} is {value!r}; it must be an integer from {least} to {most}")
+    steps: Annotated[int, Ge(8), Le(MOST_STEPS)] | None = None
+    #: Number of trajectories that are compared with the exact flow, at several times of each run.
+    sample: Annotated[int, Ge(1), Le(10_000)] = 16
+    #: Number of threads; by default all local cores. The result does not depend on it.
+    threads: Annotated[int, Ge(1), Le(4096)] | None = None
 
     @property
     def thread_count(self) -> int:
@@ -388,14 +379,12 @@ class _Plan:
     """The schedule of a run."""
 
     #: periods, every, survey: See `BatchFlow.run`.
-    periods: int
-    every: int = 0
-    survey: int = 0
+    periods: Counted
+    every: Natural = 0
+    survey: Natural = 0
 
     def __post_init__(self) -> None:
-        for name, value, least in (("periods", self.periods, 1), ("every", self.every, 0), ("survey", self.survey, 0)):
-            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= {least}, in forcing periods")
+        check_fields(self)
         if self.survey > self.periods:
             raise ModelError(f"survey is {self.survey}, but the run lasts {self.periods} forcing periods only")
 

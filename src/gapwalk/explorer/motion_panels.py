@@ -42,7 +42,7 @@ from gapwalk.flow.motion import (
     signal_names,
     train_signals,
 )
-from gapwalk.model.structure import ContactForm
+from gapwalk.model.contact import ContactForm
 from gapwalk.model.system import System
 from gapwalk.model.words import order_words, parameter_symbol, parameter_words, signal_words
 from gapwalk.orbit.energy import Energy, EnergyItem, energy

@@ -17,10 +17,10 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.forces import Angles, contact_force, stages_of
 from gapwalk.flow.motion import Motion, is_dry
+from gapwalk.model.bounds import Finite, Positive, check
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, coefficients_of, layout_of
-from gapwalk.model.contact import Contact
+from gapwalk.model.contact import Contact, ContactForm
 from gapwalk.model.laws import Law
-from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System, check_system
 from gapwalk.notebook import Pictured, Shown
 from gapwalk.summary import SummaryParts, Table, summarizes
@@ -116,11 +116,9 @@ def hysteresis(
     check_system(system, "hysteresis")
     name, form, slots = pick_contact(system, contact)
     frequency = system.frequency if frequency is None else frequency
-    for what, value in (("amplitude", amplitude), ("frequency", frequency)):
-        if not 0.0 < value < math.inf:
-            raise ModelError(f"{what} is {value!r}; it must be a number > 0")
-    if not math.isfinite(mean):
-        raise ModelError(f"mean is {mean!r}; it must be a finite number")
+    check("amplitude", amplitude, Positive)
+    check("frequency", frequency, Positive)
+    check("mean", mean, Finite)
     if slots.deflections[1:]:
         raise ModelError(
             f"{name!r} depends on {len(slots.deflections)} deflections ({', '.join(form.law.arguments)}), so it has no "

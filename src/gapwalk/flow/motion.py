@@ -9,15 +9,15 @@ the paper shows u3'' of three inertias. Absolute angles and speeds depend on the
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from annotated_types import Ge
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
@@ -27,12 +27,14 @@ from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.dry_state import Hold, Kink, SlipEvent
 from gapwalk.flow.flow import PERIOD, Restarts, flow_of, flow_with
 from gapwalk.flow.forces import Angles, Dry, accelerations, balance, contact_deflections, contact_forces
+from gapwalk.model.bounds import Finite, Positive, check
 from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
+from gapwalk.model.contact import ContactForm
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.drivetrain.train_parts import Displacing
 from gapwalk.model.loads import Line
 from gapwalk.model.problems import did_you_mean
-from gapwalk.model.structure import ContactForm, Structure
+from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 
 # Forces and accelerations along a motion with dry friction and rigid stops, from the modes of the flow.
@@ -377,12 +379,8 @@ def integrate(
     >>> [(event.enters, round(event.theta, 6)) for event in motion.events]
     [(True, 0.301576), (False, 0.695754)]
     """
-    if not (math.isfinite(periods) and periods > 0.0):
-        raise ModelError(
-            f"periods is {periods!r}; a motion is followed forwards: write a number > 0, such as periods=6.0"
-        )
-    if not (math.isfinite(samples) and samples >= 1):
-        raise ModelError(f"samples is {samples!r}; it must be at least 1 per forcing period, such as samples=256")
+    check("periods", periods, Positive)
+    check("samples", samples, Annotated[float, Ge(1)])
     count = max(1, round(samples * periods))
     return sample(system, start, phase + PERIOD * periods * np.arange(count + 1) / count)
 
@@ -636,8 +634,7 @@ def signal_of(system: System, given: str | Mapping[str, float] | Signal) -> Sign
         terms = given.terms if isinstance(given, Signal) else tuple(given.items())
     for name, factor in terms:
         signal_place(system, name)
-        if isinstance(factor, bool) or not isinstance(factor, int | float) or not math.isfinite(factor):
-            raise ModelError(f"the factor of {name} is {factor!r}; it must be a finite number")
+        check(f"the factor of {name}", factor, Finite)
     if not any(factor for _, factor in terms):
         raise ModelError("a signal names at least one of the system's, as in \"q1''\" or { \"q1''\" = 1.0 }")
     return given if isinstance(given, Signal) else Signal(terms)

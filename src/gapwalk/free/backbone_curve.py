@@ -6,10 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
-from typing import Annotated, ClassVar, cast
+from typing import ClassVar, cast
 
 import numpy as np
-from annotated_types import Gt
 from numpy.typing import NDArray
 
 from gapwalk.continuation.both_directions import BranchPoint
@@ -20,6 +19,7 @@ from gapwalk.flow.equations import smallness
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.flow.motion import Motion, integrate
 from gapwalk.free.free_shooting import FreeEquation, FreeShooting, damping_values, potential_of, without_losses
+from gapwalk.model.bounds import Bounded, Positive
 from gapwalk.model.coefficients import WAY, ParameterLine, coefficients_of, on_the_way
 from gapwalk.model.equilibria import find_equilibria
 from gapwalk.model.modes import find_modes
@@ -337,7 +337,7 @@ _LENGTHS = 10.0  # change of the positions, in clearances, that weighs as much a
 
 
 @dataclass(frozen=True, slots=True)
-class BackboneOptions:
+class BackboneOptions(Bounded):
     """Options of a backbone.
 
     Examples
@@ -347,13 +347,9 @@ class BackboneOptions:
     """
 
     #: Amplitude at which it ends, in clearances (in units of length for a system without gaps).
-    largest_amplitude: Annotated[float, Gt(0)] = 20.0
+    largest_amplitude: Positive = 20.0
     #: Options of the steps.
     walk: WalkOptions = field(default_factory=lambda: WalkOptions(largest_step=0.02, max_points=2000))
-
-    def __post_init__(self) -> None:
-        if not self.largest_amplitude > 0.0:
-            raise ModelError(f"largest_amplitude is {self.largest_amplitude!r}; it must be > 0")
 
 
 @shows_progress(lambda count, point: f"{count} free vibrations, at {point.value:.6g}")

@@ -17,9 +17,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from gapwalk.bracketed_root import zero_between_signs
@@ -304,12 +305,8 @@ class FreeShooting(Method):
 
     coordinate: str = ""  #: Name of the coordinate that is at rest at theta = 0; empty for the one that swings most.
     #: Number of segments into which the period is divided: more help if the motion is strongly unstable.
-    segments: int = 1
+    segments: Annotated[int, Ge(1), Le(1000)] = 1
     tolerance: float = 1e-10  #: Largest residual of an orbit, relative to the size of its state.
-
-    def __post_init__(self) -> None:
-        if isinstance(self.segments, bool) or not isinstance(self.segments, int) or not 1 <= self.segments <= 1000:
-            raise ModelError(f"segments is {self.segments!r}; it must be an integer from 1 to 1000")
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> FreeEquation:
         """Return the equation of the free motions of a system."""

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.compare_motions import Agreement, agreement, lines_of, orders_of
-from gapwalk.attractors.section import check_count
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import Signal, signal_of
 from gapwalk.measurement.measured_record import Record
+from gapwalk.model.bounds import Bounded, Counted
 from gapwalk.model.laws import never_negative
 from gapwalk.model.system import System, pace_text
 from gapwalk.notebook import Pictured, Shown
@@ -430,7 +430,7 @@ class Fit(Shown):
 
 
 @dataclass(frozen=True, slots=True)
-class FitOptions:
+class FitOptions(Bounded):
     """Options of a fit.
 
     Examples
@@ -439,10 +439,7 @@ class FitOptions:
     20
     """
 
-    max_evaluations: int = 200  #: The most orbits that are compared with the record.
-
-    def __post_init__(self) -> None:
-        check_count("max_evaluations", self.max_evaluations)
+    max_evaluations: Counted = 200  #: The most orbits that are compared with the record.
 
 
 class Descent(NamedTuple):

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.attractors.spectrum import Tracked
 from gapwalk.errors import ModelError
-from gapwalk.files import open_file
+from gapwalk.files import content_of
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.measured.measured_table import NamedFile, WantedColumn, parse_csv, read_heads, read_table
 from gapwalk.model.problems import did_you_mean
@@ -200,7 +200,6 @@ NUMERIC = ("double", "single", *_INTEGERS)
 MAX_BYTES = 100_000_000
 """A larger file is refused."""
 
-_PIECE = 1 << 20
 FIELDS = ("time", "acceleration", "speed")
 
 
@@ -270,7 +269,10 @@ def read_measurement(
     """
     path = Path(path)
     wanted = _wanted(columns or {})
-    content = _content(path)
+    try:
+        content = content_of(path, MAX_BYTES, "cut a few tens of periods out of it")
+    except ValueError as error:
+        raise ModelError(f"{path} {error}") from None
     try:
         table = (_read_mat if path.suffix.lower() == ".mat" else _read_csv)(content, wanted)
         return Record(name=path.name, **table).scaled(time_scale, scale, speed_scale)
@@ -285,19 +287,6 @@ def _wanted(columns: Mapping[str, str]) -> dict[str, str]:
         if field not in FIELDS:
             raise ModelError(f"a record has no column {field!r}; {did_you_mean(field, FIELDS)}")
     return {field: field for field in FIELDS[:2]} | dict(columns)
-
-
-def _content(path: Path) -> bytes:
-    content = bytearray()
-    try:
-        with open_file(path) as file:
-            while len(content) <= MAX_BYTES and (piece := file.read(_PIECE)):  # read() of all would allocate MAX_BYTES
-                content += piece
-    except (OSError, ValueError) as error:
-        raise ModelError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    if len(content) > MAX_BYTES:
-        raise ModelError(f"{path} is larger than {MAX_BYTES // 1_000_000} MB; cut a few tens of periods out of it")
-    return bytes(content)
 
 
 def _read_mat(content: bytes, wanted: Mapping[str, str]) -> dict[str, NDArray[np.float64]]:

@@ -23,8 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError, OutsideError
-from gapwalk.model.registry import Parameter
-from gapwalk.model.structure import ContactForm, NameBlock, ParameterNames, Structure
+from gapwalk.model.contact import ContactForm
+from gapwalk.model.registry import NameBlock, Parameter, ParameterNames
+from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
 from gapwalk.model.value_checks import value_problems

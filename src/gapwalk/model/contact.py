@@ -8,8 +8,22 @@ from enum import StrEnum
 from itertools import accumulate, pairwise
 from typing import Any
 
-from gapwalk.errors import ModelError
-from gapwalk.model.laws import HYSTERESIS, LAWS, Coulomb, Expression, Hysteretic, Jenkins, Law, Rigid, law_of, law_with
+from gapwalk.errors import ModelError, UnfitError
+from gapwalk.model.laws import (
+    HYSTERESIS,
+    LAWS,
+    Coulomb,
+    Expression,
+    Hysteretic,
+    Jenkins,
+    Law,
+    Rigid,
+    StageShape,
+    Term,
+    closed_form_of,
+    law_of,
+    law_with,
+)
 from gapwalk.model.problems import WITHIN
 from gapwalk.model.registry import Parameter
 
@@ -483,6 +497,83 @@ def _number_problems(contact: Contact, given: Mapping[str, float]) -> Iterator[s
         for parameter in law.stage_parameters:
             if stage.number(parameter) is None:
                 yield f"{parameter.name} of a stage is missing; {parameter.words}"
+
+
+# Contacts without their numbers.
+
+
+@dataclass(frozen=True, slots=True)
+class StageForm:
+    """A stage without its numbers: its name within the contact, and its side."""
+
+    name: str
+    side: Side
+
+
+@dataclass(frozen=True, slots=True)
+class ContactForm:
+    """A contact without its numbers. A reciprocal one acts along its own deflection."""
+
+    name: str
+    stages: tuple[StageForm, ...]
+    law: Law
+    reciprocal: bool
+
+    @classmethod
+    def of(cls, contact: Contact, *, reciprocal: bool | None = None) -> ContactForm:
+        """Make the form of a contact; a link of a drive train is always reciprocal."""
+        stages = tuple(StageForm(stage.name, stage.side) for stage in contact.stages)
+        return cls(contact.name, stages, contact.law, contact.force is None if reciprocal is None else reciprocal)
+
+    @property
+    def vectors(self) -> tuple[str, ...]:
+        """Names of the vectors of its deflections."""
+        return tuple(f"{self.name}.{each}" for each in self.deflections)
+
+    @property
+    def deflections(self) -> tuple[str, ...]:
+        """Names of its deflections among its numbers: a single one is ``deflection``."""
+        return self.law.arguments if self.law.arguments[1:] else ("deflection",)
+
+    @property
+    def push(self) -> str:
+        """Name of the vector along which it acts."""
+        return self.vectors[0] if self.reciprocal else f"{self.name}.force"
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters of its law: of its stages, then of the contact as a whole."""
+        groups = [(self.stage_prefix(stage), self.law.stage_parameters) for stage in self.stages]
+        groups.append((self.name, self.law.parameters))
+        return tuple(f"{prefix}.{each.name}" for prefix, parameters in groups for each in parameters)
+
+    @property
+    def sides(self) -> list[tuple[StageForm, int]]:
+        """Each stage with each side on which it acts, in the order of the switches."""
+        return [(stage, sign) for stage in self.stages for sign in stage.side.signs]
+
+    @property
+    def shapes(self) -> tuple[StageShape, ...]:
+        """The side of each switch, and whether its stage is the first there."""
+        signs = [sign for _, sign in self.sides]
+        return tuple(StageShape(sign, sign not in signs[:place]) for place, sign in enumerate(signs))
+
+    @property
+    def has_closed_form(self) -> bool:
+        """True if the force is a sum of products."""
+        return not self.law.rebounds and closed_form_of(self.law, self.shapes) is not None
+
+    def closed_form(self, backend: str) -> tuple[Term, ...]:
+        """Return the force as a sum of products."""
+        terms = closed_form_of(self.law, self.shapes)
+        if terms is None or not self.has_closed_form:
+            reason = "reverses the rate at an impact" if self.law.rebounds else "is not a polynomial of the penetration"
+            raise UnfitError(f"{backend} cannot include {self.name!r}: its force law {self.law.name!r} {reason}")
+        return terms
+
+    def stage_prefix(self, stage: StageForm) -> str:
+        """Return the prefix of the names of a stage's parameters."""
+        return f"{self.name}.{stage.name}" if stage.name else self.name
 
 
 # The contacts that one table of a model file, or one link of a drive train, stands for.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from dataclasses import fields as dataclass_fields
 from functools import lru_cache
@@ -13,11 +14,12 @@ from typing import Annotated, Any, ClassVar, Self, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import (
+    AfterValidator,
     ConfigDict,
     Field,
     ModelWrapValidatorHandler,
     PlainValidator,
-    PrivateAttr,
+    ValidationError,
     ValidationInfo,
     WrapValidator,
     create_model,
@@ -28,6 +30,7 @@ from pydantic import (
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.contact import force as make_force
+from gapwalk.model.drivetrain.train_orders import Counted
 from gapwalk.model.laws import FRICTION, Expression
 from gapwalk.model.laws.formula import FormulaError, formula_of
 from gapwalk.model.loads import LOADS, Load
@@ -52,13 +55,37 @@ from gapwalk.model.schema import (
     by_shape,
     claim,
     measured,
+    mended,
     number_of,
     tagged,
 )
 from gapwalk.model.units import QuantityKind, Unit, has_unit
 
 
-class ForcePart(Part):
+class Element(Part):
+    """A table of a contact or a load. If it is invalid, one of the same names is made, by which studies are checked."""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _has_its_names(cls, table: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo[Any]) -> Self:
+        names, taken = info.context, {*info.context.taken}
+        try:
+            found = handler(table)
+        except ValidationError as error:
+            if names.what == "coordinate" and isinstance(table, Mapping):
+                names.taken, taken = taken, names.taken
+                with suppress(ValidationError, ValueError):
+                    handler(mended(table, error, names)).enter(names)
+                names.taken |= taken
+            raise
+        found.enter(names)
+        return found
+
+    def enter(self, names: Names) -> None:
+        """Make the element, and enter it; raise a ValueError if it is refused as a whole."""
+
+
+class ForcePart(Element):
     """A force by a formula: ``[[force]]``. All keys that the schema does not know are parameters of the formula."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
@@ -69,15 +96,14 @@ class ForcePart(Part):
     deflections: Annotated[dict[Name, Direction], Field(min_length=1, max_length=MAX_COORDINATES)] | None = None
     acts_on: Direction | None = None
 
-    @model_validator(mode="after")
-    def _makes_a_force(self, info: ValidationInfo[Names]) -> ForcePart:
+    def enter(self, names: Names) -> None:
+        """See `Element.enter`."""
         try:
-            self.force(info.context.coordinates or [])
+            names.elements.setdefault("force", []).append(self.force(names.coordinates or []))
         except FormulaError as error:
             raise ValueError(f"law is {given(self.law)}, column {error.column}: {error.reason}") from None
         except ModelError as error:
             raise ValueError(f"is refused: {str(error).removeprefix(f'contact {self.name!r}: ')}") from None
-        return self
 
     def force(self, coordinates: Sequence[str]) -> Contact:
         """Make the force. A formula without a deflection is one of the coordinates that it names."""
@@ -120,7 +146,7 @@ class ForcePart(Part):
 # The table of dry friction in a model file, ``[[friction]]``, in systems and in drive trains.
 
 
-class FrictionBase(Part):
+class FrictionBase(Element):
     """Dry friction: the keys that it has in systems and in drive trains; see `friction_part`."""
 
     name: OwnName = Field(description="its parameters begin with it, as in brake.limit")
@@ -140,8 +166,8 @@ class FrictionBase(Part):
         }
         return words.get(key, "")
 
-    @model_validator(mode="after")
-    def _says_how_much(self) -> FrictionBase:
+    def enter(self, names: Names) -> None:
+        """See `Element.enter`."""
         given = self.given
         if "limit" in given and "coefficient" in given:
             raise ValueError("has limit together with coefficient; leave one of the two out")
@@ -162,7 +188,6 @@ class FrictionBase(Part):
                 "has static together with stiffness; a Jenkins element begins to slip at its limit: leave one of the "
                 "two out"
             )
-        return self
 
     @property
     def given(self) -> dict[str, Any]:
@@ -177,13 +202,13 @@ class PlainFrictionBase(FrictionBase):
     deflection: Direction = Field(description="write by which coordinates it slips, as in { q1 = 1.0 }")
     force: Vector | None = None
 
-    @model_validator(mode="after")
-    def _makes_friction(self) -> PlainFrictionBase:
+    def enter(self, names: Names) -> None:
+        """See `Element.enter`."""
+        super().enter(names)
         try:
-            self.contact()
+            names.elements.setdefault("friction", []).append(self.contact())
         except ModelError as error:
             raise ValueError(f"is refused: {str(error).removeprefix(f'contact {self.name!r}: ')}") from None
-        return self
 
     def contact(self) -> Contact:
         """Make the friction."""
@@ -202,19 +227,17 @@ def friction_part(base: type[FrictionBase] = PlainFrictionBase) -> Any:
 # The tables of loads in a model file: ``[[harmonic]]`` and those of other kinds, in systems and in drive trains.
 
 
-class LoadBase(Part):
+class LoadBase(Element):
     """A load that repeats with the excitation, as ``[[harmonic]]``; see `load_fields`."""
 
     kind: ClassVar[type[Load]]
-    _units: bool = PrivateAttr(default=False)
-    _made: Any = PrivateAttr(default=None)
 
     order: Order = 1
     name: Name | None = Field(default=None, validate_default=True)
 
-    @model_validator(mode="wrap")
+    @model_validator(mode="before")
     @classmethod
-    def _has_a_name(cls, table: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo[Any]) -> Self:
+    def _has_a_name(cls, table: Any, info: ValidationInfo[Any]) -> Any:
         """Name a variation for what it varies, if the name of its order is taken."""
         if not cls.kind.is_periodic and isinstance(table, Mapping) and "order" in table:
             raise ValueError(f"has an order, but it is {cls.kind.words}; leave order out")
@@ -222,7 +245,7 @@ class LoadBase(Part):
             name = default_name(cls.kind.key, table, info.context.taken)
             if name != f"{cls.kind.key}{table.get('order', 1)}":
                 table = {**table, "name": name}
-        return handler(table)
+        return table
 
     @field_validator("name")
     @classmethod
@@ -236,33 +259,45 @@ class LoadBase(Part):
             info.context.taken.add(name)
         return name
 
-    @model_validator(mode="after")
-    def _makes_a_load(self, info: ValidationInfo[Names]) -> LoadBase:
-        self._units = info.context.units
+    def enter(self, names: Names) -> None:
+        """See `Element.enter`."""
         if not getattr(self, "acts_on", True) and not getattr(self, "varies", None):
             raise ModelError(
                 "acts_on is missing; write on what it acts, as in { q1 = 1.0 }, or what it varies instead: "
                 'varies = "mesh.stiffness"'
             )
         try:
-            self._made = self.load()
+            names.elements.setdefault(self.kind.key, []).append(self.load(units=names.units))
         except ModelError as error:
             raise ValueError(f"is refused: {error}") from None
-        return self
 
-    @property
-    def made(self) -> Any:
-        """The load of the table, which was made when it was checked."""
-        return self._made
-
-    def load(self, **changes: Any) -> Any:
+    def load(self, *, units: bool, **changes: Any) -> Any:
         """Make the load, with other values of some keys."""
         counted = ("mesh", "turns_of")  # of loads of drive trains
         numbers = {name: value for name, value in dict(self).items() if value is not None and name not in counted}
         numbers |= changes
         if not self.kind.is_periodic:
             del numbers["order"]
-        return self.kind.from_table({**numbers, "name": numbers.get("name", "")}, units=self._units)
+        return self.kind.from_table({**numbers, "name": numbers.get("name", "")}, units=units)
+
+
+_TrainOrder = Annotated[Positive, AfterValidator(lambda order: int(order) if float(order).is_integer() else order)]
+"""A whole number, or a fraction; loads of drive trains count it."""
+
+
+class TrainLoadBase(LoadBase):
+    """A load of a drive train, whose order may count teeth or turns, and may be a fraction."""
+
+    order: _TrainOrder = 1  # pyright: ignore[reportIncompatibleVariableOverride]
+    mesh: Name | None = None
+    turns_of: Name | None = None
+
+    def load(self, *, units: bool, **changes: Any) -> Load | Counted:
+        """Make the load, with the way in which its order is counted."""
+        mesh, turns_of, order = self.mesh or "", self.turns_of or "", self.order
+        is_whole = float(order).is_integer()
+        load = super().load(units=units, order=int(order) if is_whole else 1, **changes)
+        return load if is_whole and not (mesh or turns_of) else Counted(load, mesh, turns_of, order)
 
 
 def default_name(key: str, table: Mapping[str, Any], taken: Collection[str]) -> str:
@@ -280,7 +315,7 @@ _Varied = Annotated[
     Annotated[Text, tagged("name")]
     | Annotated[list[Text], Field(min_length=1, max_length=MAX_COORDINATES), tagged("names")]
     | Annotated[dict[Text, Number], Field(min_length=1), tagged("factors")],
-    by_shape(lambda value: "factors" if isinstance(value, Mapping) else "names" if isinstance(value, list) else "name"),
+    by_shape(factors=Mapping, names=list, name=object),
 ]
 _FILE = 'write the name of a CSV file, as in file = "gas.csv"'
 
@@ -375,11 +410,6 @@ def load_fields(base: type[LoadBase] = LoadBase) -> dict[str, Any]:
     """Make the fields of the tables of all registered loads, one list for each kind."""
     lists: dict[str, Any] = {key: list[_load_part(kind, base)] for key, kind in LOADS.items()}  # pyright: ignore
     return {key: (each, Field(default=[], max_length=MAX_COORDINATES)) for key, each in lists.items()}
-
-
-def loads_of(part: Part) -> list[Any]:
-    """Make the loads of a model file."""
-    return [each.made for key in LOADS for each in getattr(part, key, ())]
 
 
 # Contacts whose springs follow a measured curve: each corner is a stage; and the key ``curve`` of model files.

@@ -7,10 +7,14 @@ The steps are `gapwalk.model.model_source` (parse, and change values), `gapwalk.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+import inspect
+import re
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar, get_args
+
+from pydantic import ValidationError
 
 from gapwalk.errors import ModelError
 from gapwalk.model.drivetrain.train_file import TrainBase, describes_train, train_part, train_problems
@@ -19,15 +23,39 @@ from gapwalk.model.loads import LOADS
 from gapwalk.model.matrix_file import arranged, read_labelled, split_name
 from gapwalk.model.measured.measured_table import NamedFile, path_of, read_named
 from gapwalk.model.model_source import Source
-from gapwalk.model.model_tables import SystemBase, system_part
-from gapwalk.model.problems import Path, Problem, dotted, given
-from gapwalk.model.schema import MAX_COORDINATES, Names, refusal, validate
+from gapwalk.model.model_tables import SystemBase, system_of, system_part
+from gapwalk.model.problems import WITHIN, Path, Problem, did_you_mean, dotted, given, idea_of
+from gapwalk.model.schema import MAX_COORDINATES, Names, Part, error_path
 from gapwalk.model.system import System
+from gapwalk.model.units import has_unit
 
 MATRICES = ("mass", "damping", "stiffness")
 """Keys of a model file that may name a file with a matrix."""
 LOAD_FILES = ("file", "over_speed")
 """Keys of the tables of loads that may name a file with columns of numbers; ``over_speed`` may be a formula too."""
+
+_TOP = "the top of the file, above the first table in brackets"
+_EXPLAINED = 200  # problems of a table with a hint: nobody reads more, and the search for similar names takes time
+
+_ALLOWED = {
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "int_type": "an integer",
+    "bool_type": "true or false",
+    "string_type": "a text in quotes",
+    "list_type": "a list",
+    "literal_error": "{expected}",
+    "dict_type": "a table, such as {{ q1 = 1.0 }}",
+    "model_type": "a table",
+    "too_short": "a list of at least {min_length}",
+    "too_long": "a list of at most {max_length}",
+    "less_than": "< {lt:g}",
+    "less_than_equal": "<= {le}",
+    "greater_than": "> {gt:g}",
+    "greater_than_equal": ">= {ge:g}",
+}
+
+P = TypeVar("P", bound=Part)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,22 +69,50 @@ class Model:
 
 def check_model(source: Source) -> tuple[Model | None, list[Problem]]:
     """Validate a model file, and build its system."""
+    return checked_model(source)[:2]
+
+
+def checked_model(source: Source) -> tuple[Model | None, list[Problem], System | None]:
+    """Validate a model file, and build its system; if that fails, one that has the names of the file, for its studies.
+
+    That one has placeholders in place of the matrices. It is None if an element of the system is wrong itself, and for
+    a drive train.
+    """
     is_train = describes_train(source.data)
     files, unread = read_files(source)
     full, unused = read_parts(source, files, units=is_train and Names.of_train(source.data).units)
     unread += unused
-    names = Names.of_train if is_train else Names.of
+    read: list[Names] = []
+
+    def names() -> Names:
+        read.append((Names.of_train if is_train else Names.of)(full.data))
+        return read[-1]
+
     schema: type[TrainBase | SystemBase] = train_part() if is_train else system_part()
-    part, problems = validate(schema, full.data, full, context=lambda: names(full.data))
+    part, problems = validate(schema, full.data, full, context=names)
     # a table without its file may seem to lack more than that
     within = tuple(f"{problem.path.rpartition('.')[0] or problem.path}." for problem in unread)
     problems = unread + [problem for problem in problems if not f"{problem.path}.".startswith(within)]
-    if part is None or problems:
-        return None, problems
-    try:
-        return Model(part.system(), part.title, _digest(files)), []
-    except ModelError as error:
-        return None, [*train_problems(error, source)] if is_train else [source.problem(refusal(error))]
+    if part is not None and not problems:
+        try:
+            system = part.system(read[-1].elements)
+        except ModelError as error:
+            problems = [*train_problems(error, source)] if is_train else [source.problem(refusal(error))]
+        else:
+            return Model(system, part.title, _digest(files)), [], system
+    return None, problems, None if is_train else _with_names(full.data, read[-1])
+
+
+def _with_names(data: Mapping[str, Any], names: Names) -> System | None:
+    """Return a system with the names of an invalid file, without its matrices."""
+    for key in ("contact", "friction", "force", *LOADS):
+        tables = data.get(key, [])
+        if not isinstance(tables, list) or len(names.elements.get(key, ())) != len(tables):
+            return None
+    coordinates = names.coordinates or []
+    with suppress(ModelError):
+        return system_of(names.elements, coordinates=coordinates, stiffness=[0.0] * len(coordinates))
+    return None
 
 
 def curves_of(source: Source) -> tuple[MeasuredCurve, ...]:
@@ -164,3 +220,144 @@ def _digest(files: Mapping[Path, Any]) -> str:
     for content in files.values():
         digest.update(content.content if isinstance(content, NamedFile) else content.tobytes())
     return digest.hexdigest() if files else ""
+
+
+# What pydantic finds, as problems of the file.
+
+
+def validate(
+    model: type[P], data: object, source: Source, at: Path = (), context: Callable[[], object] = lambda: None
+) -> tuple[P | None, list[Problem]]:
+    """Check a table against its schema, and report all of its problems."""
+    try:
+        return model.model_validate(data, context=context()), []
+    except ValidationError as error:
+        errors = error.errors(include_url=False)
+    unknown = [error_path(error) for error in errors if error["type"] == "extra_forbidden"]
+    if unknown:  # pydantic checks a table as a whole only when it finds no unknown key in it
+        try:
+            model.model_validate(_without(data, unknown), context=context())
+        except ValidationError as error:
+            seen = {(each["loc"], each["type"]) for each in errors}
+            errors += [each for each in error.errors(include_url=False) if (each["loc"], each["type"]) not in seen]
+    return None, [_problem(model, error, source, at, number < _EXPLAINED) for number, error in enumerate(errors)]
+
+
+def refusal(error: ModelError, name: str = "") -> str:
+    """Return the message of an error of the model as one line that can follow a path which ends in `name`."""
+    return "; ".join(line.removeprefix(f"{name} ") for line in dict.fromkeys(str(error).splitlines()))
+
+
+def _without(data: Any, paths: list[Path]) -> Any:
+    """Return data without the values at some paths, which end in keys of tables."""
+    unwanted, around = set(paths), {path[:end] for path in paths for end in range(len(path))}
+
+    def pruned(value: Any, at: Path) -> Any:
+        if at not in around:
+            return value
+        if isinstance(value, Mapping):
+            places = ((key, each, (*at, key)) for key, each in value.items())
+            return {key: pruned(each, place) for key, each, place in places if place not in unwanted}
+        if isinstance(value, list):
+            return [pruned(each, (*at, index)) for index, each in enumerate(value)]
+        return value
+
+    return pruned(data, ())
+
+
+def _problem(model: type[Part], error: Any, source: Source, at: Path, explained: bool) -> Problem:
+    kind, value = error["type"], error["input"]
+    path = error_path(error)
+    if kind == "extra_forbidden":
+        hint = f"; {_unknown_key(str(path[-1]), value, _owner(model, path), model, at)}" if explained else ""
+        message = f"is not a key here{hint}"
+        return source.problem(message, (*at, *path))
+    owner = _owner(model, path)
+    if owner and path and path[-1] in owner.model_fields:  # for a default, pydantic gives the name and not the alias
+        path = (*path[:-1], owner.model_fields[str(path[-1])].alias or path[-1])
+    if kind == "missing":
+        description = _fields(owner).get(str(path[-1]), "") if owner else ""
+        message = "is missing" + (f"; {description}" if description else "")
+    elif kind == "value_error":
+        path = path[:-1] if path[-1:] == ("[key]",) else path  # pydantic's mark of an error of a key
+        message, path = _located(error["ctx"]["error"], model, path)
+    elif kind == "list_type" and isinstance(value, Mapping):
+        name = str(path[-1]) if path else ""
+        field = owner.model_fields.get(name) if owner else None
+        if field is None or any(_parts_in([field.annotation])):
+            message = f"is one table; it must be a list of tables: write [[{name}]] with two brackets"
+        else:
+            message = f"is a table; it must be a list, as in {name} = [1.0]"
+    else:
+        allowed = _ALLOWED[kind].format(**error.get("ctx", {})) if kind in _ALLOWED else error["msg"]
+        message = f"is {given(value)}; it must be {allowed}"
+        if kind == "greater_than_equal" and path[-1:] == ("clearance",):
+            message += f": {WITHIN}"
+        is_quoted_number = kind in ("float_type", "int_type") and isinstance(value, str) and _is_number(value)
+        if is_quoted_number or (kind == "bool_type" and value in ("true", "false")):
+            message += ", without quotes"
+        elif kind == "float_type" and isinstance(value, str) and re.fullmatch(r"\s*[-+]?\d+,\d+\s*", value):
+            message += f"; it has a point, not a comma: {value.strip().replace(',', '.')}"
+        elif kind == "float_type" and has_unit(value):
+            message += " without a unit, in consistent units; only the quantities of drive trains have units"
+    return source.problem(message, (*at, *path))
+
+
+def _located(error: Exception, model: type[Part], path: Path) -> tuple[str, Path]:
+    """Return the message of an error and its path, with one more key if the message begins with a key of that table."""
+    if not isinstance(error, ModelError):
+        return str(error), path
+    table = _owner(model, (*path, ""))
+    name = str(error).split(maxsplit=1)[0]
+    if table and name in _fields(table):
+        path = (*path, name)
+    return refusal(error, str(path[-1]) if path else ""), path
+
+
+def _unknown_key(key: str, value: object, owner: type[Part] | None, root: type[Part], at: Path) -> str:
+    """Suggest a replacement for an unknown key."""
+    if owner and (hint := owner.hint_for(key, value)):
+        return hint
+    if owner is not root and key in _fields(root):
+        if any(_parts_in([root.model_fields[key].annotation])):
+            return f"it is a table of its own, [[{key}]]"
+        above = f"the {at[0]}, above the first of its tables" if at else _TOP
+        return f"{key} belongs to {above}"
+    for name, info in root.model_fields.items() if owner is root else ():
+        if any(key in _fields(part) for part in _parts_in([info.annotation])):
+            return f"it belongs in {name}"
+    if idea := idea_of(key):
+        return idea
+    return did_you_mean(key, list(_fields(owner) if owner else ()), "the keys are")
+
+
+def _owner(model: type[Part], path: Path) -> type[Part] | None:
+    """Return the schema of the table that has the last key of `path`."""
+    owner: type[Part] | None = model
+    for key in path[:-1]:
+        if owner is None or isinstance(key, int):
+            continue
+        annotations = [info.annotation for name, info in owner.model_fields.items() if key in (name, info.alias)]
+        owner = next(_parts_in(annotations), None)
+    return owner
+
+
+def _parts_in(annotations: Any) -> Iterator[type[Part]]:
+    for annotation in annotations:
+        if inspect.isclass(annotation) and issubclass(annotation, Part):
+            yield annotation
+        else:
+            yield from _parts_in(get_args(annotation))
+
+
+def _fields(part: type[Part]) -> dict[str, str]:
+    """Return the keys of a table with their descriptions."""
+    return {info.alias or name: info.description or "" for name, info in part.model_fields.items()}
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -7,13 +7,12 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache, wraps
-from typing import Annotated, Any, Self, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from pydantic import (
     AfterValidator,
     BeforeValidator,
     Field,
-    ModelWrapValidatorHandler,
     ValidationError,
     ValidationInfo,
     WrapValidator,
@@ -33,7 +32,7 @@ from gapwalk.model.contact import (
     Stage,
     order_problems,
 )
-from gapwalk.model.element_tables import ForcePart, friction_part, load_fields, loads_of
+from gapwalk.model.element_tables import Element, ForcePart, friction_part, load_fields
 from gapwalk.model.laws import HYSTERESIS, LAWS, STIFFNESS, Law, Rigid, law_of, law_parameters, law_with
 from gapwalk.model.loads import LOADS
 from gapwalk.model.problems import given
@@ -235,12 +234,12 @@ class LawTable(Part):
         """See `Part.hint_for`."""
         return _hysteresis_for(key)
 
-    @model_validator(mode="wrap")
+    @model_validator(mode="before")
     @classmethod
-    def _knows_its_law(cls, table: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo[Any]) -> Self:
+    def _knows_its_law(cls, table: Any, info: ValidationInfo[Any]) -> Any:
         """Give the tables of the stages their law."""
         info.context.law = law_of_table(table)
-        return handler(table)
+        return table
 
 
 def law_of_table(table: Any) -> Law:
@@ -279,7 +278,7 @@ def is_no_law(damping: object) -> object:
     return damping
 
 
-class ContactBase(LawTable):
+class ContactBase(LawTable, Element):
     """A contact: ``[[contact]]``, with its one stage in short form or with tables of stages; see `system_part`."""
 
     name: OwnName = Field(description="its parameters begin with it, as in stage2.clearance")
@@ -296,18 +295,18 @@ class ContactBase(LawTable):
         names = dict.fromkeys(each.name for law in LAWS.values() if law.is_damped for each in law.parameters)
         return f"a contact has the damping of its force law; write {' or '.join(names)}"
 
-    @model_validator(mode="after")
-    def _makes_a_contact(self, info: ValidationInfo[Names]) -> ContactBase:
+    def enter(self, names: Names) -> None:
+        """See `Element.enter`."""
         try:
             made = self.contacts()
         except ModelError as error:
             reason = str(error).removeprefix(f"contact {self.name!r}: ")
             raise ValueError(f"is refused: {reason}") from None
         for each in made:
-            if each.name != self.name and each.name in info.context.taken:
+            if each.name != self.name and each.name in names.taken:
                 raise ValueError(f"makes {given(each.name)} beside its springs, but that name is taken; choose another")
-            info.context.taken.add(each.name)
-        return self
+            names.taken.add(each.name)
+        names.elements.setdefault("contact", []).append(made)
 
     def contacts(self) -> tuple[Contact, ...]:
         """Make the contact, and the friction and the rigid stop beside it."""
@@ -372,7 +371,7 @@ class DampingPart(Part):
     ratios: (
         Annotated[
             Annotated[NonNegative, tagged("one")] | Annotated[list[NonNegative], Field(min_length=1), tagged("many")],
-            by_shape(lambda value: "many" if isinstance(value, list) else "one"),
+            by_shape(many=list, one=object),
         ]
         | None
     ) = None
@@ -392,7 +391,7 @@ class DampingPart(Part):
 
 DampingField = Annotated[
     Annotated[DampingPart, tagged("table")] | Annotated[Matrix, tagged("numbers")],
-    by_shape(lambda value: "table" if isinstance(value, Mapping) else "numbers"),
+    by_shape(table=Mapping, numbers=object),
 ]
 """A damping in a model file: its matrix, the diagonal of it, or a table."""
 
@@ -419,24 +418,35 @@ class SystemBase(Part):
     measurement: Any = None
     reduction: Any = None  # read by `gapwalk.studies.reduced`
 
-    def system(self) -> System:
-        """Make the system, at the frequency 1 if the file gives none."""
-        contacts: list[ContactBase] = getattr(self, "contact", [])
-        made = {part.name: part.contacts() for part in contacts}
-        return System(
+    def system(self, elements: Mapping[str, list[Any]]) -> System:
+        """Make the system, with what its tables have made; at the frequency 1 if the file gives none."""
+        return system_of(
+            elements,
             coordinates=self.coordinates,
             stiffness=self.stiffness,
             damping=self.damping.damping() if isinstance(self.damping, DampingPart) else self.damping,
             mass=self.mass,
-            contacts=[
-                *(each for name in made for each in made[name]),
-                *(part.contact() for part in getattr(self, "friction", ())),
-                *(part.force(self.coordinates) for part in self.force),
-            ],
             mean=self.mean,
-            harmonics=[_displacing(load, made) for load in loads_of(self)],
             frequency=self.frequency or 1.0,
         )
+
+
+def system_of(elements: Mapping[str, list[Any]], **keys: Any) -> System:
+    """Make a system with the contacts and loads of tables."""
+    contacts = {made[0].name: made for made in elements.get("contact", ())}
+    return System(
+        contacts=[
+            *(each for made in contacts.values() for each in made),
+            *(each for key in ("friction", "force") for each in elements.get(key, ())),
+        ],
+        harmonics=[_displacing(load, contacts) for load in loads_of(elements)],
+        **keys,
+    )
+
+
+def loads_of(elements: Mapping[str, list[Any]]) -> list[Any]:
+    """Return the loads that the tables of a file have made."""
+    return [each for key in LOADS for each in elements.get(key, ())]
 
 
 def _displacing(load: Any, contacts: Mapping[str, tuple[Contact, ...]]) -> Any:

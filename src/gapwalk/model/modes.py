@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import layout_of
+from gapwalk.model.contact import ContactForm
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly, of_angles
 from gapwalk.model.equilibria import Equilibrium, tangent
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.spring import springs_of
-from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
 

@@ -1,13 +1,13 @@
-"""The schema of model files: kinds of values, the tables that hold them, and errors of validation as problems."""
+"""The schema of model files: kinds of values, and the tables that hold them."""
 
 from __future__ import annotations
 
-import inspect
+import copy
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, TypeVar, get_args
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from pydantic import (
@@ -23,11 +23,9 @@ from pydantic import (
     WrapValidator,
 )
 
-from gapwalk.errors import ModelError
 from gapwalk.model.laws import Law, law_of
 from gapwalk.model.loads import check_order
-from gapwalk.model.model_source import Source
-from gapwalk.model.problems import WITHIN, Path, Problem, did_you_mean, given, idea_of
+from gapwalk.model.problems import Path, did_you_mean, given
 from gapwalk.model.registry import Parameter
 from gapwalk.model.units import QuantityKind, has_unit, read_quantity
 from gapwalk.model.value_checks import mass_problems
@@ -35,7 +33,6 @@ from gapwalk.model.value_checks import mass_problems
 MAX_COORDINATES = 1000
 """More are refused: dense matrices of that size have a million parameters, each with a name."""
 
-_TOP = "the top of the file, above the first table in brackets"
 _NO_QUANTITIES = {
     *(
         "name",
@@ -52,25 +49,8 @@ _NO_QUANTITIES = {
         "law",
     )
 }
-_EXPLAINED = 200  # problems of a table with a hint: nobody reads more, and the search for similar names takes time
-_TAG = "\0"  # begins the tags of unions, which pydantic puts among the keys of a path
-
-_ALLOWED = {
-    "float_type": "a number",
-    "finite_number": "a finite number",
-    "int_type": "an integer",
-    "bool_type": "true or false",
-    "string_type": "a text in quotes",
-    "list_type": "a list",
-    "literal_error": "{expected}",
-    "dict_type": "a table, such as {{ q1 = 1.0 }}",
-    "model_type": "a table",
-    "too_short": "a list of at least {min_length}",
-    "too_long": "a list of at most {max_length}",
-    "less_than_equal": "<= {le}",
-    "greater_than": "> {gt:g}",
-    "greater_than_equal": ">= {ge:g}",
-}
+_DIRECTIONS = ("deflection", "force", "acts_on")
+TAG = "\0"  # begins the tags of unions, which pydantic puts among the keys of a path
 
 Choice = TypeVar("Choice", bound=str)
 
@@ -88,12 +68,12 @@ class Part(BaseModel):
 
 def tagged(name: str) -> Tag:
     """Make the tag of one member of a union."""
-    return Tag(_TAG + name)
+    return Tag(TAG + name)
 
 
-def by_shape(choose: Callable[[Any], str]) -> Discriminator:
-    """Make a discriminator from a function that returns the name of a `tagged` member of a union."""
-    return Discriminator(lambda value: _TAG + choose(value))
+def by_shape(**shapes: type) -> Discriminator:
+    """Make a discriminator from the names of `tagged` members of a union, each with its type: the first one fits."""
+    return Discriminator(lambda value: TAG + next(name for name, kind in shapes.items() if isinstance(value, kind)))
 
 
 @dataclass
@@ -107,6 +87,8 @@ class Names:
         default_factory=lambda: {"frequency", "speed", "mass", "damping", "stiffness", "mean", "study"}
     )
     units: bool = False  # whether quantities have units
+    # What the tables make: the contacts of each, or its load; by the keys of the tables.
+    elements: dict[str, list[Any]] = field(default_factory=dict)
     law: Law = field(default_factory=lambda: law_of("elastic"))  # of the contact whose table is read
 
     @classmethod
@@ -141,6 +123,38 @@ def _quantities(data: Any) -> Iterator[object]:
             yield from _quantities(value)
         else:
             yield value
+
+
+def error_path(error: Any) -> Path:
+    """Return the path of an error without the tags of unions; an unknown key may look like a tag, but is none."""
+    path = error["loc"]
+    end = len(path) - (error["type"] == "extra_forbidden")
+    return (*(key for key in path[:end] if not (isinstance(key, str) and key.startswith(TAG))), *path[end:])
+
+
+def mended(table: Mapping[str, Any], error: ValidationError, names: Names) -> Any:
+    """Return the table of an element with placeholders for its wrong values, so that it has the same names."""
+    found = copy.deepcopy({**table})
+    for each in error.errors(include_url=False):
+        *around, key = error_path(each) or ("",)
+        if around and around[0] in _DIRECTIONS:
+            around, key = [], around[0]
+        inner: Any = found
+        for step in around:
+            inner = inner[step]
+        if not isinstance(inner, dict):
+            continue
+        if key in _DIRECTIONS:
+            inner[key] = dict.fromkeys((names.coordinates or [])[:1], 1.0)
+        elif each["type"] in ("extra_forbidden", "list_type") or isinstance(each["input"], str):
+            inner.pop(key, None)
+        elif key not in ("", "stage"):
+            inner[key] = 1.0
+    stages = found.get("stage")
+    for place, stage in enumerate(stages if isinstance(stages, list) else ()):
+        if isinstance(stage, dict):
+            stage["clearance"] = 1.0 + place
+    return found
 
 
 def measured(kind: QuantityKind) -> WrapValidator:
@@ -242,7 +256,7 @@ def _regular(mass: list[list[float]], info: ValidationInfo[Names]) -> list[list[
 
 def _matrix_shape(value: object) -> str:
     flat = isinstance(value, list) and value and not any(isinstance(row, list) for row in value)
-    return "diagonal" if flat else "matrix"
+    return TAG + ("diagonal" if flat else "matrix")
 
 
 def _radians(phase: object) -> object:
@@ -279,7 +293,7 @@ Matrix = Annotated[
     # of many wrong numbers, only those of one row are reported
     Annotated[list[list[Number]], Field(fail_fast=True), tagged("matrix")]
     | Annotated[list[Number], tagged("diagonal")],
-    by_shape(_matrix_shape),
+    Discriminator(_matrix_shape),
     AfterValidator(_square),
 ]
 RegularMatrix = Annotated[Matrix, AfterValidator(_regular)]
@@ -291,151 +305,3 @@ def number_of(parameter: Parameter) -> Any:
     if parameter.least is not None:
         number = Annotated[number, Field(ge=parameter.least)]
     return number if parameter.kind is None else Annotated[number, measured(parameter.kind)]
-
-
-P = TypeVar("P", bound=Part)
-
-
-def validate(
-    model: type[P], data: object, source: Source, at: Path = (), context: Callable[[], object] = lambda: None
-) -> tuple[P | None, list[Problem]]:
-    """Check a table against its schema, and report all of its problems."""
-    try:
-        return model.model_validate(data, context=context()), []
-    except ValidationError as error:
-        errors = error.errors(include_url=False)
-    unknown = [_path_of(error) for error in errors if error["type"] == "extra_forbidden"]
-    if unknown:  # pydantic checks a table as a whole only when it finds no unknown key in it
-        try:
-            model.model_validate(_without(data, unknown), context=context())
-        except ValidationError as error:
-            seen = {(each["loc"], each["type"]) for each in errors}
-            errors += [each for each in error.errors(include_url=False) if (each["loc"], each["type"]) not in seen]
-    return None, [_problem(model, error, source, at, number < _EXPLAINED) for number, error in enumerate(errors)]
-
-
-def refusal(error: ModelError, name: str = "") -> str:
-    """Return the message of an error of the model as one line that can follow a path which ends in `name`."""
-    return "; ".join(line.removeprefix(f"{name} ") for line in dict.fromkeys(str(error).splitlines()))
-
-
-def _without(data: Any, paths: list[Path]) -> Any:
-    """Return data without the values at some paths, which end in keys of tables."""
-    unwanted, around = set(paths), {path[:end] for path in paths for end in range(len(path))}
-
-    def pruned(value: Any, at: Path) -> Any:
-        if at not in around:
-            return value
-        if isinstance(value, Mapping):
-            places = ((key, each, (*at, key)) for key, each in value.items())
-            return {key: pruned(each, place) for key, each, place in places if place not in unwanted}
-        if isinstance(value, list):
-            return [pruned(each, (*at, index)) for index, each in enumerate(value)]
-        return value
-
-    return pruned(data, ())
-
-
-def _problem(model: type[Part], error: Any, source: Source, at: Path, explained: bool) -> Problem:
-    kind, value = error["type"], error["input"]
-    path = _path_of(error)
-    if kind == "extra_forbidden":
-        hint = f"; {_unknown_key(str(path[-1]), value, _owner(model, path), model, at)}" if explained else ""
-        message = f"is not a key here{hint}"
-        return source.problem(message, (*at, *path))
-    owner = _owner(model, path)
-    if owner and path and path[-1] in owner.model_fields:  # for a default, pydantic gives the name and not the alias
-        path = (*path[:-1], owner.model_fields[str(path[-1])].alias or path[-1])
-    if kind == "missing":
-        description = _fields(owner).get(str(path[-1]), "") if owner else ""
-        message = "is missing" + (f"; {description}" if description else "")
-    elif kind == "value_error":
-        path = path[:-1] if path[-1:] == ("[key]",) else path  # pydantic's mark of an error of a key
-        message, path = _located(error["ctx"]["error"], model, path)
-    elif kind == "list_type" and isinstance(value, Mapping):
-        name = str(path[-1]) if path else ""
-        field = owner.model_fields.get(name) if owner else None
-        if field is None or any(_parts_in([field.annotation])):
-            message = f"is one table; it must be a list of tables: write [[{name}]] with two brackets"
-        else:
-            message = f"is a table; it must be a list, as in {name} = [1.0]"
-    else:
-        allowed = _ALLOWED[kind].format(**error.get("ctx", {})) if kind in _ALLOWED else error["msg"]
-        message = f"is {given(value)}; it must be {allowed}"
-        if kind == "greater_than_equal" and path[-1:] == ("clearance",):
-            message += f": {WITHIN}"
-        is_quoted_number = kind in ("float_type", "int_type") and isinstance(value, str) and _is_number(value)
-        if is_quoted_number or (kind == "bool_type" and value in ("true", "false")):
-            message += ", without quotes"
-        elif kind == "float_type" and isinstance(value, str) and re.fullmatch(r"\s*[-+]?\d+,\d+\s*", value):
-            message += f"; it has a point, not a comma: {value.strip().replace(',', '.')}"
-        elif kind == "float_type" and has_unit(value):
-            message += " without a unit, in consistent units; only the quantities of drive trains have units"
-    return source.problem(message, (*at, *path))
-
-
-def _path_of(error: Any) -> Path:
-    """Return the path of an error without the tags of unions; an unknown key may look like a tag, but is none."""
-    path = error["loc"]
-    end = len(path) - (error["type"] == "extra_forbidden")
-    return (*(key for key in path[:end] if not (isinstance(key, str) and key.startswith(_TAG))), *path[end:])
-
-
-def _located(error: Exception, model: type[Part], path: Path) -> tuple[str, Path]:
-    """Return the message of an error and its path, with one more key if the message begins with a key of that table."""
-    if not isinstance(error, ModelError):
-        return str(error), path
-    table = _owner(model, (*path, ""))
-    name = str(error).split(maxsplit=1)[0]
-    if table and name in _fields(table):
-        path = (*path, name)
-    return refusal(error, str(path[-1]) if path else ""), path
-
-
-def _unknown_key(key: str, value: object, owner: type[Part] | None, root: type[Part], at: Path) -> str:
-    """Suggest a replacement for an unknown key."""
-    if owner and (hint := owner.hint_for(key, value)):
-        return hint
-    if owner is not root and key in _fields(root):
-        if any(_parts_in([root.model_fields[key].annotation])):
-            return f"it is a table of its own, [[{key}]]"
-        above = f"the {at[0]}, above the first of its tables" if at else _TOP
-        return f"{key} belongs to {above}"
-    for name, info in root.model_fields.items() if owner is root else ():
-        if any(key in _fields(part) for part in _parts_in([info.annotation])):
-            return f"it belongs in {name}"
-    if idea := idea_of(key):
-        return idea
-    return did_you_mean(key, list(_fields(owner) if owner else ()), "the keys are")
-
-
-def _owner(model: type[Part], path: Path) -> type[Part] | None:
-    """Return the schema of the table that has the last key of `path`."""
-    owner: type[Part] | None = model
-    for key in path[:-1]:
-        if owner is None or isinstance(key, int):
-            continue
-        annotations = [info.annotation for name, info in owner.model_fields.items() if key in (name, info.alias)]
-        owner = next(_parts_in(annotations), None)
-    return owner
-
-
-def _parts_in(annotations: Any) -> Iterator[type[Part]]:
-    for annotation in annotations:
-        if inspect.isclass(annotation) and issubclass(annotation, Part):
-            yield annotation
-        else:
-            yield from _parts_in(get_args(annotation))
-
-
-def _fields(part: type[Part]) -> dict[str, str]:
-    """Return the keys of a table with their descriptions."""
-    return {info.alias or name: info.description or "" for name, info in part.model_fields.items()}
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots, coefficients_of, layout_of
+from gapwalk.model.contact import ContactForm
 from gapwalk.model.laws import Law, Stages, StageTerms, Term, closed_form_of
-from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 
 

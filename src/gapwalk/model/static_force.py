@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import ContactSlots, coefficients_of, layout_of
+from gapwalk.model.contact import ContactForm
 from gapwalk.model.laws import Stages, StageTerms
 from gapwalk.model.laws.formula import NUMPY_FUNCTIONS
 from gapwalk.model.laws.law import Symbols
-from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 
 _STEP, _LONGER_STEP = 1e-150, 1e-140  # of the complex step

@@ -8,18 +8,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, reduce
-from typing import Any, NamedTuple, Protocol, overload
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.errors import ModelError, UnfitError
-from gapwalk.model.contact import Contact, Side
-from gapwalk.model.laws import Law, StageShape, Term, closed_form_of
+from gapwalk.errors import ModelError
+from gapwalk.model.contact import ContactForm
+from gapwalk.model.laws import Term, closed_form_of
 from gapwalk.model.loads import LoadForm
 from gapwalk.model.problems import near_names
-from gapwalk.model.units import PACES, Units
+from gapwalk.model.registry import NameBlock, ParameterNames
+from gapwalk.model.units import Units
 
 # Variations over the angle by loads: numbers of contacts and forces, and their deflections.
 
@@ -94,188 +95,6 @@ def _varying_numbers(contact: ContactForm) -> list[str]:
 
 
 _ROUNDING = 1e-9  # of the range of a table: so close to its end, a value is within
-_FEW = 20_000  # names that may be listed, for a faster look-up and to find similar ones
-
-
-@dataclass(frozen=True, slots=True)
-class NameBlock:
-    """Consecutive parameters: one number (rank 0), one for each coordinate (1), or for each pair of them (2)."""
-
-    prefix: str
-    rank: int = 0
-
-
-@dataclass(frozen=True)
-class ParameterNames(Sequence[str]):
-    """All names in the order of the value vector; they are not stored if there are very many."""
-
-    blocks: tuple[NameBlock, ...]  #: The blocks of names, in their order.
-    coordinates: tuple[str, ...] = ()  #: The names by which vectors and matrices are indexed: ``stiffness.q1.q3``.
-
-    def __len__(self) -> int:
-        return self._starts[-1]
-
-    @overload
-    def __getitem__(self, index: int) -> str: ...
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[str]: ...
-    def __getitem__(self, index: int | slice) -> str | Sequence[str]:
-        if isinstance(index, slice):
-            return [self[each] for each in range(*index.indices(len(self)))]
-        place = range(len(self))[index]
-        number = next(i for i, end in enumerate(self._starts[1:]) if place < end)
-        block, offset, n = self.blocks[number], place - self._starts[number], len(self.coordinates)
-        words = [block.prefix]
-        for power in range(block.rank - 1, -1, -1):
-            words.append(self.coordinates[offset // n**power % n])
-        return ".".join(words)
-
-    def __iter__(self) -> Iterator[str]:
-        for block in self.blocks:
-            prefixes = [block.prefix]
-            for _ in range(block.rank):
-                prefixes = [f"{prefix}.{name}" for prefix in prefixes for name in self.coordinates]
-            yield from prefixes
-
-    def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and self._find(name) is not None
-
-    def start(self, prefix: str) -> int:
-        """Return the place of the first parameter of a block; raise a KeyError for an unknown prefix."""
-        return self._starts[self._blocks[prefix]]
-
-    def place(self, name: str) -> int:
-        """Return the place of one parameter."""
-        place = self._find(name) if isinstance(name, str) else None
-        if place is None:
-            raise ModelError(self._unknown(str(name)))
-        return place
-
-    @property
-    def single(self) -> list[int]:
-        """The places of the parameters that are not entries of a vector or a matrix."""
-        return [start for block, start in zip(self.blocks, self._starts, strict=False) if block.rank == 0]
-
-    @cached_property
-    def _starts(self) -> list[int]:
-        starts = [0]
-        for block in self.blocks:
-            starts.append(starts[-1] + len(self.coordinates) ** block.rank)
-        return starts
-
-    @cached_property
-    def _blocks(self) -> dict[str, int]:
-        return {block.prefix: number for number, block in enumerate(self.blocks)}
-
-    @cached_property
-    def _indices(self) -> dict[str, int]:
-        return {name: index for index, name in enumerate(self.coordinates)}
-
-    @cached_property
-    def _listed(self) -> dict[str, int] | None:
-        return {name: place for place, name in enumerate(self)} if len(self) <= _FEW else None
-
-    def _find(self, name: str) -> int | None:
-        return self._listed.get(name) if self._listed is not None else self._compute(name)
-
-    def _compute(self, name: str) -> int | None:
-        words = name.split(".")
-        for rank in (0, 1, 2):
-            number = self._blocks.get(".".join(words[: len(words) - rank]))
-            indices = [self._indices.get(word, -1) for word in words[len(words) - rank :]]
-            if number is not None and self.blocks[number].rank == rank and -1 not in indices:
-                return self._starts[number] + reduce(
-                    lambda offset, index: offset * len(self._indices) + index, indices, 0
-                )
-        return None
-
-    def _unknown(self, name: str) -> str:
-        known = list(self) if len(self) <= _FEW else [block.prefix for block in self.blocks if block.rank == 0]
-        friction = name.replace(".hysteresis", "_friction.limit")  # hysteresis in a file is an element of its own
-        near = [friction] if friction != name and friction in known else near_names(name, known)
-        if not near:
-            last = name.rsplit(".", 1)[-1]
-            near = [each for each in known if each.rsplit(".", 1)[-1] == last][:3]
-        if not near and name in PACES:
-            near = known[:1]  # the other of the two
-        if near:
-            return f"there is no parameter {name!r}; did you mean {' or '.join(map(repr, near))}?"
-        rest = ", ... (system.parameters lists them all)" if len(self) > _SHOWN else ""
-        return f"there is no parameter {name!r}; there are {', '.join(map(repr, known[:_SHOWN]))}{rest}"
-
-
-@dataclass(frozen=True, slots=True)
-class StageForm:
-    """A stage without its numbers: its name within the contact, and its side."""
-
-    name: str
-    side: Side
-
-
-@dataclass(frozen=True, slots=True)
-class ContactForm:
-    """A contact without its numbers. A reciprocal one acts along its own deflection."""
-
-    name: str
-    stages: tuple[StageForm, ...]
-    law: Law
-    reciprocal: bool
-
-    @classmethod
-    def of(cls, contact: Contact, *, reciprocal: bool | None = None) -> ContactForm:
-        """Make the form of a contact; a link of a drive train is always reciprocal."""
-        stages = tuple(StageForm(stage.name, stage.side) for stage in contact.stages)
-        return cls(contact.name, stages, contact.law, contact.force is None if reciprocal is None else reciprocal)
-
-    @property
-    def vectors(self) -> tuple[str, ...]:
-        """Names of the vectors of its deflections."""
-        return tuple(f"{self.name}.{each}" for each in self.deflections)
-
-    @property
-    def deflections(self) -> tuple[str, ...]:
-        """Names of its deflections among its numbers: a single one is ``deflection``."""
-        return self.law.arguments if self.law.arguments[1:] else ("deflection",)
-
-    @property
-    def push(self) -> str:
-        """Name of the vector along which it acts."""
-        return self.vectors[0] if self.reciprocal else f"{self.name}.force"
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters of its law: of its stages, then of the contact as a whole."""
-        groups = [(self.stage_prefix(stage), self.law.stage_parameters) for stage in self.stages]
-        groups.append((self.name, self.law.parameters))
-        return tuple(f"{prefix}.{each.name}" for prefix, parameters in groups for each in parameters)
-
-    @property
-    def sides(self) -> list[tuple[StageForm, int]]:
-        """Each stage with each side on which it acts, in the order of the switches."""
-        return [(stage, sign) for stage in self.stages for sign in stage.side.signs]
-
-    @property
-    def shapes(self) -> tuple[StageShape, ...]:
-        """The side of each switch, and whether its stage is the first there."""
-        signs = [sign for _, sign in self.sides]
-        return tuple(StageShape(sign, sign not in signs[:place]) for place, sign in enumerate(signs))
-
-    @property
-    def has_closed_form(self) -> bool:
-        """True if the force is a sum of products."""
-        return not self.law.rebounds and closed_form_of(self.law, self.shapes) is not None
-
-    def closed_form(self, backend: str) -> tuple[Term, ...]:
-        """Return the force as a sum of products."""
-        terms = closed_form_of(self.law, self.shapes)
-        if terms is None or not self.has_closed_form:
-            reason = "reverses the rate at an impact" if self.law.rebounds else "is not a polynomial of the penetration"
-            raise UnfitError(f"{backend} cannot include {self.name!r}: its force law {self.law.name!r} {reason}")
-        return terms
-
-    def stage_prefix(self, stage: StageForm) -> str:
-        """Return the prefix of the names of a stage's parameters."""
-        return f"{self.name}.{stage.name}" if stage.name else self.name
 
 
 class JumpTerm(NamedTuple):

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.model.contact import Contact
+from gapwalk.model.bounds import Bounded, Finite
+from gapwalk.model.contact import Contact, ContactForm
 from gapwalk.model.loads import Load, LoadForm
-from gapwalk.model.structure import ContactForm, JumpTerm, Structure
+from gapwalk.model.structure import JumpTerm, Structure
 from gapwalk.model.units import Units
 from gapwalk.model.value_checks import checked
 from gapwalk.notebook import Shown
@@ -28,7 +29,7 @@ _ROUNDING = 1e-10  # relative size of what counts as a rounding error of a matri
 
 
 @dataclass(frozen=True, slots=True)
-class ProportionalDamping:
+class ProportionalDamping(Bounded):
     """Damping ``C = mass * M + stiffness * K`` (Rayleigh's).
 
     Raises
@@ -42,15 +43,8 @@ class ProportionalDamping:
     array([[0.18]])
     """
 
-    mass: float = 0.0  #: Factor of the mass matrix, in 1/time.
-    stiffness: float = 0.0  #: Factor of the stiffness matrix, in units of time.
-
-    def __post_init__(self) -> None:
-        for name, value in (("mass", self.mass), ("stiffness", self.stiffness)):
-            if not _is_number(value):
-                raise ModelError(
-                    f"{name} of a proportional damping is {value!r}; it must be a number, as in {name}=0.02"
-                )
+    mass: Finite = 0.0  #: Factor of the mass matrix, in 1/time.
+    stiffness: Finite = 0.0  #: Factor of the stiffness matrix, in units of time.
 
     def matrix(self, mass: NDArray[np.float64], stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
         """Compute the damping matrix, shape (n, n).

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.model.contact import ContactForm
 from gapwalk.model.laws import HYSTERESIS, Elastic, Friction, Hysteretic, Law, Piecewise, Pushing
 from gapwalk.model.problems import WITHIN, did_you_mean
-from gapwalk.model.structure import ContactForm, Structure, Variation
+from gapwalk.model.structure import Structure, Variation
 
 _LARGEST = 1e150  # its square is finite, too
 _ALONG = 1e-12  # share of the sizes of its vectors by which friction must act along its own deflection

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from gapwalk.errors import ModelError
+from gapwalk.model.bounds import Bounded
 from gapwalk.model.registry import Registry
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from gapwalk.orbit.orbit_equation import OrbitEquation
 
 
-class Method:
+class Method(Bounded):
     """Method to pose orbits as equations, with its options, such as `Shooting` and `Balance`.
 
     To add one, write a frozen dataclass that derives from this, and register it: its fields are its options, `pose`

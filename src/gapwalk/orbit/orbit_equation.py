@@ -9,13 +9,15 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol
 
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from gapwalk.errors import ConvergenceError, FlowError, ModelError
+from gapwalk.errors import ConvergenceError, FlowError
 from gapwalk.flow.equations import smallness
+from gapwalk.model.bounds import check
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit, phases
@@ -251,10 +253,7 @@ class Newton:
 
 def check_period(period: object) -> None:
     """Raise a ModelError unless this can be m, the number of forcing periods of an orbit."""
-    if isinstance(period, bool) or not isinstance(period, int) or not 1 <= period <= MAX_PERIOD:
-        raise ModelError(
-            f"period is {period!r}; it must be an integer from 1 to {MAX_PERIOD} (forcing periods of the orbit)"
-        )
+    check("period", period, Annotated[int, Ge(1), Le(MAX_PERIOD)])
 
 
 def solve(

@@ -14,10 +14,10 @@ from itertools import pairwise
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from gapwalk.errors import ConvergenceError, FlowError, ModelError
+from gapwalk.errors import ConvergenceError, FlowError
 from gapwalk.flow.breakpoints import Gauge
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.equations import natural_length
@@ -56,14 +56,9 @@ class Shooting(Method):
 
     #: Number of segments into which the orbit's period is divided (multiple shooting): 1 suits most orbits; more help
     #: if the motion is strongly unstable.
-    segments: Annotated[int, Ge(1)] = 1
-    tolerance: Annotated[float, Gt(0)] = 1e-10  #: Largest residual of an orbit, relative to the size of its state.
-
-    def __post_init__(self) -> None:
-        if isinstance(self.segments, bool) or not isinstance(self.segments, int) or not 1 <= self.segments <= _SEGMENTS:
-            raise ModelError(f"segments is {self.segments!r}; it must be an integer from 1 to {_SEGMENTS}")
-        if not 1e-14 <= self.tolerance <= 1e-3:
-            raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-14 and 1e-3")
+    segments: Annotated[int, Ge(1), Le(_SEGMENTS)] = 1
+    #: Largest residual of an orbit, relative to the size of its state.
+    tolerance: Annotated[float, Ge(1e-14), Le(1e-3)] = 1e-10
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> ShootingEquation:
         """Return the shooting equation of the orbits of a system."""

@@ -8,16 +8,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
+from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import eigsh, splu
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import Motion
+from gapwalk.model.bounds import Natural, Positive, check
 from gapwalk.model.modes import is_symmetric, whirls
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.structure import Structure
@@ -616,21 +618,13 @@ def reduce(
 
 
 def _check(system: System, modes: int | None, error: float | None, up_to: float | None) -> None:
-    problems = []
     if not isinstance(system, System):
         raise ModelError(f"{system!r} is not a System; write reduce(gw.System(...), ...)")
     if modes is not None and error is not None:
-        problems.append("modes and error are both given; give one of them: the error decides the number of modes")
-    if modes is not None and (isinstance(modes, bool) or not isinstance(modes, int) or modes < 0):
-        problems.append(f"modes is {modes!r}; it must be an integer >= 0, or None for as many as the error requires")
-    if error is not None and not (isinstance(error, int | float) and 1e-8 <= error <= 1.0):
-        problems.append(f"error is {error!r}; it must lie between 1e-8 and 1 (a fraction of the deflections)")
-    if up_to is not None and not (isinstance(up_to, int | float) and 0.0 < up_to < np.inf):
-        problems.append(
-            f"up_to is {up_to!r}; it must be a frequency > 0: the highest of the excitation, as in up_to=2.0"
-        )
-    if problems:
-        raise ModelError("\n".join(problems))
+        raise ModelError("modes and error are both given; give one of them: the error decides the number of modes")
+    check("modes", modes, Natural | None)
+    check("error", error, Optional[Annotated[float, Ge(1e-8), Le(1)]])  # noqa: UP045 (what | does not take)
+    check("up_to", up_to, Positive | None)
 
 
 def _accuracy(matrices: Matrices, bases: Bases, highest: float) -> Accuracy:

@@ -28,12 +28,13 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.special_point import KINDS, Kind
 from gapwalk.errors import ModelError
+from gapwalk.model.contact import ContactForm
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly, structure_of
 from gapwalk.model.laws import FORMULAS, LAWS, Law
 from gapwalk.model.laws.law import data_of
 from gapwalk.model.loads import LOADS, Load, LoadForm
 from gapwalk.model.registry import Registry, UnknownNameError
-from gapwalk.model.structure import ContactForm, Structure
+from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 from gapwalk.orbit.harmonic_balance.balance import BalancedOrbit
 from gapwalk.orbit.method import Method

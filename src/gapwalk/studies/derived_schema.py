@@ -165,7 +165,7 @@ def _union(arguments: tuple[Any, ...]) -> Any:
     if len(rest) == 2 and get_origin(_bare(rest[1])) is tuple:
         found = Annotated[
             Annotated[found, tagged("one")] | Annotated[key_type(rest[1]), tagged("list")],
-            by_shape(lambda value: "list" if isinstance(value, list) else "one"),
+            by_shape(list=list, one=object),
         ]
     elif len(rest) > 1:
         raise TypeError(f"{arguments} has no type in a table; give one in table_types")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -18,10 +19,9 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.motion import signal_of
 from gapwalk.measurement.fit import Alignment, Estimate, Fit, align, fit
 from gapwalk.measurement.measured_record import FIELDS, Record, read_measurement
-from gapwalk.model.model_file import check_model, in_order
+from gapwalk.model.model_file import check_model, in_order, validate
 from gapwalk.model.model_source import Source, read_source
 from gapwalk.model.problems import ModelFileError, Problem, did_you_mean, given
-from gapwalk.model.schema import validate
 from gapwalk.model.system import System
 from gapwalk.model.words import pace_words
 from gapwalk.orbit.find import find_orbit
@@ -294,13 +294,13 @@ def check_measurement(
     """Check the table ``[measurement]`` of a file, if it has one."""
     if "measurement" not in source.data:
         return None, []
-    surroundings = Surroundings(system, "frequency" in source.data)
     table = source.data["measurement"]
     is_swept = isinstance(table, Mapping) and ("sweep" in table or "point" in table)
     if not is_swept and "inertia" in source.data:
         return None, [source.problem(_NO_TRAIN, ("measurement",))]
     kind = SweptMeasurement if is_swept else Measurement
-    part, problems = validate(table_schema(kind), table, source, ("measurement",), lambda: surroundings)
+    context = partial(Surroundings, system, "frequency" in source.data)
+    part, problems = validate(table_schema(kind), table, source, ("measurement",), context)
     return part and kind(**given_of(kind, part)), problems
 
 

@@ -10,9 +10,10 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 
 from gapwalk.errors import GapwalkError, ModelError
+from gapwalk.model.model_file import refusal, validate
 from gapwalk.model.model_source import Source
 from gapwalk.model.problems import Path, Problem, given
-from gapwalk.model.schema import Part, Positive, Text, refusal, validate
+from gapwalk.model.schema import Part, Positive, Text
 from gapwalk.model.system import System
 from gapwalk.studies.set_values import study_tables, walked_parameters
 

@@ -98,9 +98,16 @@ def study_changes(source: Source, at: Path, system: System | None) -> tuple[dict
 
 
 def change_system(
-    system: System, source: Source, own: Mapping[str, Change], changes: Mapping[str, object]
-) -> tuple[System, list[Problem]]:
-    """Change parameters of the system where possible: first by the study in the file, then by the command line."""
+    system: System | None,
+    source: Source,
+    own: Mapping[str, Change],
+    changes: Mapping[str, object],
+    *,
+    guessed: bool = False,
+) -> tuple[System | None, list[Problem]]:
+    """Change parameters of the system, if it is known: first by the study in the file, then by the command line."""
+    if system is None or guessed:  # of placeholders, only the names are checked
+        return system, _unknown_names(system, source, changes) if system else []
     values: dict[str, Any] = {name: change.value for name, change in own.items()}
     try:
         _check_units(system, values)
@@ -112,7 +119,7 @@ def change_system(
             path = own[name].path if name in own else next(iter(own.values())).path
             problems.append(source.problem(reason if name in own else f"is refused: {line}", path))
         return system, problems
-    problems = unknown_names(system, source, changes)
+    problems = _unknown_names(system, source, changes)
     values |= {name: value for name, value in changes.items() if name in system.structure.names}
     try:
         _check_units(system, values)
@@ -122,7 +129,7 @@ def change_system(
     return system, problems
 
 
-def unknown_names(system: System, source: Source, changes: Mapping[str, object]) -> list[Problem]:
+def _unknown_names(system: System, source: Source, changes: Mapping[str, object]) -> list[Problem]:
     """Return the changes from outside of a file that name no parameter."""
     problems = []
     for name in changes:

@@ -1,6 +1,6 @@
 """The whole model file: a system, and the studies of it; and the model file that `gapwalk new FILE` writes.
 
-If the system of a file is invalid, a sketch with the same names replaces it, so that studies are checked too.
+If the system of a file is invalid, one with the same names replaces it where possible, so that studies are checked too.
 """
 
 from __future__ import annotations
@@ -11,21 +11,16 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.resources import files
-from typing import Any
 
 from gapwalk.errors import ModelError
 from gapwalk.files import why_no_file
-from gapwalk.model.contact import OF_FRICTION, RIGID, Side
 from gapwalk.model.drivetrain.train_file import describes_train
 from gapwalk.model.drivetrain.train_sheet import train_of_sheet
-from gapwalk.model.laws import FRICTION, LAWS, law_parameters
-from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.measured.measured_table import read_named
-from gapwalk.model.model_file import Model, check_model, has_pace, in_order, read_files, read_parts
+from gapwalk.model.model_file import Model, check_model, checked_model, has_pace, in_order, refusal, validate
 from gapwalk.model.model_source import Source, parse_source, read_source
 from gapwalk.model.modes import dissipation_doubts
 from gapwalk.model.problems import ModelFileError, Path, Problem, did_you_mean, given
-from gapwalk.model.schema import Names, refusal, validate
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
 from gapwalk.studies.derived_schema import DerivedPart, all_keys, study_schema
@@ -33,120 +28,15 @@ from gapwalk.studies.measure import check_measurement, measure_doubts
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.reduced import ReducedFrom, ReductionPart, reduce_for, reduction_part
 from gapwalk.studies.set_values import (
-    Change,
     change_source,
     change_system,
     study_changes,
     study_tables,
-    unknown_names,
     walked_parameters,
 )
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.studies.study_registry import kind_of, kinds
 from gapwalk.studies.tables import StudyPart, Surroundings
-
-
-@dataclass(frozen=True, slots=True)
-class Sketch:
-    """Substitute for the system of an invalid file."""
-
-    system: System  #: A system with the names of the file.
-    guessed: bool = False  #: True if its numbers are placeholders, because some in the file are wrong.
-
-
-def sketch_of(source: Source) -> Sketch | None:
-    """Return a sketch of the system of an invalid file.
-
-    It is None if not even the names are known, or if the file describes a drive train.
-    """
-    known = {key: source.data[key] for key in ("coordinates", "contact", "friction", *LOADS) if key in source.data}
-    partial = replace(source, data=known)
-    data: dict[str, Any] = dict(read_parts(partial, read_files(partial)[0], units=False)[0].data)
-    coordinates = Names.of(data).coordinates or []
-    data["stiffness"] = [0.0] * len(coordinates)
-    model, _ = check_model(replace(source, data=data))
-    if model:
-        return Sketch(model.system)
-    contacts, loads = data.get("contact", []), {key: data.get(key, []) for key in LOADS}
-    frictions = data.get("friction", [])
-    if not coordinates or not all(map(_is_list_of_tables, (contacts, frictions, *loads.values()))):
-        return None
-    direction = {coordinates[0]: 1.0}
-    data |= {
-        "coordinates": coordinates,
-        "contact": [_contact(table, direction) for table in contacts],
-        "friction": [_friction(table) for table in frictions],
-        **{key: [_load(LOADS[key], table, direction) for table in tables] for key, tables in loads.items()},
-    }
-    model, _ = check_model(replace(source, data=data))
-    return Sketch(model.system, guessed=True) if model else None
-
-
-def _load(kind: type[Load], table: Mapping[str, Any], direction: Mapping[str, float]) -> dict[str, Any]:
-    """Return a placeholder for a load, with the same parameters."""
-    numbers = {each.name: each.least or 0.0 for each in kind.parameters}
-    return {**_taken(table, ("name", "order")), **numbers, "acts_on": direction}
-
-
-def _contact(table: Mapping[str, Any], direction: Mapping[str, float]) -> dict[str, Any]:
-    """Return a placeholder for a contact, with the same parameters."""
-    found = _taken(table, ("name",))
-    numbers = [key for key in law_parameters("parameters") if key in table]
-    found |= _law(table, numbers) | dict.fromkeys(numbers, 0.0)
-    found |= {key: direction for key in ("deflection", "force") if key in table or key == "deflection"}
-    found |= dict.fromkeys((key for key in OF_FRICTION if key in table), 1.0)
-    stages = table.get("stage")
-    if stages is None or not _is_list_of_tables(stages):
-        whole = {**table, **found}
-        return {**found, **_taken(table, ("side",), Side), "clearance": _clearance(whole), **_spring(whole)}
-    found["stage"] = [
-        {
-            **_taken(stage, ("name",)),
-            **_taken(stage, ("side",), Side),
-            **dict.fromkeys((key for key in OF_FRICTION[:1] if key in stage), 1.0),
-            **({"restitution": 0.0} if RIGID in stage.values() else {}),
-            "clearance": place + _clearance(stage),
-            **_spring(stage),
-        }
-        for place, stage in enumerate(stages)
-    ]
-    return found
-
-
-def _law(table: Mapping[str, Any], numbers: Sequence[str]) -> dict[str, Any]:
-    """Return the law of a contact; if there is none of this name, the first that has the same parameters."""
-    given_law = table.get("law")
-    if not isinstance(given_law, str) or given_law in (*LAWS, RIGID):
-        return _taken(table, ("law",))
-    if "restitution" in table:
-        return {"law": RIGID}
-    fitting = [name for name, law in LAWS.items() if {each.name for each in law.parameters}.issuperset(numbers)]
-    return {"law": fitting[0]} if fitting else {}
-
-
-def _clearance(table: Mapping[str, Any]) -> float:
-    """Return a placeholder for a clearance: a gap, for a rigid stop without one would lock its deflection."""
-    return 0.0 if table.get("clearance", 1.0) == 0.0 and RIGID not in table.values() else 1.0
-
-
-def _spring(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a placeholder for the stiffness of a stage."""
-    return {} if table.get("law") == RIGID else {"stiffness": RIGID if table.get("stiffness") == RIGID else 1.0}
-
-
-def _friction(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a placeholder for friction, with the same parameters and its own deflection."""
-    return {**_taken(table, ("name", "normal", "deflection")), **{key: 1.0 for key in FRICTION if key in table}}
-
-
-def _taken(table: Mapping[str, Any], keys: Sequence[str], allowed: type[Side] | None = None) -> dict[str, Any]:
-    """Return the values of some keys; omit those that are invalid."""
-    known = {key: table[key] for key in keys if key in table}
-    return {key: value for key, value in known.items() if allowed is None or value in list(allowed)}
-
-
-def _is_list_of_tables(value: object) -> bool:
-    return isinstance(value, list) and all(isinstance(table, Mapping) for table in value)
 
 
 @dataclass(frozen=True)
@@ -264,7 +154,7 @@ def check_system(source: Source, changes: Mapping[str, object]) -> tuple[Model, 
     if model is None or problems:
         raise ModelFileError(in_order(problems))
     system, problems = change_system(model.system, source, {}, rest)
-    if problems:
+    if problems or system is None:
         raise ModelFileError(problems)
     return model, system
 
@@ -328,15 +218,20 @@ def check_studies(
     source: Source, changes: Mapping[str, object] | None = None, names: Sequence[str] = ()
 ) -> tuple[Study, ...]:
     """Return the studies that a source describes, or those of some names; see `read_studies`."""
+    return check_whole(source, changes, names)[2]
+
+
+def check_whole(
+    source: Source, changes: Mapping[str, object] | None = None, names: Sequence[str] = ()
+) -> tuple[Model, System, tuple[Study, ...]]:
+    """Return the model of a source, its system with changed values but without its studies, and these studies."""
     _check_names(source, names)
     asked = dict(changes or {})
     source, rest, problems = change_source(source, asked)
-    model, found = check_model(source)
+    model, found, system = checked_model(source)
     problems += found
     reduction, found = reduction_part(source)
     problems += found
-    sketch = Sketch(model.system) if model else sketch_of(source)
-    system = sketch.system if sketch else None
     if reduction and system and system.units:
         message = "reduces equations without units; write the numbers of this file without units"
         problems.append(source.problem(message, ("reduction",)))
@@ -345,12 +240,12 @@ def check_studies(
     if source.data.get("study") is None:
         example = 'add [study] with kind = "response", parameter, from and to'
         problems.append(source.problem(f"is missing; {example}", ("study",)))
-        problems += _changed(sketch, source, {}, rest)[1]
+        problems += change_system(system, source, {}, rest, guessed=model is None)[1]
     studies, sound = [], None if problems else model
     for at, table in tables.items():
         if names and table.get("name") not in names:
             continue
-        study, found = _check_table(source, at, sound, sketch, rest, asked, reduction)
+        study, found = _check_table(source, at, sound, system, rest, asked, reduction, guessed=model is None)
         studies.append(study)
         problems += found
     if any(each.message.endswith(f"did you mean {pace}?") for each in problems for pace in PACES):
@@ -358,30 +253,34 @@ def check_studies(
         problems = [each for each in problems if (each.path, each.message[:10]) != ("frequency", "is missing")]
     if model is None or problems:
         raise ModelFileError(in_order(list(dict.fromkeys(problems))))
-    return tuple(study for study in studies if study)
+    system = change_system(model.system, source, {}, rest)[0]
+    assert system is not None
+    return model, system, tuple(study for study in studies if study)
 
 
 def _check_table(
     source: Source,
     at: Path,
     model: Model | None,
-    sketch: Sketch | None,
+    system: System | None,
     changes: Mapping[str, object],
     asked: Mapping[str, object],
     reduction: ReductionPart | None,
+    *,
+    guessed: bool,
 ) -> tuple[Study | None, list[Problem]]:
     """Return the study of one table; None if something is wrong with it."""
-    own, problems = study_changes(source, at, sketch.system if sketch else None)
+    own, problems = study_changes(source, at, system)
     # what is given from outside of the file has the last word
-    sketch, found = _changed(sketch, source, {key: own[key] for key in own if key not in asked}, changes)
+    own = {key: own[key] for key in own if key not in asked}
+    system, found = change_system(system, source, own, changes, guessed=guessed)
     problems += found
-    system, reduced = sketch.system if sketch else None, None
+    reduced = None
     if reduction and model and system and not problems:
         reduced, problems = reduce_for(source, at, reduction, system)
         system = reduced.reduction.system if reduced and reduced.reduction else system
-        sketch = Sketch(system)
     has_frequency = has_pace(source) or any(name in own for name in PACES)
-    table, found = _validated(source, at, sketch, has_frequency)
+    table, found = _validated(source, at, system, has_frequency, guessed)
     problems += found
     if not has_frequency:
         problems += _frequency_problems(source, at, system)
@@ -398,20 +297,8 @@ def _check_table(
     return Study(system, options, title, source.text, changed, name, reduced, table.unused, model.files), []
 
 
-def _changed(
-    sketch: Sketch | None, source: Source, own: Mapping[str, Change], changes: Mapping[str, object]
-) -> tuple[Sketch | None, list[Problem]]:
-    """Apply changes that are valid, and report the others; for placeholders, only names are checked."""
-    if sketch is None:
-        return None, []
-    if sketch.guessed:
-        return sketch, unknown_names(sketch.system, source, changes)
-    system, problems = change_system(sketch.system, source, own, changes)
-    return Sketch(system), problems
-
-
 def _validated(
-    source: Source, at: Path, sketch: Sketch | None, has_frequency: bool
+    source: Source, at: Path, system: System | None, has_frequency: bool, guessed: bool
 ) -> tuple[DerivedPart | None, list[Problem]]:
     tables = study_tables(source)
     kind = tables[at].get("kind")
@@ -419,10 +306,9 @@ def _validated(
         return None, [source.problem(_kind_problem(tables[at]), (*at, "kind"))]
     places = list(tables)
     earlier = tuple(str(tables[place].get("name", "")) for place in places[: places.index(at)])
-    system, guessed = (sketch.system, sketch.guessed) if sketch else (None, False)
     read = partial(read_named, source=source)
-    surroundings = Surroundings(system, has_frequency, len(tables) == 1, earlier, all_keys, guessed, read)
-    return validate(study_schema(kind_of(kind)), tables[at], source, at, lambda: surroundings)
+    context = partial(Surroundings, system, has_frequency, len(tables) == 1, earlier, all_keys, guessed, read)
+    return validate(study_schema(kind_of(kind)), tables[at], source, at, context)
 
 
 def _kind_problem(table: Mapping[str, object]) -> str:

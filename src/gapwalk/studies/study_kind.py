@@ -12,11 +12,12 @@ from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, ParamSpec, Protocol, TypeVar
 
 from gapwalk.errors import Interrupted
+from gapwalk.model.bounds import check_fields
 from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.codec import OneOf, column_of, register
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.study_registry import check_bounds, kind_of
+from gapwalk.studies.study_registry import kind_of
 from gapwalk.summary import Rows, SummaryParts, summarizes
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ class StudyKind:
     are checked after all others, in this order: a validator sees the keys before it in ``info.data``."""
 
     def __post_init__(self) -> None:
-        check_bounds(self)
+        check_fields(self)
 
     @property
     def plan(self) -> str:

@@ -24,9 +24,9 @@ from gapwalk.attractors.section import Strobe
 from gapwalk.attractors.settle import SettleOptions, settle
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.equations import natural_length
+from gapwalk.model.bounds import Positive, check_fields
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.model.contact import force
-from gapwalk.model.structure import ContactForm
+from gapwalk.model.contact import ContactForm, force
 from gapwalk.model.system import System
 from gapwalk.tori.torus import CLOCK, TURN, Torus, error_of, in_steps, odd, of_quasi_periodic
 from gapwalk.tori.torus_equation import STROBES, TorusOptions, resolved_torus
@@ -50,14 +50,13 @@ class Tone:
 
     amplitude: float  #: In units of a force (of a torque).
     acts_on: Mapping[str, float] = field(hash=False)  #: The vector ``s`` by coordinate name.
-    frequency: float  #: Its angular frequency, > 0; no multiple or simple fraction of that of the excitation.
+    frequency: Positive  #: Its angular frequency, > 0; no multiple or simple fraction of that of the excitation.
     #: Name of the coordinate that carries it. Its numbers are the parameters ``tone.frequency`` and
     #: ``tone_load.amplitude`` of the system.
     name: str = "tone"
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.frequency, int | float) and 0.0 < self.frequency < np.inf):
-            raise ModelError(f"the frequency of a tone is {self.frequency!r}; it must be a number > 0")
+        check_fields(self)
         if not self.acts_on:
             raise ModelError("a tone acts on nothing; write the coordinates, as in acts_on={'q1': 1.0}")
 

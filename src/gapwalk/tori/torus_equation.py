@@ -17,7 +17,7 @@ from functools import cached_property
 from typing import Annotated, Any, cast
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Le
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
@@ -30,6 +30,7 @@ from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.equations import smallness
 from gapwalk.flow.flow import PERIOD, Arc, flow_of
 from gapwalk.flow.motion import is_dry
+from gapwalk.model.bounds import check_fields
 from gapwalk.model.coefficients import ParameterPlane, loads_act, numbers_vary
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit_equation import Equation, Evaluation
@@ -318,6 +319,10 @@ _ITERATIONS = 12  # Newton steps
 _LOST = 100.0  # growth of the residual at which Newton's method gives up
 
 
+_Share = Annotated[float, Ge(1e-13), Le(1e-2)]
+_Samples = Annotated[int, Ge(9), Le(4097)]
+
+
 @dataclass(frozen=True, slots=True)
 class TorusOptions:
     """Accuracy of tori.
@@ -330,24 +335,17 @@ class TorusOptions:
 
     #: Largest distance between a curve and its image, relative to the size of the motion, between the samples too,
     #: which decides on the number of samples.
-    accuracy: Annotated[float, Gt(0)] = 1e-9
+    accuracy: _Share = 1e-9
     #: Number of samples of a curve at the start; even numbers count as the next odd one.
-    samples: Annotated[int, Ge(9)] = 33
-    max_samples: Annotated[int, Ge(9)] = 513  #: The most samples.
+    samples: _Samples = 33
+    max_samples: _Samples = 513  #: The most samples.
     #: Largest such distance of a torus with the most samples, which states its error; it must be small beside the size
     #: of the curve too. Where a contact grazes along a torus, the second derivative of its curve is not bounded, and
     #: the accuracy may be out of reach.
-    tolerated: Annotated[float, Gt(0)] = 1e-5
+    tolerated: _Share = 1e-5
 
     def __post_init__(self) -> None:
-        for name in ("accuracy", "tolerated"):
-            value = getattr(self, name)
-            if not 1e-13 <= value <= 1e-2:
-                raise ModelError(f"{name} is {value!r}; it must lie between 1e-13 and 1e-2")
-        for name in ("samples", "max_samples"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or not 9 <= value <= 4097:
-                raise ModelError(f"{name} is {value!r}; it must be an integer from 9 to 4097")
+        check_fields(self)
         if self.samples > self.max_samples:
             raise ModelError(f"samples is {self.samples}, more than max_samples = {self.max_samples}")
 

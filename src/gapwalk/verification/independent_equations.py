@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.model.contact import ContactForm
 from gapwalk.model.laws import Stages, StageTerms
 from gapwalk.model.laws.formula import NUMPY_FUNCTIONS
-from gapwalk.model.structure import ContactForm, Structure
+from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 
 Array = NDArray[np.float64]

@@ -187,7 +187,7 @@ def test_numbers_that_were_rounded_in_a_file_are_even_ones() -> None:
         ([0.0, 1.0, np.inf], np.zeros(3), {}, "finite"),
         ([0.0, 1.0, 1e9], np.zeros(3), {}, "too large"),
         (np.linspace(0, TURN, 9), np.zeros(9), {"per": "stroke"}, "per is 'stroke'"),
-        (np.linspace(0, TURN, 9), np.zeros(9), {"error": 1.0}, "error is 1.0; it is a share"),
+        (np.linspace(0, TURN, 9), np.zeros(9), {"error": 1.0}, "error is 1.0; it must be a number >= 0 and < 1"),
         (
             np.linspace(0, TURN, 9),
             np.cos(np.linspace(0, TURN, 9)),

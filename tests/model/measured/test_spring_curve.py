@@ -273,7 +273,7 @@ LOOP = np.concatenate((np.linspace(-2.0, 2.0, 41), np.linspace(1.9, -2.0, 40)))
         ),
         ([-1e308, 1e308], [0.0, 1.0], {}, "too large"),
         ([0.0, 1.0], [0.0, 1.0], {"kind": "spline"}, '\'spline\'; a curve is "linear" or "cubic"'),
-        ([0.0, 1.0], [0.0, 1.0], {"error": -1.0}, "error is -1.0; it is a share of the largest force"),
+        ([0.0, 1.0], [0.0, 1.0], {"error": -1.0}, "error is -1.0; it must be a number from 0 to 0.5"),
         ([0.0, 1.0], [0.0, 1.0], {"error": True}, "error is True"),
         ([0.0, 1.0], [0.0, 1.0], {"error": float("nan")}, "error is nan"),
         ([0.0, 1.0], [0.0, 1.0], {"error": 0.6}, "from 0 to 0.5"),

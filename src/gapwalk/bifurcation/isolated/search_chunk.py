@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.isolated.orbit_catalogue import (
@@ -27,6 +27,7 @@ from gapwalk.bifurcation.isolated.orbit_catalogue import (
 from gapwalk.ensemble.start import within_stops
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.model.bounds import Counted, Natural, Positive, check_fields
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.equilibria import balance_of
 from gapwalk.model.spring import Spring, springs_of
@@ -62,39 +63,30 @@ class SearchOptions:
     100
     """
 
-    starts: Annotated[int, Ge(1)] = 24  #: Starts of transients at each value of the parameter.
+    starts: Annotated[int, Ge(1), Le(_STARTS)] = 24  #: Starts of transients at each value of the parameter.
     #: Longest period, in forcing periods, of the orbits on which a transient may settle.
-    periods: Annotated[int, Ge(1)] = 8
+    periods: Counted = 8
     #: Number of starts at each value that Newton's method uses too, to find unstable orbits; 0 for none.
-    newton_starts: Annotated[int, Ge(0)] = 24
+    newton_starts: Annotated[int, Ge(0), Le(_STARTS)] = 24
     #: Periods, in forcing periods, of the orbits that Newton's method searches for. One of those starts in m is used
     #: for period m; orbits of shorter periods are found too.
-    newton_periods: tuple[Annotated[int, Ge(1)], ...] = (1, 2, 3, 4, 5, 6, 7, 8)
+    newton_periods: tuple[Counted, ...] = (1, 2, 3, 4, 5, 6, 7, 8)
     #: Forcing periods after which a transient whose returns no longer shrink counts as not periodic.
     patience: Annotated[int, Ge(16)] = 400
     #: Half-widths of the box of starts about zero, 2n numbers: positions, then velocities. By default it is derived
     #: from the system; see `state_box`. Extensions begin at zero.
-    box: tuple[Annotated[float, Gt(0)], ...] | None = None
-    spread: Annotated[float, Gt(0)] = 1.5  #: Ratio of the derived box to the motions.
+    box: tuple[Positive, ...] | None = None
+    spread: Positive = 1.5  #: Ratio of the derived box to the motions.
     #: Seed of the starts: the same seed gives the same result for the same values. With 500 starts or more in all, many
     #: are followed at once, and others of the unstable orbits may be found than with fewer.
-    seed: Annotated[int, Ge(0)] = 0
+    seed: Natural = 0
     #: Starts in one piece of work. It affects the result, because a piece does not use what others find.
-    block: Annotated[int, Ge(1)] = 24
+    block: Counted = 24
 
     def __post_init__(self) -> None:
-        for name, least in (("starts", 1), ("periods", 1), ("patience", 16), ("block", 1)):
-            _check_integer(name, getattr(self, name), least)
-        for name in ("newton_starts", "seed"):
-            _check_integer(name, getattr(self, name), 0)
-        if max(self.starts, self.newton_starts) > _STARTS:
-            raise ModelError(f"starts is {self.starts}, newton_starts {self.newton_starts}; at most {_STARTS:,} each")
-        for period in self.newton_periods:
-            _check_integer("each of newton_periods", period, 1)
+        check_fields(self)
         if self.newton_starts and not self.newton_periods:
             raise ModelError("newton_periods is empty; name at least one period, or write newton_starts = 0")
-        if not 0.0 < self.spread < math.inf:
-            raise ModelError(f"spread is {self.spread!r}; it must be a number > 0")
 
 
 def state_box(system: System, known: Iterable[Orbit] = (), spread: float = 1.5) -> NDArray[np.float64]:
@@ -255,11 +247,6 @@ def spread_starts(
 def generator(seed: int, value: float, block: int = 0) -> np.random.Generator:
     """Return the random numbers for one value of the parameter, and for one block of starts there."""
     return np.random.default_rng([seed, int(np.float64(value).view(np.uint64)), block])
-
-
-def _check_integer(name: str, value: object, least: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        raise ModelError(f"{name} is {value!r}; it must be an integer >= {least}")
 
 
 _EVERY = 8  # forcing periods between two examinations of the returns

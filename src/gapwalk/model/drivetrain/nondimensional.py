@@ -21,13 +21,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.model.contact import Stage
+from gapwalk.model.bounds import Positive, check_fields
+from gapwalk.model.contact import ContactForm, Stage
 from gapwalk.model.drivetrain.train import Train
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly, TrainForm, structure_of
 from gapwalk.model.drivetrain.train_parts import Inertia, Shaft, scaled
 from gapwalk.model.laws import Expression
 from gapwalk.model.loads import Harmonic, LoadForm
-from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind, Unit, Units
 
@@ -44,14 +44,13 @@ class Scales:
         If one of them is not > 0.
     """
 
-    angle: float  #: In rad, > 0.
-    frequency: float  #: In rad/s, > 0: the time 1 is one divided by it.
-    inertia: float  #: In kg m^2, > 0.
+    angle: Positive  #: In rad, > 0.
+    frequency: Positive  #: In rad/s, > 0: the time 1 is one divided by it.
+    inertia: Positive  #: In kg m^2, > 0.
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in ("angle", "frequency", "inertia"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ModelError(f"the scale {name} is {getattr(self, name)!r}; it must be a number > 0")
             object.__setattr__(self, name, float(getattr(self, name)))
 
     @property

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.model.contact import OF_FRICTION, RIGID, Contact, friction_name, stop_name
+from gapwalk.model.contact import OF_FRICTION, RIGID, Contact, ContactForm, friction_name, stop_name
 from gapwalk.model.drivetrain.train_assembly import (
     CONSISTENT,
     LinkForm,
@@ -42,11 +42,10 @@ from gapwalk.model.drivetrain.train_orders import (
     targets_of,
     with_load,
 )
-from gapwalk.model.drivetrain.train_parts import GROUND, Change, Force, Friction, Gear, Inertia, Link, Shaft
+from gapwalk.model.drivetrain.train_parts import GROUND, Change, Force, Friction, Gear, Inertia, Link, Shaft, links_of
 from gapwalk.model.laws.formula import NUMPY_FUNCTIONS
 from gapwalk.model.loads import Load, LoadForm
 from gapwalk.model.problems import did_you_mean, given
-from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 from gapwalk.model.units import (
     PLAIN,
@@ -328,7 +327,7 @@ class Train:
     @property
     def links(self) -> tuple[Link, ...]:
         """Shafts, then gears, then forces and friction."""
-        return (*self.shafts, *self.gears, *self.forces, *self.frictions)
+        return links_of(self)
 
     def system(self) -> System:
         """Make its system: coordinates are deflections of shafts and gears, parameters those of its parts."""
@@ -379,15 +378,13 @@ class Train:
             ],
         )
 
-        def number(name: str, value: Any) -> Any:
-            if name not in found:
-                return value
-            (size, unit), kind = found[name], kinds[name]
+        sizes: dict[str, Any] = {}
+        for name, (size, unit) in found.items():
+            kind = kinds[name]
             # a parameter of a formula has its own unit, which the train remembers
             wanted = units.unit(name) if kind is None else units.of(kind)
-            return size if unit.factor == wanted.factor else size * (unit.factor / wanted.factor)
-
-        changed = self._converted(number)
+            sizes[name] = size if unit.factor == wanted.factor else size * (unit.factor / wanted.factor)
+        changed = self._converted(sizes.get)
         for name, value in {**changed, "units": units}.items():
             object.__setattr__(self, name, value)
         return []

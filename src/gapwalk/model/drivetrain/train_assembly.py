@@ -37,10 +37,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.model.contact import ContactForm
 from gapwalk.model.drivetrain.train_parts import Displacing, MeanOf
 from gapwalk.model.laws import Expression
 from gapwalk.model.loads import Line, LoadForm
-from gapwalk.model.structure import ContactForm, NameBlock, ParameterNames, Structure
+from gapwalk.model.registry import NameBlock, ParameterNames
+from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
 

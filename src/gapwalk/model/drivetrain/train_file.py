@@ -19,10 +19,10 @@ from pydantic import (
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import OF_FRICTION, friction_name, stop_name
 from gapwalk.model.drivetrain.train import Train
-from gapwalk.model.drivetrain.train_orders import LONGEST, Counted
+from gapwalk.model.drivetrain.train_orders import LONGEST
 from gapwalk.model.drivetrain.train_parts import Force, Friction, Gear, Inertia, Shaft
-from gapwalk.model.element_tables import FrictionBase, LoadBase, default_name, friction_part, load_fields, loads_of
-from gapwalk.model.loads import LOADS, Load
+from gapwalk.model.element_tables import FrictionBase, TrainLoadBase, default_name, friction_part, load_fields
+from gapwalk.model.loads import LOADS
 from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import (
     LawTable,
@@ -31,6 +31,7 @@ from gapwalk.model.model_tables import (
     given_of,
     is_no_law,
     law_fields,
+    loads_of,
     or_rigid,
     stage_of,
     stages_field,
@@ -67,7 +68,6 @@ _Inertia = Annotated[Positive, measured(QuantityKind.INERTIA)]
 _Stiffness = Annotated[Positive, measured(QuantityKind.STIFFNESS), or_rigid()]
 _Damping = Annotated[NonNegative, measured(QuantityKind.DAMPING), BeforeValidator(is_no_law)]
 _Pace = Annotated[Positive, measured(QuantityKind.FREQUENCY)]
-_Order = Annotated[Positive, AfterValidator(lambda order: int(order) if float(order).is_integer() else order)]
 _Ends = Annotated[list[Name], Field(min_length=2, max_length=2), AfterValidator(without_repeats)]
 
 
@@ -111,7 +111,7 @@ class GearBase(LinkBase):
         Annotated[
             Annotated[Count, tagged("first")]
             | Annotated[list[Count], Field(min_length=2, max_length=2), tagged("both")],
-            by_shape(lambda value: "both" if isinstance(value, list) else "first"),
+            by_shape(both=list, first=object),
         ]
         | None
     ) = None
@@ -158,21 +158,6 @@ class TrainFrictionBase(FrictionBase):
         return Friction(self.name, (first, second), normal=self.normal or "", ratio=self.ratio, numbers=self.given)
 
 
-class TrainLoadBase(LoadBase):
-    """A load of a drive train, whose order may count teeth or turns, and may be a fraction."""
-
-    order: _Order = 1  # pyright: ignore[reportIncompatibleVariableOverride]
-    mesh: Name | None = None
-    turns_of: Name | None = None
-
-    def load(self, **changes: Any) -> Load | Counted:
-        """Make the load, with the way in which its order is counted."""
-        mesh, turns_of, order = self.mesh or "", self.turns_of or "", self.order
-        is_whole = float(order).is_integer()
-        load = super().load(order=int(order) if is_whole else 1, **changes)
-        return load if is_whole and not (mesh or turns_of) else Counted(load, mesh, turns_of, order)
-
-
 class TrainBase(Part):
     """A model file that describes a drive train; see `train_part`."""
 
@@ -209,14 +194,14 @@ class TrainBase(Part):
             )
         return self
 
-    def train(self) -> Train:
-        """Make the train."""
-        return Train(
+    def system(self, elements: Mapping[str, list[Any]]) -> System:
+        """Make the system of the train, with the loads that its tables have made."""
+        train = Train(
             inertias=[part.part() for part in self.inertia],
             shafts=[part.part() for part in getattr(self, "shaft", ())],
             gears=[part.part() for part in getattr(self, "gear", ())],
             mean=self.mean,
-            harmonics=loads_of(self),
+            harmonics=loads_of(elements),
             frequency=self.frequency or 1.0,
             reaction=self.reaction,
             speed=self.speed,  # pyright: ignore[reportArgumentType]
@@ -225,10 +210,7 @@ class TrainBase(Part):
             reference=self.reference,
             longest=self.longest,
         )
-
-    def system(self) -> System:
-        """Make the system of the train."""
-        return self.train().system()
+        return train.system()
 
 
 @by_registered_kinds

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import OF_FRICTION
 from gapwalk.model.drivetrain.train_assembly import LinkForm
-from gapwalk.model.drivetrain.train_parts import GROUND, Force, Friction, Gear, Link
+from gapwalk.model.drivetrain.train_parts import GROUND, Force, Friction, Gear, Link, links_of
 from gapwalk.model.loads import Load
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.units import QuantityKind, kind_of
@@ -204,7 +204,7 @@ _Paths = Mapping[str, tuple[Fraction | None, tuple[str, ...]]]
 def _speeds(train: Train) -> _Paths:
     """Return the speeds of all inertias over that of the reference, and the gears between, along the shortest paths."""
     links: dict[str, list[tuple[str, Any, bool]]] = {}
-    for link in train.links:
+    for link in links_of(train):
         if GROUND not in link.between and not link.only_follows and not link.is_drag:
             first, second = link.between
             links.setdefault(first, []).append((second, link, True))
@@ -283,7 +283,7 @@ def gapless_links(train: Train) -> frozenset[str]:
     varied = {name for load in map(plain_load, train.harmonics) for name in load.varies}
     return frozenset(
         link.name
-        for link in train.links
+        for link in links_of(train)
         if link.acts_always and any(f"{link.name}.{each}" in varied for each in _SPRINGS)
     )
 
@@ -299,7 +299,7 @@ def targets_of(
     train: Train, load: Load, links: Sequence[LinkForm]
 ) -> tuple[tuple[tuple[str, float], ...], tuple[tuple[int, float], ...]]:
     """Return the numbers and deflections of contacts that a load varies, and the linear links that it displaces."""
-    numbers = {link.name: number for number, link in enumerate(train.links)}
+    numbers = {link.name: number for number, link in enumerate(links_of(train))}
     beside = {each.name for link in links for each in link.beside}
     varies: list[tuple[str, float]] = []
     displaces: list[tuple[int, float]] = []
@@ -325,7 +325,7 @@ def targets_of(
 
 def _ends_at(train: Train, inertia: str) -> Iterator[tuple[int, float]]:
     """Iterate over the links that end at an inertia, with their deflections by its angle."""
-    for number, link in enumerate(train.links):
+    for number, link in enumerate(links_of(train)):
         if link.between[0] == inertia:
             yield number, 1.0
         elif link.between[1] == inertia:
@@ -340,7 +340,7 @@ def ratio_of(link: Link) -> float:
 
 def load_problems(train: Train) -> Iterator[str]:
     """List the errors of what the loads vary, and of inertias whose motion is prescribed."""
-    links = {link.name: link for link in train.links}
+    links = {link.name: link for link in links_of(train)}
     for load in map(plain_load, train.harmonics):
         displaced = {name.rpartition(".")[2] in _DISPLACED for name in load.varies}
         if len(displaced) > 1:
@@ -425,7 +425,7 @@ def _prescription_problems(train: Train) -> Iterator[str]:
             yield f"mean names {name}, whose motion is prescribed; leave it out"
     if train.reaction in prescribed:
         yield f"reaction is {train.reaction!r}, whose motion is prescribed, so it takes the mean torques; leave it out"
-    for link in train.links:
+    for link in links_of(train):
         held = [end for end in link.between if end in (*prescribed, GROUND)]
         if len(held) == 2:
             yield f"{link.name} joins {held[0]} and {held[1]}, neither of which is free to move; leave it out"

@@ -185,6 +185,11 @@ class Link:
             yield f"is refused: {str(error).removeprefix(f'contact {self.name!r}: ')}"
 
 
+def links_of(train: Any) -> tuple[Link, ...]:
+    """Return the shafts, then the gears, then the forces and the friction of a train."""
+    return (*train.shafts, *train.gears, *train.forces, *train.frictions)
+
+
 @dataclass(frozen=True, init=False)
 class Shaft(Link):
     """A spring with a damper between two inertias, or between one and the ground, with or without clearance.

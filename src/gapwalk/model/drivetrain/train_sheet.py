@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from gapwalk.errors import ModelError
-from gapwalk.files import open_file
+from gapwalk.files import content_of
 from gapwalk.model.drivetrain.train_parts import GROUND
 from gapwalk.model.problems import did_you_mean, given, near_names
 from gapwalk.model.units import QuantityKind, read_quantity, read_unit
@@ -40,12 +40,9 @@ def read_spreadsheet(path: str | os.PathLike[str]) -> Spreadsheet:
     """Read a table of texts from a CSV file, or from the first sheet of a workbook (``.xlsx``)."""
     name = os.fspath(path)
     try:
-        with open_file(name) as file:
-            content = file.read(_MAX_BYTES + 1)
-    except OSError as error:
-        raise ModelError(f"{name} cannot be read: {error.strerror or error}") from None
-    if len(content) > _MAX_BYTES:
-        raise ModelError(f"{name} is larger than {_MAX_BYTES // 1_000_000} MB; save the table of the train alone")
+        content = content_of(name, _MAX_BYTES, "save the table of the train alone")
+    except ValueError as error:
+        raise ModelError(f"{name} {error}") from None
     is_workbook = os.path.splitext(name)[1].lower() == ".xlsx"
     mark, records = ("", _workbook(name, content)) if is_workbook else _text_rows(name, content)
     rows = [

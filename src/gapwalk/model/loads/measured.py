@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 
 from gapwalk.errors import ModelError
+from gapwalk.model.bounds import Positive, check
 from gapwalk.model.loads.load import Line, Load, OverSpeed, check_order
 from gapwalk.model.measured.crank_orders import ERROR, OrderTable, displacement_orders, orders_of
 from gapwalk.model.measured.measured_table import ColumnHead, NamedFile, WantedColumn, read_heads, read_table
@@ -249,6 +250,5 @@ def _number(given: object, key: str, kind: QuantityKind, example: str, unit: str
     except ValueError as error:
         raise ModelError(f"{key} {error}") from None
     number = number.number * number.factor if unit else number
-    if isinstance(number, bool) or not isinstance(number, int | float) or not 0.0 < number < math.inf:
-        raise ModelError(f"{key} is {given!r}; it must be a number > 0, as in {key} = {shown}")
+    check(key, number, Positive)
     return float(number)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.model.bounds import Fraction, check
 from gapwalk.model.measured.measured_table import number_row
 
 Array = NDArray[np.float64]
@@ -159,8 +160,7 @@ def orders_of(
     """
     if per not in _TURNS:
         raise ModelError(f'per is {per!r}; it is "turn", or "cycle" for two turns')
-    if isinstance(error, bool) or not isinstance(error, int | float) or not 0.0 <= error < 1.0:
-        raise ModelError(f"error is {error!r}; it is a share of the energy, from 0 to 1")
+    check("error", error, Fraction)
     turns = _TURNS[per]
     angles, values = _one_period(angle, torque, turns)
     scale = float(np.max(np.abs(values)))

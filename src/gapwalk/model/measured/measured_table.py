@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.files import open_file
+from gapwalk.files import content_of
 from gapwalk.model.model_source import Source
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.units import Quantity, QuantityKind, Unit, read_unit
@@ -164,7 +164,6 @@ MAX_BYTES = 10_000_000
 MAX_ROWS = 100_000
 """Largest number of rows of a table."""
 
-_PIECE = 1 << 20
 _NO_UNIT = ("", "-", "1")
 _LISTED = 20  # columns that a message lists
 
@@ -275,10 +274,11 @@ def read_table(
         name, content = name or source.name, source.content
     else:
         name = name or os.path.basename(os.fspath(source))
-        content = _content(source, name)
+        try:
+            content = content_of(source, MAX_BYTES, "leave out rows")
+        except ValueError as error:
+            raise ModelError(f"{name}: it {error}") from None
     try:
-        if len(content) > MAX_BYTES:
-            raise ModelError(f"it is larger than {MAX_BYTES // 1_000_000} MB; leave out rows")
         text = parse_csv(content, ", ".join(each.head for each in wanted), MAX_ROWS, "leave out rows")
         if not text.rows:
             raise ModelError("it has a line of names, but no numbers below it")
@@ -294,17 +294,6 @@ def read_heads(source: NamedFile) -> list[ColumnHead]:
     except ModelError as error:
         raise ModelError(f"{source.name}: {_printable(str(error))}") from None
     return [ColumnHead.of(head) for head in text.heads]
-
-
-def _content(path: str | os.PathLike[str], name: str) -> bytes:
-    content = bytearray()
-    try:
-        with open_file(path) as file:
-            while len(content) <= MAX_BYTES and (piece := file.read(_PIECE)):
-                content += piece
-    except (OSError, ValueError) as error:
-        raise ModelError(f"{name}: it cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    return bytes(content)
 
 
 def _printable(text: str) -> str:
@@ -454,14 +443,11 @@ def path_of(name: str, source: Source) -> str:
 
 def read_named(name: str, source: Source) -> NamedFile:
     """Read a file that a model file names."""
+    path = path_of(name, source)
     try:
-        with open_file(path_of(name, source)) as file:
-            content = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise ValueError(f"which cannot be read: {error.strerror or error}") from None
-    if len(content) > MAX_BYTES:
-        raise ValueError(f"which is larger than {MAX_BYTES // 1_000_000} MB; leave out rows")
-    return NamedFile(name, content)
+        return NamedFile(name, content_of(path, MAX_BYTES, "leave out rows"))
+    except ValueError as error:
+        raise ValueError(f"which {error}") from None
 
 
 # A value over the speed, from a table: a smooth curve through its points, and no value outside of them.

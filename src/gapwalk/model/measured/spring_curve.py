@@ -11,12 +11,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.model.bounds import check
 from gapwalk.model.measured.measured_table import number_row
 
 # Thinning of a measured curve: the fewest of its points whose polyline stays within an error of all of them.
@@ -469,8 +471,7 @@ def spring_curve(
     """
     if kind not in ("linear", "cubic"):
         raise ModelError(f'kind is {kind!r}; a curve is "linear" or "cubic"')
-    if isinstance(error, bool) or not isinstance(error, int | float) or not 0.0 <= error <= 0.5:
-        raise ModelError(f"error is {error!r}; it is a share of the largest force, from 0 to 0.5")
+    check("error", error, Annotated[float, Ge(0), Le(0.5)])
     data = curve_points(deflection, force, error)
     base, corners = (_lines if kind == "linear" else _cubics)(data, error)
     if data.is_odd:

@@ -8,12 +8,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import Motion
+from gapwalk.model.bounds import check_fields
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.harmonic_balance.linear_part import Series, deflections_in, firsts_of
@@ -45,27 +46,20 @@ class Balance(Method):
 
     #: H, the highest harmonic of the forcing frequency; an orbit of m forcing periods has H m lines. None: as many as
     #: `error` requires, and more where a branch requires more.
-    harmonics: Annotated[int, Ge(1)] | None = None
+    harmonics: Annotated[int, Ge(1), Le(2000)] | None = None
     #: Largest sum of the amplitudes in the neglected harmonics (from H to 2 H, as excited by the exact contact force),
     #: relative to the largest amplitude of the deflections. A motion that exceeds it is refused.
-    error: Annotated[float, Gt(0)] = 1e-4
+    error: Annotated[float, Ge(1e-12), Le(1)] = 1e-4
     #: ``"variational"``: multipliers of the motion linearised about the balanced one, by one pass over the period.
     #: ``"hill"``: by the projected exponential of Hill's matrix (Bayer and Leine 2023).
     stability: str = "variational"
-    tolerance: Annotated[float, Gt(0)] = 1e-10  #: Largest residual of an orbit, relative to the size of its lines.
+    #: Largest residual of an orbit, relative to the size of its lines.
+    tolerance: Annotated[float, Ge(1e-14), Le(1e-3)] = 1e-10
 
     def __post_init__(self) -> None:
-        h = self.harmonics
-        if h is not None and (isinstance(h, bool) or not isinstance(h, int) or not 1 <= h <= 2000):
-            raise ModelError(
-                f"harmonics is {h!r}; it must be an integer from 1 to 2000, or None for an automatic choice"
-            )
-        if not 1e-12 <= self.error <= 1.0:
-            raise ModelError(f"error is {self.error!r}; it must lie between 1e-12 and 1 (a share of the amplitude)")
+        check_fields(self)
         if self.stability not in STABILITIES:
             raise ModelError(f'stability is "{self.stability}"; it must be one of "variational", "hill"')
-        if not 1e-14 <= self.tolerance <= 1e-3:
-            raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-14 and 1e-3")
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> BalanceEquation:
         """Pose the orbits of a system as a harmonic balance equation."""

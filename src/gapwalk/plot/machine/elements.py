@@ -9,8 +9,8 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 from gapwalk.flow.motion import force_of
+from gapwalk.model.contact import ContactForm, StageForm
 from gapwalk.model.loads import Harmonic
-from gapwalk.model.structure import ContactForm, StageForm
 from gapwalk.model.system import System
 
 if TYPE_CHECKING:

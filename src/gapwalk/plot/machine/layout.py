@@ -10,8 +10,8 @@ from itertools import pairwise, zip_longest
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.model.contact import ContactForm
 from gapwalk.model.drivetrain.train_assembly import LinkForm, TrainAssembly, TrainNumbers
-from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 from gapwalk.plot.machine.elements import (
     BASE,
