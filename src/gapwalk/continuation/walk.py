@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
 from annotated_types import Ge, Gt
@@ -113,7 +113,26 @@ _SAME_WAY = 0.8  # cosine of the angle between tangents where a walk passes its 
 _GOOD = 0.1  # distance from a guess, in steps, within which another guess would lead to the same point
 
 
-class EndReason(Enum):
+class Reason(Enum):
+    """Reason why a curve ends; the value is the sentence that a user reads."""
+
+    @property
+    def is_final(self) -> bool:
+        """True if a walk that ended for this reason cannot be continued."""
+        return self.name not in ("STOPPED", "INTERRUPTED", "FAILED")
+
+    @property
+    def is_failure(self) -> bool:
+        """True if a walk that ended for this reason reached neither an end of the curve nor of the range."""
+        return self.name in ("FLOATING", "COARSE", "STEP", "POINTS", "FAILED")
+
+    @classmethod
+    def of(cls, reason: Reason) -> Self:
+        """Return the member of the name of another reason; the end of the range where there is none."""
+        return cls.__members__.get(reason.name) or cls.__members__["RANGE"]
+
+
+class EndReason(Reason):
     """Reason why a branch ends; the value is the sentence that a user reads."""
 
     START = "the walk began here"
@@ -134,16 +153,11 @@ class EndReason(Enum):
     STOPPED = "the walk was stopped before its end"
     INTERRUPTED = "the walk was interrupted"
     FAILED = "the numerics failed"
-
-    @property
-    def is_final(self) -> bool:
-        """True if a walk that ended for this reason cannot be continued."""
-        return self not in (EndReason.STOPPED, EndReason.INTERRUPTED, EndReason.FAILED)
-
-    @property
-    def is_failure(self) -> bool:
-        """True if a walk that ended for this reason reached neither an end of the branch nor of the range."""
-        return self in (EndReason.FLOATING, EndReason.COARSE, EndReason.STEP, EndReason.POINTS, EndReason.FAILED)
+    BEGINS = "the backbone begins here"
+    AMPLITUDE = "the largest amplitude was reached"
+    NO_SLOPE = "an equilibrium has no finite slope where a contact changes"
+    NOT_ISOLATED = "the equilibria run along the point at which a contact changes, so that they are not isolated"
+    CONTACTS = "more than 1000 contacts changed"
 
 
 @dataclass(frozen=True, slots=True)

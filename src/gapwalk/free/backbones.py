@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
+from gapwalk.continuation.curve import numbered
 from gapwalk.free.backbone_curve import Backbone
 from gapwalk.free.island_births import IslandBirth, births_table
 from gapwalk.notebook import Shown
@@ -41,11 +41,7 @@ class Backbones(Shown):
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
         """Return the tables of all points and events, with the number of the backbone."""
         return {
-            "points": lambda: rows_of(self._rows(lambda line: map(row_of, line.points))),
-            "events": lambda: rows_of(self._rows(lambda line: map(row_of, line.events))),
+            "points": lambda: numbered("backbone", self.lines, lambda line: line.points),
+            "events": lambda: numbered("backbone", self.lines, lambda line: line.events),
             "births": lambda: rows_of(map(row_of, self.births)),
         }
-
-    def _rows(self, rows: Callable[[Backbone], Any]) -> Iterator[dict[str, Any]]:
-        for number, line in enumerate(self.lines, start=1):
-            yield from ({"backbone": number, **row} for row in rows(line))

@@ -32,7 +32,7 @@ from gapwalk.free.free_shooting import (
     tangents,
     without_excitation,
 )
-from gapwalk.free.rest_walk import RestEvent, RestEventKind, Rests, follow_rest
+from gapwalk.free.rest_walk import HOPF, RestEvent, Rests, follow_rest
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.equilibria import find_equilibria
 from gapwalk.model.system import System, check_system
@@ -329,7 +329,7 @@ def follow_self_excited(
 
 def _beginnings(start: object, system: System, parameter: str, to: float | tuple[float, float]) -> list[BranchStart]:
     if isinstance(start, RestEvent):
-        if start.kind is not RestEventKind.HOPF:
+        if start.kind != HOPF.name:
             raise ModelError(f"periodic motions begin at a Hopf point, and this is one where {start.words}")
         if isinstance(to, int | float):
             raise ModelError(

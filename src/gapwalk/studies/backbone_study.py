@@ -103,7 +103,7 @@ class BackboneFinding(AnswerFinding[Backbones]):
         document: dict[str, Any] = {
             "mode": line.mode,
             "events": [{name: plain_numbers(value) for name, value in row_of(each).items()} for each in line.events],
-            "ends": [{"reason": end.reason, "frequency": end.value} for end in line.ends],
+            "ends": [{"reason": end.reason_words, "frequency": end.value} for end in line.ends],
         }
         if points:
             document["points"] = [
