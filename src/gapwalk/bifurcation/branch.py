@@ -7,14 +7,13 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, at_once, words_of
 from gapwalk.continuation.both_directions import BranchPoint, motion_row, point_row
+from gapwalk.continuation.curve import Curve, Measured
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol, told_apart
-from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability
 from gapwalk.summary import Rows, SummaryParts, Table, Tables, rows_of, summarizes
 
@@ -36,7 +35,7 @@ class Unexplained:
 
 
 @dataclass(frozen=True, eq=False)
-class Branch(Shown):
+class Branch(Curve, Measured):
     """Branch of orbits along one parameter.
 
     Examples
@@ -65,26 +64,6 @@ class Branch(Shown):
     def system(self) -> System:
         """System at the first point."""
         return self.points[0].orbit.system
-
-    @property
-    def values(self) -> NDArray[np.float64]:
-        """Values of the parameter at the points, shape (points,)."""
-        return np.array([point.value for point in self.points])
-
-    def measure(self, name: str) -> NDArray[np.float64]:
-        """Return one measure (see `Orbit.measure`) at each point, shape (points,).
-
-        Parameters
-        ----------
-        name
-            Name of the measure, such as ``half.q1``.
-
-        Returns
-        -------
-        array, shape (points,)
-            In the unit of the signal.
-        """
-        return np.array([point.measure(name) for point in self.points])
 
     @property
     def closed(self) -> bool:

@@ -154,6 +154,10 @@ class BranchTracer(Iterator[Step]):
         """End of the walk, with its reason; None while it continues."""
         return self.walk.end
 
+    @end.setter
+    def end(self, end: End) -> None:
+        self.walk.end = end
+
     def stay_level(self) -> None:
         """Detect only what does not depend on changes of the parameter or on stability: both are rounding here."""
         self.is_level, self._kinds = True, (Kind.BRANCH_POINT, Kind.GRAZING)
@@ -166,10 +170,6 @@ class BranchTracer(Iterator[Step]):
 
     def _ended(self, reason: EndReason) -> bool:
         return self.end is not None and self.end.reason is reason
-
-    def finish_with(self, end: End) -> None:
-        """Set the end that the walk had reached before it was stopped."""
-        self.walk.end = end
 
     def __next__(self) -> Step:
         self.beginning.corrector.forget()

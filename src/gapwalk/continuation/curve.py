@@ -68,10 +68,6 @@ class Curve(Shown):
         """Value of the parameter at each point, shape (points,)."""
         return np.array([point.value for point in self.points])
 
-    def measure(self, name: str) -> NDArray[np.float64]:
-        """Return one measure at each point, shape (points,), in the unit of the signal; see `Orbit.measure`."""
-        return np.array([point.measure(name) for point in self.points])
-
     @property
     def complete(self) -> bool:
         """True if the walk came to an end by itself."""
@@ -104,6 +100,16 @@ class Curve(Shown):
         return {name: lambda name=name: rows_of(map(row_of, getattr(self, name))) for name in ("points", "events")}
 
 
+class Measured:
+    """A curve of motions."""
+
+    points: Any
+
+    def measure(self, name: str) -> NDArray[np.float64]:
+        """Return one measure at each point, such as ``half.q1``, in the unit of the signal; see `Orbit.measure`."""
+        return np.array([point.measure(name) for point in self.points])
+
+
 def numbered(name: str, curves: Sequence[Any], records: Callable[[Any], Iterable[Any]], letter: str = "") -> Rows:
     """Yield the rows of a table of records of several curves, with the number of the curve first."""
     return rows_of(
@@ -123,14 +129,6 @@ class CurveTrace(Iterator[tuple[Any, list[Any]]]):
         self.walk, self.corrector, self.last = walk, walk.corrector, walk.point
         self.first: Any = walk.point.orbit
         self.end: End | None = None
-
-    @property
-    def state(self) -> Any:
-        """None: such traces are not resumed."""
-
-    def finish_with(self, end: End) -> None:
-        """Set the end that the trace had reached before it was stopped."""
-        self.end = end
 
     def __next__(self) -> tuple[Any, list[Any]]:
         point = None if self.end is not None else next(self.walk, None)

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from annotated_types import Ge, Gt
@@ -160,22 +160,36 @@ class EndReason(Reason):
     CONTACTS = "more than 1000 contacts changed"
 
 
-@dataclass(frozen=True, slots=True)
-class End:
-    """Place and reason of the end of a branch."""
+class AnyEnd:
+    """End of a curve of any kind, in words."""
 
-    reason: EndReason  #: The reason.
-    value: float  #: Value of the parameter there.
-    detail: str = ""  #: Further explanation; may be empty.
+    __slots__ = ()
+    reason: Any
+    value: Any
+    detail: Any
 
     @property
     def reason_words(self) -> str:
         """Reason with its details, as a sentence."""
         return f"{self.reason.value} ({self.detail})" if self.detail else self.reason.value
 
+    @property
+    def place(self) -> str:
+        """Place of the end in words."""
+        return f"{self.value:.8g}"
+
     def __str__(self) -> str:
-        text = f"{self.reason.value}, at {self.value:.8g}"
+        text = f"{self.reason.value}, at {self.place}"
         return f"{text} ({self.detail})" if self.detail else text
+
+
+@dataclass(frozen=True, slots=True)
+class End(AnyEnd):
+    """Place and reason of the end of a branch."""
+
+    reason: EndReason  #: The reason.
+    value: float  #: Value of the parameter there.
+    detail: str = ""  #: Further explanation; may be empty.
 
 
 @dataclass(frozen=True, slots=True)

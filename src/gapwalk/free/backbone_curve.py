@@ -406,7 +406,7 @@ def backbone(
     def trace(beginning: BranchPoint, _: object) -> _BackboneTrace:
         return _BackboneTrace(Walk(beginning, within, corrector, options.walk, trust=0.0, branched=True), limit)
 
-    def record(tracing: Tracing[BranchPoint, _BackboneTrace, Any]) -> Backbone:
+    def record(tracing: Tracing[BranchPoint, Any, Any]) -> Backbone:
         begin = End(EndReason.BEGINS, first.value)
         return Backbone(free, mode, *joined(tracing, begin, lambda point: point, lambda event: event))
 

@@ -357,7 +357,7 @@ def follow_rest(
         first = _first(corrector, positions, value, way)
         return _RestTrace(first, within, corrector, walk or WalkOptions(), length)
 
-    def record(tracing: Tracing[int, _RestTrace, Any]) -> Rests:
+    def record(tracing: Tracing[int, Any, Any]) -> Rests:
         begin = End(EndReason.START, tracing.traces[-1].first.value)
         return Rests(free, parameter, *joined(tracing, begin, lambda point: point, _turned))
 

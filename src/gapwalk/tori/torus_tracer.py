@@ -557,15 +557,6 @@ _SHORTEST = 1e-3  # step, as a share of the longest, to which the end of smoothn
 _SHORT = 0.3  # step, over a good one, at which a leap over a resonance is tried
 _SHORTER = 0.2  # factor on the step after which it is tried again
 _AHEAD = (0.1, 0.3, 1.0, 3.0)  # places ahead at which locked motions are looked for, in good steps
-_REASONS = {
-    EndReason.RANGE: TorusEndReason.RANGE,
-    EndReason.TURNED_BACK: TorusEndReason.RANGE,
-    EndReason.TABLE: TorusEndReason.RANGE,
-    EndReason.CLOSED: TorusEndReason.CLOSED,
-    EndReason.POINTS: TorusEndReason.POINTS,
-    EndReason.STEP: TorusEndReason.STEP,
-}
-
 Step = tuple[TorusPoint, list[TorusEvent]]
 
 
@@ -581,7 +572,7 @@ class TorusTracer(Iterator[Step]):
         self._leaping: Stride | None = None  # the step that leaps continue, as long as they succeed
         self._halving = False  # True if the last step has halved the size of the torus, where others fail
         self._untried = np.inf  # step below which a leap has not been tried since the last good step
-        self.end: TorusEnd | None = None
+        self.first, self.end = beginning.record, None
         self.walk = self._walk_from(WalkState(None, beginning.first, walk.first_step, 0))
         self._pose_again(self.walk.state, beginning.first)
 
@@ -590,11 +581,9 @@ class TorusTracer(Iterator[Step]):
         """True if the family has closed on itself."""
         return self.end is not None and self.end.reason is TorusEndReason.CLOSED
 
-    @property
-    def end_so_far(self) -> TorusEnd:
-        """The end; that it was stopped if it has none yet."""
-        point = self.walk.point
-        return self.end or TorusEnd(TorusEndReason.STOPPED, point.value, torus_at(point).rotation)
+    def stopped(self, last: TorusPoint) -> TorusEnd:
+        """Return the end; that it was stopped at the last torus if it has none yet."""
+        return self.end or TorusEnd(TorusEndReason.STOPPED, last.value, last.torus.rotation)
 
     def __next__(self) -> Step:
         while True:
@@ -848,7 +837,7 @@ class TorusTracer(Iterator[Step]):
         assert end is not None
         if end.reason is not EndReason.STEP:
             self.end = TorusEnd(
-                _REASONS[end.reason], self.walk.point.value, torus_at(self.walk.point).rotation, end.detail
+                TorusEndReason.of(end.reason), self.walk.point.value, torus_at(self.walk.point).rotation, end.detail
             )
             return None
         leapt = self._halve(state.point) or self._pass(state, MANY)
