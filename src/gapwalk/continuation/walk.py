@@ -266,9 +266,9 @@ class Walk(Iterator[BranchPoint]):
         table = self.within.table_at(bound)
         return End(EndReason.TABLE if table else reason, bound, table)
 
-    def finish(self, last: BranchPoint, end: End) -> None:
-        """End the walk at a point before the one that was yielded last."""
-        self.point, self.end = last, end
+    def finish(self, last: BranchPoint, reason: EndReason, detail: str = "", value: float | None = None) -> None:
+        """End the walk at a point before the one that was yielded last; the value is that of the point by default."""
+        self.point, self.end = last, End(reason, last.value if value is None else value, detail)
 
     def persist(self) -> bool:
         """Continue with shorter steps where steps have become short; return False if they are the smallest allowed."""

@@ -16,7 +16,7 @@ from gapwalk.bifurcation.follow import join
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.both_directions import BranchPoint, Tracing
 from gapwalk.continuation.corrector import Corrector, Range, check_range, powers_of_two
-from gapwalk.continuation.walk import End, EndReason, WalkOptions
+from gapwalk.continuation.walk import EndReason, WalkOptions
 from gapwalk.errors import ConvergenceError, Interrupted, ModelError, NumericalError
 from gapwalk.flow.equations import magnitude
 from gapwalk.flow.flow import PERIOD, flow_of
@@ -313,7 +313,7 @@ def follow_self_excited(
                 tracing.steps[-1][:] = [(each, [s for s in had if not s.turns]) for each, had in tracing.steps[-1]]
                 tracer.stay_level()
                 if len(tracing.steps[-1]) == _MANY:
-                    tracer.walk.finish(point, End(EndReason.CENTRE, point.value))
+                    tracer.walk.finish(point, EndReason.CENTRE)
             if tracer.is_level:  # how far its points are from the one value is an error of theirs
                 special[:] = [
                     replace(s, uncertainty=s.uncertainty + abs(s.value - tracer.first.value)) for s in special
@@ -382,7 +382,7 @@ def _end_at_rest(tracer: BranchTracer, steps: list[tuple[BranchPoint, list[Speci
     change = sizes[1] ** 2 - sizes[0] ** 2
     value = (last.value * sizes[1] ** 2 - turned.value * sizes[0] ** 2) / change if change else last.value
     name = tracer.beginning.equation.parameter
-    tracer.walk.finish(last, End(EndReason.AT_REST, last.value, f"near {name} = {value:.6g}"))
+    tracer.walk.finish(last, EndReason.AT_REST, f"near {name} = {value:.6g}")
 
 
 def _cycle(point: BranchPoint) -> FreeOrbit:

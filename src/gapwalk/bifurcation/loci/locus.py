@@ -166,13 +166,7 @@ class Locus(Measured):
         return self.ends[-1].reason is LocusEndReason.CLOSED
 
     def codim2(self, kind: Codim2 | str) -> tuple[Codim2Point, ...]:
-        """Return the points of codimension two of one kind.
-
-        Parameters
-        ----------
-        kind
-            The kind, or its name, such as ``cusp``.
-        """
+        """Return the points of codimension two of one kind, which may be given by its name, such as ``cusp``."""
         return tuple(point for point in self.codim2_points if point.kind == kind)
 
     def __repr__(self) -> str:
