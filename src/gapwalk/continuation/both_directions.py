@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,32 +97,10 @@ def motion_row(orbit: Orbit) -> dict[str, float]:
 
 D = TypeVar("D")
 S = TypeVar("S", bound=tuple[Any, ...])
-S_co = TypeVar("S_co", covariant=True)
+T = TypeVar("T", bound=Any)
 R = TypeVar("R")
 P = TypeVar("P")
 F = TypeVar("F")
-
-
-class Trace(Protocol[S_co]):
-    """Trace of a curve in one direction: an iterator over its steps that can be stopped after any step and resumed."""
-
-    @property
-    def state(self) -> Any:
-        """Everything needed to resume the trace."""
-        ...
-
-    end: Any
-    """End of the trace, with its reason; None while it continues."""
-
-    @property
-    def is_closed(self) -> bool:
-        """True if the curve has returned to its start, so that nothing is left in the other direction."""
-        ...
-
-    def __next__(self) -> S_co: ...
-
-
-T = TypeVar("T", bound=Trace[Any])
 
 
 @dataclass(frozen=True)
@@ -136,6 +114,9 @@ class TracingState(Generic[S]):
 
 class Tracing(Iterator[S], Generic[D, T, S]):
     """Iterator over the steps of a curve, traced in each direction in which it leaves its start.
+
+    A trace is an iterator over the steps in one direction. Its `end` is None while it continues; `is_closed` says that
+    the curve has returned to its start; one that is made with its `state` resumes it.
 
     Attributes
     ----------

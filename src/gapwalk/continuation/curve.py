@@ -56,6 +56,7 @@ class CurveEvent:
 class Curve(Shown):
     """Solutions along a parameter, with what happens along them and both ends."""
 
+    _end_words: ClassVar[Any] = staticmethod(str)
     #: Headings and formats of the columns of events in words; a heading may name an attribute of the curve.
     _words: ClassVar[Mapping[str, str]]
 
@@ -77,9 +78,6 @@ class Curve(Shown):
     def failures(self) -> tuple[str, ...]:
         """Ends at which the numerics gave up, in sentences."""
         return tuple(self._end_words(end) for end in self.ends if end.reason.is_failure)
-
-    def _end_words(self, end: Any) -> str:
-        return f"{end.reason_words}, at {end.value:.8g}"
 
     @property
     def _range_words(self) -> str:
@@ -108,6 +106,11 @@ class Measured:
     def measure(self, name: str) -> NDArray[np.float64]:
         """Return one measure at each point, such as ``half.q1``, in the unit of the signal; see `Orbit.measure`."""
         return np.array([point.measure(name) for point in self.points])
+
+
+def reason_first(end: End) -> str:
+    """Return an end in words, with its details before its place."""
+    return f"{end.reason_words}, at {end.value:.8g}"
 
 
 def numbered(name: str, curves: Sequence[Any], records: Callable[[Any], Iterable[Any]], letter: str = "") -> Rows:
@@ -170,7 +173,7 @@ class CurveTrace(Iterator[tuple[Any, list[Any]]]):
 
 
 def joined(
-    tracing: Tracing[Any, Any, Any], begin: End | None, turned: Callable[[Any], Any], turned_event: Callable[[Any], Any]
+    tracing: Tracing[Any, Any, Any], begin: Any, turned: Callable[[Any], Any], turned_event: Callable[[Any], Any]
 ) -> tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, Any]]:
     """Return points, events and ends of a curve in one direction of travel, from its traces in one or two.
 

@@ -14,7 +14,7 @@ from gapwalk.explorer.answer_view import AnswerView, Json, Series, panel, shown,
 from gapwalk.explorer.axis_quantities import quantity_words
 from gapwalk.free import backbone_curve, rest_walk
 from gapwalk.free.backbone_curve import Backbone
-from gapwalk.free.backbones import Backbones
+from gapwalk.free.island_births import Backbones
 from gapwalk.free.rest_walk import Rests
 from gapwalk.free.self_excitation import SelfExcited
 from gapwalk.model.system import System

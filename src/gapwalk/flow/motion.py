@@ -580,7 +580,7 @@ class Signal:
         coefficients: NDArray[np.float64] | None = None,
         theta: float = 0.0,
     ) -> NDArray[np.float64]:
-        """Return its derivative along a direction of the states, coefficients and theta, exact to rounding, shape (samples,).
+        """Return its derivative along a direction of states, coefficients and theta, to rounding, shape (samples,).
 
         The modes of dry friction are those of the motion: events at which a signal jumps are not moved.
         """

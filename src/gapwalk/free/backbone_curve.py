@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gapwalk.continuation.both_directions import BranchPoint, Tracing
 from gapwalk.continuation.corrector import Corrector, Zero, check_range, powers_of_two
-from gapwalk.continuation.curve import Curve, CurveEvent, CurveTrace, Happens, crossing, joined, turn
+from gapwalk.continuation.curve import Curve, CurveEvent, CurveTrace, Happens, crossing, joined, reason_first, turn
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkOptions
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.flow.equations import smallness
@@ -36,6 +36,7 @@ _GROWS = 1e-5  # modulus of a multiplier beyond 1 that is not rounding: two of t
 class BackbonePoint:
     """One free vibration."""
 
+    stuck: ClassVar = ()  # contacts whose friction never slips
     _row: ClassVar = {
         "frequency": "value",
         "energy": "energy",
@@ -54,11 +55,6 @@ class BackbonePoint:
     energy: float  #: Energy, without that at zero positions; nan if the equations do not show it (see `potential_of`).
     multipliers: NDArray[np.complex128]  #: shape (2n,): Floquet multipliers, largest modulus first; two of them are 1.
     touches: int  #: Number of contact events in a period.
-
-    @property
-    def stuck(self) -> tuple[int, ...]:
-        """Contacts whose friction never slips: none."""
-        return ()
 
     @property
     def amplitude(self) -> float:
@@ -105,6 +101,7 @@ class BackboneEvent(CurveEvent):
 class Backbone(Curve):
     """Free vibrations of one family: how frequency and amplitude belong together without damping and excitation."""
 
+    _end_words = staticmethod(reason_first)
     _words: ClassVar = {
         "what": "{0.kind}",
         ">frequency": "{0.value:.9g}",

@@ -9,7 +9,7 @@ Method: docs/numerics/self-excited.md
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, ClassVar, NamedTuple, cast
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gapwalk.continuation.both_directions import BranchPoint, Tracing
 from gapwalk.continuation.corrector import Corrector, Range, Zero, check_range, powers_of_two
-from gapwalk.continuation.curve import Curve, CurveEvent, CurveTrace, Happens, crossing, joined, turn
+from gapwalk.continuation.curve import Curve, CurveEvent, CurveTrace, Happens, crossing, joined, reason_first, turn
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkOptions
 from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError
 from gapwalk.flow.equations import smallness
@@ -31,6 +31,7 @@ from gapwalk.model.equilibria import balance_of, find_equilibria
 from gapwalk.model.system import System, check_system
 from gapwalk.notebook import shows_progress
 from gapwalk.orbit.orbit_equation import Equation, Evaluation
+from gapwalk.summary import row_of
 from gapwalk.verification.verification import Check, Ledger, Spot
 
 # Records of equilibria along a parameter: the points, what happens along them, and why they end.
@@ -42,6 +43,7 @@ _REAL_ROUNDING = 1e-9  # real part of an eigenvalue that is rounding, as a share
 class RestPoint:
     """One equilibrium."""
 
+    stuck: ClassVar = ()  # contacts whose friction never slips
     _row: ClassVar = {
         "parameter": "value",
         "stable": "stable",
@@ -56,11 +58,6 @@ class RestPoint:
     #: shape (2n,): Eigenvalues of small motions about it, largest real part first, per unit of time.
     eigenvalues: NDArray[np.complex128]
     pattern: str  #: Which contacts are closed, in words.
-
-    @property
-    def stuck(self) -> tuple[int, ...]:
-        """Contacts whose friction never slips: none."""
-        return ()
 
     @property
     def unstable(self) -> int:
@@ -140,6 +137,7 @@ class RestEvent(CurveEvent):
 class Rests(Curve):
     """Equilibria along one parameter."""
 
+    _end_words = staticmethod(reason_first)
     _words: ClassVar = {
         "what": "{0.words}",
         ">{0.parameter}": "{0.value:.10g}",
@@ -163,6 +161,11 @@ class Rests(Curve):
         """Return a coordinate at each point."""
         place = self.system.coordinates.index(name)
         return np.array([point.position[place] for point in self.points])
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Yield the row of each equilibrium in a table, with its coordinates."""
+        for point in self.points:
+            yield row_of(point) | dict(zip(self.system.coordinates, point.position.tolist(), strict=True))
 
     @property
     def _range_words(self) -> str:
@@ -389,14 +392,17 @@ def check_rest(system: System, parameter: str) -> None:
             )
 
 
+def equilibria_of(system: System) -> list[NDArray[np.float64]]:
+    """Return the positions of all equilibria that are found; raise a ConvergenceError if there are none."""
+    found = [each.position for each in find_equilibria(system).equilibria]
+    if not found:
+        raise ConvergenceError("the system has no equilibrium that was found; give positions near one, start = [...]")
+    return found
+
+
 def _positions(system: System, start: Sequence[float] | NDArray[np.float64] | None) -> NDArray[np.float64]:
     if start is None:
-        found = find_equilibria(system).equilibria
-        if not found:
-            raise ConvergenceError(
-                "the system has no equilibrium that was found; give positions near one, start = [...]"
-            )
-        return found[0].position
+        return equilibria_of(system)[0]
     positions = np.asarray(start, dtype=float)
     if positions.shape != (system.size,):
         raise ModelError(f"start has the shape {positions.shape}; write {system.size} positions")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.errors import ModelError
 from gapwalk.free.backbone_curve import CROSSING, TURN, Backbone
-from gapwalk.free.backbones import Backbones
+from gapwalk.free.island_births import Backbones
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_words, signal_words
 from gapwalk.plot.branches import draw_branches, line_entries, smooth_line

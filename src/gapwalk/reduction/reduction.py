@@ -453,8 +453,8 @@ class Reduction:
     def check(self, found: Orbit | Branch, method: Balance | None = None) -> OrbitCheck | BranchCheck:
         """Estimate the error of an orbit, or of a branch with its special points, compared with the full system.
 
-        Both are inserted in the full system's own equations, in harmonic balance, where its linear part is exact: by default
-        with 15 harmonics, or as many as the orbits were found with.
+        Both are inserted in the full system's own equations, in harmonic balance, where its linear part is exact: with
+        15 harmonics by default, or as many as the orbits were found with.
         """
         from gapwalk.reduction.reduction_error import check_branch, check_orbit  # imported late: few need it
 

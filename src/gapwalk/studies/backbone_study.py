@@ -11,9 +11,8 @@ from pydantic import Field
 
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.free.backbone_curve import Backbone, BackboneOptions, backbone, check_released
-from gapwalk.free.backbones import Backbones
 from gapwalk.free.free_shooting import without_losses
-from gapwalk.free.island_births import IslandBirth, check_load, foretell
+from gapwalk.free.island_births import Backbones, IslandBirth, check_load, foretell
 from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts

@@ -202,9 +202,6 @@ class TorusFamily(Curve, Measured):
         """Value of the second parameter at each point, shape (points,); empty if there is none."""
         return np.array([point.torus.system[self.second] for point in self.points if self.second])
 
-    def _end_words(self, end: TorusEnd) -> str:
-        return str(end)
-
     @property
     def _range_words(self) -> str:
         first, last, number = self.points[0], self.points[-1], len(self.points)

@@ -810,8 +810,8 @@ def traced_locus(tracing: LocusTracing) -> Locus:
     """Return the locus so far, in one direction of travel; a single trace may cover a closed curve."""
     start = tracing.traces[-1].beginning
     points, codim2, ends = joined(tracing, None, _reversed, lambda found: replace(found, point=_reversed(found.point)))
-    plane = start.plane
-    return Locus(start.kind, *plane.names, plane.period, points, codim2, ends, start.contact)
+    plane, (first, second) = start.plane, start.plane.names
+    return Locus(start.kind, first, second, plane.period, points, codim2, ends, start.contact)
 
 
 def _reversed(point: LocusPoint) -> LocusPoint:
