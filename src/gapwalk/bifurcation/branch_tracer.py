@@ -384,11 +384,9 @@ class BranchTracer(Iterator[Step]):
         corrector, first = self.beginning.corrector, self.first
         beside = None
         while ahead >= _NEAREST:
-            correction = corrector.correct(first.x + ahead * first.tangent, first.tangent)
-            if correction is None:
-                break
-            beside = corrector.point(correction, first.tangent, ahead)
-            if not any(first.orbit.closing_changes(beside.orbit)):
+            nearer = corrector.point_near(first.x + ahead * first.tangent, first.tangent, ahead)
+            beside = nearer or beside
+            if nearer is None or not any(first.orbit.closing_changes(nearer.orbit)):
                 break
             ahead *= _NEARER
         return beside

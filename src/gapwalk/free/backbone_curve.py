@@ -480,11 +480,11 @@ def _first(
     x = np.append(unknowns, value) / corrector.scales
     normal = np.append(away / corrector.scales[:-1], 0.0)
     normal /= np.linalg.norm(normal)
-    found = corrector.correct(x, normal)
+    found = corrector.point_near(x, normal)
     if found is None:
         what = f"mode {mode}" if mode else f"the release from {away.tolist()}"
         raise ConvergenceError(f"no free vibration was found at {what}; try other positions")
-    return corrector.point(found, normal, 0.0)
+    return found
 
 
 class _BackboneTrace(CurveTrace):

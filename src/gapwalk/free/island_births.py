@@ -429,10 +429,8 @@ class _Between:
         before, here, after = self._x
         guess = here + 0.5 * place * (after - before) + 0.5 * place**2 * (before - 2.0 * here + after)
         normal = (after - before) / float(np.linalg.norm(after - before))
-        found = self._corrector.correct(guess, normal)
-        if found is None:
-            return self._points[1 + round(place)]
-        return cast(BackbonePoint, cast(object, self._corrector.point(found, normal, 0.0).orbit))
+        found = self._corrector.point_near(guess, normal)
+        return self._points[1 + round(place)] if found is None else cast(BackbonePoint, cast(object, found.orbit))
 
 
 # Record of several backbones of one system, with what they foretell.

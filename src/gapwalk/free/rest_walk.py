@@ -410,12 +410,11 @@ def _positions(system: System, start: Sequence[float] | NDArray[np.float64] | No
 
 
 def _first(corrector: Corrector, positions: NDArray[np.float64], value: float, way: int) -> BranchPoint:
-    correction = corrector.at_value(np.append(positions, value) / corrector.scales, value)
-    if correction is None:
+    ahead = np.append(np.zeros(len(positions)), float(way))
+    first = corrector.point_at(np.append(positions, value) / corrector.scales, value, ahead)
+    if first is None:
         raise ConvergenceError(f"there is no equilibrium near {positions.tolist()}; give positions nearer to one")
-    ahead = np.zeros(len(correction.x))
-    ahead[-1] = way
-    return corrector.point(correction, ahead, 0.0)
+    return first
 
 
 def _turned(event: RestEvent) -> RestEvent:

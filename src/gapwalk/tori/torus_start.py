@@ -184,10 +184,9 @@ def _from_torus(torus: Torus, parameter: str, within: Range, both: bool, second:
     x = np.append(torus.states.ravel(), (last, value)) / corrector.scales
     normal = np.zeros(len(x))
     normal[-1] = 1.0
-    found = corrector.correct(x, normal)
-    if found is None:
+    first = corrector.point_near(x, normal)
+    if first is None:
         raise ConvergenceError("Newton's method does not converge at the torus to start from; find it more accurately")
-    first = corrector.point(found, normal, 0.0)
     end = TorusEnd(TorusEndReason.START, value, torus.rotation)
     # towards the end of the range; both ways if two ends were given
     ahead = 1.0 if within.high - value > value - within.low else -1.0

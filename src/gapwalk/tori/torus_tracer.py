@@ -306,11 +306,11 @@ def _graze(before: BranchPoint, after: BranchPoint, corrector: Corrector) -> tup
         return float(clear is after), _event(kind, clear.value + off, abs(off), turns, first, last)
     for _ in range(_BISECTIONS):
         share = 0.5 * (low + high)
-        correction = corrector.correct(hermite(before, after, share), before.tangent)
-        if correction is None:
-            break
         length = share * (after.arclength - before.arclength)
-        middle = corrector.point(correction, before.tangent, before.arclength + length)
+        found = corrector.point_near(hermite(before, after, share), before.tangent, before.arclength + length)
+        if found is None:
+            break
+        middle = found
         low, high = (share, high) if bool(_share_that_passes(torus_at(middle))) is first.grazes else (low, share)
     width = (high - low) * abs(after.value - before.value)
     missed = abs(grazing.value - middle.value) / max(1.0, _phases_of(torus_at(grazing)) * passed[1]) ** 2
@@ -557,13 +557,11 @@ def posed_with(
     tangent = np.append(along, unscaled[-2:]) / posed.scales
     tangent /= np.linalg.norm(tangent)
     x = np.append(curve.ravel(), unscaled_point[-2:]) / posed.scales
-    found = posed.correct(x, tangent)
-    if found is None:
-        return None
     try:
-        return posed, posed.point(found, tangent, point.arclength)
+        lifted = posed.point_near(x, tangent, point.arclength)
     except NumericalError:
         return None
+    return None if lifted is None else (posed, lifted)
 
 
 _MUCH = 1e-2  # share of the accuracy below which a torus has more samples than it needs

@@ -241,10 +241,7 @@ def _beyond(corrector: Corrector, near: NearGrazing, corner: Correction, turning
         return None
     there, way = on_locus(places[-1]), on_locus(places[-1]) - on_locus(places[-2])
     way /= np.linalg.norm(way)
-    correction = corrector.correct(there, way)
-    if correction is None or correction.distance > _STRAYED * float(np.linalg.norm(there - on_locus(corner))):
-        return None
-    return corrector.point(correction, way, 0.0)
+    return corrector.point_near(there, way, within=_STRAYED * float(np.linalg.norm(there - on_locus(corner))))
 
 
 def _extrapolated(measures: list[float], places: list[NDArray[np.float64]], measure: float) -> NDArray[np.float64]:
