@@ -324,8 +324,8 @@ def follow_self_excited(
     except KeyboardInterrupt:
         if not tracing.traces:
             raise
-        raise Interrupted(join(tracing.traces, tracing.steps)) from None
-    return join(tracing.traces, tracing.steps)
+        raise Interrupted(join(tracing)) from None
+    return join(tracing)
 
 
 def _beginnings(start: object, system: System, parameter: str, to: float | tuple[float, float]) -> list[BranchStart]:
