@@ -69,13 +69,7 @@ class Change:
                 raise ModelError(f"{name} of {self.parameter} is {value!r}; it must be a number > 0")
 
     def bounds(self, system: System) -> tuple[float, float]:
-        """Return the limits of the value.
-
-        Parameters
-        ----------
-        system
-            The system, with the present value.
-        """
+        """Return the limits of the value."""
         value = system[self.parameter]
         low = value - self.by * abs(value) if self.low is None else self.low
         high = value + self.by * abs(value) if self.high is None else self.high
@@ -91,13 +85,7 @@ class Change:
         return low, high
 
     def scale(self, system: System) -> float:
-        """Return the size of a relative change of 1: the value, or half of the range of a parameter that is zero.
-
-        Parameters
-        ----------
-        system
-            The system, with the present value.
-        """
+        """Return the size of a relative change of 1: the value, or half of the range of a parameter that is zero."""
         low, high = self.bounds(system)
         return abs(system[self.parameter]) or 0.5 * (high - low)
 
