@@ -36,7 +36,7 @@ _GROWS = 1e-5  # modulus of a multiplier beyond 1 that is not rounding: two of t
 class BackbonePoint:
     """One free vibration."""
 
-    stuck: ClassVar = ()  # contacts whose friction never slips
+    stuck = ()  # contacts whose friction never slips
     _row: ClassVar = {
         "frequency": "value",
         "energy": "energy",

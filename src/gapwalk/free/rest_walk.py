@@ -43,7 +43,7 @@ _REAL_ROUNDING = 1e-9  # real part of an eigenvalue that is rounding, as a share
 class RestPoint:
     """One equilibrium."""
 
-    stuck: ClassVar = ()  # contacts whose friction never slips
+    stuck = ()  # contacts whose friction never slips
     _row: ClassVar = {
         "parameter": "value",
         "stable": "stable",

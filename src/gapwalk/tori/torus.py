@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -241,7 +240,7 @@ class Torus(Shown):
     See docs/numerics/tori.md.
     """
 
-    stuck: ClassVar = ()  # contacts whose friction never slips: systems with friction have no tori here
+    stuck = ()  # contacts whose friction never slips: systems with friction have no tori here
 
     system: System  #: The system that moves.
     curves: int  #: m, the number of curves: the period of the orbit that the torus surrounds.
