@@ -185,9 +185,10 @@ def _end_of_slip(
     def function(point: BranchPoint) -> float:
         return _spare(point, contact)[-1]
 
-    here = pushed.point_at(last.x, last.value, last.tangent)
-    if here is None:
+    begun = pushed.point_at(last.x, last.value, last.tangent)
+    if begun is None:
         return None
+    here = begun
 
     def at(distance: float) -> BranchPoint:
         there = pushed.point_near(here.x + distance * here.tangent, here.tangent, distance)
