@@ -92,7 +92,7 @@ def test_maps_that_cannot_be_compared_are_refused_in_a_sentence(maps, capsys) ->
 
 def test_a_map_whose_axes_are_reversed_or_exchanged_has_the_same_cells(maps) -> None:
     result = gw.open_result(maps / "regimes-a.gapwalk")
-    chart = result.finding.map
+    chart = result.finding.record
     marked = replace(chart, regimes=chart.regimes.copy())
     marked.regimes[0, 3] = 2  # one chaotic cell, in a corner
     first = replace(result, finding=replace(result.finding, map=marked))
@@ -119,7 +119,7 @@ def test_a_map_whose_axes_are_reversed_or_exchanged_has_the_same_cells(maps) -> 
 def test_basins_of_one_motion_are_the_same_whatever_their_letters(maps) -> None:
     """Letters follow the sizes of basins: those of two mirrored motions may be exchanged."""
     result = gw.open_result(maps / "basins-a.gapwalk")
-    basins = result.finding.map
+    basins = result.finding.record
     one = basins.attractors[0]
     other = replace(one, strobes=-one.strobes)
     checkered = np.indices(basins.labels.shape).sum(axis=0) % 2

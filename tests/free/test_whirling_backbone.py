@@ -69,7 +69,7 @@ def test_it_goes_on_beyond_a_touch_that_turns_it_sharply() -> None:
     system = rotor_machine(3).system
     walk = gw.WalkOptions(largest_step=0.02, max_points=45)
     line = gw.free.backbone(system, 1, options=gw.free.BackboneOptions(walk=walk))
-    assert "max_points" in line.ends[1].reason
+    assert "max_points" in line.ends[1].reason_words
     assert line.points[-1].touches == 4
     assert line.values[-1] > line.values[0]
     motion = line.motion(line.points[-1])

@@ -7,7 +7,7 @@ import pytest
 from scipy.special import ellipk
 
 import gapwalk as gw
-from gapwalk.free.backbones import Backbones
+from gapwalk.free.island_births import Backbones
 from gapwalk.plot.picture import new_sheet, picture_of, write_legend
 from gapwalk.plot.style import sized
 from tests.free.test_backbone import oscillator

@@ -5,7 +5,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk import regimes
-from gapwalk.attractors.regimes import Regime, RegimeOptions, Verdicts
+from gapwalk.attractors.regimes import Regime, Verdicts
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
@@ -97,8 +97,8 @@ def test_a_map_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
 
 
 def test_the_result_does_not_depend_on_who_does_the_work():
-    plane, judging = {"frequency": (0.4, 1.6), "harmonic1.amplitude": (0.1, 0.2)}, RegimeOptions(forces=False)
-    options = in_process(check=2, carry="down", judging=judging)
+    plane = {"frequency": (0.4, 1.6), "harmonic1.amplitude": (0.1, 0.2)}
+    options = in_process(check=2, carry="down", forces=False)
     alone = regimes(SET_15, plane, (2, 65), **options)
     with local_workers(2) as workers:
         both = regimes(SET_15, plane, (2, 65), **options, workers=workers)
@@ -116,7 +116,7 @@ def test_a_linear_system_has_period_1_everywhere():
 def test_states_that_are_carried_over_show_the_jump_at_two_places():
     """The main resonance leans: going up, the motion stays on the upper branch for longer than coming down."""
     plane = {"frequency": (0.5, 0.75), "harmonic1.amplitude": (0.25, 0.35)}
-    options = {way: in_process(carry=way, check=0, judging=RegimeOptions(max_period=8)) for way in ("up", "down")}
+    options = {way: in_process(carry=way, check=0, max_period=8) for way in ("up", "down")}
     up, down = (regimes(case("13"), plane, (12, 1), **options[way]).peak_force[0, :, 0] for way in options)
     differs = np.abs(up - down) > 0.1
     assert 1 <= differs.sum() <= 6
@@ -149,7 +149,7 @@ def test_ctrl_c_keeps_what_is_done():
         (lambda: regimes(SET_15, {"frequency": 1.0, "mean.q1": (0, 1)}), "write two numbers"),
         (lambda: regimes(SET_15, PLANE, -3), "resolution is -3"),
         (lambda: regimes(SET_15, PLANE, 3, start=[0.0]), "a state of this system is 4 finite numbers"),
-        (lambda: regimes(SET_15, PLANE, 3, carry="left"), "carry is 'left'; known are no, up, down"),
+        (lambda: regimes(SET_15, PLANE, 3, carry="left"), "carry is 'left'; they are no, up, down"),
         (lambda: regimes(SET_15, PLANE, 3, check=-1), "check is -1"),
     ],
 )

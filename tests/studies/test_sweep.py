@@ -19,7 +19,6 @@ from gapwalk.parallel.workers import Pace, local_workers
 from gapwalk.results.result_file import lock, reading
 from gapwalk.studies import sweep_study as segments
 from gapwalk.studies.result import REQUEST, load_result, request_file
-from gapwalk.studies.study_kind import values_of
 from gapwalk.studies.sweep_study import BLOCK, STRETCH, SweepSegment, SweepStudy, Way
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
@@ -115,7 +114,7 @@ def test_many_starts_find_what_one_does_not() -> None:
 
 def test_the_number_of_workers_changes_nothing(hysteresis) -> None:
     with local_workers(2) as workers:
-        assert_same(gw.sweep(*FOLDS, **options(), workers=workers), hysteresis)
+        assert_same(gw.sweep(*FOLDS, **options(workers=workers)), hysteresis)
 
 
 def test_the_seed_makes_a_difference_of_the_size_of_the_kicks(hysteresis) -> None:
@@ -282,7 +281,7 @@ def stretches_are_whole(found: gw.Sweep) -> bool:
 )
 def test_options_that_make_no_sense(wrong, message) -> None:
     with pytest.raises(ModelError, match=message):
-        options(**wrong)
+        SweepStudy("frequency", 0.6, 0.7, **options(**wrong))
 
 
 def test_a_sweep_that_makes_no_sense() -> None:
@@ -297,7 +296,7 @@ def test_a_sweep_that_makes_no_sense() -> None:
 
 
 def test_a_result_depends_on_its_task_alone() -> None:
-    work = SweepStudy("frequency", 0.6, 0.7, **values_of(options())).work(clutch())
+    work = SweepStudy("frequency", 0.6, 0.7, **options()).work(clutch())
     (task, _) = work._first_tasks()
     segments.sweep_stretch(replace(task, state=task.state + 0.3))
     once, twice = segments.sweep_stretch(task), segments.sweep_stretch(task)
@@ -335,7 +334,7 @@ def test_section_points_are_in_memory_once() -> None:
 
 def test_the_earlier_name_of_a_way_is_read() -> None:
     assert Way("afresh") is Way.AGAIN
-    assert gw.SweepOptions(ways="up and afresh").each_way() == (Way.UP, Way.AGAIN)
+    assert SweepStudy("frequency", 0.6, 0.7, ways="up and afresh").each_way() == (Way.UP, Way.AGAIN)
 
 
 def test_a_mass_that_rests_on_a_rigid_stop_is_not_kicked_through_it():

@@ -67,13 +67,7 @@ class Change:
         check_fields(self, f" of {self.parameter}")
 
     def bounds(self, system: System) -> tuple[float, float]:
-        """Return the limits of the value.
-
-        Parameters
-        ----------
-        system
-            The system, with the present value.
-        """
+        """Return the limits of the value."""
         value = system[self.parameter]
         low = value - self.by * abs(value) if self.low is None else self.low
         high = value + self.by * abs(value) if self.high is None else self.high
@@ -89,13 +83,7 @@ class Change:
         return low, high
 
     def scale(self, system: System) -> float:
-        """Return the size of a relative change of 1: the value, or half of the range of a parameter that is zero.
-
-        Parameters
-        ----------
-        system
-            The system, with the present value.
-        """
+        """Return the size of a relative change of 1: the value, or half of the range of a parameter that is zero."""
         low, high = self.bounds(system)
         return abs(system[self.parameter]) or 0.5 * (high - low)
 

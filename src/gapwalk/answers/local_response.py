@@ -158,11 +158,9 @@ class LocalResponse:
         """Return the point between two at a value of the walked parameter."""
         share = (value - one.value) / (other.value - one.value)
         guess = hermite(one, other, share)
-        corrected = self._corrector.at_value(guess, value)
-        if corrected is None:
-            return min(one, other, key=lambda point: abs(point.value - value))
         arclength = one.arclength + share * (other.arclength - one.arclength)
-        return self._corrector.point(corrected, one.tangent, arclength)
+        found = self._corrector.point_at(guess, value, one.tangent, arclength)
+        return found or min(one, other, key=lambda point: abs(point.value - value))
 
     def _refined(
         self,
@@ -184,10 +182,10 @@ class LocalResponse:
             if length <= 0.0:
                 return value
             guess = hermite(one, other, (arclength - one.arclength) / length)
-            corrected = self._corrector.correct(guess, (other.x - one.x) / np.linalg.norm(other.x - one.x))
-            if corrected is None:
+            normal = (other.x - one.x) / np.linalg.norm(other.x - one.x)
+            point = self._corrector.point_near(guess, normal, arclength, one.tangent)
+            if point is None:
                 return value
-            point = self._corrector.point(corrected, one.tangent, arclength)
             found = measure(point)
             if found < best[1]:
                 best = (point, found)

@@ -86,20 +86,7 @@ class MotionClaim:
         return regime == _KINDS[self.motion]
 
     def judge(self, motions: Sequence[Motion]) -> tuple[bool, float]:
-        """Return whether the claim holds, and the share of starts that settle on this kind of motion.
-
-        Parameters
-        ----------
-        motions
-            The settled motions of all starts.
-
-        Returns
-        -------
-        holds : bool
-            Whether it holds.
-        share : float
-            The share.
-        """
+        """Return whether the claim holds, and the share of starts that settle on this kind of motion."""
         share = sum(map(self.matches, motions)) / len(motions)
         return share > 0.0 and share >= self.share, share
 
@@ -174,15 +161,7 @@ class PointClaim:
         return frozenset(self.at) | {self.parameter}
 
     def judge(self, branch: Branch) -> tuple[bool | None, float]:
-        """Return whether the claim holds, and the number of such points; None if the walk did not come that far.
-
-        Returns
-        -------
-        holds : bool or None
-            Whether it holds; None if that is unknown.
-        count : float
-            The number of points.
-        """
+        """Return whether the claim holds, and the number of such points; None if the walk did not come that far."""
         found = sum(self.low <= point.value <= self.high for point in branch.special(self.kind))
         if found:
             return not self.absent, float(found)

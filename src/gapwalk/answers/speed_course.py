@@ -72,16 +72,9 @@ class SpeedCourse:
 
     @classmethod
     def ramp(cls, start: float, stop: float, rate: float, hold: float = 0.0) -> SpeedCourse:
-        """Return a ramp from one speed to another.
+        """Return a ramp from one speed to another at a positive rate; then the last speed is held for a time.
 
-        Parameters
-        ----------
-        start, stop
-            Speeds at its beginning and its end; the end may be below the beginning (a run-down).
-        rate
-            Change of the speed per unit of time, positive.
-        hold
-            Time for which the last speed is held.
+        The end may be below the beginning (a run-down).
         """
         check("rate", rate, Positive)
         if start == stop:
@@ -95,13 +88,7 @@ class SpeedCourse:
     def read(cls, file: str | os.PathLike[str] | io.StringIO | NamedFile, system: System) -> SpeedCourse:
         """Read a trace from a CSV file with a column of times and one of speeds, such as ``time (s), speed (rpm)``.
 
-        Parameters
-        ----------
-        file
-            The file, or its text as ``io.StringIO``. Without units for a system without them. Times are counted from
-            the first row.
-        system
-            The system, whose unit of speed the course has.
+        Times are counted from the first row. Without units they are for a system without them.
         """
         units, pace = system.units, system.structure.pace
         kinds = (None, None) if units is None else (QuantityKind.TIME, QuantityKind.FREQUENCY)
@@ -140,20 +127,7 @@ class SpeedCourse:
         return np.concatenate(([0.0], np.cumsum(means * np.diff(self.time))))
 
     def at(self, time: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the speed at some times, and its integral from the beginning up to there.
-
-        Parameters
-        ----------
-        time
-            Times from 0 to `duration`, of any shape.
-
-        Returns
-        -------
-        speed : array
-            Speed at each time.
-        integral : array
-            Its integral from 0 to each time.
-        """
+        """Return the speed at some times from 0 to `duration`, and its integral from 0 up to there."""
         time = np.asarray(time, dtype=float)
         piece = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.time) - 2)
         since, rate = time - self.time[piece], self.rates[piece]

@@ -101,18 +101,7 @@ class Spread:
         return self if self.mean is not None or self.law is SpreadLaw.UNIFORM else replace(self, mean=value)
 
     def quantile(self, share: Array) -> Array:
-        """Return the values below which the given shares of the parts lie; the mean must be known.
-
-        Parameters
-        ----------
-        share
-            Shares from 0 to 1, of any shape.
-
-        Returns
-        -------
-        array
-            Values of the parameter, of the same shape.
-        """
+        """Return the values below which the given shares (0 to 1) of the parts lie; the mean must be known."""
         if self.law is SpreadLaw.UNIFORM:
             assert self.low is not None
             assert self.high is not None
@@ -197,19 +186,9 @@ class Spreads:
         return replace(self, laws=tuple(law.about(system) for law in self.laws))
 
     def design(self, samples: int, seed: int) -> Drawn:
-        """Draw samples.
+        """Draw samples, the same for the same seed.
 
-        Parameters
-        ----------
-        samples
-            Number of samples.
-        seed
-            Seed of the random numbers; the same seed gives the same samples.
-
-        Returns
-        -------
-        design : Drawn
-            Of measured parts, rows are drawn at random, each again only once all were drawn.
+        Of measured parts, rows are drawn at random, each again only once all were drawn.
         """
         random = np.random.default_rng(seed)
         if self.parts:

@@ -104,13 +104,7 @@ class Regimes(Shown):
         return {regime_word(*key): words[key] for key in order}
 
     def at(self, first: float, second: float) -> str:
-        """Return the regime of the cell that contains two parameter values.
-
-        Parameters
-        ----------
-        first, second
-            Values of the horizontal and of the vertical parameter.
-        """
+        """Return the regime of the cell that contains two parameter values."""
         place = []
         for value, (low, high), count in zip((first, second), self.within, self.resolution, strict=True):
             if not low <= value <= high:

@@ -86,13 +86,7 @@ class Plane:
             raise ModelError('the normal of a plane is zero; name a signal with its weight, such as {"q1": 1.0}')
 
     def weights(self, system: System) -> NDArray[np.float64]:
-        """Return the weights of all entries of a state, shape (state_size,).
-
-        Returns
-        -------
-        array, shape (state_size,)
-            The weights.
-        """
+        """Return the weights of all entries of a state, shape (state_size,)."""
         names = system.state_names[: 2 * system.size]
         unknown = [name for name in self.normal if name not in names]
         if unknown:

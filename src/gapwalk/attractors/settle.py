@@ -148,12 +148,7 @@ class Settled(Shown):
     def motion(self, periods: int | None = None, samples: int = 256) -> Motion:
         """Return the settled motion, sampled, with its contact events and force-deflection loops.
 
-        Parameters
-        ----------
-        periods
-            Forcing periods; by default those of the orbit, or 64.
-        samples
-            Samples per forcing period.
+        By default it has as many forcing periods as the orbit, or 64.
         """
         return integrate(self.system, self.state, periods or self.period or 64, samples)
 

@@ -7,16 +7,15 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, at_once, words_of
 from gapwalk.continuation.both_directions import BranchPoint, motion_row, point_row
+from gapwalk.continuation.curve import Curve, Measured
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol, told_apart
-from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability
-from gapwalk.summary import Rows, SummaryParts, Table, Tables, rows_of, summarizes
+from gapwalk.summary import Rows, SummaryParts, Table, Tables, row_of, rows_of, summarizes
 
 if TYPE_CHECKING:
     import pandas
@@ -36,7 +35,7 @@ class Unexplained:
 
 
 @dataclass(frozen=True, eq=False)
-class Branch(Shown):
+class Branch(Curve, Measured):
     """Branch of orbits along one parameter.
 
     Examples
@@ -67,26 +66,6 @@ class Branch(Shown):
         return self.points[0].orbit.system
 
     @property
-    def values(self) -> NDArray[np.float64]:
-        """Values of the parameter at the points, shape (points,)."""
-        return np.array([point.value for point in self.points])
-
-    def measure(self, name: str) -> NDArray[np.float64]:
-        """Return one measure (see `Orbit.measure`) at each point, shape (points,).
-
-        Parameters
-        ----------
-        name
-            Name of the measure, such as ``half.q1``.
-
-        Returns
-        -------
-        array, shape (points,)
-            In the unit of the signal.
-        """
-        return np.array([point.measure(name) for point in self.points])
-
-    @property
     def closed(self) -> bool:
         """True if the branch closed on itself: an isolated branch (isola), connected to no other."""
         return self.ends[-1].reason is EndReason.CLOSED
@@ -113,24 +92,12 @@ class Branch(Shown):
         return tuple(found)
 
     def special(self, kind: Kind | str) -> tuple[SpecialPoint, ...]:
-        """Return the special points of one kind.
-
-        Parameters
-        ----------
-        kind
-            The kind, or its name, such as ``fold``.
-        """
+        """Return the special points of one kind, which may be given by its name, such as ``fold``."""
         return tuple(special for special in self.special_points if special.kind == kind)
 
     @summarizes
     def summary(self, points: bool = True) -> SummaryParts:
-        """Return range and counts of the branch, where and why it ends, and the table of special points if wanted.
-
-        Parameters
-        ----------
-        points
-            True to include the table of special points.
-        """
+        """Return range and counts of the branch, where and why it ends, and the table of special points if wanted."""
         symbol = parameter_symbol(self.parameter, self.system.units)
         first, last = told_apart(float(self.values[0]), float(self.values[-1]), 10)
         low, high = self.values.min(), self.values.max()
@@ -170,15 +137,10 @@ class Branch(Shown):
         return pd.DataFrame(columns)
 
     def tables(self) -> Tables:
-        """Return the tables of the branch by name, with measures, states and multipliers of its points.
-
-        Returns
-        -------
-        mapping of str to callable
-            ``points``, ``special-points`` and ``ends``; each function returns the rows, the headings first.
-        """
+        """Return the tables ``points`` and ``special-points``, with measures, states and multipliers, and ``ends``."""
         found = {"points": self.points, "special-points": self.special_points}
-        return {**super().tables(), **{name: partial(_rows, points) for name, points in found.items() if points}}
+        tables = {name: partial(_rows, points) for name, points in found.items() if points}
+        return {**tables, "ends": lambda: rows_of(map(row_of, self.ends))}
 
     def __repr__(self) -> str:
         kinds = ", ".join(f"{len(self.special(kind))} {kind}" for kind in Kind.known() if self.special(kind))

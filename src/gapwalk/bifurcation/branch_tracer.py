@@ -142,7 +142,7 @@ class BranchTracer(Iterator[Step]):
             self.detector.restore(resume.detector)
         self._hold(self.walk.point)
         if why := floats(self.walk.point.orbit, self._ways):
-            self.walk.finish(self.walk.point, End(EndReason.FLOATING, self.walk.point.value, why))
+            self.walk.finish(self.walk.point, EndReason.FLOATING, why)
 
     @property
     def state(self) -> BranchTracerState:
@@ -153,6 +153,10 @@ class BranchTracer(Iterator[Step]):
     def end(self) -> End | None:
         """End of the walk, with its reason; None while it continues."""
         return self.walk.end
+
+    @end.setter
+    def end(self, end: End) -> None:
+        self.walk.end = end
 
     def stay_level(self) -> None:
         """Detect only what does not depend on changes of the parameter or on stability: both are rounding here."""
@@ -166,10 +170,6 @@ class BranchTracer(Iterator[Step]):
 
     def _ended(self, reason: EndReason) -> bool:
         return self.end is not None and self.end.reason is reason
-
-    def finish_with(self, end: End) -> None:
-        """Set the end that the walk had reached before it was stopped."""
-        self.walk.end = end
 
     def __next__(self) -> Step:
         self.beginning.corrector.forget()
@@ -203,7 +203,7 @@ class BranchTracer(Iterator[Step]):
                     self._end_stuck(before, first)
                 raise
             if why := floats(point.orbit, self._ways):
-                self.walk.finish(first, End(EndReason.FLOATING, first.value, why))
+                self.walk.finish(first, EndReason.FLOATING, why)
                 continue
             if self._grazes_sharply(first, point):
                 step = self._pass_graze(state.walk)
@@ -211,7 +211,7 @@ class BranchTracer(Iterator[Step]):
                     return self._held_on(first, step)
             inaccuracy = self.beginning.equation.inaccuracy(point.orbit)
             if inaccuracy:
-                self.walk.finish(first, End(EndReason.COARSE, first.value, inaccuracy))
+                self.walk.finish(first, EndReason.COARSE, inaccuracy)
                 continue
             try:
                 step, change, rest = self._examined(first, point, before)
@@ -234,7 +234,7 @@ class BranchTracer(Iterator[Step]):
         graze = graze_ahead(self.beginning.corrector, state.point)
         if graze is None or self._ends_at_parent(before, state.point):
             return None
-        self.walk.finish(graze.point, self._grazes(graze.point, graze.contact))
+        self.walk.finish(graze.point, EndReason.STEP, self._grazes(graze.contact))
         return graze.point, [graze]
 
     def _examined(
@@ -275,7 +275,7 @@ class BranchTracer(Iterator[Step]):
         is_dry, is_single = structure.reactions or structure.friction, len(last.x) == structure.state_size + 1
         if not last.orbit.is_exact or not is_single or is_dry or abs(last.orbit.multipliers[0]) <= _LARGE:
             return False
-        self.walk.finish(last, End(EndReason.COARSE, last.value))
+        self.walk.finish(last, EndReason.COARSE)
         if self._refine(count):
             return True
         self.walk.end = end
@@ -384,11 +384,9 @@ class BranchTracer(Iterator[Step]):
         corrector, first = self.beginning.corrector, self.first
         beside = None
         while ahead >= _NEAREST:
-            correction = corrector.correct(first.x + ahead * first.tangent, first.tangent)
-            if correction is None:
-                break
-            beside = corrector.point(correction, first.tangent, ahead)
-            if not any(first.orbit.closing_changes(beside.orbit)):
+            nearer = corrector.point_near(first.x + ahead * first.tangent, first.tangent, ahead)
+            beside = nearer or beside
+            if nearer is None or not any(first.orbit.closing_changes(nearer.orbit)):
                 break
             ahead *= _NEARER
         return beside
@@ -433,7 +431,7 @@ class BranchTracer(Iterator[Step]):
         self.walk.previous = None  # a cubic from there would pass over the jump of the state
         self.detector = Detector(corrector, self._kinds)
         if passage.end is not None:
-            self.walk.finish(passage.point, passage.end)
+            self.walk.point, self.walk.end = passage.point, passage.end
         parameter, method = self.beginning.equation.parameter or "", self.beginning.equation.options
         special = [each.kind.judged(each, parameter, method) for each in passage.special]
         return self._until_vertex(passage.point, special)
@@ -470,7 +468,7 @@ class BranchTracer(Iterator[Step]):
         """
         for number, each in enumerate(special):
             if each.is_vertex and self._has_parent(each.point):
-                self.walk.finish(each.point, End(EndReason.JOINED, each.value))
+                self.walk.finish(each.point, EndReason.JOINED)
                 return each.point, special[:number]
         return point, special
 
@@ -494,7 +492,7 @@ class BranchTracer(Iterator[Step]):
             names = " and ".join(structure.contacts[each].name for each in still)
             words = f"what {names} keep from here on depends on the path; settle beyond, and begin another branch there"
         last = first if number is None else special[number].point
-        self.walk.finish(last, End(EndReason.GIVES_WAY, last.value, words))
+        self.walk.finish(last, EndReason.GIVES_WAY, words)
         return last, special[: 0 if number is None else number + 1]
 
     @property
@@ -567,7 +565,7 @@ class BranchTracer(Iterator[Step]):
 
     def _give_up(self, point: BranchPoint, detail: str) -> None:
         """End the walk at a point from which shorter steps would not lead farther."""
-        self.walk.finish(point, End(EndReason.STEP, point.value, detail))
+        self.walk.finish(point, EndReason.STEP, detail)
         self.walk.step = 0.0
 
     def _onset(
@@ -616,7 +614,7 @@ class BranchTracer(Iterator[Step]):
         within, equation = self.beginning.within, self.beginning.equation
         if value is None or value not in within or not has_parent(first, equation, value):
             return step
-        self.walk.finish(first, End(EndReason.JOINED, value))
+        self.walk.finish(first, EndReason.JOINED, value=value)
         low, high = sorted((first.value, point.value))
         return first, [each for each in special if low <= each.value <= high and not is_close(each.point)]
 
@@ -627,7 +625,7 @@ class BranchTracer(Iterator[Step]):
         value = value_ahead(before, last, self._scale)
         if value is None or value not in self.beginning.within or not has_parent(last, self.beginning.equation, value):
             return False
-        self.walk.finish(last, End(EndReason.JOINED, value))
+        self.walk.finish(last, EndReason.JOINED, value=value)
         return True
 
     def _jumps(self, last: BranchPoint) -> bool:
@@ -636,7 +634,7 @@ class BranchTracer(Iterator[Step]):
         if ahead is None:
             return False
         value = ahead.value if ahead.value in self.beginning.within else last.value
-        self.walk.finish(last, End(EndReason.JUMPS, value, ahead.words))
+        self.walk.finish(last, EndReason.JUMPS, ahead.words, value)
         return True
 
     def _end_stuck(self, before: BranchPoint | None, last: BranchPoint) -> None:
@@ -644,39 +642,36 @@ class BranchTracer(Iterator[Step]):
         end = self.walk.end
         if self._ends_at_parent(before, last) or end is None:
             return
+
+        def add(words: str) -> None:
+            before = self.walk.end or end
+            self.walk.finish(last, end.reason, f"{before.detail}; {words}", end.value)
+
         largest = abs(complex(last.orbit.multipliers[0]))
         if largest > _LARGE:
-            end = End(end.reason, end.value, f"{end.detail}; the largest multiplier is {largest:.3g}")
-            self.walk.finish(last, end)
+            add(f"the largest multiplier is {largest:.3g}")
         full, rigid = PERIOD * last.orbit.period, {switch for _, switch in last.orbit.system.structure.reactions}
         at_start = (each for each in last.orbit.events if min(each.theta, full - each.theta) < AT_START)
         if any(each.switch in rigid for each in at_start):
             advice = "there the state jumps: begin the period elsewhere, with another phase of the loads"
-            detail = f"{end.detail}; an impact comes to the start of the period, and {advice}"
-            self.walk.finish(last, End(end.reason, end.value, detail))
+            add(f"an impact comes to the start of the period, and {advice}")
             return
         for each in last.orbit.margins if last.orbit.is_exact else []:
             if each.what == "reserve" and abs(each.value) <= _GRAZES * each.range:
                 name = last.orbit.system.structure.contacts[each.contact].name
                 advice = "beyond, it slips at once over a finite distance: start there"
-                self.walk.finish(
-                    last,
-                    End(
-                        end.reason,
-                        end.value,
-                        f"{end.detail}; the force of {name} reaches the one at which slip begins, and {advice}",
-                    ),
-                )
+                add(f"the force of {name} reaches the one at which slip begins, and {advice}")
                 return
         size = magnitude(last.orbit.extremes[:, :2], last.orbit.system)
         depths = [min(map(abs, turns.values), default=np.inf) for turns in last.orbit.turning_depths]
         if depths and min(depths) <= _GRAZES * size:
-            self.walk.finish(last, self._grazes(last, describe_switch(last.orbit, depths.index(min(depths)))))
+            contact = describe_switch(last.orbit, depths.index(min(depths)))
+            self.walk.finish(last, EndReason.STEP, self._grazes(contact))
         elif words := coincidence(last.orbit):
-            self.walk.finish(last, End(end.reason, end.value, f"{end.detail}; {words}"))
+            add(words)
 
-    def _grazes(self, last: BranchPoint, contact: str) -> End:
-        """Return the end of a walk that got stuck where a contact grazes."""
+    def _grazes(self, contact: str) -> str:
+        """Return the details of the end of a walk that got stuck where a contact grazes."""
         detail = self.walk.end.detail if self.walk.end else ""
         advice = "the branch turns there too sharply to be followed: start beyond it, or with a softer contact"
-        return End(EndReason.STEP, last.value, f"{detail}; {contact} grazes, and {advice}")
+        return f"{detail}; {contact} grazes, and {advice}"

@@ -107,25 +107,11 @@ class Diagram(Shown):
         return self[origin.parent].branch.special_points[origin.special]
 
     def children(self, name: str) -> tuple[DiagramBranch, ...]:
-        """Return the members that begin or end on the branch of one name.
-
-        Parameters
-        ----------
-        name
-            Name of the branch, such as ``P1-1``.
-        """
+        """Return the members that begin or end on the branch of one name, such as ``P1-1``."""
         return tuple(member for member in self.members if any(origin.parent == name for origin in member.origins))
 
     def attached(self, name: str, special: int) -> tuple[DiagramBranch, ...]:
-        """Return the members that begin or end at a special point, given by its index on the branch of one name.
-
-        Parameters
-        ----------
-        name
-            Name of the branch.
-        special
-            Index of the special point, from 0.
-        """
+        """Return the members that begin or end at a special point: index, from 0, on the branch of one name."""
         return tuple(member for member in self.members if Origin(name, special) in member.origins)
 
     def depth(self, member: DiagramBranch) -> int:
@@ -149,17 +135,7 @@ class Diagram(Shown):
         return tuple(sorted(found, key=lambda cascade: -len(cascade.values)))
 
     def with_branch(self, branch: Branch, begins: Origin | None = None, method: Method | None = None) -> Diagram:
-        """Return the diagram with one more branch, its end linked to the special point at which it joins another.
-
-        Parameters
-        ----------
-        branch
-            The branch.
-        begins
-            Its beginning on another branch.
-        method
-            Method by which its orbits were found.
-        """
+        """Return the diagram with one more branch, from its origin; its end is linked to where it joins another."""
         count = sum(member.period == branch.period for member in self.members) + 1
         member = DiagramBranch(f"P{branch.period}-{count}", branch, begins)
         if branch.ends[-1].reason is EndReason.JOINED:

@@ -89,7 +89,7 @@ def follow(
     >>> round(branch.points[-1].value, 9)
     0.8
     """
-    branch = _tracing(_beginnings(start, parameter, to, method), walk, events).to_end(_traced, report)
+    branch = _tracing(_beginnings(start, parameter, to, method), walk, events).to_end(join, report)
     if verify:
         from gapwalk.verification import confirm
 
@@ -175,7 +175,7 @@ class BranchWalk(Iterator[BranchPoint]):
         """Branch so far; raises a ModelError before the first point."""
         if not self._tracing.traces:
             raise ModelError("no point was computed yet; ask for a point first: next(steps)")
-        return _traced(self._tracing)
+        return join(self._tracing)
 
 
 def _beginnings(
@@ -199,7 +199,7 @@ def _beginnings(
 
 def walk_out(beginnings: list[BranchStart], walk: WalkOptions | None = None, report: Report | None = None) -> Branch:
     """Return the whole branch from one beginning, or from two at one point in opposite directions."""
-    return _tracing(beginnings, walk).to_end(_traced, report)
+    return _tracing(beginnings, walk).to_end(join, report)
 
 
 def _tracing(
@@ -218,12 +218,9 @@ def _tracing(
     return Tracing(beginnings, tracer, resume)
 
 
-def _traced(tracing: BranchTracing) -> Branch:
-    return join(tracing.traces, tracing.steps)
-
-
-def join(tracers: Sequence[BranchTracer], walked: Sequence[Sequence[Step]]) -> Branch:
-    """Join one or two tracers and the steps that they yielded into one branch with one direction of travel."""
+def join(tracing: BranchTracing) -> Branch:
+    """Return the branch so far, with one direction of travel, from its traces in one direction or two."""
+    tracers, walked = tracing.traces, tracing.steps
     equation, first = tracers[0].beginning.equation, tracers[-1].first
     ends = [_end(tracer, steps) for tracer, steps in zip(tracers, walked, strict=True)]
     if len(tracers) == 1:

@@ -90,10 +90,10 @@ def go_on_with(
                 doubt = (_PUSHED if is_pulled else _ON_GRID) * equation.length
                 known[contact] = HeldSpring(contact, side, *(() if side else (place, doubt)))
         moving = Corrector(replace(equation, held=tuple(known[each] for each in held)), corrector.scales)
-        correction = moving.at_value(point.x, point.value)
-        if correction is None:
+        moved = moving.point_at(point.x, point.value, point.tangent, point.arclength)
+        if moved is None:
             return None
-        point = moving.point(correction, point.tangent, point.arclength)
+        point = moved
         if lead is not None and _rate(moving, point, lead, held[lead]) < 0.0:
             point = replace(point, tangent=-point.tangent, determinant=-point.determinant)
         back = [each for each, side in held.items() if side and each != lead and _rate(moving, point, each, side) <= 0]
@@ -185,16 +185,16 @@ def _end_of_slip(
     def function(point: BranchPoint) -> float:
         return _spare(point, contact)[-1]
 
-    correction = pushed.at_value(last.x, last.value)
-    if correction is None:
+    begun = pushed.point_at(last.x, last.value, last.tangent)
+    if begun is None:
         return None
-    here = pushed.point(correction, last.tangent, 0.0)
+    here = begun
 
     def at(distance: float) -> BranchPoint:
-        there = pushed.correct(here.x + distance * here.tangent, here.tangent)
+        there = pushed.point_near(here.x + distance * here.tangent, here.tangent, distance)
         if there is None:
             raise NumericalError("no motion is found where the slip of a spring ends")
-        return pushed.point(there, here.tangent, distance)
+        return there
 
     spare, rate = function(here), (function(at(_ASIDE)) - function(here)) / _ASIDE
     if rate < 0.0:  # beyond that place it does not slip
@@ -225,9 +225,9 @@ def beyond_slip(rest: HeldChange, held: Held) -> tuple[Corrector, BranchPoint] |
         if moved is None:
             continue
         corrector, here = moved
-        ahead = corrector.correct(here.x + _ASIDE * here.tangent, here.tangent)
+        ahead = corrector.point_near(here.x + _ASIDE * here.tangent, here.tangent)
         if ahead is not None:
-            now, then = (_spare(each, rest.contact) for each in (here, corrector.point(ahead, here.tangent, 0.0)))
+            now, then = (_spare(each, rest.contact) for each in (here, ahead))
             if all(then[each] > now[each] for each in {1, -1} - {side}):
                 return moved
     return None
@@ -238,11 +238,9 @@ def slipping_beside(
 ) -> BranchPoint | None:
     """Return a point just beyond another one, or before it, at which friction slips in both directions, if any."""
     for length in _BEYOND:
-        correction = corrector.correct(point.x + way * length * point.tangent, point.tangent)
-        if correction is not None:
-            beyond = corrector.point(correction, point.tangent, point.arclength + way * length)
-            if slips_both_ways(beyond.orbit, contacts):
-                return beyond
+        beyond = corrector.point_ahead(point, way * length)
+        if beyond is not None and slips_both_ways(beyond.orbit, contacts):
+            return beyond
     return _settled_beyond(corrector, point, contacts) if way > 0.0 else None
 
 

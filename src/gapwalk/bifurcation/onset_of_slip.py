@@ -271,10 +271,10 @@ def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, 
 
     def ahead(last: BranchPoint, distance: float) -> BranchPoint | None:
         # from the last point: a guess from farther away may slip, and then leads to another position
-        correction = corrector.correct(last.x + way * distance * last.tangent, stuck.tangent)
-        if correction is None:
+        guess, arclength = last.x + way * distance * last.tangent, last.arclength + way * distance
+        point = corrector.point_near(guess, stuck.tangent, arclength)
+        if point is None:
             return None
-        point = corrector.point(correction, stuck.tangent, last.arclength + way * distance)
         # at the edge of the continuum friction never slips, but its force reaches its bound: it keeps another position
         reaches = any(event.slip for event in point.orbit.slips if event.contact == change.contact)
         return point if never_slips(point.orbit, change.contact) and not reaches else None
@@ -385,13 +385,11 @@ class _RestSearch:
         if origin is not None:
             away, ahead = place - origin.place, origin.point.tangent / float(origin.point.tangent @ self._along)
             guess = origin.point.x + away[0] * ahead + away[1] * self._way
-            correction = self._corrector.correct(guess, point.tangent)
-            if correction is None:
-                raise LookupError
             arclength = point.arclength + float(place[0]) * float(self._along @ point.tangent)
-            point = self._corrector.point(correction, point.tangent, arclength)
-            if any(each.slip for each in point.orbit.slips if each.contact == self._contact):
+            found = self._corrector.point_near(guess, point.tangent, arclength)
+            if found is None or any(each.slip for each in found.orbit.slips if each.contact == self._contact):
                 raise LookupError
+            point = found
         found = {
             side: margin(point.orbit, Change(self._contact, 0, side, 0, theta, True), theta)
             for side, theta in self._thetas.items()
@@ -447,11 +445,8 @@ def come_to_rest(corrector: Corrector, first: BranchPoint, point: BranchPoint) -
         rest = find_rest(corrector, point, first, ended[0])
     except LookupError:
         return point
-    correction = corrector.at_value(point.x + rest.shift, point.value)
-    if correction is None:
-        return point
-    moved = corrector.point(correction, point.tangent, point.arclength)
-    return moved if never_slips(moved.orbit, ended[0]) else point
+    moved = corrector.point_at(point.x + rest.shift, point.value, point.tangent, point.arclength)
+    return moved if moved is not None and never_slips(moved.orbit, ended[0]) else point
 
 
 def directions_left(first: Orbit, last: Orbit, contact: int) -> set[int]:

@@ -67,11 +67,8 @@ def pass_corner(corrector: Corrector, point: BranchPoint) -> Passage | None:
 
 def _beyond(corrector: Corrector, corner: BranchPoint, way: NDArray[np.float64], length: float) -> BranchPoint | None:
     """Return the point at a distance from a corner in a direction; None if there is none."""
-    guess = corner.x + length * way
-    correction = corrector.correct(guess, way, near=1e-3 * length)
-    if correction is None or length_of(correction.x - guess) > _ASTRAY * length:
-        return None
-    return corrector.point(correction, way, corner.arclength + length)
+    guess, arclength = corner.x + length * way, corner.arclength + length
+    return corrector.point_near(guess, way, arclength, near=1e-3 * length, within=_ASTRAY * length)
 
 
 def _first_beyond(

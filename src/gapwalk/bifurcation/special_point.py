@@ -143,13 +143,7 @@ class Kind(str):
 
     @staticmethod
     def named(name: str) -> Kind:
-        """Return the kind with a name.
-
-        Parameters
-        ----------
-        name
-            Name of the kind, such as ``fold``.
-        """
+        """Return the kind with a name, such as ``fold``."""
         return KINDS.named(name)
 
     def function(self, point: BranchPoint) -> float:
@@ -157,13 +151,7 @@ class Kind(str):
         raise NotImplementedError(f"a {self} is not the zero of one function")
 
     def hides(self, a: BranchPoint, b: BranchPoint) -> bool:
-        """Return True if the points themselves show that the test function vanishes twice between them.
-
-        Parameters
-        ----------
-        a, b
-            Two neighbouring points of a branch, at which the function has one sign.
-        """
+        """Return True if two neighbours, at which the function has one sign, show that it vanishes twice in between."""
         return False
 
     @property
@@ -200,87 +188,31 @@ class Kind(str):
         return known
 
     def mean_offset(self, point: BranchPoint, ranks: tuple[int, int]) -> float:
-        """Return the mean of the offsets of some ranks at a point, the largest first; nan if there are fewer.
-
-        Parameters
-        ----------
-        point
-            A point of a branch.
-        ranks
-            The first rank, and the one after the last: the numbers beyond criticality on both sides.
-        """
+        """Return the mean of the offsets from one rank to before another, largest first; nan if there are fewer."""
         offsets, (first, last) = self.offsets(point.orbit.free_multipliers), ranks
         return float(np.sort(offsets)[::-1][first:last].mean()) if len(offsets) >= last else math.nan
 
     def is_genuine(self, point: BranchPoint, near: float = 1e-6) -> bool:
-        """Return True if a zero of the function is a point of this kind; `near` is the tolerance of a multiplier.
-
-        Parameters
-        ----------
-        point
-            The located point.
-        near
-            The nearest point of the walk.
-        """
+        """Return True if a zero of the function is a point of this kind; `near` is the tolerance of a multiplier."""
         return True
 
     def prepare(self, search: Search) -> None:
-        """Prepare a step before any kind is searched for in it; by default nothing is done.
-
-        Parameters
-        ----------
-        search
-            The step in which points are sought.
-        """
+        """Prepare a step before any kind is searched for in it; by default nothing is done."""
 
     def points_in(self, search: Search) -> list[Zero]:
-        """Return all points of this kind in one step of a walk: by default, all genuine zeros of the test function.
-
-        Parameters
-        ----------
-        search
-            The step in which points are sought.
-        """
+        """Return all points of this kind in one step of a walk: by default, all genuine zeros of the test function."""
         return [zero for zero in search.zeros(self) if self.is_genuine(zero.point)]
 
     def locate(self, search: Search, a: BranchPoint, b: BranchPoint) -> Zero | None:
-        """Locate the one zero between two points, if the kind has a better method than bracketing; otherwise None.
-
-        Parameters
-        ----------
-        search
-            The step in which points are sought.
-        a, b
-            Fractions of the step between which the function changes its sign.
-        """
+        """Locate the one zero between two points, if the kind has a better method than bracketing; otherwise None."""
         return None
 
     def locate_several(self, search: Search, a: BranchPoint, b: BranchPoint, ranks: tuple[int, int]) -> Zero | None:
-        """Locate the point between two others at which several multipliers become critical; None if there is none.
-
-        Parameters
-        ----------
-        search
-            The step in which points are sought.
-        a, b
-            The points between which so many do.
-        ranks
-            As in `mean_offset`.
-        """
+        """Locate the point between two others at which multipliers of some ranks become critical; None if none is."""
         return search.bracketed_mean(self, a, b, ranks)
 
     def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
-        """Return the estimated error of the parameter at a located point; infinite if it cannot be estimated.
-
-        Parameters
-        ----------
-        search
-            The step in which the point was found.
-        zero
-            The located zero.
-        second
-            The same zero of another discretisation.
-        """
+        """Return the error of a located zero, from that of another discretisation; infinite if it has none."""
         return location_error(zero, second, [search.near(zero.point)])
 
     def nature(self, before: BranchPoint, after: BranchPoint) -> str | None:
@@ -290,22 +222,7 @@ class Kind(str):
     def examined(
         self, special: SpecialPoint, before: BranchPoint, after: BranchPoint
     ) -> tuple[list[str], Callable[[BranchPoint], float] | None]:
-        """Compare a special point with points computed again on both sides of it.
-
-        Parameters
-        ----------
-        special
-            The special point.
-        before, after
-            Points computed again on both sides of it.
-
-        Returns
-        -------
-        faults
-            What contradicts it, as sentences.
-        function
-            The function of points nearby that is zero there, to locate it again; None if there is none.
-        """
+        """Return what contradicts a point between others computed again, and a function that is zero there, or None."""
         first, last = sorted((self.beyond(before), self.beyond(after)))
         function = self.at if special.multiplicity == 1 else partial(self.mean_offset, ranks=(first, last))
         if function(before) * function(after) > 0.0:
@@ -313,17 +230,7 @@ class Kind(str):
         return [], function
 
     def judged(self, special: SpecialPoint, parameter: str, method: Method | None) -> SpecialPoint:
-        """Complete the special point with information from other branches, such as the criticality of a flip.
-
-        Parameters
-        ----------
-        special
-            The special point.
-        parameter
-            Name of the walked parameter.
-        method
-            Method of the orbits; None for the one that found them.
-        """
+        """Complete the special point with information from other branches, such as the criticality of a flip."""
         return special
 
     def beginnings(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[BranchStart]:
@@ -555,14 +462,9 @@ class SpecialPoint(Shown):
         return f"{multiplier.real:+.6f} ± {abs(multiplier.imag):.6f}i"
 
     def gradient(self, *names: str, method: Method | None = None) -> Gradient:
-        """Return how far other parameters move the point; see `gapwalk.bifurcation.loci.gradient.gradient`.
+        """Return how far other parameters, by default all that are not zero, move the point.
 
-        Parameters
-        ----------
-        *names
-            The parameters; by default all that are not zero.
-        method
-            How the orbits are posed; by default the method that found them.
+        See `gapwalk.bifurcation.loci.gradient.gradient`.
 
         Examples
         --------

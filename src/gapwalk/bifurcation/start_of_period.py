@@ -141,18 +141,19 @@ class _Section:
         """Return a point with this section."""
         x = np.append(self._posed.unknowns(point.orbit), point.value) / self._own.scales
         along = self._carried(point, self._equation.knots[:-1], self._posed.knots[:-1])
-        correction = self.corrector.correct(x, along)
-        if correction is None or length_of(correction.x - x) > _SAME * max(1.0, length_of(x)):
+        found = self.corrector.point_near(x, along, point.arclength, within=_SAME * max(1.0, length_of(x)))
+        if found is None:
             raise ConvergenceError("the orbit is not found with the other section")
-        return self.corrector.point(correction, along, point.arclength)
+        return found
 
     def _left(self, point: BranchPoint) -> BranchPoint:
         """Return a point of this section with its state at theta = 0, corrected there."""
         moved = self._at_zero(point)
-        correction = self._own.correct(moved.x, moved.tangent)
-        if correction is None or length_of(correction.x - moved.x) > _SAME * max(1.0, length_of(moved.x)):
+        within = _SAME * max(1.0, length_of(moved.x))
+        found = self._own.point_near(moved.x, moved.tangent, point.arclength, within=within)
+        if found is None:
             raise ConvergenceError("the orbit is not found with its state at theta = 0")
-        return self._own.point(correction, moved.tangent, point.arclength)
+        return found
 
     def _at_zero(self, point: BranchPoint) -> BranchPoint:
         """Return a point of this section with its state at theta = 0."""

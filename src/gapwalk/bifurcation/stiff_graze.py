@@ -235,8 +235,7 @@ def _leave_impact(corrector: Corrector, by_touches: Callable[..., TouchEquation]
     if not jumping_switches(point.orbit.system, friction=False):
         return None
     for aside in _MISSING:
-        correction = corrector.correct(point.x + aside * point.tangent, point.tangent)
-        start = None if correction is None else corrector.point(correction, point.tangent, point.arclength)
+        start = corrector.point_near(point.x + aside * point.tangent, point.tangent, point.arclength)
         if start is None or sum(start.orbit.closings) != sum(point.orbit.closings) - 1:
             continue
         try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,25 @@ from gapwalk.summary import row_of
 # Point of a branch: an orbit, its place on the branch, and the direction in which the branch continues.
 
 
+class OrbitOnCurve:
+    """An orbit at a point of a curve, with the direction in which the curve continues."""
+
+    orbit: Any
+    x: Any
+    tangent: Any
+
+    def _check_read(self) -> None:
+        """Raise a ValueError if its parts do not fit together."""
+        if self.x.ndim != 1 or len(self.x) < 2 or self.tangent.shape != self.x.shape:
+            raise ValueError("the unknowns of a point are not as many as the components of its tangent")
+
+    def measure(self, name: str) -> float:
+        """Return one measure of the motion; see `Orbit.measure`."""
+        return self.orbit.measure(name)
+
+
 @dataclass(frozen=True, eq=False)
-class BranchPoint:
+class BranchPoint(OrbitOnCurve):
     """One orbit on a branch."""
 
     _row: ClassVar = {
@@ -39,11 +56,6 @@ class BranchPoint:
     #: Cache of values derived from the point that are needed repeatedly.
     memo: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False, metadata={"stored": False})
 
-    def _check_read(self) -> None:
-        """Raise a ValueError if its parts do not fit together."""
-        if self.x.ndim != 1 or len(self.x) < 2 or self.tangent.shape != self.x.shape:
-            raise ValueError("the unknowns of a point are not as many as the components of its tangent")
-
     @property
     def stable(self) -> bool:
         """True if the orbit is stable."""
@@ -53,10 +65,6 @@ class BranchPoint:
     def instability(self) -> Instability:
         """Number of multipliers outside the unit circle, and where they left it."""
         return self.orbit.instability
-
-    def measure(self, name: str) -> float:
-        """Return one measure of the motion; see `Orbit.measure`."""
-        return self.orbit.measure(name)
 
     def __repr__(self) -> str:
         return f"BranchPoint({self.value:.10g}, {self.instability.words}, contacts {self.orbit.pattern})"
@@ -89,38 +97,10 @@ def motion_row(orbit: Orbit) -> dict[str, float]:
 
 D = TypeVar("D")
 S = TypeVar("S", bound=tuple[Any, ...])
-S_co = TypeVar("S_co", covariant=True)
+T = TypeVar("T", bound=Any)
 R = TypeVar("R")
 P = TypeVar("P")
 F = TypeVar("F")
-
-
-class Trace(Protocol[S_co]):
-    """Trace of a curve in one direction: an iterator over its steps that can be stopped after any step and resumed."""
-
-    @property
-    def state(self) -> Any:
-        """Everything needed to resume the trace."""
-        ...
-
-    @property
-    def end(self) -> Any:
-        """End of the trace, with its reason; None while it continues."""
-        ...
-
-    @property
-    def is_closed(self) -> bool:
-        """True if the curve has returned to its start, so that nothing is left in the other direction."""
-        ...
-
-    def finish_with(self, end: Any) -> None:
-        """Set the end that the trace had reached before it was stopped."""
-        ...
-
-    def __next__(self) -> S_co: ...
-
-
-T = TypeVar("T", bound=Trace[Any])
 
 
 @dataclass(frozen=True)
@@ -134,6 +114,9 @@ class TracingState(Generic[S]):
 
 class Tracing(Iterator[S], Generic[D, T, S]):
     """Iterator over the steps of a curve, traced in each direction in which it leaves its start.
+
+    A trace is an iterator over the steps in one direction. Its `end` is None while it continues; `is_closed` says that
+    the curve has returned to its start; one that is made with its `state` resumes it.
 
     Attributes
     ----------
@@ -150,7 +133,7 @@ class Tracing(Iterator[S], Generic[D, T, S]):
         for state, end, steps in zip(resume.states, resume.ends, resume.steps, strict=True) if resume else ():
             self._begin_next(state, steps)
             if end is not None:
-                self.traces[-1].finish_with(end)
+                self.traces[-1].end = end
 
     def to_end(self, record: Callable[[Any], R], report: Callable[..., object] | None = None) -> R:
         """Trace to the end, call `report` with the parts of each step, and return `record` of this tracing."""

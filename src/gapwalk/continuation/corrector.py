@@ -489,6 +489,36 @@ class Corrector:
         start[-1] = value / self.scales[-1]
         return self.correct(start, normal)
 
+    def point_near(
+        self,
+        guess: NDArray[np.float64],
+        normal: NDArray[np.float64],
+        arclength: float = 0.0,
+        along: NDArray[np.float64] | None = None,
+        near: float = math.inf,
+        within: float = math.inf,
+    ) -> BranchPoint | None:
+        """Return the branch point in the plane through a guess, oriented along its normal or a given direction.
+
+        It is None if Newton fails, or leads farther away than `within`; `near` is as in `correct`.
+        """
+        correction = self.correct(guess, normal, near=near)
+        if correction is None or correction.distance > within:
+            return None
+        return self.point(correction, normal if along is None else along, arclength)
+
+    def point_ahead(self, point: BranchPoint, distance: float, within: float = math.inf) -> BranchPoint | None:
+        """Return the branch point at a distance from another one along its tangent; None as in `point_near`."""
+        guess = point.x + distance * point.tangent
+        return self.point_near(guess, point.tangent, point.arclength + distance, within=within)
+
+    def point_at(
+        self, guess: NDArray[np.float64], value: float, along: NDArray[np.float64], arclength: float = 0.0
+    ) -> BranchPoint | None:
+        """Return the branch point at a value of the parameter, oriented along a direction; None if Newton fails."""
+        correction = self.at_value(guess, value)
+        return None if correction is None else self.point(correction, along, arclength)
+
     def _bordered(self, evaluation: Evaluation, border: NDArray[np.float64]) -> NDArray[np.float64]:
         assert evaluation.by_parameter is not None
         size = len(border)
@@ -623,10 +653,10 @@ def zero_in_step(
         if share in (0.0, 1.0):
             point = before if share == 0.0 else after
         else:
-            correction = corrector.correct(hermite(before, after, share), before.tangent)
-            if correction is None:
+            guess, arclength = hermite(before, after, share), before.arclength + share * length
+            point = corrector.point_near(guess, before.tangent, arclength)
+            if point is None:
                 raise ConvergenceError("Newton's method fails inside a step")
-            point = corrector.point(correction, before.tangent, before.arclength + share * length)
         tried.append((share, function(point), point))
         return tried[-1][1]
 

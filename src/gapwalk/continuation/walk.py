@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Annotated
+from typing import Annotated, Any, Self
 
 import numpy as np
 from annotated_types import Ge
@@ -105,7 +105,26 @@ _SAME_WAY = 0.8  # cosine of the angle between tangents where a walk passes its 
 _GOOD = 0.1  # distance from a guess, in steps, within which another guess would lead to the same point
 
 
-class EndReason(Enum):
+class Reason(Enum):
+    """Reason why a curve ends; the value is the sentence that a user reads."""
+
+    @property
+    def is_final(self) -> bool:
+        """True if a walk that ended for this reason cannot be continued."""
+        return self.name not in ("STOPPED", "INTERRUPTED", "FAILED")
+
+    @property
+    def is_failure(self) -> bool:
+        """True if a walk that ended for this reason reached neither an end of the curve nor of the range."""
+        return self.name in ("FLOATING", "COARSE", "STEP", "POINTS", "FAILED")
+
+    @classmethod
+    def of(cls, reason: Reason) -> Self:
+        """Return the member of the name of another reason; the end of the range where there is none."""
+        return cls.__members__.get(reason.name) or cls.__members__["RANGE"]
+
+
+class EndReason(Reason):
     """Reason why a branch ends; the value is the sentence that a user reads."""
 
     START = "the walk began here"
@@ -126,34 +145,43 @@ class EndReason(Enum):
     STOPPED = "the walk was stopped before its end"
     INTERRUPTED = "the walk was interrupted"
     FAILED = "the numerics failed"
-
-    @property
-    def is_final(self) -> bool:
-        """True if a walk that ended for this reason cannot be continued."""
-        return self not in (EndReason.STOPPED, EndReason.INTERRUPTED, EndReason.FAILED)
-
-    @property
-    def is_failure(self) -> bool:
-        """True if a walk that ended for this reason reached neither an end of the branch nor of the range."""
-        return self in (EndReason.FLOATING, EndReason.COARSE, EndReason.STEP, EndReason.POINTS, EndReason.FAILED)
+    BEGINS = "the backbone begins here"
+    AMPLITUDE = "the largest amplitude was reached"
+    NO_SLOPE = "an equilibrium has no finite slope where a contact changes"
+    NOT_ISOLATED = "the equilibria run along the point at which a contact changes, so that they are not isolated"
+    CONTACTS = "more than 1000 contacts changed"
 
 
-@dataclass(frozen=True, slots=True)
-class End:
-    """Place and reason of the end of a branch."""
+class AnyEnd:
+    """End of a curve of any kind, in words."""
 
-    reason: EndReason  #: The reason.
-    value: float  #: Value of the parameter there.
-    detail: str = ""  #: Further explanation; may be empty.
+    __slots__ = ()
+    reason: Any
+    value: Any
+    detail: Any
 
     @property
     def reason_words(self) -> str:
         """Reason with its details, as a sentence."""
         return f"{self.reason.value} ({self.detail})" if self.detail else self.reason.value
 
+    @property
+    def place(self) -> str:
+        """Place of the end in words."""
+        return f"{self.value:.8g}"
+
     def __str__(self) -> str:
-        text = f"{self.reason.value}, at {self.value:.8g}"
+        text = f"{self.reason.value}, at {self.place}"
         return f"{text} ({self.detail})" if self.detail else text
+
+
+@dataclass(frozen=True, slots=True)
+class End(AnyEnd):
+    """Place and reason of the end of a branch."""
+
+    reason: EndReason  #: The reason.
+    value: float  #: Value of the parameter there.
+    detail: str = ""  #: Further explanation; may be empty.
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,9 +258,9 @@ class Walk(Iterator[BranchPoint]):
         table = self.within.table_at(bound)
         return End(EndReason.TABLE if table else reason, bound, table)
 
-    def finish(self, last: BranchPoint, end: End) -> None:
-        """End the walk at a point before the one that was yielded last."""
-        self.point, self.end = last, end
+    def finish(self, last: BranchPoint, reason: EndReason, detail: str = "", value: float | None = None) -> None:
+        """End the walk at a point before the one that was yielded last; the value is that of the point by default."""
+        self.point, self.end = last, End(reason, last.value if value is None else value, detail)
 
     def persist(self) -> bool:
         """Continue with shorter steps where steps have become short; return False if they are the smallest allowed."""

@@ -12,9 +12,10 @@ from gapwalk.bifurcation.loci import Locus
 from gapwalk.explorer.answer_picture import AnswerPicture
 from gapwalk.explorer.answer_view import AnswerView, Json, Series, panel, shown, with_unit
 from gapwalk.explorer.axis_quantities import quantity_words
-from gapwalk.free.backbone_curve import Backbone, BackboneEventKind
-from gapwalk.free.backbones import Backbones
-from gapwalk.free.rest_walk import RestEventKind, Rests
+from gapwalk.free import backbone_curve, rest_walk
+from gapwalk.free.backbone_curve import Backbone
+from gapwalk.free.island_births import Backbones
+from gapwalk.free.rest_walk import Rests
 from gapwalk.free.self_excitation import SelfExcited
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_words
@@ -67,12 +68,12 @@ class _BackbonesView(AnswerView):
         coordinate, axes = measure.partition(".")[2], (self.system.structure.pace, measure)
         place = self.system.coordinates.index(coordinate)
         for line, look in zip(self.lines, cycle(_LOOKS), strict=False):
-            yield Series(line.values, line.half(coordinate), "line", look, _name(line), axes=axes)
-        for kind in BackboneEventKind:
-            found = [event for line in self.lines for event in line.events if event.kind is kind]
+            yield Series(line.values, line.half(coordinate), "line", look, line.name, axes=axes)
+        for kind in backbone_curve.EVENTS:
+            found = [event for line in self.lines for event in line.events if event.kind == kind]
             if found:
                 x, y = zip(*((each.value, each.point.half[place]) for each in found), strict=True)
-                yield Series(x, y, "stars", "worst", kind.value, axes=axes)
+                yield Series(x, y, "stars", "worst", kind, axes=axes)
 
     def _energies(self) -> list[Json]:
         """Return a chart of the frequency over the logarithm of the energy, where the equations show the energy."""
@@ -83,17 +84,13 @@ class _BackbonesView(AnswerView):
         series = []
         for line, look in zip(known, cycle(_LOOKS), strict=False):
             own = line.energies > 0.0
-            series.append(Series(np.log10(line.energies[own]), line.values[own], "line", look, _name(line)))
+            series.append(Series(np.log10(line.energies[own]), line.values[own], "line", look, line.name))
         chart = panel(parameter_words(pace, self.system.units), pace, self.system, series, fitted=True)
         return [{**chart, "across": "energy, power of ten"}]
 
     def pictures(self) -> list[AnswerPicture]:
         """Return the picture of the backbones."""
         return [AnswerPicture("backbones over frequency and energy", self.record)] if self.lines else []
-
-
-def _name(line: Backbone) -> str:
-    return f"backbone of mode {line.mode}" if line.mode else "backbone"
 
 
 @shown(Backbones)
@@ -191,9 +188,9 @@ def _rest_lines(line: Rests, measure: str) -> Iterator[Series]:
         if drawn.any():
             yield Series(values, np.where(drawn, heights, np.nan), "line", look, text, axes=axes)
     place = line.system.coordinates.index(coordinate)
-    for kind in RestEventKind:
-        found = [event for event in line.events if event.kind is kind]
+    for kind in rest_walk.EVENTS:
+        found = [event for event in line.events if event.kind == kind]
         if found:
             x, y = zip(*((each.value, each.point.position[place]) for each in found), strict=True)
-            mark = "crosses" if kind is RestEventKind.BORDER else "stars"
-            yield Series(x, y, mark, "measured" if mark == "crosses" else "worst", kind.value, axes=axes)
+            mark = "crosses" if kind == rest_walk.BORDER else "stars"
+            yield Series(x, y, mark, "measured" if mark == "crosses" else "worst", kind, axes=axes)

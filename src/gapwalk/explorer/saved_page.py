@@ -60,7 +60,7 @@ from gapwalk.explorer.workspace import RECORD, verdict
 from gapwalk.files import open_file
 from gapwalk.flow.motion import force_of
 from gapwalk.free.backbone_curve import Backbone
-from gapwalk.free.backbones import Backbones
+from gapwalk.free.island_births import Backbones
 from gapwalk.free.self_excitation import SelfExcited
 from gapwalk.measurement.measured_record import is_run_up, read_run_up
 from gapwalk.model.measured.measured_table import NamedFile

@@ -31,10 +31,6 @@ class Constraint:
 
     Shapes: `vectors` (independent, n); `impulses` (n, independent).
 
-    Shapes: `impulses` (n, independent).
-
-    Shapes: `impulses` (n, independent).
-
     Attributes
     ----------
     impulses : shape (n, independent)

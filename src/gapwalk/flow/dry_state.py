@@ -91,12 +91,6 @@ class _Held(NamedTuple):
 class DryState:
     """Modes of friction and of rigid stops of one compiled integrator.
 
-    Shapes: `column_signs` (columns,).
-
-    Shapes: `column_signs` (columns,).
-
-    Shapes: `column_signs` (columns,).
-
     Attributes
     ----------
     slots, laws, reaction_of, memory_of

@@ -649,12 +649,6 @@ _CLOSE = 1e-6  # relative distance of two breakpoints of a contact within which 
 class BreakpointGeometry:
     """Geometry of the breakpoints of one compiled integrator.
 
-    Shapes: `signs` (count,).
-
-    Shapes: `signs` (count,).
-
-    Shapes: `signs` (count,).
-
     Attributes
     ----------
     signs : shape (count,)

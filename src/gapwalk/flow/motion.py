@@ -568,13 +568,7 @@ class Signal:
         return text.removeprefix("+ ").replace("- ", "-", 1) if text.startswith("- ") else text.removeprefix("+ ")
 
     def of(self, motion: Motion) -> NDArray[np.float64]:
-        """Return its values along a motion, shape (samples,).
-
-        Returns
-        -------
-        array, shape (samples,)
-            The sum.
-        """
+        """Return its values along a motion, shape (samples,)."""
         return np.sum([factor * motion.signal(name) for name, factor in self.terms], axis=0)
 
     def slope(
@@ -584,25 +578,9 @@ class Signal:
         coefficients: NDArray[np.float64] | None = None,
         theta: float = 0.0,
     ) -> NDArray[np.float64]:
-        """Return its derivative along a direction, exact to rounding, shape (samples,).
+        """Return its derivative along a direction of states, coefficients and theta, to rounding, shape (samples,).
 
         The modes of dry friction are those of the motion: events at which a signal jumps are not moved.
-
-        Parameters
-        ----------
-        motion
-            The motion.
-        states : shape (samples, state_size)
-            Derivatives of positions, velocities and extensions along that direction.
-        coefficients
-            Derivatives of the coefficients of the flow; None if they are constant.
-        theta
-            Derivative of the angle of the excitation.
-
-        Returns
-        -------
-        array, shape (samples,)
-            In the unit of the signal.
         """
         system, layout, step = motion.system, layout_of(motion.system.structure), 1j * _STEP
         n = system.size

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 from functools import cached_property
-from typing import ClassVar, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.both_directions import BranchPoint
-from gapwalk.continuation.corrector import Corrector, check_range, powers_of_two, zero_in_step
-from gapwalk.continuation.walk import EndReason, Walk, WalkOptions
-from gapwalk.errors import ConvergenceError, Interrupted, ModelError
+from gapwalk.continuation.both_directions import BranchPoint, Tracing
+from gapwalk.continuation.corrector import Corrector, Zero, check_range, powers_of_two
+from gapwalk.continuation.curve import Curve, CurveEvent, CurveTrace, Happens, crossing, joined, reason_first, turn
+from gapwalk.continuation.walk import End, EndReason, Walk, WalkOptions
+from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.flow.equations import smallness
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.flow.motion import Motion, integrate
@@ -25,10 +25,9 @@ from gapwalk.model.equilibria import find_equilibria
 from gapwalk.model.modes import find_modes
 from gapwalk.model.spring import springs_of
 from gapwalk.model.system import System, check_system
-from gapwalk.notebook import Shown, shows_progress
+from gapwalk.notebook import shows_progress
 from gapwalk.orbit.orbit_equation import Equation, Evaluation
 from gapwalk.orbit.sticking import transition_of
-from gapwalk.summary import Rows, SummaryParts, Table, row_of, rows_of, summarizes
 
 _GROWS = 1e-5  # modulus of a multiplier beyond 1 that is not rounding: two of them are 1, as a double eigenvalue
 
@@ -37,6 +36,7 @@ _GROWS = 1e-5  # modulus of a multiplier beyond 1 that is not rounding: two of t
 class BackbonePoint:
     """One free vibration."""
 
+    stuck = ()  # contacts whose friction never slips
     _row: ClassVar = {
         "frequency": "value",
         "energy": "energy",
@@ -57,11 +57,6 @@ class BackbonePoint:
     touches: int  #: Number of contact events in a period.
 
     @property
-    def stuck(self) -> tuple[int, ...]:
-        """Contacts whose friction never slips: none."""
-        return ()
-
-    @property
     def amplitude(self) -> float:
         """That of `half` of the coordinate that swings most."""
         return float(self.half.max())
@@ -80,15 +75,8 @@ class BackbonePoint:
         return f"BackbonePoint({self.value:.10g}, amplitude {self.amplitude:.6g}, {self.touches} contact events)"
 
 
-class BackboneEventKind(StrEnum):
-    """Kind of event along a backbone."""
-
-    TURN = "the frequency turns"
-    CROSSING = "another backbone crosses"
-
-
-@dataclass(frozen=True, eq=False)
-class BackboneEvent:
+@dataclass(frozen=True, eq=False, repr=False)
+class BackboneEvent(CurveEvent):
     """Free vibration at which a backbone turns, as near an internal resonance, or at which another one crosses."""
 
     _row: ClassVar = {
@@ -99,7 +87,7 @@ class BackboneEvent:
         "amplitude": "point.amplitude",
     }
 
-    kind: BackboneEventKind  #: What happens.
+    kind: str  #: What happens.
     point: BackbonePoint  #: The free vibration.
     uncertainty: float  #: Estimated error of its frequency.
 
@@ -108,36 +96,24 @@ class BackboneEvent:
         """The frequency."""
         return self.point.value
 
-    def __repr__(self) -> str:
-        return f"BackboneEvent({self.kind.value} at {self.value:.10g} +- {self.uncertainty:.0e})"
-
-
-@dataclass(frozen=True, slots=True)
-class BackboneEnd:
-    """Place and reason of the end of a backbone."""
-
-    reason: str  #: The reason, as a sentence.
-    value: float  #: The frequency there.
-    is_failure: bool = False  #: True if the numerics gave up.
-
-    def __str__(self) -> str:
-        return f"{self.reason}, at {self.value:.8g}"
-
 
 @dataclass(frozen=True, eq=False)
-class Backbone(Shown):
+class Backbone(Curve):
     """Free vibrations of one family: how frequency and amplitude belong together without damping and excitation."""
+
+    _end_words = staticmethod(reason_first)
+    _words: ClassVar = {
+        "what": "{0.kind}",
+        ">frequency": "{0.value:.9g}",
+        ">±": "{0.uncertainty:.0e}",
+        ">amplitude": "{0.point.amplitude:.6g}",
+    }
 
     system: System  #: The system without losses.
     mode: int  #: Number of the linear mode from which it begins, from 1; 0 if it began at a given release.
     points: tuple[BackbonePoint, ...]  #: The free vibrations, from the beginning on.
     events: tuple[BackboneEvent, ...]  #: Turns of the frequency, and crossings.
-    ends: tuple[BackboneEnd, BackboneEnd]  #: Its two ends.
-
-    @property
-    def values(self) -> NDArray[np.float64]:
-        """The frequency at each point, shape (points,)."""
-        return np.array([point.value for point in self.points])
+    ends: tuple[End, End]  #: Its two ends.
 
     @property
     def energies(self) -> NDArray[np.float64]:
@@ -155,36 +131,17 @@ class Backbone(Shown):
         return integrate(system, point.state, 1, samples)
 
     @property
-    def failures(self) -> tuple[str, ...]:
-        """Ends at which the numerics gave up, in sentences."""
-        return tuple(str(end) for end in self.ends if end.is_failure)
+    def name(self) -> str:
+        """The backbone with the mode from which it begins, in words."""
+        return f"backbone of mode {self.mode}" if self.mode else "backbone"
 
-    @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the range, the events and the end, in words."""
-        first, last = self.points[0], self.points[-1]
-        what = f"backbone of mode {self.mode}" if self.mode else "backbone"
-        yield (
-            f"{what}: {len(self.points)} free vibrations, frequency {first.value:.8g} to {last.value:.8g}, amplitude "
-            f"{first.amplitude:.4g} to {last.amplitude:.4g}; {sum(point.stable for point in self.points)} are stable"
+    @property
+    def _range_words(self) -> str:
+        first, last, stable = self.points[0], self.points[-1], sum(point.stable for point in self.points)
+        return (
+            f"{self.name}: {len(self.points)} free vibrations, frequency {first.value:.8g} to {last.value:.8g}, "
+            f"amplitude {first.amplitude:.4g} to {last.amplitude:.4g}; {stable} are stable"
         )
-        if self.events:
-            yield Table(
-                ("what", ">frequency", ">±", ">amplitude"),
-                [
-                    (each.kind.value, f"{each.value:.9g}", f"{each.uncertainty:.0e}", f"{each.point.amplitude:.6g}")
-                    for each in self.events
-                ],
-            )
-        for place, end in zip(("first", "last"), self.ends, strict=True):
-            yield f"{place} end: {end}"
-
-    def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """Return the tables of points and events."""
-        return {
-            "points": lambda: rows_of(map(row_of, self.points)),
-            "events": lambda: rows_of(map(row_of, self.events)),
-        }
 
     def __repr__(self) -> str:
         return (
@@ -331,9 +288,14 @@ _SHARE = 0.5  # amplitude of the first vibration, as a share of the first gap th
 _TINY = 1e-3  # that of a system without gaps, in units of length
 _SAMPLES = 400  # of a released motion, until it comes to rest again
 _HALF_PERIODS = 4.0  # time for which a released motion is followed, in slowest half periods
-_LEVEL = 1e-11  # component of the tangent along the frequency that is rounding: within gaps it does not change
 _ROUNDING = 1e-14  # of a frequency, relative to it
 _LENGTHS = 10.0  # change of the positions, in clearances, that weighs as much as all of the range
+
+CROSSING = crossing("another backbone crosses")
+# within gaps the frequency does not change: the component of the tangent along it is rounding
+TURN = turn("the frequency turns", 1e-11, hides=CROSSING.name)
+EVENTS = (TURN.name, CROSSING.name)
+"""All kinds of events, in the order of legends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -430,27 +392,19 @@ def backbone(
     corrector = Corrector(cast(Equation, cast(object, equation)), scales)
     first = _first(corrector, equation.unknowns(state), equation.unknowns(away), first_value, mode)
     limit = options.largest_amplitude * unit
-    walks = [_Walked(first, Walk(first, within, corrector, options.walk, trust=0.0, branched=True), limit)]
+    beginnings = [first]
     if not mode:  # towards smaller motions too
-        back = replace(first, tangent=-first.tangent, determinant=-first.determinant, memo={})
-        walks.insert(0, _Walked(back, Walk(back, within, corrector, options.walk, trust=0.0, branched=True), limit))
-    try:
-        for each in walks:
-            each.to_end(report)
-    except KeyboardInterrupt:
-        raise Interrupted(_record(free, mode, walks)) from None
-    return _record(free, mode, walks)
+        beginnings.insert(0, replace(first, tangent=-first.tangent, determinant=-first.determinant, memo={}))
 
+    def trace(beginning: BranchPoint, _: object) -> _BackboneTrace:
+        return _BackboneTrace(Walk(beginning, within, corrector, options.walk, trust=0.0, branched=True), limit)
 
-def _record(system: System, mode: int, walks: Sequence[_Walked]) -> Backbone:
-    """Return the backbone of one walk, or of one towards smaller motions and one towards larger motions."""
-    *back, ahead = walks
-    points, events, begins = list(ahead.points), list(ahead.events), ahead.start
-    for each in back:
-        points = [*reversed(each.points[1:]), *points]
-        events = [*reversed(each.events), *events]
-        begins = each.end
-    return Backbone(system, mode, tuple(points), tuple(events), (begins, ahead.end))
+    def record(tracing: Tracing[BranchPoint, Any, Any]) -> Backbone:
+        begin = End(EndReason.BEGINS, first.value)
+        return Backbone(free, mode, *joined(tracing, begin, lambda point: point, lambda event: event))
+
+    told = None if report is None else lambda point, _: report(point)
+    return Tracing(beginnings, trace).to_end(record, told)
 
 
 def _of_mode(system: System, mode: int, unit: float) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
@@ -522,46 +476,30 @@ def _first(
     x = np.append(unknowns, value) / corrector.scales
     normal = np.append(away / corrector.scales[:-1], 0.0)
     normal /= np.linalg.norm(normal)
-    found = corrector.correct(x, normal)
+    found = corrector.point_near(x, normal)
     if found is None:
         what = f"mode {mode}" if mode else f"the release from {away.tolist()}"
         raise ConvergenceError(f"no free vibration was found at {what}; try other positions")
-    return corrector.point(found, normal, 0.0)
+    return found
 
 
-class _Walked:
-    """A walk along a backbone in one direction: its points, and the events between them."""
+class _BackboneTrace(CurveTrace):
+    """Trace of a backbone in one direction, up to a largest amplitude."""
 
-    def __init__(self, first: BranchPoint, walk: Walk, largest: float) -> None:
-        self.walk, self.corrector, self.largest, self._last = walk, walk.corrector, largest, first
-        self.points, self.events = [_vibration(first)], list[BackboneEvent]()
-        self.start = BackboneEnd("the backbone begins here", first.value)
-        self.end = BackboneEnd("the walk was stopped before its end", first.value)
+    kinds = (TURN, CROSSING)
 
-    def to_end(self, report: Callable[[BackbonePoint], None] | None) -> None:
-        """Walk to the end."""
-        for point in self.walk:
-            slopes = float(self._last.tangent[-1]), float(point.tangent[-1])
-            if slopes[0] * slopes[1] < 0.0 and min(map(abs, slopes)) > _LEVEL:
-                self._locate(point, BackboneEventKind.TURN, lambda each: float(each.tangent[-1]))
-            elif self._last.determinant * point.determinant < 0.0:
-                self._locate(point, BackboneEventKind.CROSSING, lambda each: each.determinant)
-            self.points.append(_vibration(point))
-            self._last = point
-            if report is not None:
-                report(self.points[-1])
-            if self.points[-1].amplitude > self.largest:
-                self.end = BackboneEnd("the largest amplitude was reached", point.value)
-                return
-        end = self.walk.end
-        assert end is not None
-        is_failure = end.reason in (EndReason.STEP, EndReason.POINTS)
-        self.end = BackboneEnd(end.reason_words, self.walk.point.value, is_failure)
+    def __init__(self, walk: Walk, largest: float) -> None:
+        super().__init__(walk)
+        self._largest = largest
 
-    def _locate(self, after: BranchPoint, kind: BackboneEventKind, function: Callable[[BranchPoint], float]) -> None:
-        _, point, width = zero_in_step(self._last, after, self.corrector, function)
-        self.events.append(BackboneEvent(kind, _vibration(point), width + _ROUNDING * abs(point.value)))
+    def taken(self, point: BranchPoint) -> tuple[Any, list[Any]]:
+        """Go on to a point, which is the last one if its amplitude is too large."""
+        vibration, events = super().taken(point)
+        if vibration.amplitude > self._largest:
+            self.end = End(EndReason.AMPLITUDE, point.value)
+        return vibration, events
 
-
-def _vibration(point: BranchPoint) -> BackbonePoint:
-    return cast(BackbonePoint, cast(object, point.orbit))
+    def event(self, kind: Happens, zero: Zero, after: BranchPoint) -> BackboneEvent:
+        """Return a turn or a crossing."""
+        vibration = cast(BackbonePoint, cast(object, zero.point.orbit))
+        return BackboneEvent(kind.name, vibration, zero.width + _ROUNDING * abs(zero.point.value))

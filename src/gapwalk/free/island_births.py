@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.curve import numbered
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import accelerations
@@ -27,7 +28,7 @@ from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System, check_system
 from gapwalk.notebook import Shown
 from gapwalk.orbit.orbit_equation import Equation
-from gapwalk.summary import Rows, SummaryParts, Table, row_of, rows_of, summarizes
+from gapwalk.summary import Rows, SummaryParts, Table, remarks, row_of, rows_of, summarizes
 
 # Work of losses and of a load over a free vibration: the load at which the two balance.
 #
@@ -428,7 +429,43 @@ class _Between:
         before, here, after = self._x
         guess = here + 0.5 * place * (after - before) + 0.5 * place**2 * (before - 2.0 * here + after)
         normal = (after - before) / float(np.linalg.norm(after - before))
-        found = self._corrector.correct(guess, normal)
-        if found is None:
-            return self._points[1 + round(place)]
-        return cast(BackbonePoint, cast(object, self._corrector.point(found, normal, 0.0).orbit))
+        found = self._corrector.point_near(guess, normal)
+        return self._points[1 + round(place)] if found is None else cast(BackbonePoint, cast(object, found.orbit))
+
+
+# Record of several backbones of one system, with what they foretell.
+
+
+@dataclass(frozen=True, eq=False)
+class Backbones(Shown):
+    """Backbones of one system, one for each linear mode or release."""
+
+    lines: tuple[Backbone, ...]  #: The backbones.
+    failures: tuple[str, ...] = ()  #: Modes without a backbone, with the reasons, in sentences.
+    complete: bool = True  #: True if all were followed.
+    #: What the backbones foretell for a load, if that was asked: where isolated branches are born, or join.
+    births: tuple[IslandBirth, ...] = ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remarks: none."""
+        return ()
+
+    @summarizes
+    def summary(self, *, notes: bool = True) -> SummaryParts:
+        """Return each backbone in words."""
+        for line in self.lines:
+            yield from line.summary()
+        if self.births:
+            yield "foretold for the damping of the system:"
+            yield births_table(self.births)
+        if notes:
+            yield from remarks(self.notes, self.failures)
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """Return the tables of all points and events, with the number of the backbone."""
+        return {
+            "points": lambda: numbered("backbone", self.lines, lambda line: line.points),
+            "events": lambda: numbered("backbone", self.lines, lambda line: line.events),
+            "births": lambda: rows_of(map(row_of, self.births)),
+        }

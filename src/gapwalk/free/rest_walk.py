@@ -9,30 +9,29 @@ Method: docs/numerics/self-excited.md
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
-from functools import cached_property
-from typing import ClassVar, NamedTuple, cast
+from functools import cached_property, partial
+from typing import Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.both_directions import BranchPoint
-from gapwalk.continuation.corrector import Corrector, Range, check_range, powers_of_two, zero_in_step
-from gapwalk.continuation.walk import EndReason, Walk, WalkOptions
-from gapwalk.errors import ConvergenceError, FlowError, Interrupted, ModelError, NumericalError
+from gapwalk.continuation.both_directions import BranchPoint, Tracing
+from gapwalk.continuation.corrector import Corrector, Range, Zero, check_range, powers_of_two
+from gapwalk.continuation.curve import Curve, CurveEvent, CurveTrace, Happens, crossing, joined, reason_first, turn
+from gapwalk.continuation.walk import End, EndReason, Walk, WalkOptions
+from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError
 from gapwalk.flow.equations import smallness
 from gapwalk.flow.forces import accelerations
 from gapwalk.flow.motion import switch_names
-from gapwalk.free.backbone_curve import BackboneEnd
 from gapwalk.free.free_shooting import companion, length_at_rest, tangents, without_excitation
 from gapwalk.model.coefficients import ParameterLine, layout_of
 from gapwalk.model.equilibria import balance_of, find_equilibria
 from gapwalk.model.system import System, check_system
-from gapwalk.notebook import Shown, shows_progress
+from gapwalk.notebook import shows_progress
 from gapwalk.orbit.orbit_equation import Equation, Evaluation
-from gapwalk.summary import Rows, SummaryParts, Table, row_of, rows_of, summarizes
+from gapwalk.summary import row_of
 from gapwalk.verification.verification import Check, Ledger, Spot
 
 # Records of equilibria along a parameter: the points, what happens along them, and why they end.
@@ -44,6 +43,7 @@ _REAL_ROUNDING = 1e-9  # real part of an eigenvalue that is rounding, as a share
 class RestPoint:
     """One equilibrium."""
 
+    stuck = ()  # contacts whose friction never slips
     _row: ClassVar = {
         "parameter": "value",
         "stable": "stable",
@@ -58,11 +58,6 @@ class RestPoint:
     #: shape (2n,): Eigenvalues of small motions about it, largest real part first, per unit of time.
     eigenvalues: NDArray[np.complex128]
     pattern: str  #: Which contacts are closed, in words.
-
-    @property
-    def stuck(self) -> tuple[int, ...]:
-        """Contacts whose friction never slips: none."""
-        return ()
 
     @property
     def unstable(self) -> int:
@@ -95,17 +90,8 @@ class RestPoint:
         return f"RestPoint({self.value:.10g}, {state}{', ' * bool(self.pattern)}{self.pattern})"
 
 
-class RestEventKind(StrEnum):
-    """Kind of event along equilibria."""
-
-    HOPF = "Hopf point"
-    FOLD = "fold"
-    CROSSING = "other equilibria cross"
-    BORDER = "a contact changes"
-
-
-@dataclass(frozen=True, eq=False)
-class RestEvent:
+@dataclass(frozen=True, eq=False, repr=False)
+class RestEvent(CurveEvent):
     """Equilibrium at which something changes."""
 
     _row: ClassVar = {
@@ -120,7 +106,7 @@ class RestEvent:
         "turns": "turns",
     }
 
-    kind: RestEventKind  #: What changes.
+    kind: str  #: What changes.
     point: RestPoint  #: The equilibrium.
     uncertainty: float  #: Estimated error of its value of the parameter.
     #: before, after: Numbers of unstable eigenvalues before and after it, in the direction of the walk.
@@ -139,78 +125,56 @@ class RestEvent:
     @property
     def words(self) -> str:
         """The event in words."""
-        if self.kind is RestEventKind.HOPF:
-            return f"{self.kind.value}, frequency {self.frequency:.8g}"
-        if self.kind is RestEventKind.BORDER:
+        if self.kind == HOPF.name:
+            return f"{self.kind}, frequency {self.frequency:.8g}"
+        if self.kind == BORDER:
             what = "closes" if self.closes else "opens"
             return f"{self.contact} {what}{', and the equilibria turn back' * self.turns}"
-        return self.kind.value
-
-    def __repr__(self) -> str:
-        return f"RestEvent({self.words} at {self.value:.10g} +- {self.uncertainty:.0e})"
-
-
-RestEnd = BackboneEnd
-"""Place and reason of an end."""
+        return self.kind
 
 
 @dataclass(frozen=True, eq=False)
-class Rests(Shown):
+class Rests(Curve):
     """Equilibria along one parameter."""
+
+    _end_words = staticmethod(reason_first)
+    _words: ClassVar = {
+        "what": "{0.words}",
+        ">{0.parameter}": "{0.value:.10g}",
+        ">±": "{0.uncertainty:.0e}",
+        ">unstable": "{0.before} to {0.after}",
+    }
 
     system: System  #: The system without excitation.
     parameter: str  #: Name of the parameter.
     points: tuple[RestPoint, ...]  #: The equilibria in the order of the walk.
     #: Hopf points, folds, crossings, and contacts that close or open, in the order of the walk.
     events: tuple[RestEvent, ...]
-    ends: tuple[RestEnd, RestEnd]  #: Both ends.
-
-    @property
-    def values(self) -> NDArray[np.float64]:
-        """The parameter at each point, shape (points,)."""
-        return np.array([point.value for point in self.points])
+    ends: tuple[End, End]  #: Both ends.
 
     @property
     def hopf_points(self) -> tuple[RestEvent, ...]:
         """The Hopf points, at which periodic motions begin."""
-        return tuple(event for event in self.events if event.kind is RestEventKind.HOPF)
+        return tuple(event for event in self.events if event.kind == HOPF.name)
 
     def coordinate(self, name: str) -> NDArray[np.float64]:
         """Return a coordinate at each point."""
         place = self.system.coordinates.index(name)
         return np.array([point.position[place] for point in self.points])
 
-    @property
-    def failures(self) -> tuple[str, ...]:
-        """Ends at which the numerics gave up, in sentences."""
-        return tuple(str(end) for end in self.ends if end.is_failure)
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Yield the row of each equilibrium in a table, with its coordinates."""
+        for point in self.points:
+            yield row_of(point) | dict(zip(self.system.coordinates, point.position.tolist(), strict=True))
 
-    @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the range, the events and the ends, in words."""
+    @property
+    def _range_words(self) -> str:
         first, last = self.points[0].value, self.points[-1].value
         stable = sum(point.stable for point in self.points)
-        yield (
+        return (
             f"equilibria over {self.parameter} from {first:.8g} to {last:.8g}: {len(self.points)} points, "
             f"{stable} of them stable"
         )
-        if self.events:
-            yield Table(
-                ("what", f">{self.parameter}", ">±", ">unstable"),
-                [
-                    (each.words, f"{each.value:.10g}", f"{each.uncertainty:.0e}", f"{each.before} to {each.after}")
-                    for each in self.events
-                ],
-            )
-        for place, end in zip(("first", "last"), self.ends, strict=True):
-            yield f"{place} end: {end}"
-
-    def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """Return the tables of points and events."""
-        return {
-            "points": lambda: rows_of(map(row_of, self.points)),
-            "events": lambda: rows_of(map(row_of, self.events)),
-        }
 
     def __repr__(self) -> str:
         return f"Rests({self.parameter}, {len(self.points)} equilibria, {len(self.events)} events)"
@@ -325,7 +289,7 @@ _ON = 1e-12  # depth at a corner, in lengths
 _SETTLED = 25  # steps of Newton's method to a corner
 _CERTAIN = 1e-7  # arclength of a step that is not repeated, whatever it leaves unexplained
 _LEVEL = 1e-11  # component of the tangent along the parameter that is rounding
-_CORNERS = 1000  # corners after which a walk ends
+_CORNERS = 1000  # corners after which a walk ends, as `EndReason.CONTACTS` says
 
 
 @shows_progress(lambda count, point: f"{count} equilibria, at {point.value:.6g}")
@@ -391,17 +355,17 @@ def follow_rest(
     corrector = Corrector(cast(Equation, cast(object, equation)), scales)
     ways = (1 if to > value else -1,) if isinstance(to, int | float) else (-1, 1)
     ways = tuple(way for way in ways if value != (within.high if way > 0 else within.low))
-    options, walks = walk or WalkOptions(), list[_RestWalk]()
-    try:
-        for way in ways:
-            first = _first(corrector, positions, value, way)
-            walks.append(_RestWalk(first, within, corrector, options, length, one_way=len(ways) == 1))
-            walks[-1].to_end(report)
-    except KeyboardInterrupt:
-        if not walks:
-            raise
-        raise Interrupted(_joined(free, parameter, walks)) from None
-    return _joined(free, parameter, walks)
+
+    def trace(way: int, _: object) -> _RestTrace:
+        first = _first(corrector, positions, value, way)
+        return _RestTrace(first, within, corrector, walk or WalkOptions(), length)
+
+    def record(tracing: Tracing[int, Any, Any]) -> Rests:
+        begin = End(EndReason.START, tracing.traces[-1].first.value)
+        return Rests(free, parameter, *joined(tracing, begin, lambda point: point, _turned))
+
+    told = None if report is None else lambda point, _: report(point)
+    return Tracing(ways, trace).to_end(record, told)
 
 
 def check_rest(system: System, parameter: str) -> None:
@@ -428,14 +392,17 @@ def check_rest(system: System, parameter: str) -> None:
             )
 
 
+def equilibria_of(system: System) -> list[NDArray[np.float64]]:
+    """Return the positions of all equilibria that are found; raise a ConvergenceError if there are none."""
+    found = [each.position for each in find_equilibria(system).equilibria]
+    if not found:
+        raise ConvergenceError("the system has no equilibrium that was found; give positions near one, start = [...]")
+    return found
+
+
 def _positions(system: System, start: Sequence[float] | NDArray[np.float64] | None) -> NDArray[np.float64]:
     if start is None:
-        found = find_equilibria(system).equilibria
-        if not found:
-            raise ConvergenceError(
-                "the system has no equilibrium that was found; give positions near one, start = [...]"
-            )
-        return found[0].position
+        return equilibria_of(system)[0]
     positions = np.asarray(start, dtype=float)
     if positions.shape != (system.size,):
         raise ModelError(f"start has the shape {positions.shape}; write {system.size} positions")
@@ -443,30 +410,40 @@ def _positions(system: System, start: Sequence[float] | NDArray[np.float64] | No
 
 
 def _first(corrector: Corrector, positions: NDArray[np.float64], value: float, way: int) -> BranchPoint:
-    correction = corrector.at_value(np.append(positions, value) / corrector.scales, value)
-    if correction is None:
+    ahead = np.append(np.zeros(len(positions)), float(way))
+    first = corrector.point_at(np.append(positions, value) / corrector.scales, value, ahead)
+    if first is None:
         raise ConvergenceError(f"there is no equilibrium near {positions.tolist()}; give positions nearer to one")
-    ahead = np.zeros(len(correction.x))
-    ahead[-1] = way
-    return corrector.point(correction, ahead, 0.0)
+    return first
 
 
-def _joined(system: System, parameter: str, walks: Sequence[_RestWalk]) -> Rests:
-    """Return the equilibria of one walk, or of two in opposite directions."""
-    *back, ahead = walks
-    points, events, begins = (
-        list(ahead.points),
-        list(ahead.events),
-        RestEnd("the walk began here", ahead.points[0].value),
-    )
-    for each in back:
-        points = [*reversed(each.points[1:]), *points]
-        turned = [
-            replace(event, before=event.after, after=event.before, closes=bool(event.contact) and not event.closes)
-            for event in each.events
-        ]
-        events, begins = [*reversed(turned), *events], each.end
-    return Rests(system, parameter, tuple(points), tuple(events), (begins, ahead.end))
+def _turned(event: RestEvent) -> RestEvent:
+    closes = bool(event.contact) and not event.closes
+    return replace(event, before=event.after, after=event.before, closes=closes)
+
+
+def _rest(point: BranchPoint) -> RestPoint:
+    return cast(RestPoint, cast(object, point.orbit))
+
+
+def _hopf(point: BranchPoint) -> float:
+    """Return the product of the sums of all pairs of eigenvalues, each over their size: zero at a Hopf point."""
+    known = point.memo.get("hopf")
+    if known is None:
+        values = _rest(point).eigenvalues
+        size = float(np.abs(values).max()) or 1.0
+        rows, columns = np.triu_indices(len(values), 1)
+        known = point.memo["hopf"] = float(np.prod((values[rows] + values[columns]) / size).real)
+    return known
+
+
+CROSSING = crossing("other equilibria cross")
+FOLD = turn("fold", _LEVEL, hides=CROSSING.name)
+# two real eigenvalues may have the sum 0: nothing begins there
+HOPF = Happens("Hopf point", _hopf, is_genuine=lambda each: abs(_rest(each).pair.real) <= 1e-6 * _rest(each).pair.imag)
+BORDER = "a contact changes"
+EVENTS = (HOPF.name, FOLD.name, CROSSING.name, BORDER)
+"""All kinds of events, in the order of legends."""
 
 
 class _Corner(NamedTuple):
@@ -477,97 +454,53 @@ class _Corner(NamedTuple):
     closes: bool
 
 
-class _RestWalk:
-    """A walk along equilibria in one direction, over corners: its points, and the events between them."""
+class _RestTrace(CurveTrace):
+    """Trace of equilibria in one direction, over corners."""
+
+    kinds = (FOLD, CROSSING, HOPF)
 
     def __init__(
-        self,
-        first: BranchPoint,
-        within: Range,
-        corrector: Corrector,
-        options: WalkOptions,
-        length: float,
-        one_way: bool,
+        self, first: BranchPoint, within: Range, corrector: Corrector, options: WalkOptions, length: float
     ) -> None:
-        self.within, self.corrector, self.options, self.length, self.one_way = (
-            within,
-            corrector,
-            options,
-            length,
-            one_way,
-        )
+        self._begin = partial(Walk, within=within, corrector=corrector, options=options, trust=0.0, branched=True)
+        super().__init__(self._begin(first))
+        self.within, self.length, self._corners = within, length, 0
         self.equation = cast(RestEquation, cast(object, corrector.equation))
-        self.points, self.events, self._last = [_rest(first)], list[RestEvent](), first
-        self._walk = self._begin(first)
         self._gapless = self.equation.system.gapless
-        self.end = RestEnd("the walk was stopped before its end", first.value)
 
-    def _begin(self, first: BranchPoint) -> Walk:
-        return Walk(first, self.within, self.corrector, self.options, trust=0.0, branched=True)
-
-    def to_end(self, report: Callable[[RestPoint], None] | None) -> None:
-        """Walk to the end."""
-        while True:
-            state = self._walk.state
-            point = next(self._walk, None)
+    def __next__(self) -> tuple[RestPoint, list[RestEvent]]:
+        while self.end is None:
+            state = self.walk.state
+            point = next(self.walk, None)
             corner = self._corner(point)
             if corner is not None:
-                words = self._pass(corner)
-                if words:
-                    self.end = RestEnd(words, float(corner.x[-1] * self.corrector.scales[-1]))
-                    return
-                continue
-            if point is None:
-                break
-            if self._is_unclear(point):
-                self._walk.go_back(state, point)
-                continue
-            self._take(point, report)
-        end = self._walk.end
-        assert end is not None
-        is_failure = end.reason in (EndReason.STEP, EndReason.POINTS)
-        self.end = RestEnd(end.reason_words, self._walk.point.value, is_failure)
-
-    def _take(self, point: BranchPoint, report: Callable[[RestPoint], None] | None = None) -> None:
-        self._events_before(point)
-        self.points.append(_rest(point))
-        self._last = point
-        if report is not None:
-            report(self.points[-1])
-
-    # -- events in smooth steps ---------------------------------------------------------------------------------------
+                step = self._pass(corner)
+                if step is not None:
+                    return step
+            elif point is None:
+                self.end = self.end_of_walk()
+            elif self._is_unclear(point):
+                self.walk.go_back(state, point)
+            else:
+                return self.taken(point)
+        raise StopIteration
 
     def _is_unclear(self, point: BranchPoint) -> bool:
         """Return True if more eigenvalues crossed the axis in a step than one event explains."""
-        if point.arclength - self._last.arclength <= _CERTAIN:
+        if point.arclength - self.last.arclength <= _CERTAIN:
             return False
-        changed = abs(_rest(point).unstable - _rest(self._last).unstable)
-        crossed = _hopf(self._last) * _hopf(point) < 0.0
+        changed = abs(_rest(point).unstable - _rest(self.last).unstable)
+        crossed = _hopf(self.last) * _hopf(point) < 0.0
         return changed > 2 or (changed == 2 and not crossed)
 
-    def _events_before(self, point: BranchPoint) -> None:
-        last = self._last
-        slopes = float(last.tangent[-1]), float(point.tangent[-1])
-        if slopes[0] * slopes[1] < 0.0 and min(map(abs, slopes)) > _LEVEL:
-            self._locate(point, RestEventKind.FOLD, lambda each: float(each.tangent[-1]), turns=True)
-        elif last.determinant * point.determinant < 0.0:
-            self._locate(point, RestEventKind.CROSSING, lambda each: each.determinant)
-        if _hopf(last) * _hopf(point) < 0.0:
-            self._locate(point, RestEventKind.HOPF, _hopf)
-
-    def _locate(
-        self, after: BranchPoint, kind: RestEventKind, function: Callable[[BranchPoint], float], turns: bool = False
-    ) -> None:
-        point = zero_in_step(self._last, after, self.corrector, function).point
-        left = abs(function(point) / (function(after) - function(self._last)))
-        rest, frequency = _rest(point), 0.0
-        if kind is RestEventKind.HOPF:
-            frequency = rest.pair.imag
-            if not abs(rest.pair.real) <= 1e-6 * frequency:
-                return  # two real eigenvalues have the sum 0: nothing begins there
-        counts = _rest(self._last).unstable, _rest(after).unstable
-        error = left * abs(after.value - self._last.value) + _ROUNDING * max(abs(point.value), self.within.width)
-        self.events.append(RestEvent(kind, rest, error, *counts, frequency, turns=turns))
+    def event(self, kind: Happens, zero: Zero, after: BranchPoint) -> RestEvent:
+        """Return a fold, a crossing or a Hopf point."""
+        point, rest = zero.point, _rest(zero.point)
+        left = abs(kind.function(point) / (kind.function(after) - kind.function(self.last)))
+        error = left * abs(after.value - self.last.value) + _ROUNDING * max(abs(point.value), self.within.width)
+        counts = _rest(self.last).unstable, _rest(after).unstable
+        frequency = rest.pair.imag if kind is HOPF else 0.0
+        return RestEvent(kind.name, rest, error, *counts, frequency, turns=kind is FOLD)
 
     # -- corners ------------------------------------------------------------------------------------------------------
 
@@ -577,17 +510,17 @@ class _RestWalk:
 
     def _corner(self, point: BranchPoint | None) -> _Corner | None:
         """Return the first corner between the last point and the next one, or where a walk that cannot go on stands."""
-        last = self._depths(self._last.x)
+        last = self._depths(self.last.x)
         if point is None:
-            end = self._walk.end
+            end = self.walk.end
             if end is None or end.reason is not EndReason.STEP or not len(last):
                 return None
             near = np.where(self._gapless, np.inf, np.abs(last))
             switch = int(np.argmin(near))
-            begins = bool(self.events) and self.events[-1].kind is RestEventKind.BORDER and self._walk.count == 0
+            begins = self._corners and self.walk.count == 0
             if begins or not near[switch] <= _NEAR * self.length:
                 return None
-            return self._settled(self._last.x, switch, bool(last[switch] <= 0.0))
+            return self._settled(self.last.x, switch, bool(last[switch] <= 0.0))
         beyond = self._depths(point.x)
         on = _ON * self.length
         crossed = [
@@ -599,7 +532,7 @@ class _RestWalk:
             return None
         shares = {switch: last[switch] / (last[switch] - beyond[switch]) for switch in crossed}
         switch = min(shares, key=lambda each: shares[each])
-        guess = self._last.x + shares[switch] * (point.x - self._last.x)
+        guess = self.last.x + shares[switch] * (point.x - self.last.x)
         return self._settled(guess, switch, bool(last[switch] < 0.0))
 
     def _settled(self, guess: NDArray[np.float64], switch: int, closes: bool) -> _Corner | None:
@@ -625,41 +558,41 @@ class _RestWalk:
         base, steps = self._depths(x)[switch], _SLIGHT * np.eye(len(x))
         return np.array([self._depths(x + step)[switch] - base for step in steps]) / _SLIGHT
 
-    def _pass(self, corner: _Corner) -> str:
-        """Begin a new walk beyond a corner; return the reason as a sentence if there is no way on."""
+    def _pass(self, corner: _Corner) -> tuple[RestPoint, list[RestEvent]] | None:
+        """Begin a new walk beyond a corner, and return the step to it; end, with None, if there is no way on."""
+        place = float(corner.x[-1] * self.corrector.scales[-1])
         slope = self._depth_slope(corner.x, corner.switch)
         way = 1.0 if corner.closes else -1.0
         off = slope[:-1] / (slope[:-1] @ slope[:-1]) * _BESIDE * self.length
         sides = [np.append(corner.x[:-1] + sign * way * off, corner.x[-1]) for sign in (-1.0, 1.0)]
         before, after = (self._one_sided(corner.x, side) for side in sides)
         if before is None or after is None:
-            return "an equilibrium has no finite slope where a contact changes"
+            self.end = End(EndReason.NO_SLOPE, place)
+            return None
         ahead = float(slope @ after.tangent) * way
         if abs(ahead) < _LEVEL * float(np.abs(slope).max()):
-            return "the equilibria run along the point at which a contact changes, so that they are not isolated"
+            self.end = End(EndReason.NOT_ISOLATED, place)
+            return None
         if ahead < 0.0:
             after = replace(after, tangent=-after.tangent, determinant=-after.determinant)
         back = float(slope @ before.tangent) * way
         if back < 0.0:
             before = replace(before, tangent=-before.tangent, determinant=-before.determinant)
-        if before.arclength - self._last.arclength > _ROUNDING:
-            self._events_before(before)
+        events = list(self.happened(before)) if before.arclength - self.last.arclength > _ROUNDING else []
         turns = float(before.tangent[-1]) * float(after.tangent[-1]) < 0.0
         name, stage, side = switch_names(self.equation.system)[corner.switch]
         contact = f"{name}{' ' * bool(stage)}{stage}{'+' if side > 0 else '-'}"
-        size = max(abs(after.value), self.within.width)
         counts = _rest(before).unstable, _rest(after).unstable
-        rest = _rest(after)
-        error = 10.0 * _ROUNDING * size
-        border = RestEvent(RestEventKind.BORDER, rest, error, *counts, 0.0, contact, corner.closes, turns)
-        self.events.append(border)
-        self.points.append(rest)
-        if sum(each.kind is RestEventKind.BORDER for each in self.events) > _CORNERS:
-            return f"more than {_CORNERS} contacts changed"
-        if not self.within.low <= after.value <= self.within.high:
-            return "the end of the range was reached"
-        self._last, self._walk = after, self._begin(after)
-        return ""
+        error = 10.0 * _ROUNDING * max(abs(after.value), self.within.width)
+        events.append(RestEvent(BORDER, _rest(after), error, *counts, 0.0, contact, corner.closes, turns))
+        self._corners += 1
+        if self._corners > _CORNERS:
+            self.end = End(EndReason.CONTACTS, place)
+        elif not self.within.low <= after.value <= self.within.high:
+            self.end = End(EndReason.RANGE, place)
+        else:
+            self.last, self.walk = after, self._begin(after)
+        return _rest(after), events
 
     def _one_sided(self, x: NDArray[np.float64], side: NDArray[np.float64]) -> BranchPoint | None:
         """Return the point at a corner with the derivatives and eigenvalues of one side."""
@@ -667,28 +600,13 @@ class _RestWalk:
             evaluation = self.corrector.evaluate(side)
         except NumericalError:
             return None
-        course = self.corrector.tangent(evaluation, self._last.tangent)
-        length = self._last.arclength + float(np.linalg.norm(x - self._last.x))
+        course = self.corrector.tangent(evaluation, self.last.tangent)
+        length = self.last.arclength + float(np.linalg.norm(x - self.last.x))
         physical = side * self.corrector.scales
         there = self.equation.orbit(physical[:-1], float(physical[-1]), evaluation)
         value = float(x[-1] * self.corrector.scales[-1])
         point = replace(there, value=value, position=x[:-1] * self.corrector.scales[:-1])
         return BranchPoint(value, cast("object", point), x, *course, length)  # type: ignore[arg-type]
-
-
-def _rest(point: BranchPoint) -> RestPoint:
-    return cast(RestPoint, cast(object, point.orbit))
-
-
-def _hopf(point: BranchPoint) -> float:
-    """Return the product of the sums of all pairs of eigenvalues, each over their size: zero at a Hopf point."""
-    known = point.memo.get("hopf")
-    if known is None:
-        values = _rest(point).eigenvalues
-        size = float(np.abs(values).max()) or 1.0
-        rows, columns = np.triu_indices(len(values), 1)
-        known = point.memo["hopf"] = float(np.prod((values[rows] + values[columns]) / size).real)
-    return known
 
 
 # Verification of equilibria: the balance of static forces and the eigenvalues, by other formulas than the walk's.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -16,7 +16,8 @@ from gapwalk.bifurcation.follow import join
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.both_directions import BranchPoint, Tracing
 from gapwalk.continuation.corrector import Corrector, Range, check_range, powers_of_two
-from gapwalk.continuation.walk import End, EndReason, WalkOptions
+from gapwalk.continuation.curve import numbered
+from gapwalk.continuation.walk import EndReason, WalkOptions
 from gapwalk.errors import ConvergenceError, Interrupted, ModelError, NumericalError
 from gapwalk.flow.equations import magnitude
 from gapwalk.flow.flow import PERIOD, flow_of
@@ -32,13 +33,13 @@ from gapwalk.free.free_shooting import (
     tangents,
     without_excitation,
 )
-from gapwalk.free.rest_walk import RestEvent, RestEventKind, Rests, follow_rest
+from gapwalk.free.rest_walk import HOPF, RestEvent, Rests, equilibria_of, follow_rest
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.equilibria import find_equilibria
 from gapwalk.model.system import System, check_system
 from gapwalk.notebook import Shown, shows_progress
 from gapwalk.orbit.orbit_equation import Newton, solve
-from gapwalk.summary import Rows, SummaryParts, remarks, row_of, rows_of, summarizes
+from gapwalk.summary import Rows, SummaryParts, remarks, row_of, summarizes
 
 # Beginnings of self-excited motions: at a Hopf point of an equilibrium, or from a state whose motion settles.
 #
@@ -313,7 +314,7 @@ def follow_self_excited(
                 tracing.steps[-1][:] = [(each, [s for s in had if not s.turns]) for each, had in tracing.steps[-1]]
                 tracer.stay_level()
                 if len(tracing.steps[-1]) == _MANY:
-                    tracer.walk.finish(point, End(EndReason.CENTRE, point.value))
+                    tracer.walk.finish(point, EndReason.CENTRE)
             if tracer.is_level:  # how far its points are from the one value is an error of theirs
                 special[:] = [
                     replace(s, uncertainty=s.uncertainty + abs(s.value - tracer.first.value)) for s in special
@@ -323,13 +324,13 @@ def follow_self_excited(
     except KeyboardInterrupt:
         if not tracing.traces:
             raise
-        raise Interrupted(join(tracing.traces, tracing.steps)) from None
-    return join(tracing.traces, tracing.steps)
+        raise Interrupted(join(tracing)) from None
+    return join(tracing)
 
 
 def _beginnings(start: object, system: System, parameter: str, to: float | tuple[float, float]) -> list[BranchStart]:
     if isinstance(start, RestEvent):
-        if start.kind is not RestEventKind.HOPF:
+        if start.kind != HOPF.name:
             raise ModelError(f"periodic motions begin at a Hopf point, and this is one where {start.words}")
         if isinstance(to, int | float):
             raise ModelError(
@@ -382,7 +383,7 @@ def _end_at_rest(tracer: BranchTracer, steps: list[tuple[BranchPoint, list[Speci
     change = sizes[1] ** 2 - sizes[0] ** 2
     value = (last.value * sizes[1] ** 2 - turned.value * sizes[0] ** 2) / change if change else last.value
     name = tracer.beginning.equation.parameter
-    tracer.walk.finish(last, End(EndReason.AT_REST, last.value, f"near {name} = {value:.6g}"))
+    tracer.walk.finish(last, EndReason.AT_REST, f"near {name} = {value:.6g}")
 
 
 def _cycle(point: BranchPoint) -> FreeOrbit:
@@ -463,39 +464,26 @@ class SelfExcited(Shown):
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
         """Return the tables of motions, their special points, equilibria and their events, with their numbers."""
         return {
-            "motions": lambda: rows_of(self._motions()),
-            "special": lambda: rows_of(self._rows(self.cycles, lambda cycle: cycle.special_points)),
-            "equilibria": lambda: rows_of(self._equilibria()),
-            "events": lambda: rows_of(self._rows(self.rests, lambda line: line.events)),
+            "motions": lambda: numbered("branch", self.cycles, lambda cycle: map(_motion_row, cycle.points)),
+            "special": lambda: numbered("branch", self.cycles, lambda cycle: cycle.special_points),
+            "equilibria": lambda: numbered("branch", self.rests, Rests.rows),
+            "events": lambda: numbered("branch", self.rests, lambda line: line.events),
         }
-
-    def _motions(self) -> Iterator[dict[str, Any]]:
-        for number, cycle in enumerate(self.cycles, start=1):
-            for point in cycle.points:
-                system = point.orbit.system
-                own: dict[str, Any] = {
-                    "frequency": system[system.structure.pace],
-                    "period": PERIOD * point.orbit.period / system.frequency,
-                }
-                own |= {f"half.{name}": point.measure(f"half.{name}") for name in system.coordinates}
-                yield {"branch": number, **row_of(point), **own}
-
-    def _equilibria(self) -> Iterator[dict[str, Any]]:
-        for number, line in enumerate(self.rests, start=1):
-            for point in line.points:
-                places = dict(zip(line.system.coordinates, point.position.tolist(), strict=True))
-                yield {"branch": number, **row_of(point), **places}
-
-    @staticmethod
-    def _rows(lines: Sequence[Any], records: Callable[[Any], Sequence[Any]]) -> Iterator[dict[str, Any]]:
-        for number, line in enumerate(lines, start=1):
-            yield from ({"branch": number, **row_of(each)} for each in records(line))
 
     def __repr__(self) -> str:
         return (
             f"SelfExcited({self.parameter}, {len(self.rests)} branches of equilibria, {len(self.hopf_points)} Hopf "
             f"points, {len(self.cycles)} branches of motions)"
         )
+
+
+def _motion_row(point: BranchPoint) -> dict[str, Any]:
+    system = point.orbit.system
+    own: dict[str, Any] = {
+        "frequency": system[system.structure.pace],
+        "period": PERIOD * point.orbit.period / system.frequency,
+    }
+    return {**row_of(point), **own, **{f"half.{name}": point.measure(f"half.{name}") for name in system.coordinates}}
 
 
 def self_excited(
@@ -564,11 +552,8 @@ def range_of(system: System, parameter: str, to: float | tuple[float, float]) ->
 
 
 def starts(system: System) -> list[NDArray[np.float64]]:
-    """Return the positions of all equilibria that are found; raise a ConvergenceError if there are none."""
-    found = [each.position for each in find_equilibria(without_excitation(system)).equilibria]
-    if not found:
-        raise ConvergenceError("the system has no equilibrium that was found; give positions near one, start = [...]")
-    return found
+    """Return the positions of all equilibria without excitation; raise a ConvergenceError if none are found."""
+    return equilibria_of(without_excitation(system))
 
 
 def is_known(rests: Sequence[Rests], value: float, positions: NDArray[np.float64]) -> bool:
@@ -613,5 +598,5 @@ def with_cycle(
     except NumericalError as error:
         name = "Hopf point" if isinstance(start, RestEvent) else start.kind_words
         return replace(found, failures=(*found.failures, f"from the {name} at {start.value:.6g}: {error}"))
-    failures = [f"motions {len(found.cycles) + 1}: {end}" for end in cycle.ends if end.reason.is_failure]
+    failures = [f"motions {len(found.cycles) + 1}: {end}" for end in cycle.failures]
     return replace(found, cycles=(*found.cycles, cycle), failures=(*found.failures, *failures))

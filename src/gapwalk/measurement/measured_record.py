@@ -77,25 +77,13 @@ class Record:
         return Record(time * self.time, acceleration * self.acceleration, speeds, self.name)
 
     def between(self, begin: float, end: float) -> Record:
-        """Return the part from one time to another.
-
-        Parameters
-        ----------
-        begin, end
-            Times, in the unit of the record.
-        """
+        """Return the part from one time to another, in the unit of the record."""
         keep = (self.time >= begin) & (self.time <= end)
         speed = None if self.speed is None else self.speed[keep]
         return Record(self.time[keep], self.acceleration[keep], speed, self.name)
 
     def frequency(self, order: float = 1.0) -> float | None:
-        """Return the mean frequency of `order` excitation periods per shaft turn; None without a measured speed.
-
-        Parameters
-        ----------
-        order
-            Periods of the excitation in a turn of the shaft.
-        """
+        """Return the mean frequency of `order` excitation periods per shaft turn; None without a measured speed."""
         if self.speed is None:
             return None
         return order * float(np.trapezoid(self.speed, self.time) / (self.time[-1] - self.time[0]))
@@ -104,18 +92,6 @@ class Record:
         """Return the angles of the excitation relative to the first sample, in radians, shape (samples,).
 
         With a measured speed they are its integral (order tracking), otherwise ``frequency * time``.
-
-        Parameters
-        ----------
-        frequency
-            Angular frequency of the excitation.
-        order
-            Periods of the excitation in a turn of the shaft.
-
-        Returns
-        -------
-        array, shape (samples,)
-            The first one is 0.
         """
         time, measured = self.time - self.time[0], self.frequency(order)
         if self.speed is None or measured is None:

@@ -57,13 +57,7 @@ class Method(Bounded):
 
     @staticmethod
     def named(name: str) -> type[Method]:
-        """Return the method of a name.
-
-        Parameters
-        ----------
-        name
-            Name of the method, such as ``shooting``.
-        """
+        """Return the method of a name, such as ``shooting``."""
         return METHODS.named(name)
 
     @classmethod
@@ -72,17 +66,7 @@ class Method(Bounded):
         return cls()
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> OrbitEquation:
-        """Pose the orbits of a system over `period` forcing periods as an equation, optionally along a parameter.
-
-        Parameters
-        ----------
-        system
-            The system.
-        parameter
-            Name of a parameter that may vary; None for a fixed system.
-        period
-            m, number of forcing periods.
-        """
+        """Pose the orbits of a system over `period` forcing periods as an equation, optionally along a parameter."""
         raise NotImplementedError(f"the method {self.name} poses no equation")
 
     def for_loci(self) -> Method:
@@ -91,13 +75,7 @@ class Method(Bounded):
 
     @staticmethod
     def words(orbits: Sequence[Orbit]) -> str:
-        """Describe the resolution of some of its orbits in a sentence; empty if the method has none to report.
-
-        Parameters
-        ----------
-        orbits
-            Orbits that the method has found.
-        """
+        """Describe the resolution of some of its orbits in a sentence; empty if the method has none to report."""
         return ""
 
     @classmethod

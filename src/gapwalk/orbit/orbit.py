@@ -382,13 +382,7 @@ class Orbit(Shown):
         return found
 
     def rests(self, switch: int) -> bool:
-        """Return True if the stop of a switch is rigid, and held all the time.
-
-        Parameters
-        ----------
-        switch
-            The stage and its side: index into `System.breakpoints`.
-        """
+        """Return True if the stop of a switch (index into `System.breakpoints`) is rigid, and held all the time."""
         return self.held.get(switch) == (1, 0)
 
     def _rests_on(self, switch: int) -> bool:
@@ -399,22 +393,12 @@ class Orbit(Shown):
         return abs(deflection - clearance) <= _AT_STOP * max(size, abs(clearance))
 
     def closing_changes(self, other: Orbit) -> tuple[int, ...]:
-        """Count how much more often each switch closes in another orbit, which is near this one.
+        """Count how much more often each switch closes in another orbit, near this one; negative if less often.
 
         A stop that is held has infinitely many impacts before, and how many more the log has says nothing. A graze
         splits a flight between two of them in two. Where flights cannot be compared one by one, as where a stop is held
         several times, those impacts are counted that precede a gap between two. If it is held in one of both motions
         only, nothing is counted: between the two, infinitely many impacts graze.
-
-        Parameters
-        ----------
-        other
-            An orbit near this one, of the same system or of one at a near value.
-
-        Returns
-        -------
-        tuple of int
-            One number for each switch of the flow; negative if it closes less often.
         """
         changes = [then - now for now, then in zip(self.closings, other.closings, strict=True)]
         for switch, phases in self.held.items():
@@ -485,18 +469,7 @@ class Orbit(Shown):
         return contact_deflections(layout, coefficients_of(self.system), 0.0, state)
 
     def motion(self, samples: int | None = None) -> Motion:
-        """Return one full period, with `samples` even samples per forcing period (by default as many as it needs).
-
-        Parameters
-        ----------
-        samples
-            Even samples per forcing period; None for as many as it needs.
-
-        Returns
-        -------
-        Motion
-            Its first sample is at theta = 0, its last one at the end of the period.
-        """
+        """Return one full period, with `samples` even samples per forcing period (by default as many as it needs)."""
         count = (samples or self.samples) * self.period
         angles = PERIOD * self.period * np.arange(count + 1) / count
         return sample(self.system, self.state, angles, self.known_states)
@@ -517,20 +490,7 @@ class Orbit(Shown):
         return [(PERIOD * self.period * j / count, state) for j, state in enumerate(self.restarts, start=1)]
 
     def strobes(self, count: int, apart: float = PERIOD) -> NDArray[np.float64]:
-        """Return the first `count` states at intervals of `apart` radians of theta, shape (count, state_size).
-
-        Parameters
-        ----------
-        count
-            Number of states.
-        apart
-            Interval in radians of theta; by default one forcing period.
-
-        Returns
-        -------
-        array, shape (count, state_size)
-            The first one is at theta = 0.
-        """
+        """Return the first `count` states at intervals of `apart` radians of theta, shape (count, state_size)."""
         states, flow, coefficients = [self.state], flow_of(self.system), coefficients_of(self.system)
         if len(self.restarts):
             return flow.sample(coefficients, self.state, apart * np.arange(float(count)), self.known_states).states
@@ -587,14 +547,10 @@ class Orbit(Shown):
         return tuple(depths)
 
     def measure(self, name: str) -> float:
-        """Return one measure of the motion by its name.
+        """Return one measure of the motion by its name, such as ``half.q1``, ``max.q1''`` or ``rms.stage2``.
 
-        Parameters
-        ----------
-        name
-            ``max``, ``min``, ``half`` (half the peak-to-peak), ``mean``, ``rms`` or ``h0``, ``h1``, ... (amplitude
-            of a harmonic of W; ``h1/2`` for half of it), a dot, and a signal: ``half.q1``, ``max.q1''``,
-            ``rms.stage2``.
+        The first part is ``max``, ``min``, ``half`` (half the peak-to-peak), ``mean``, ``rms`` or ``h0``, ``h1``, ...
+        (amplitude of a harmonic of W; ``h1/2`` for half of it); the second a signal.
         """
         return measure(self, name)
 

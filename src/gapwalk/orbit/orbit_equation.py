@@ -102,15 +102,7 @@ class OrbitEquation:
         return ParameterLine(self.system, self.parameter)
 
     def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-        """Return the coefficients of the flow at a value of the parameter, and their derivative if there is one.
-
-        Returns
-        -------
-        coefficients : array, shape (coefficients,)
-            The coefficients, in consistent units.
-        slopes : array, shape (coefficients,), or None
-            Their derivative by the parameter.
-        """
+        """Return the coefficients of the flow at a value of the parameter, and their derivative if there is one."""
         return (coefficients_of(self.system), None) if self.parameter is None else self.line.coefficients(value)
 
     def system_at(self, value: float) -> System:
@@ -126,32 +118,13 @@ class OrbitEquation:
         raise NotImplementedError
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
-        """See `Equation.unknowns`.
-
-        Parameters
-        ----------
-        orbit
-            An orbit, found by any method.
-
-        Returns
-        -------
-        array, shape (N,)
-            The unknowns.
-        """
+        """Return the unknowns of an orbit that was found by any method, shape (N,)."""
         raise NotImplementedError
 
     def with_other_phases(self, orbit: Orbit) -> list[NDArray[np.float64]]:
         """Return the unknowns of a motion that begins later: at each other place where the excitation is the same.
 
-        Parameters
-        ----------
-        orbit
-            An orbit, found by this method.
-
-        Returns
-        -------
-        list of array, shape (N,) each
-            For an orbit of period m, m - 1 of them, or more if the excitation repeats within a forcing period.
+        For an orbit of period m these are m - 1, or more if the excitation repeats within a forcing period.
         """
         return [self.unknowns(orbit.begun_in(state)) for state in phases(orbit)[1:]]
 
@@ -159,29 +132,11 @@ class OrbitEquation:
         """Return the change of each unknown that weighs as much as a motion of one length; shape (N,).
 
         Velocities count as lengths times a frequency, by default that of the system.
-
-        Parameters
-        ----------
-        length
-            The length, in the unit of the coordinates.
-        frequency
-            Angular frequency; None for that of the system.
-
-        Returns
-        -------
-        array, shape (N,)
-            In the units of the unknowns.
         """
         raise NotImplementedError
 
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the unknowns of the motion from a state, as a start for Newton's method.
-
-        Returns
-        -------
-        array, shape (N,)
-            The unknowns.
-        """
+        """Return the unknowns of the motion from a state, as a start for Newton's method."""
         raise NotImplementedError
 
     def otherwise(self) -> OrbitEquation:
@@ -206,18 +161,7 @@ class OrbitEquation:
         return None
 
     def divided(self, state: NDArray[np.float64]) -> Iterator[tuple[OrbitEquation, NDArray[np.float64]]]:
-        """Yield finer equations, with their unknowns, for a state whose motion does not return to it by itself.
-
-        Parameters
-        ----------
-        state : shape (state_size,)
-            State at theta = 0, near an orbit that is strongly unstable.
-
-        Yields
-        ------
-        tuple
-            An equation, and the start for Newton's method. Nothing if the method has no such equations.
-        """
+        """Yield finer equations, with starts, for a state near a strongly unstable orbit, which its motion leaves."""
         yield from ()
 
 

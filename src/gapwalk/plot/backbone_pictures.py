@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.errors import ModelError
-from gapwalk.free.backbone_curve import Backbone, BackboneEventKind
-from gapwalk.free.backbones import Backbones
+from gapwalk.free.backbone_curve import CROSSING, TURN, Backbone
+from gapwalk.free.island_births import Backbones
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_words, signal_words
 from gapwalk.plot.branches import draw_branches, line_entries, smooth_line
@@ -21,8 +21,8 @@ from gapwalk.plot.style import BLUE, GREEN, PURPLE, VERMILLION, stroke, symbols
 _COLOURS = (BLUE, VERMILLION, GREEN, PURPLE)
 _ROOM = 2.5  # height of a picture with a response, in its largest amplitude
 _MARKS = {
-    BackboneEventKind.TURN: symbols("D", 5.0, "white", BLUE),
-    BackboneEventKind.CROSSING: symbols("X", 6.0, "white", VERMILLION),
+    TURN.name: symbols("D", 5.0, "white", BLUE),
+    CROSSING.name: symbols("X", 6.0, "white", VERMILLION),
 }
 
 
@@ -69,7 +69,7 @@ def draw_backbones(
     entries: list[tuple[str, Any]] = []
     for number, line in enumerate(found.lines):
         look = stroke(_COLOURS[number % len(_COLOURS)], 1.8, "-", zorder=5)
-        entries.append((f"backbone of mode {line.mode}" if line.mode else "backbone", look))
+        entries.append((line.name, look))
         panels[0].plot(*_curve(line, line.values, line.half(coordinate)), **look)
         if has_energy:
             logarithms, values = _curve(line, np.log(line.energies), line.values)
@@ -80,7 +80,7 @@ def draw_backbones(
             if has_energy:
                 panels[1].plot([event.point.energy], [event.value], zorder=6, **_MARKS[event.kind])
     kinds = {event.kind for line in found.lines for event in line.events}
-    entries += [(kind.value, look) for kind, look in _MARKS.items() if kind in kinds]
+    entries += [(kind, look) for kind, look in _MARKS.items() if kind in kinds]
     panels[0].set_xlabel(pace)
     if branches:
         # the response follows a backbone up to its peak, far below the largest free vibrations

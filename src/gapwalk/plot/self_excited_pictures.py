@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.errors import ModelError
-from gapwalk.free.rest_walk import RestEventKind, Rests
+from gapwalk.free.rest_walk import BORDER, CROSSING, FOLD, HOPF, Rests
 from gapwalk.free.self_excitation import SelfExcited
 from gapwalk.model.words import parameter_words, signal_words
 from gapwalk.plot.branches import cut, draw_branches, line_entries
@@ -21,10 +21,10 @@ from gapwalk.plot.style import BLACK, BLUE, GREEN, LINES, VERMILLION, stroke, sy
 _STABLE = stroke(BLUE, 1.4, "-", zorder=3)
 _UNSTABLE = stroke(BLUE, 1.0, (0, (2, 1.5)), zorder=3)
 _MARKS = {
-    RestEventKind.HOPF: symbols("o", 6.0, "white", VERMILLION),
-    RestEventKind.FOLD: symbols("D", 5.0, "white", BLACK),
-    RestEventKind.CROSSING: symbols("X", 6.0, "white", BLACK),
-    RestEventKind.BORDER: symbols("|", 9.0, GREEN, GREEN),
+    HOPF.name: symbols("o", 6.0, "white", VERMILLION),
+    FOLD.name: symbols("D", 5.0, "white", BLACK),
+    CROSSING.name: symbols("X", 6.0, "white", BLACK),
+    BORDER: symbols("|", 9.0, GREEN, GREEN),
 }
 _STABLE_WORDS, _UNSTABLE_WORDS = "stable equilibrium", "unstable equilibrium"
 
@@ -113,4 +113,4 @@ def _entries(lines: Sequence[Rests]) -> list[tuple[str, dict[str, Any]]]:
     states = {point.stable for line in lines for point in line.points}
     entries = [(_STABLE_WORDS, _STABLE)] * (True in states) + [(_UNSTABLE_WORDS, _UNSTABLE)] * (False in states)
     kinds = {event.kind for line in lines for event in line.events}
-    return [*entries, *((kind.value, look) for kind, look in _MARKS.items() if kind in kinds)]
+    return [*entries, *((kind, look) for kind, look in _MARKS.items() if kind in kinds)]

@@ -414,13 +414,7 @@ class Reduction:
         return np.sqrt(np.maximum(self.basis.squares, 0.0))
 
     def full_at(self, reduced: System) -> System:
-        """Return the full system with the parameter values of the reduced one, such as `orbit.system`.
-
-        Parameters
-        ----------
-        reduced
-            The reduced system, at other values.
-        """
+        """Return the full system with the parameter values of the reduced one, such as `orbit.system`."""
         if reduced.structure != self.system.structure:
             raise ModelError("the system is not the reduced one at other values; take `reduction.system.at(...)`")
         ours, theirs = self._shared
@@ -441,28 +435,14 @@ class Reduction:
         return System.from_values(self.full.structure, values)
 
     def expand(self, motion: Orbit | Motion, samples: int | None = None) -> Motion:
-        """Expand a motion of the reduced system to all coordinates.
-
-        Parameters
-        ----------
-        motion
-            An orbit (one period is used) or a sampled motion.
-        samples
-            Samples per forcing period, for an orbit.
-        """
+        """Expand a motion of the reduced system, sampled or an orbit over one period, to all coordinates."""
         sampled = motion.motion(samples) if isinstance(motion, Orbit) else motion
         full, back = self.full_at(sampled.system), self.basis.vectors.T
         moved = sampled.q @ back, sampled.v @ back, sampled.events, sampled.z
         return Motion(full, sampled.theta, *moved, sampled.slips, sampled.holds)
 
     def expand_state(self, state: ArrayLike) -> NDArray[np.float64]:
-        """Expand a state of the reduced system, shape (..., state_size), to all coordinates.
-
-        Returns
-        -------
-        array
-            States of the full system, shape (..., state_size of the full system).
-        """
+        """Expand a state of the reduced system, shape (..., state_size), to all coordinates."""
         given, r = np.asarray(state, dtype=float), self.system.size
         if given.ndim == 0 or given.shape[-1] != self.system.state_size:
             raise ModelError(
@@ -475,14 +455,8 @@ class Reduction:
     def check(self, found: Orbit | Branch, method: Balance | None = None) -> OrbitCheck | BranchCheck:
         """Estimate the error of an orbit, or of a branch with its special points, compared with the full system.
 
-        Both are inserted in the full system's own equations, in harmonic balance, where its linear part is exact.
-
-        Parameters
-        ----------
-        found
-            An orbit or a branch of the reduced system, by shooting or by harmonic balance.
-        method
-            Options of the harmonic balance; by default 15 harmonics, or as many as the orbits were found with.
+        Both are inserted in the full system's own equations, in harmonic balance, where its linear part is exact: with
+        15 harmonics by default, or as many as the orbits were found with.
         """
         from gapwalk.reduction.reduction_error import check_branch, check_orbit  # imported late: few need it
 

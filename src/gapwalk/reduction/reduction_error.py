@@ -369,11 +369,11 @@ class PairedBranch:
             tangent, _ = self.reduced.tangent(equation.evaluate(x[:-1] * self.scales[:-1], along.value), border)
         except NumericalError:
             return None
-        return onto(self.reduced, x, tangent)
+        return self.reduced.point_near(x, tangent)
 
     def image(self, point: BranchPoint) -> BranchPoint | None:
         """Correct a point of the reduced system's branch onto that of the full system; None if that fails."""
-        return onto(self.full, self.shifted(point.x), point.tangent)
+        return self.full.point_near(self.shifted(point.x), point.tangent)
 
     def shifted(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Convert a point of the reduced system's branch to the full system's value of the parameter."""
@@ -404,7 +404,7 @@ def find_special(corrector: Corrector, x: NDArray[np.float64], normal: NDArray[n
     """
 
     def at(s: float) -> tuple[BranchPoint, float]:
-        point = onto(corrector, x + s * normal, normal)
+        point = corrector.point_near(x + s * normal, normal)
         if point is None:
             raise NumericalError("the branch was lost")
         return point, test(point)
@@ -415,12 +415,6 @@ def find_special(corrector: Corrector, x: NDArray[np.float64], normal: NDArray[n
         return _secant(at)
     except NumericalError:
         return None
-
-
-def onto(corrector: Corrector, x: NDArray[np.float64], normal: NDArray[np.float64]) -> BranchPoint | None:
-    """Return the point of a branch on the plane through x with that normal."""
-    correction = corrector.correct(x, normal)
-    return None if correction is None else corrector.point(correction, normal, 0.0)
 
 
 def _between(at: Callable[[float], tuple[BranchPoint, float]]) -> tuple[BranchPoint, float] | None:

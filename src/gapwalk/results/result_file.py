@@ -242,15 +242,7 @@ class Part:
     numbered: bool = False
 
     def entry(self, value: Any, number: int = 0) -> Entry:
-        """Return a value as an entry to write for this part.
-
-        Parameters
-        ----------
-        value
-            The contents.
-        number
-            Number of the part; 0 if there is only one.
-        """
+        """Return a value as an entry to write for this part."""
         return Entry(self, number, value)
 
 
@@ -283,13 +275,7 @@ class Parts:
         self._connection = connection
 
     def all(self, part: Part) -> Iterator[tuple[int, Any]]:
-        """Yield the number and the value of each part of a kind, in order.
-
-        Yields
-        ------
-        number, value
-            The number and the contents of each.
-        """
+        """Yield the number and the value of each part of a kind, in order."""
         with undamaged(self.path):
             for _, number, *packed, _ in _rows(self._connection, "WHERE name = ? ORDER BY number", part.name):
                 with undamaged(self.path, f"its part {part.name}{f' {number}' if part.numbered else ''}: "):

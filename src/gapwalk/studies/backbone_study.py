@@ -11,9 +11,8 @@ from pydantic import Field
 
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.free.backbone_curve import Backbone, BackboneOptions, backbone, check_released
-from gapwalk.free.backbones import Backbones
 from gapwalk.free.free_shooting import without_losses
-from gapwalk.free.island_births import IslandBirth, check_load, foretell
+from gapwalk.free.island_births import Backbones, IslandBirth, check_load, foretell
 from gapwalk.model.system import System
 from gapwalk.results.result_file import Part
 from gapwalk.studies.run_up_study import Speed
@@ -136,7 +135,7 @@ class BackboneStudy(StudyKind):
         document: dict[str, Any] = {
             "mode": line.mode,
             "events": [{name: plain_numbers(value) for name, value in row_of(each).items()} for each in line.events],
-            "ends": [{"reason": end.reason, "frequency": end.value} for end in line.ends],
+            "ends": [{"reason": end.reason_words, "frequency": end.value} for end in line.ends],
         }
         if points:
             document["points"] = [

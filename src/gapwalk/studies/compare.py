@@ -127,7 +127,7 @@ class _Cells(NamedTuple):
 
 def map_of(result: Result) -> Regimes | Basins | RattleMap | None:
     """Return the map of cells that a result holds; None if it holds none."""
-    found = getattr(result.finding, "map", None)
+    found = getattr(result.finding, "record", None)
     return found if isinstance(found, Regimes | Basins | RattleMap) else None
 
 

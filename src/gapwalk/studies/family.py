@@ -378,7 +378,7 @@ class Family(Shown):
         found = [f"{self._where(member)}: {text}" for member in self.members for text in member.failures]
         for member in self.members:
             for name, branch in member.named:
-                found += [f"{self._where(member)}: {name}: {end}" for end in branch.ends if end.reason.is_failure]
+                found += [f"{self._where(member)}: {name}: {end}" for end in branch.failures]
         lost = [connection for connection in self._all_connections if connection.fate is Fate.LOST]
         return (*found, *(f"{self._told(connection)} {connection.text}" for connection in lost))
 

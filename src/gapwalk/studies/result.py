@@ -134,12 +134,7 @@ class Result(Shown):
         if self.finding is not None:
             return self.finding.failures
         tree = self.diagram is not None or self.map is not None
-        found = [
-            f"{name}: {end}" if tree else str(end)
-            for name, branch in self.named
-            for end in branch.ends
-            if end.reason.is_failure
-        ]
+        found = [f"{name}: {end}" if tree else end for name, branch in self.named for end in branch.failures]
         found += [
             f"{name}: {each}" if tree else str(each) for name, branch in self.named for each in branch.unexplained
         ]

@@ -114,7 +114,7 @@ class SelfExcitedStudy(RangeStudy):
     def _line(self, line: Rests, points: bool) -> dict[str, Any]:
         document: dict[str, Any] = {
             "events": [_plain(each) for each in line.events],
-            "ends": [{"reason": end.reason, "value": end.value} for end in line.ends],
+            "ends": [{"reason": end.reason_words, "value": end.value} for end in line.ends],
         }
         if points:
             document["points"] = [_plain(each) | {"position": each.position.tolist()} for each in line.points]

@@ -64,12 +64,8 @@ class Tone:
         """Return the system with this second excitation: it has one more coordinate, which is the cosine of the tone.
 
         The coordinate is in the unit of the motion, so that it neither hides nor exceeds it; two forces with the names
-        ``tone`` and ``tone_load`` drive it, and make it act.
-
-        Parameters
-        ----------
-        system
-            A system; of a drive train its equations of motion, ``system.equations``.
+        ``tone`` and ``tone_load`` drive it, and make it act. Of a drive train give the equations of motion,
+        ``system.equations``.
 
         Examples
         --------

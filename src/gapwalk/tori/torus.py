@@ -240,6 +240,8 @@ class Torus(Shown):
     See docs/numerics/tori.md.
     """
 
+    stuck = ()  # contacts whose friction never slips: systems with friction have no tori here
+
     system: System  #: The system that moves.
     curves: int  #: m, the number of curves: the period of the orbit that the torus surrounds.
     #: Rotation number: the share of a turn by which a strobe has advanced on its curve after m forcing periods, between
@@ -263,11 +265,6 @@ class Torus(Shown):
             raise ValueError(f"a curve of shape {self.states.shape} does not belong to this system")
         if self.exponents.shape != (self.system.state_size - 1,):
             raise ValueError("the exponents of a torus are not as many as its normal directions")
-
-    @property
-    def stuck(self) -> tuple[int, ...]:
-        """Contacts whose friction never slips: none, since systems with friction have no tori here."""
-        return ()
 
     @property
     def count(self) -> int:

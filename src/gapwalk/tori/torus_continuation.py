@@ -7,18 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.continuation.both_directions import Tracing
 from gapwalk.continuation.corrector import check_range
+from gapwalk.continuation.curve import joined
 from gapwalk.continuation.walk import WalkOptions
-from gapwalk.errors import Interrupted, ModelError
+from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook import shows_progress
 from gapwalk.tori.torus import Torus
 from gapwalk.tori.torus_equation import TorusOptions
 from gapwalk.tori.torus_family import TorusEvent, TorusFamily, TorusPoint
 from gapwalk.tori.torus_start import Second, TorusStart, starts_at
-from gapwalk.tori.torus_tracer import TorusTracer
+from gapwalk.tori.torus_tracer import Step, TorusTracer
 
 STEPS = WalkOptions(initial_step=0.01, smallest_step=1e-5, largest_step=0.05, max_points=1000)
 """Default options of the steps: a motion that changes by its own size, or all of the range, counts as 1."""
@@ -92,23 +95,13 @@ def follow_tori(
     within = check_range(system[parameter], to).along(parameter, system)
     other = None if second is None else _second(second, parameter, system)
     beginnings = starts_at(start, parameter, within, options, walk, isinstance(to, tuple), other)
-    traces: list[tuple[TorusTracer, list[TorusPoint], list[TorusEvent]]] = []
-    try:
-        for beginning in beginnings:
-            traces.append((TorusTracer(beginning, walk, options), [], []))
-            tracer, points, events = traces[-1]
-            for point, before in tracer:
-                points.append(point)
-                events += before
-                if report is not None:
-                    report(point, before)
-            if tracer.is_closed:
-                break
-    except KeyboardInterrupt:
-        if not traces:
-            raise
-        raise Interrupted(_joined(parameter, beginnings, traces)) from None
-    return _joined(parameter, beginnings, traces)
+
+    def record(tracing: Tracing[TorusStart, Any, Step]) -> TorusFamily:
+        name = beginnings[0].second.name if beginnings[0].second else ""
+        turned = joined(tracing, beginnings[0].end, lambda point: replace(point, arclength=-point.arclength), _turned)
+        return TorusFamily(parameter, *turned, name)
+
+    return Tracing(beginnings, lambda start, _: TorusTracer(start, walk, options)).to_end(record, report)
 
 
 def _system_of(start: Torus | SpecialPoint | TorusEvent) -> System:
@@ -127,24 +120,6 @@ def _second(given: tuple[str, tuple[float, float]], parameter: str, system: Syst
     if name == parameter:
         raise ModelError(f"the second parameter is {name!r}, which is the first one; name another")
     return Second(name, check_range(system[name], to).along(name, system))
-
-
-def _joined(
-    parameter: str,
-    beginnings: list[TorusStart],
-    traces: list[tuple[TorusTracer, list[TorusPoint], list[TorusEvent]]],
-) -> TorusFamily:
-    """Join one or two traces into one family, in one direction."""
-    first = beginnings[0].record
-    *back, (tracer, ahead, events) = traces if len(traces) == 2 and not traces[-1][0].is_closed else traces[-1:]
-    points, happened, begun = [first, *ahead], events, beginnings[0].end
-    for other, behind, before in back:
-        points = [*(replace(each, arclength=-each.arclength) for each in reversed(behind)), *points]
-        happened = [*(_turned(each) for each in reversed(before)), *happened]
-        begun = other.end_so_far
-    second = beginnings[0].second
-    ends = (begun, tracer.end_so_far)
-    return TorusFamily(parameter, tuple(points), tuple(happened), ends, second.name if second else "")
 
 
 def _turned(event: TorusEvent) -> TorusEvent:

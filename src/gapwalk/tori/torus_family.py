@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from enum import Enum, StrEnum
+from enum import StrEnum
 from fractions import Fraction
 from itertools import chain
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +16,18 @@ from numpy.typing import NDArray
 from gapwalk.attractors.section import Strobe
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
+from gapwalk.continuation.curve import Curve, CurveEvent, Measured, numbered
+from gapwalk.continuation.walk import AnyEnd, Reason
 from gapwalk.notebook import Shown
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.summary import Rows, SummaryParts, Table, remarks, row_of, rows_of, summarizes
+from gapwalk.summary import Rows, SummaryParts, remarks, row_of, rows_of, summarizes
 from gapwalk.tori.tongue import LockedWindow, Tongue
 from gapwalk.tori.torus import TURN, Torus, at_phases
 from gapwalk.verification.dop853 import carry
 from gapwalk.verification.verification import Advance, Check, Ledger, Spot
 
 
-class TorusEndReason(Enum):
+class TorusEndReason(Reason):
     """Reason why a family of tori ends; the value is the sentence that a user reads."""
 
     START = "the family starts here"
@@ -40,14 +42,9 @@ class TorusEndReason(Enum):
     POINTS = "the largest number of points was reached"
     STOPPED = "the walk was stopped before its end"
 
-    @property
-    def is_failure(self) -> bool:
-        """True if the walk reached neither an end of the family nor of the range."""
-        return self in (TorusEndReason.STEP, TorusEndReason.POINTS)
-
 
 @dataclass(frozen=True, slots=True)
-class TorusEnd:
+class TorusEnd(AnyEnd):
     """Place and reason of the end of a family of tori."""
 
     _row: ClassVar = {"reason": "reason", "value": "value", "rotation": "rotation", "detail": "detail"}
@@ -59,13 +56,9 @@ class TorusEnd:
     window: LockedWindow | None = None  #: The motions to which the motion locks there; None if there are none.
 
     @property
-    def reason_words(self) -> str:
-        """Reason with its evidence, as a sentence."""
-        return f"{self.reason.value} ({self.detail})" if self.detail else self.reason.value
-
-    def __str__(self) -> str:
-        text = f"{self.reason.value}, at {self.value:.8g}, rotation number {self.rotation:.8g}"
-        return f"{text} ({self.detail})" if self.detail else text
+    def place(self) -> str:
+        """Place of the end in words."""
+        return f"{self.value:.8g}, rotation number {self.rotation:.8g}"
 
 
 class TorusEventKind(StrEnum):
@@ -80,7 +73,7 @@ class TorusEventKind(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class TorusEvent:
+class TorusEvent(CurveEvent):
     """Torus of a family at which its stability or its rotation is special."""
 
     _row: ClassVar = {
@@ -127,10 +120,24 @@ class TorusEvent:
         """Upper end of the range in which motions lock to the fraction; nan if it is not known."""
         return float("nan") if self.window is None else self.window.high
 
+    @property
+    def words(self) -> str:
+        """The event in words, with the fraction of a resonance."""
+        return f"{self.kind.value} {self.ratio_words}".strip()
+
+    @property
+    def unstable_words(self) -> str:
+        """Number of directions in which deviations grow; on either side if it changes."""
+        return f"{self.before} -> {self.after}" if self.before != self.after else str(self.before)
+
+    @property
+    def evidence(self) -> str:
+        """The locked motions in words, or else the evidence."""
+        return self.detail if self.window is None else self.window.words
+
     def __repr__(self) -> str:
-        what = f"{self.kind.value} {self.ratio}" if self.ratio is not None else self.kind.value
         locked = "" if self.window is None else f", {self.window.words}"
-        return f"TorusEvent({what} at {self.value:.10g} +- {self.uncertainty:.0e}{locked})"
+        return f"{super().__repr__()[:-1]}{locked})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,13 +160,26 @@ class TorusPoint:
     torus: Torus  #: The torus.
     arclength: float  #: Scaled arclength from the first point.
 
+    def measure(self, name: str) -> float:
+        """Return one measure of the torus; see `Torus.measure`."""
+        return self.torus.measure(name)
+
     def __repr__(self) -> str:
         return f"TorusPoint({self.value:.10g}, {self.torus!r})"
 
 
 @dataclass(frozen=True, eq=False)
-class TorusFamily(Shown):
+class TorusFamily(Curve, Measured):
     """Tori along a parameter."""
+
+    _words: ClassVar = {
+        "what": "{0.words}",
+        "{0.parameter}": "{0.value:.9g}",
+        "±": "{0.uncertainty:.0e}",
+        "rotation number": "{0.rotation:.8g}",
+        "unstable": "{0.unstable_words}",
+        "detail": "{0.evidence}",
+    }
 
     parameter: str  #: Name of the parameter.
     points: tuple[TorusPoint, ...]  #: The tori, in order along the family.
@@ -173,11 +193,6 @@ class TorusFamily(Shown):
         return self.points[0].torus.curves
 
     @property
-    def values(self) -> NDArray[np.float64]:
-        """Value of the parameter at each point, shape (points,)."""
-        return np.array([point.value for point in self.points])
-
-    @property
     def rotations(self) -> NDArray[np.float64]:
         """Rotation number at each point, shape (points,)."""
         return np.array([point.torus.rotation for point in self.points])
@@ -188,46 +203,14 @@ class TorusFamily(Shown):
         return np.array([point.torus.system[self.second] for point in self.points if self.second])
 
     @property
-    def complete(self) -> bool:
-        """True if the walk came to an end by itself."""
-        return all(end.reason is not TorusEndReason.STOPPED for end in self.ends)
-
-    @property
-    def failures(self) -> tuple[str, ...]:
-        """Ends at which the numerics gave up, in sentences."""
-        return tuple(str(end) for end in self.ends if end.reason.is_failure)
-
-    def measure(self, name: str) -> NDArray[np.float64]:
-        """Return one measure at each point; see `Torus.measure`."""
-        return np.array([point.torus.measure(name) for point in self.points])
-
-    @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the range, the events and the ends, in words."""
-        first, last = self.points[0], self.points[-1]
+    def _range_words(self) -> str:
+        first, last, number = self.points[0], self.points[-1], len(self.points)
         stable = sum(point.torus.stable for point in self.points)
         curves = "one curve" if self.curves == 1 else f"{self.curves} curves"
-        yield (
-            f"{len(self.points)} tori of {curves} along {self.parameter}, from {first.value:.8g} to {last.value:.8g}; "
+        return (
+            f"{number} tori of {curves} along {self.parameter}, from {first.value:.8g} to {last.value:.8g}; "
             f"{stable} are stable; {self._rotation_words}"
         )
-        if self.events:
-            yield Table(
-                ("what", self.parameter, "±", "rotation number", "unstable", "detail"),
-                [
-                    (
-                        f"{each.kind.value} {each.ratio_words}".strip(),
-                        f"{each.value:.9g}",
-                        f"{each.uncertainty:.0e}",
-                        f"{each.rotation:.8g}",
-                        f"{each.before} -> {each.after}" if each.before != each.after else str(each.before),
-                        each.detail if each.window is None else each.window.words,
-                    )
-                    for each in self.events
-                ],
-            )
-        for place, end in zip(("first", "last"), self.ends, strict=True):
-            yield f"{place} end: {end}"
 
     @property
     def _rotation_words(self) -> str:
@@ -330,15 +313,11 @@ class TorusDiagram(Shown):
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
         """Return the tables of all tori, and of events and ends, with the number of the family."""
         return {
-            "tori": lambda: rows_of(self._rows(lambda family: map(row_of, family.points))),
-            "events": lambda: rows_of(self._rows(lambda family: map(row_of, family.events))),
-            "ends": lambda: rows_of(self._rows(lambda family: map(row_of, family.ends))),
+            "tori": lambda: numbered("family", self.families, lambda family: family.points, "T"),
+            "events": lambda: numbered("family", self.families, lambda family: family.events, "T"),
+            "ends": lambda: numbered("family", self.families, lambda family: family.ends, "T"),
             "tongues": lambda: rows_of(row for tongue in self.tongues for row in tongue.rows()),
         }
-
-    def _rows(self, rows: Callable[[TorusFamily], Any]) -> Iterator[dict[str, Any]]:
-        for number, family in enumerate(self.families, start=1):
-            yield from ({"family": f"T{number}", **row} for row in rows(family))
 
     def __repr__(self) -> str:
         return f"TorusDiagram({len(self.families)} families of tori on {len(self.diagram.members)} branches)"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from fractions import Fraction
@@ -111,6 +113,11 @@ def torus_at(point: BranchPoint) -> Torus:
     return cast(Torus, cast(object, point.orbit))
 
 
+def record_at(point: BranchPoint) -> TorusPoint:
+    """Return the record of a point of a family."""
+    return TorusPoint(point.value, torus_at(point), point.arclength)
+
+
 def equation_of(corrector: Corrector) -> CurveEquation:
     """Return the equation of a corrector of tori."""
     return cast(CurveEquation, corrector.equation)
@@ -135,11 +142,6 @@ class TorusStart:
     #: Factor on the first and the smallest step of the walk: below 1 where the first torus had to be small.
     fineness: float = 1.0
     second: Second | None = None  #: The second parameter, if the rotation number is kept.
-
-    @property
-    def record(self) -> TorusPoint:
-        """The first torus of the family."""
-        return TorusPoint(self.first.value, torus_at(self.first), self.first.arclength)
 
 
 def starts_at(
@@ -182,10 +184,9 @@ def _from_torus(torus: Torus, parameter: str, within: Range, both: bool, second:
     x = np.append(torus.states.ravel(), (last, value)) / corrector.scales
     normal = np.zeros(len(x))
     normal[-1] = 1.0
-    found = corrector.correct(x, normal)
-    if found is None:
+    first = corrector.point_near(x, normal)
+    if first is None:
         raise ConvergenceError("Newton's method does not converge at the torus to start from; find it more accurately")
-    first = corrector.point(found, normal, 0.0)
     end = TorusEnd(TorusEndReason.START, value, torus.rotation)
     # towards the end of the range; both ways if two ends were given
     ahead = 1.0 if within.high - value > value - within.low else -1.0
@@ -211,24 +212,32 @@ def _doubled(event: TorusEvent, parameter: str, within: Range, options: TorusOpt
     value = torus.system[parameter]
     equation = CurveEquation(torus.system, parameter, 2 * torus.curves, torus.states)
     corrector = corrector_of(equation, torus.states, 0.0, within)
-    away = np.append(wave.ravel(), (0.0, 0.0)) / corrector.scales
-    away /= np.linalg.norm(away)
-    x = np.append(torus.states.ravel(), (2.0 * torus.rotation, value)) / corrector.scales
-    for amplitude in _SMALLEST:
-        step = amplitude * walk.first_step
-        found = corrector.correct(x + step * away, away)
-        if found is None or float((found.x - x) @ away) < 0.5 * step:
-            continue
-        try:
-            first = corrector.point(found, away, step)
-        except NumericalError:
-            continue
-        if first.value in within and torus_at(first).is_resolved:
+    for amplitude, share, first in _smallest(corrector, torus.states, wave, (2.0 * torus.rotation, value), walk):
+        if share >= 0.5 and first.value in within and torus_at(first).is_resolved:
             end = TorusEnd(TorusEndReason.DOUBLED, value, 2.0 * torus.rotation % 1.0)
             return TorusStart(corrector, first, within, end, min(1.0, amplitude))
     raise ConvergenceError(
         f"no tori of twice as many curves were found beside the doubling at {parameter} = {value:.9g}"
     )
+
+
+def _smallest(
+    corrector: Corrector,
+    states: NDArray[np.float64],
+    wave: NDArray[np.float64],
+    turns_and_value: tuple[float, float],
+    walk: WalkOptions,
+) -> Iterator[tuple[float, float, BranchPoint]]:
+    """Yield the tori beside states in the direction of a wave; with the amplitude in steps, and the share reached."""
+    away = np.append(wave.ravel(), (0.0, 0.0)) / corrector.scales
+    away /= np.linalg.norm(away)
+    x = np.append(states.ravel(), turns_and_value) / corrector.scales
+    for amplitude in _SMALLEST:
+        step = amplitude * walk.first_step
+        found = corrector.correct(x + step * away, away)
+        if found is not None:
+            with suppress(NumericalError):
+                yield amplitude, float((found.x - x) @ away) / step, corrector.point(found, away, step)
 
 
 def start_beyond(
@@ -299,19 +308,8 @@ def _next_to(
     still = np.tile(orbit.state, (count, 1))
     equation = CurveEquation(orbit.system, parameter, orbit.period, still + wave)
     corrector = corrector_of(equation, still, length * 1e-3, within)
-    away = np.append(wave.ravel(), (0.0, 0.0)) / corrector.scales
-    away /= np.linalg.norm(away)
-    x = np.append(still.ravel(), (turns, value)) / corrector.scales
     grazes = False
-    for amplitude in _SMALLEST:
-        step = amplitude * walk.first_step
-        found = corrector.correct(x + step * away, away)
-        if found is None:
-            continue
-        try:
-            first = corrector.point(found, away, step)
-        except NumericalError:
-            continue
+    for amplitude, _, first in _smallest(corrector, still, wave, (turns, value), walk):
         grazes = grazes or torus_at(first).grazes
         if first.value in within and _is_torus(torus_at(first), options):
             end = TorusEnd(TorusEndReason.BORN, value, turns % 1.0)

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from fractions import Fraction
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,16 @@ from gapwalk.tori.tongue import LockedWindow, locked_window
 from gapwalk.tori.torus import TURN, Torus, at_phases, has_tone, odd, phases, relative_size, resampled, tail, tangents
 from gapwalk.tori.torus_equation import TorusOptions
 from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusEventKind, TorusPoint
-from gapwalk.tori.torus_start import Change, TorusStart, change_at, corrector_of, equation_of, start_beyond, torus_at
+from gapwalk.tori.torus_start import (
+    Change,
+    TorusStart,
+    change_at,
+    corrector_of,
+    equation_of,
+    record_at,
+    start_beyond,
+    torus_at,
+)
 
 # Ends of families of tori: they shrink to an orbit, lose their smoothness, or lock to a periodic motion.
 
@@ -38,6 +47,13 @@ _INVERTED = -0.5  # cosine between successive curves below which the second one 
 # distances within which the Neimark-Sacker point is looked for, in steps of the family: beyond the point its curves
 # are the same, inverted, so that a step over it may change the parameter little
 _BEYOND = (4.0, 40.0, 400.0)
+
+
+def end_at(
+    point: BranchPoint, reason: TorusEndReason, detail: str = "", window: LockedWindow | None = None
+) -> TorusEnd:
+    """Return the end of a family at one of its points."""
+    return TorusEnd(reason, point.value, torus_at(point).rotation, detail, window)
 
 
 def has_shrunk(before: BranchPoint, after: BranchPoint) -> bool:
@@ -56,7 +72,7 @@ def shrunk(before: BranchPoint, after: BranchPoint, parameter: str) -> TorusEnd:
     torus = torus_at(before)
     point = _neimark_sacker(before, after, parameter)
     if point is None:
-        return TorusEnd(TorusEndReason.SHRINKS, before.value, torus.rotation, f"its size was {torus.size:.2g}")
+        return end_at(before, TorusEndReason.SHRINKS, f"its size was {torus.size:.2g}")
     return TorusEnd(TorusEndReason.SHRINKS, point.value, _turns(point, torus))
 
 
@@ -137,7 +153,7 @@ def rough(last: BranchPoint, beyond: Torus, passed: Fraction | None) -> TorusEnd
     near = resonance_near(torus.rotation) or passed
     if near is not None:
         why += f"; the rotation number is near {near}"
-    return TorusEnd(TorusEndReason.ROUGH, last.value, torus.rotation, why)
+    return end_at(last, TorusEndReason.ROUGH, why)
 
 
 def resonance_near(turns: float) -> Fraction | None:
@@ -151,7 +167,7 @@ def locked(last: BranchPoint, ratio: Fraction, window: LockedWindow | None) -> T
     torus = torus_at(last)
     words = f"the rotation number approaches {ratio}" + ("" if window is None else f"; {window.words}")
     words += _roughness(torus) if torus.grazes else ""
-    return TorusEnd(TorusEndReason.RESONANCE, last.value, torus.rotation, words, window)
+    return end_at(last, TorusEndReason.RESONANCE, words, window)
 
 
 def _roughness(torus: Torus) -> str:
@@ -180,35 +196,48 @@ def events_between(before: BranchPoint, after: BranchPoint, corrector: Corrector
     """
     first, last = torus_at(before), torus_at(after)
     found: list[tuple[float, TorusEvent]] = []
-    located: list[Torus] = []
 
-    def locate(kind: TorusEventKind, function: Callable[[BranchPoint], float]) -> TorusEvent:
+    def locate(kind: TorusEventKind, function: Callable[[BranchPoint], float]) -> tuple[float, TorusEvent, Torus]:
         share, point, width = zero_in_step(before, after, corrector, function)
-        width += torus_at(point).error * abs(point.value)
-        event = TorusEvent(kind, point.value, width, torus_at(point).rotation, first.unstable, last.unstable)
-        found.append((share, event))
-        located.append(torus_at(point))
-        return event
+        torus = torus_at(point)
+        width += torus.error * abs(point.value)
+        return share, _event(kind, point.value, width, torus.rotation, first, last), torus
 
-    turns = before.tangent[-1] * after.tangent[-1] < 0.0
-    if turns:
-        locate(TorusEventKind.FOLD, lambda point: float(point.tangent[-1]))
-    changed = abs(first.unstable - last.unstable)
-    if changed > int(turns):
-        lost = max(first.unstable, last.unstable) - 1
-        kind = TorusEventKind.CHANGE if changed == 1 else TorusEventKind.PAIR
-        event = locate(kind, lambda point: float(torus_at(point).exponents[lost]))
-        if changed == 1:
-            share, _ = found[-1]
-            found[-1] = share, _explained(event, located[-1])
-    if first.grazes is not last.grazes:
-        found.append(_graze(before, after, corrector))
+    lost = max(first.unstable, last.unstable) - 1
+    for kind in _changes(before, after):
+        if kind is TorusEventKind.GRAZING:
+            found.append(_graze(before, after, corrector))
+        elif kind is TorusEventKind.FOLD:
+            found.append(locate(kind, lambda point: float(point.tangent[-1]))[:2])
+        else:
+            share, event, torus = locate(kind, lambda point: float(torus_at(point).exponents[lost]))
+            found.append((share, _explained(event, torus) if kind is TorusEventKind.CHANGE else event))
     for ratio in _between(first.rotation, last.rotation):
-        event = locate(TorusEventKind.RESONANCE, lambda point, ratio=ratio: torus_at(point).rotation - float(ratio))
+        share, event, _ = locate(
+            TorusEventKind.RESONANCE, lambda point, ratio=ratio: torus_at(point).rotation - float(ratio)
+        )
         near = min((before, after), key=lambda point, ratio=ratio: abs(torus_at(point).rotation - ratio))
-        share, _ = found[-1]
-        found[-1] = share, replace(event, ratio=ratio, window=window_at(near, ratio, event.value, corrector, within))
+        window = window_at(near, ratio, event.value, corrector, within)
+        found.append((share, replace(event, ratio=ratio, window=window)))
     return [event for _, event in sorted(found, key=lambda each: each[0])]
+
+
+def _event(
+    kind: TorusEventKind, value: float, width: float, rotation: float, before: Torus, after: Torus, *more: Any
+) -> TorusEvent:
+    return TorusEvent(kind, value, width, rotation, before.unstable, after.unstable, *more)
+
+
+def _changes(before: BranchPoint, after: BranchPoint) -> Iterator[TorusEventKind]:
+    """Yield what differs between two tori of a family, other than their rotation numbers."""
+    first, last, turns = torus_at(before), torus_at(after), before.tangent[-1] * after.tangent[-1] < 0.0
+    changed = abs(first.unstable - last.unstable)
+    if turns:
+        yield TorusEventKind.FOLD
+    if changed > int(turns):
+        yield TorusEventKind.CHANGE if changed == 1 else TorusEventKind.PAIR
+    if first.grazes is not last.grazes:
+        yield TorusEventKind.GRAZING
 
 
 def events_in_leap(before: BranchPoint, after: BranchPoint, corrector: Corrector, within: Range) -> list[TorusEvent]:
@@ -231,16 +260,9 @@ def events_in_leap(before: BranchPoint, after: BranchPoint, corrector: Corrector
         place, error = _interpolated(before, after, float(ratio), corrector)
         if window is not None:
             place, error = 0.5 * (window.low + window.high), 0.5 * window.width
-        kind = TorusEventKind.RESONANCE
-        found.append(TorusEvent(kind, place, error, float(ratio), first.unstable, last.unstable, ratio, window))
-    changed, turns = abs(first.unstable - last.unstable), before.tangent[-1] * after.tangent[-1] < 0.0
-    kinds = [TorusEventKind.FOLD] if turns else []
-    if changed > int(turns):
-        kinds.append(TorusEventKind.CHANGE if changed == 1 else TorusEventKind.PAIR)
-    if first.grazes is not last.grazes:
-        kinds.append(TorusEventKind.GRAZING)
+        found.append(_event(TorusEventKind.RESONANCE, place, error, float(ratio), first, last, ratio, window))
     rotation = 0.5 * (first.rotation + last.rotation)
-    return found + [TorusEvent(kind, middle, width, rotation, first.unstable, last.unstable) for kind in kinds]
+    return found + [_event(kind, middle, width, rotation, first, last) for kind in _changes(before, after)]
 
 
 def _interpolated(before: BranchPoint, after: BranchPoint, ratio: float, corrector: Corrector) -> tuple[float, float]:
@@ -281,22 +303,18 @@ def _graze(before: BranchPoint, after: BranchPoint, corrector: Corrector) -> tup
     if 0.0 < passed[0] < passed[1]:  # the samples of the end without it had missed it already
         off = (clear.value - grazing.value) * passed[0] ** 2 / (passed[1] ** 2 - passed[0] ** 2)
         turns = torus_at(clear).rotation
-        return float(clear is after), TorusEvent(
-            kind, clear.value + off, abs(off), turns, first.unstable, last.unstable
-        )
+        return float(clear is after), _event(kind, clear.value + off, abs(off), turns, first, last)
     for _ in range(_BISECTIONS):
         share = 0.5 * (low + high)
-        correction = corrector.correct(hermite(before, after, share), before.tangent)
-        if correction is None:
-            break
         length = share * (after.arclength - before.arclength)
-        middle = corrector.point(correction, before.tangent, before.arclength + length)
+        found = corrector.point_near(hermite(before, after, share), before.tangent, before.arclength + length)
+        if found is None:
+            break
+        middle = found
         low, high = (share, high) if bool(_share_that_passes(torus_at(middle))) is first.grazes else (low, share)
     width = (high - low) * abs(after.value - before.value)
     missed = abs(grazing.value - middle.value) / max(1.0, _phases_of(torus_at(grazing)) * passed[1]) ** 2
-    return high, TorusEvent(
-        kind, middle.value, width + missed, torus_at(middle).rotation, first.unstable, last.unstable
-    )
+    return high, _event(kind, middle.value, width + missed, torus_at(middle).rotation, first, last)
 
 
 def _phases_of(torus: Torus) -> int:
@@ -539,13 +557,11 @@ def posed_with(
     tangent = np.append(along, unscaled[-2:]) / posed.scales
     tangent /= np.linalg.norm(tangent)
     x = np.append(curve.ravel(), unscaled_point[-2:]) / posed.scales
-    found = posed.correct(x, tangent)
-    if found is None:
-        return None
     try:
-        return posed, posed.point(found, tangent, point.arclength)
+        lifted = posed.point_near(x, tangent, point.arclength)
     except NumericalError:
         return None
+    return None if lifted is None else (posed, lifted)
 
 
 _MUCH = 1e-2  # share of the accuracy below which a torus has more samples than it needs
@@ -557,15 +573,6 @@ _SHORTEST = 1e-3  # step, as a share of the longest, to which the end of smoothn
 _SHORT = 0.3  # step, over a good one, at which a leap over a resonance is tried
 _SHORTER = 0.2  # factor on the step after which it is tried again
 _AHEAD = (0.1, 0.3, 1.0, 3.0)  # places ahead at which locked motions are looked for, in good steps
-_REASONS = {
-    EndReason.RANGE: TorusEndReason.RANGE,
-    EndReason.TURNED_BACK: TorusEndReason.RANGE,
-    EndReason.TABLE: TorusEndReason.RANGE,
-    EndReason.CLOSED: TorusEndReason.CLOSED,
-    EndReason.POINTS: TorusEndReason.POINTS,
-    EndReason.STEP: TorusEndReason.STEP,
-}
-
 Step = tuple[TorusPoint, list[TorusEvent]]
 
 
@@ -581,7 +588,7 @@ class TorusTracer(Iterator[Step]):
         self._leaping: Stride | None = None  # the step that leaps continue, as long as they succeed
         self._halving = False  # True if the last step has halved the size of the torus, where others fail
         self._untried = np.inf  # step below which a leap has not been tried since the last good step
-        self.end: TorusEnd | None = None
+        self.first, self.end = record_at(beginning.first), None
         self.walk = self._walk_from(WalkState(None, beginning.first, walk.first_step, 0))
         self._pose_again(self.walk.state, beginning.first)
 
@@ -590,11 +597,9 @@ class TorusTracer(Iterator[Step]):
         """True if the family has closed on itself."""
         return self.end is not None and self.end.reason is TorusEndReason.CLOSED
 
-    @property
-    def end_so_far(self) -> TorusEnd:
-        """The end; that it was stopped if it has none yet."""
-        point = self.walk.point
-        return self.end or TorusEnd(TorusEndReason.STOPPED, point.value, torus_at(point).rotation)
+    def stopped(self, last: TorusPoint) -> TorusEnd:
+        """Return the end; that it was stopped at the last torus if it has none yet."""
+        return self.end or TorusEnd(TorusEndReason.STOPPED, last.value, last.torus.rotation)
 
     def __next__(self) -> Step:
         while True:
@@ -636,7 +641,7 @@ class TorusTracer(Iterator[Step]):
         self._strides.add(Stride(self.corrector, state.point, point, point.arclength - state.point.arclength))
         events = events_between(state.point, point, self.corrector, self.beginning.within)
         self._pose_again(self.walk.state, point)
-        return TorusPoint(point.value, torus, point.arclength), events
+        return record_at(point), events
 
     def _walk_from(self, state: WalkState) -> Walk:
         return Walk(state.point, self.beginning.within, self.corrector, self.steps, state, trust=0.0, branched=True)
@@ -693,9 +698,8 @@ class TorusTracer(Iterator[Step]):
         second = self.beginning.second
         if second is None or torus_at(beyond).system[second.name] in second.within:
             return None
-        torus = torus_at(last)
-        words = f"{second.name} = {torus.system[second.name]:.8g} is near the end of its range"
-        return TorusEnd(TorusEndReason.RANGE, last.value, torus.rotation, words)
+        words = f"{second.name} = {torus_at(last).system[second.name]:.8g} is near the end of its range"
+        return end_at(last, TorusEndReason.RANGE, words)
 
     def _near_resonance(self, torus: Torus) -> Fraction | None:
         """Return the resonance next to a torus; None if there is none, or the rotation number is kept."""
@@ -781,7 +785,7 @@ class TorusTracer(Iterator[Step]):
         self._strides.restart(leap)
         self.walk = self._walk_from(WalkState(None, leap.end, leap.length, self.walk.state.count + 1))
         self._pose_again(self.walk.state, leap.end)
-        return TorusPoint(leap.end.value, torus_at(leap.end), leap.end.arclength), events
+        return record_at(leap.end), events
 
     def _halve(self, last: BranchPoint) -> Step | None:
         """Return the step to a torus of half the size, and record the end if they shrink; None if there is none."""
@@ -792,7 +796,7 @@ class TorusTracer(Iterator[Step]):
         self.end = vanished(last, point, equation_of(self.corrector).parameter)
         self.walk = self._walk_from(WalkState(None, point, self.walk.step, self.walk.state.count + 1))
         events = events_between(last, point, self.corrector, self.beginning.within)
-        return TorusPoint(point.value, torus_at(point), point.arclength), events
+        return record_at(point), events
 
     def _window(self, last: BranchPoint, ratio: Fraction) -> LockedWindow | None:
         """Return the locked motions at the last torus, or ahead of it; None if none are found."""
@@ -828,28 +832,17 @@ class TorusTracer(Iterator[Step]):
         away = float(np.linalg.norm(beyond.first.x[-2:] - last.x[-2:]))
         first = replace(beyond.first, arclength=last.arclength + away, memo={})
         self.walk = self._walk_from(WalkState(None, first, good.length, self.walk.state.count + 1))
-        torus, before = torus_at(first), torus_at(last)
-        middle = 0.5 * (window.low + window.high)
-        event = TorusEvent(
-            TorusEventKind.RESONANCE,
-            middle,
-            0.5 * window.width,
-            float(ratio),
-            before.unstable,
-            torus.unstable,
-            ratio,
-            window,
-        )
-        return TorusPoint(first.value, torus, first.arclength), [event]
+        middle, kind = 0.5 * (window.low + window.high), TorusEventKind.RESONANCE
+        tori = torus_at(last), torus_at(first)
+        event = _event(kind, middle, 0.5 * window.width, float(ratio), *tori, ratio, window)
+        return record_at(first), [event]
 
     def _ended(self, state: WalkState) -> Step | None:
         """Record the end of the walk; where it ended at a resonance, try to leap over it and return the step."""
         end, torus = self.walk.end, torus_at(state.point)
         assert end is not None
         if end.reason is not EndReason.STEP:
-            self.end = TorusEnd(
-                _REASONS[end.reason], self.walk.point.value, torus_at(self.walk.point).rotation, end.detail
-            )
+            self.end = end_at(self.walk.point, TorusEndReason.of(end.reason), end.detail)
             return None
         leapt = self._halve(state.point) or self._pass(state, MANY)
         if leapt is not None:
@@ -861,5 +854,5 @@ class TorusTracer(Iterator[Step]):
         elif self.end is None and near is not None:
             self.end = locked(state.point, near, None)
         elif self.end is None:
-            self.end = TorusEnd(TorusEndReason.STEP, state.point.value, torus.rotation, end.detail)
+            self.end = end_at(state.point, TorusEndReason.STEP, end.detail)
         return None

@@ -29,7 +29,6 @@ from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator
 from gapwalk.bifurcation.special_point import Kind, Symbol, describe_switch
 from gapwalk.bifurcation.step_interval import EXACT, Search, StepInterval, Zero, zero_between
 from gapwalk.continuation.both_directions import BranchPoint
-from gapwalk.continuation.corrector import length_of
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import DryModes, Motion, forces_and_accelerations, sample
 from gapwalk.model.coefficients import coefficients_of, layout_of
@@ -142,11 +141,7 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, switc
     longest = far
     while far - near > _EXACT:
         ahead = 0.5 * (far - near)
-        guess = point.x + way * ahead * point.tangent
-        correction = corrector.correct(guess, point.tangent)
-        trial = None
-        if correction is not None and length_of(correction.x - guess) <= _ASTRAY * ahead:
-            trial = corrector.point(correction, point.tangent, point.arclength + way * ahead)
+        trial = corrector.point_ahead(point, way * ahead, _ASTRAY * ahead)
         if trial is not None and trial.orbit.held == rich.orbit.held:
             before = point if ahead > _RATE else before
             point, near = trial, near + ahead

@@ -270,11 +270,9 @@ def _beside(search: Search, point: BranchPoint) -> BranchPoint | None:
     corrector = search.corrector
     for distance in _ALONG:
         for way in (-distance, distance):
-            correction = corrector.correct(point.x + way * point.tangent, point.tangent)
-            if correction is not None:
-                beside = corrector.point(correction, point.tangent, point.arclength + way)
-                if {*point.orbit.stuck} <= {*beside.orbit.stuck}:
-                    return beside
+            beside = corrector.point_ahead(point, way)
+            if beside is not None and {*point.orbit.stuck} <= {*beside.orbit.stuck}:
+                return beside
     return None
 
 

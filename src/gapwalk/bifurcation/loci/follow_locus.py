@@ -32,8 +32,9 @@ from gapwalk.bifurcation.loci.locus_equations import (
 )
 from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, ShotPlane
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switch
-from gapwalk.continuation.both_directions import BranchPoint, Tracing, in_one_direction
+from gapwalk.continuation.both_directions import BranchPoint, Tracing
 from gapwalk.continuation.corrector import Correction, Corrector, Range, powers_of_two
+from gapwalk.continuation.curve import joined
 from gapwalk.continuation.walk import EndReason, Walk, WalkOptions, WalkState
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD
@@ -240,10 +241,7 @@ def _beyond(corrector: Corrector, near: NearGrazing, corner: Correction, turning
         return None
     there, way = on_locus(places[-1]), on_locus(places[-1]) - on_locus(places[-2])
     way /= np.linalg.norm(way)
-    correction = corrector.correct(there, way)
-    if correction is None or correction.distance > _STRAYED * float(np.linalg.norm(there - on_locus(corner))):
-        return None
-    return corrector.point(correction, way, 0.0)
+    return corrector.point_near(there, way, within=_STRAYED * float(np.linalg.norm(there - on_locus(corner))))
 
 
 def _extrapolated(measures: list[float], places: list[NDArray[np.float64]], measure: float) -> NDArray[np.float64]:
@@ -510,14 +508,6 @@ _BESIDE = 0.1 * AWAY  # distance from the path round a corner within which the s
 _EDGE = 1e-12  # distance from the limit of a range, in widths, within which the start lies on it
 _RESTART = 0.2  # first step beyond a corner, as a share of the distance already covered from the corner
 _ENDS = (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)  # points at which a Neimark-Sacker locus ends
-_REASONS = {
-    EndReason.RANGE: LocusEndReason.RANGE,
-    EndReason.TABLE: LocusEndReason.TABLE,
-    EndReason.TURNED_BACK: LocusEndReason.RANGE,
-    EndReason.CLOSED: LocusEndReason.CLOSED,
-    EndReason.STEP: LocusEndReason.STEP,
-    EndReason.POINTS: LocusEndReason.POINTS,
-}
 
 
 def follow_locus(
@@ -607,9 +597,9 @@ class LocusTracer(Iterator[LocusStep]):
         """True if the locus has closed on itself."""
         return self.end is not None and self.end.reason is LocusEndReason.CLOSED
 
-    def finish_with(self, end: LocusEnd) -> None:
-        """Set the end that the walk had reached before it was stopped."""
-        self.end = end
+    def stopped(self, last: LocusPoint) -> LocusEnd:
+        """Return the end; that it was stopped at the last point if it has none yet."""
+        return self.end or LocusEnd(LocusEndReason.STOPPED, last.values)
 
     def __next__(self) -> LocusStep:
         if self.end is not None:
@@ -631,7 +621,7 @@ class LocusTracer(Iterator[LocusStep]):
                 end = self.walk.end
                 assert end is not None
                 if end.reason is not EndReason.STEP or not is_coarse:
-                    self.end = LocusEnd(_REASONS[end.reason], self._values(self.walk.point), end.detail)
+                    self.end = LocusEnd(LocusEndReason.of(end.reason), self._values(self.walk.point), end.detail)
                     raise
                 step = self._around_corner(_AT * _CORNER, [])
                 if step is not None:
@@ -815,18 +805,10 @@ def trace_locus(beginnings: list[LocusStart], walk: WalkOptions | None = None) -
 
 def traced_locus(tracing: LocusTracing) -> Locus:
     """Return the locus so far, in one direction of travel; a single trace may cover a closed curve."""
-    kept = slice(-1, None) if tracing.traces[-1].is_closed else slice(None)
-    tracers, walked = tracing.traces[kept], tracing.steps[kept]
-    start, plane = tracers[-1].beginning, tracers[-1].beginning.plane
-    ends = [
-        tracer.end or LocusEnd(LocusEndReason.STOPPED, (steps[-1].point if steps else tracer.first).values)
-        for tracer, steps in zip(tracers, walked, strict=True)
-    ]
-    points, codim2 = in_one_direction(
-        walked, tracers[-1].first, _reversed, lambda found: replace(found, point=_reversed(found.point))
-    )
-    first, second = plane.names
-    return Locus(start.kind, first, second, plane.period, points, codim2, (ends[0], ends[-1]), start.contact)
+    start = tracing.traces[-1].beginning
+    points, codim2, ends = joined(tracing, None, _reversed, lambda found: replace(found, point=_reversed(found.point)))
+    plane, (first, second) = start.plane, start.plane.names
+    return Locus(start.kind, first, second, plane.period, points, codim2, ends, start.contact)
 
 
 def _reversed(point: LocusPoint) -> LocusPoint:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum, StrEnum
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.special_point import Kind
+from gapwalk.continuation.both_directions import OrbitOnCurve
+from gapwalk.continuation.curve import Measured
+from gapwalk.continuation.walk import AnyEnd, Reason
 from gapwalk.orbit.orbit import Orbit
 
 
-class LocusEndReason(Enum):
+class LocusEndReason(Reason):
     """Reason why a locus ends; the value is the sentence that a user reads."""
 
     START = "the start lies on the edge of the range"
@@ -33,7 +36,7 @@ class LocusEndReason(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class LocusEnd:
+class LocusEnd(AnyEnd):
     """Place and reason of the end of a locus."""
 
     reason: LocusEndReason  #: The reason.
@@ -41,18 +44,14 @@ class LocusEnd:
     detail: str = ""  #: Further explanation; may be empty.
 
     @property
-    def reason_words(self) -> str:
-        """Reason with its details, as a sentence."""
-        return f"{self.reason.value} ({self.detail})" if self.detail else self.reason.value
-
-    def __str__(self) -> str:
+    def place(self) -> str:
+        """Place of the end in words."""
         first, second = self.values
-        text = f"{self.reason.value}, at ({first:.8g}, {second:.8g})"
-        return f"{text} ({self.detail})" if self.detail else text
+        return f"({first:.8g}, {second:.8g})"
 
 
 @dataclass(frozen=True, eq=False)
-class LocusPoint:
+class LocusPoint(OrbitOnCurve):
     """Point of a locus."""
 
     values: tuple[float, float]  #: Values of both parameters.
@@ -66,15 +65,6 @@ class LocusPoint:
     #: shape (N + 1,): Unit tangent of the locus there, in scaled variables, in the direction of the walk.
     tangent: NDArray[np.float64]
     arclength: float  #: Scaled arclength from the start of the walk.
-
-    def _check_read(self) -> None:
-        """Raise a ValueError if its parts do not fit together."""
-        if self.x.ndim != 1 or len(self.x) < 2 or self.tangent.shape != self.x.shape:
-            raise ValueError("the unknowns of a point are not as many as the components of its tangent")
-
-    def measure(self, name: str) -> float:
-        """Return one measure of the motion; see `Orbit.measure`."""
-        return self.orbit.measure(name)
 
     def __repr__(self) -> str:
         first, second = self.values
@@ -139,7 +129,7 @@ class Codim2Point:
 
 
 @dataclass(frozen=True, eq=False)
-class Locus:
+class Locus(Measured):
     """Curve of special points of one kind in the plane of two parameters.
 
     Examples
@@ -176,29 +166,8 @@ class Locus:
         return self.ends[-1].reason is LocusEndReason.CLOSED
 
     def codim2(self, kind: Codim2 | str) -> tuple[Codim2Point, ...]:
-        """Return the points of codimension two of one kind.
-
-        Parameters
-        ----------
-        kind
-            The kind, or its name, such as ``cusp``.
-        """
+        """Return the points of codimension two of one kind, which may be given by its name, such as ``cusp``."""
         return tuple(point for point in self.codim2_points if point.kind == kind)
-
-    def measure(self, name: str) -> NDArray[np.float64]:
-        """Return one measure (see `Orbit.measure`) at each point, shape (points,).
-
-        Parameters
-        ----------
-        name
-            Name of the measure, such as ``half.q1``.
-
-        Returns
-        -------
-        array, shape (points,)
-            In the unit of the signal.
-        """
-        return np.array([point.measure(name) for point in self.points])
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{len(self.codim2(kind))} {kind.value}" for kind in Codim2 if self.codim2(kind))
