@@ -95,7 +95,7 @@ def test_a_map_whose_axes_are_reversed_or_exchanged_has_the_same_cells(maps) -> 
     chart = result.finding.record
     marked = replace(chart, regimes=chart.regimes.copy())
     marked.regimes[0, 3] = 2  # one chaotic cell, in a corner
-    first = replace(result, finding=replace(result.finding, map=marked))
+    first = replace(result, finding=replace(result.finding, found=marked))
     parts = ("regimes", "periods", "exponents", "peak_force", "impacts", "states")
     turned = replace(
         marked,
@@ -110,7 +110,7 @@ def test_a_map_whose_axes_are_reversed_or_exchanged_has_the_same_cells(maps) -> 
         **{name: np.swapaxes(getattr(marked, name), 0, 1) for name in parts},
     )
     for other in (turned, exchanged):
-        assert not compare_cells(first, replace(result, finding=replace(result.finding, map=other))).differences
+        assert not compare_cells(first, replace(result, finding=replace(result.finding, found=other))).differences
     (found,) = compare_cells(result, first).differences
     assert found.labels == ("period 1", "chaotic")
     assert found.place == pytest.approx((1.3, 0.05 + 0.35 / 6))
@@ -125,11 +125,11 @@ def test_basins_of_one_motion_are_the_same_whatever_their_letters(maps) -> None:
     checkered = np.indices(basins.labels.shape).sum(axis=0) % 2
     a = replace(basins, attractors=(one, other), labels=checkered)
     b = replace(basins, attractors=(other, one), labels=1 - checkered)
-    both = [replace(result, finding=replace(result.finding, map=each)) for each in (a, b)]
+    both = [replace(result, finding=replace(result.finding, found=each)) for each in (a, b)]
     assert a.names == ("period 1a", "period 1b")
     assert compare_cells(*both).within_share(0.0)
     less = replace(basins, attractors=(one,), labels=np.zeros_like(checkered))
-    found = compare_cells(both[0], replace(result, finding=replace(result.finding, map=less)))
+    found = compare_cells(both[0], replace(result, finding=replace(result.finding, found=less)))
     assert found.counts == {"leads to": 6}
     assert {each.labels for each in found.differences} == {("period 1b", "period 1a")}
     with pytest.raises(ModelError, match="compare two maps of one kind"):

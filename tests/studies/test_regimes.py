@@ -101,7 +101,7 @@ def test_the_result_does_not_depend_on_who_does_the_work():
     options = in_process(check=2, carry="down", forces=False)
     alone = regimes(SET_15, plane, (2, 65), **options)
     with local_workers(2) as workers:
-        both = regimes(SET_15, plane, (2, 65), **options, workers=workers)
+        both = regimes(SET_15, plane, (2, 65), **{**options, "workers": workers})
     assert same(both, alone)
     assert both.impacts.shape == (65, 2, 0)
 
