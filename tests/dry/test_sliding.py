@@ -254,7 +254,7 @@ def test_a_change_at_which_its_margin_jumps_is_located_to_its_bracket(ends, walk
     system = random_system(9)
     beside = [0.278, -0.847, -0.513, 1.044, 0.078, 0.454, 0.578, -0.249]  # of three motions
     start = gw.find_orbit(system.at(frequency=ends[0]), start=np.array(beside))
-    branch = gw.follow(start, "frequency", ends[1], walk=walk or gw.WalkOptions())
+    branch = gw.follow(start, "frequency", ends[1], walk=walk)
     (found,) = [each for each in branch.special("switching-sliding") if abs(each.value - 1.14) < 1e-2]
     assert found.uncertainty < 1e-9
     orbit = found.orbit  # both events are at one instant
