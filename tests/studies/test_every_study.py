@@ -23,6 +23,7 @@ from tests.results.again import again
 from tests.studies import families, jobs
 from tests.studies.same import assert_same_result
 from tests.studies.test_locus_study import STUDY, SYSTEM
+from tests.tiers import in_campaign
 from tests.toys import amplitudes
 
 TREE = models.CLUTCH + '[study]\nparameter = "frequency"\nmeasure = "half.q1"\nworkers = 1\n'
@@ -34,6 +35,7 @@ TEXTS = {
     "locus": SYSTEM + STUDY.replace("2.0\nto = 0.6", "1.5\nto = 1.0").replace("0.09, to = 0.6", "0.25, to = 0.35"),
     "family": families.MODEL,
     **jobs.MODELS,
+    "scan": jobs.SCAN.replace('["mean.q1", "stage2.stiffness"]', '["mean.q1"]').replace("pairs = 1", "pairs = 0"),
     "amplitudes": amplitudes.MODEL,
 }
 """A model file for each kind of study."""
@@ -84,11 +86,14 @@ def test_there_is_a_file_of_each_kind() -> None:
     assert set(TEXTS) == set(kinds())
 
 
-@pytest.mark.parametrize("kind", TEXTS)
+CASES = [*TEXTS.items(), in_campaign("scan", jobs.SCAN)]
+
+
+@pytest.mark.parametrize(("kind", "text"), CASES, ids=[*TEXTS, "whole scan"])
 @pytest.mark.usefixtures("small_parts")
-def test_every_study(kind, tmp_path, monkeypatch, capsys) -> None:
+def test_every_study(kind, text, tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
-    study, path = check_study(parse_source(TEXTS[kind])), Path("x.gapwalk")
+    study, path = check_study(parse_source(text)), Path("x.gapwalk")
     assert (study.options.kind, again(study.options, StudyKind)) == (kind, study.options)
 
     function, said = FUNCTIONS.get(kind, (lambda: gw.run(study), None))

@@ -41,7 +41,7 @@ def test_a_run_that_is_killed_comes_to_the_same_result(kind, tmp_path) -> None:
     code = f"from tests.studies.jobs import main; main({kind!r}, {str(path)!r})"
     assert "complete" not in killed_after(1, code)
     assert not gw.open_result(path).complete
-    assert killed_after(100, code)[-1] == "complete"
+    gw.run(study_of(kind), path, resume=True)
     assert_same_record(kind, gw.open_result(path).finding.record, whole.finding.record)
     assert json.dumps(gw.open_result(path).finding.document(True)) == json.dumps(whole.finding.document(True))
 
