@@ -97,6 +97,7 @@ def test_the_map_does_not_depend_on_the_number_of_processes(chart):
         assert np.array_equal(a.values, b.values)
 
 
+@pytest.mark.slow  # make test asks this of the map of tests/studies/test_every_study.py
 def test_ctrl_c_keeps_what_there_is_and_is_resumed(chart):
     def stop(part, addition):
         if part.loci:
