@@ -18,7 +18,7 @@ from benchmarks.clutch import ScipyClutch
 from benchmarks.effort import Effort
 from benchmarks.row import Row, Target
 from benchmarks.stopwatch import cpu_seconds, fastest, side_by_side
-from gapwalk import Branch, DiagramOptions, Orbit, WalkOptions, diagram, find_orbit, follow, paper, search
+from gapwalk import Branch, Orbit, WalkOptions, diagram, find_orbit, follow, paper, search
 from gapwalk.bifurcation.isolated.orbit_catalogue import Lanes
 from gapwalk.continuation import walk as walks
 from gapwalk.continuation.both_directions import BranchPoint
@@ -101,13 +101,11 @@ def measure(start: Orbit, effort: Effort) -> Row:
     """Measure the whole diagram in one process, once: period 1 to 8, with the search for isolated branches."""
     low, high = effort.diagram_from, _RANGE[1]
     values = math.ceil((high - low) / _NARROWEST * (1.0 - 1e-12))
-    options = DiagramOptions(workers=1, search_values=values)
+    options = {"workers": 1, "search_values": values}
     found: list[Any] = []
 
     def ours() -> None:
-        found.append(
-            count_periods(lambda: diagram(start.system, "frequency", (low, high), start=start, options=options))
-        )
+        found.append(count_periods(lambda: diagram(start.system, "frequency", (low, high), start=start, **options)))
 
     searching: list[float] = []
     searches = sys.modules[search.__module__]

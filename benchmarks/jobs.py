@@ -36,14 +36,14 @@ def rows(effort: Effort) -> list[Row]:
 
 
 def _sweep(system: System, values: int, workers: Workers) -> object:
-    options = gw.SweepOptions(steps=values, ways="again", starts=8)
-    return gw.sweep(system, "frequency", (0.3, 1.2), options=options, workers=workers)
+    options = {"steps": values, "ways": "again", "starts": 8}
+    return gw.sweep(system, "frequency", (0.3, 1.2), **options, workers=workers)
 
 
 def _map(workers: Workers) -> object:
-    plane = (0.25, 0.35), (0.2, 0.3)
-    options = gw.MapOptions(sections=4, max_period=2)
-    return gw.bifurcation_map(paper.case("27"), "frequency", "mean.q1", plane, options=options, workers=workers)
+    plane = {"frequency": (0.25, 0.35), "mean.q1": (0.2, 0.3)}
+    options = {"sections": 4, "max_period": 2}
+    return gw.bifurcation_map(paper.case("27"), plane, **options, workers=workers)
 
 
 def _tolerance(samples: int, workers: Workers) -> object:
@@ -52,8 +52,8 @@ def _tolerance(samples: int, workers: Workers) -> object:
     load = gw.Harmonic(0.15, {"x": 1.0})
     system = gw.System(["x"], [[1.0]], [[0.1]], [[1.0]], contacts=[stop], harmonics=[load], frequency=0.5)
     laws = [gw.ask.Spread("stop.clearance", sd=0.03), gw.ask.Spread("harmonic1.amplitude", sd=0.005)]
-    options = gw.ask.ToleranceOptions(samples=samples, check=8)
-    return gw.ask.tolerance(system, "frequency", (0.5, 1.5), laws, options=options, workers=workers)
+    options = {"samples": samples, "check": 8}
+    return gw.ask.tolerance(system, "frequency", (0.5, 1.5), laws, **options, workers=workers)
 
 
 def _measure(what: str, work: Callable[[Workers], object]) -> Row:

@@ -75,8 +75,8 @@ def test_before_there_is_anything_there_is_nothing_to_find(monkeypatch) -> None:
 
 
 def test_shares_of_basins_are_counted_over_the_states_that_were_done() -> None:
-    options = gw.BasinOptions(workers=1)
-    found = until_ctrl_c(gw.basin_shares, linear(), {"a": (-1.0, 1.0)}, 5000, options=options, report=after(1))
+    options = {"workers": 1}
+    found = until_ctrl_c(gw.basin_shares, linear(), {"a": (-1.0, 1.0)}, 5000, **options, report=after(1))
     assert not found.complete
     assert found.notes == ("stopped when 4096 of 5000 states were done",)
 

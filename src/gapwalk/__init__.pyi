@@ -59,21 +59,17 @@ from .orbit.orbit import Orbit as Orbit
 from .orbit.shooting import Shooting as Shooting
 from .reduction import Reduction as Reduction
 from .reduction import reduce as reduce
-from .studies.basin_study import BasinOptions as BasinOptions
 from .studies.basin_study import basin_shares as basin_shares
-from .studies.basin_study import basins as basins
-from .studies.diagram_study import DiagramOptions as DiagramOptions
-from .studies.diagram_study import diagram as diagram
 from .studies.diagram_study import find_others as find_others
 from .studies.export import save_tables as save_tables
 from .studies.family import Family as Family
-from .studies.family import FamilyOptions as FamilyOptions
-from .studies.family_study import family as family
+from .studies.functions import basins as basins
+from .studies.functions import bifurcation_map as bifurcation_map
+from .studies.functions import diagram as diagram
+from .studies.functions import family as family
+from .studies.functions import regimes as regimes
+from .studies.functions import sweep as sweep
 from .studies.map import Map as Map
-from .studies.map import MapOptions as MapOptions
-from .studies.map_study import bifurcation_map as bifurcation_map
-from .studies.regime_study import RegimeMapOptions as RegimeMapOptions
-from .studies.regime_study import regimes as regimes
 from .studies.result import Result as Result
 from .studies.result import open_result as open_result
 from .studies.runner import run as run
@@ -81,8 +77,6 @@ from .studies.study_file import Study as Study
 from .studies.study_file import read_model as read_model
 from .studies.study_file import read_study as read_study
 from .studies.sweep_study import Sweep as Sweep
-from .studies.sweep_study import SweepOptions as SweepOptions
-from .studies.sweep_study import sweep as sweep
 from .studies.verify import verify as verify
 from .verification import Verification as Verification
 

@@ -1,17 +1,10 @@
 """Public names of `gapwalk.analysis`; see `gapwalk.lazy_names`."""
 
-from .answers.spread import SpreadLaw as SpreadLaw
 from .answers.spread import Spreads as Spreads
-from .answers.spread import measured_parts as measured_parts
-from .answers.spread import spread_in_percent as spread_in_percent
-from .attractors.basins import match as match
 from .attractors.compare_motions import contrast as contrast
 from .attractors.lyapunov import LyapunovOptions as LyapunovOptions
 from .attractors.lyapunov import lyapunov as lyapunov
 from .attractors.rattle import rattle as rattle
-from .attractors.regimes import Regime as Regime
-from .attractors.regimes import RegimeOptions as RegimeOptions
-from .attractors.section import Crossing as Crossing
 from .attractors.section import Plane as Plane
 from .attractors.section import impact_plane as impact_plane
 from .attractors.section import section as section
@@ -21,7 +14,6 @@ from .attractors.spectrum import sound as sound
 from .attractors.spectrum import spectrum as spectrum
 from .attractors.spectrum import waterfall as waterfall
 from .bifurcation.loci.gradient import gradients as gradients
-from .ensemble.batch_flow import BatchOptions as BatchOptions
 from .flow.hysteresis import Hysteresis as Hysteresis
 from .flow.hysteresis import hysteresis as hysteresis
 from .flow.hysteresis import stick_slip as stick_slip

@@ -1,7 +1,6 @@
 """Public names of `gapwalk.ask`; see `gapwalk.lazy_names`."""
 
 from .answers.design import Change as Change
-from .answers.design import LeastChangeOptions as LeastChangeOptions
 from .answers.goals import Need as Need
 from .answers.goals import NoPoint as NoPoint
 from .answers.goals import PeakBelow as PeakBelow
@@ -13,16 +12,10 @@ from .answers.scan import MotionClaim as MotionClaim
 from .answers.scan import PointClaim as PointClaim
 from .answers.scan import Variations as Variations
 from .answers.scan import variations as variations
-from .answers.settled_sweep import SlowSweepOptions as SlowSweepOptions
 from .answers.speed_course import SpeedCourse as SpeedCourse
 from .answers.spread import Spread as Spread
-from .answers.threshold import ThresholdOptions as ThresholdOptions
-from .studies.design_study import DesignOptions as DesignOptions
-from .studies.design_study import design as design
-from .studies.rattle_study import RattleOptions as RattleOptions
-from .studies.rattle_study import rattle_bands as rattle_bands
-from .studies.scan_study import ScanOptions as ScanOptions
-from .studies.scan_study import scan as scan
-from .studies.threshold_study import threshold as threshold
-from .studies.tolerance_study import ToleranceOptions as ToleranceOptions
-from .studies.tolerance_study import tolerance as tolerance
+from .studies.functions import design as design
+from .studies.functions import rattle_bands as rattle_bands
+from .studies.functions import scan as scan
+from .studies.functions import threshold as threshold
+from .studies.functions import tolerance as tolerance

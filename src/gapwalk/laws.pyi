@@ -3,13 +3,8 @@
 from .model.element_tables import measured_spring as measured_spring
 from .model.laws import CLEARANCE as CLEARANCE
 from .model.laws import STIFFNESS as STIFFNESS
-from .model.laws import Coulomb as Coulomb
 from .model.laws import Expression as Expression
-from .model.laws import Host as Host
-from .model.laws import Hysteretic as Hysteretic
 from .model.laws import Law as Law
-from .model.laws import Stages as Stages
-from .model.laws import StageTerms as StageTerms
 from .model.laws import register as register
 from .model.laws import register_formula as register_formula
 from .model.laws.formula import FormulaError as FormulaError

@@ -8,9 +8,7 @@ from .model.loads import Rectangle as Rectangle
 from .model.loads import Steady as Steady
 from .model.loads import register as register
 from .model.loads.load import FactorOverSpeed as FactorOverSpeed
-from .model.measured.crank_orders import OrderLine as OrderLine
 from .model.measured.crank_orders import displacement_orders as displacement_orders
 from .model.measured.crank_orders import orders_of as orders_of
-from .model.measured.measured_table import SpeedTable as SpeedTable
 from .model.measured.measured_table import speed_table as speed_table
 from .model.registry import Parameter as Parameter

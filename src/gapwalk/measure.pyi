@@ -1,6 +1,5 @@
 """Public names of `gapwalk.measure`; see `gapwalk.lazy_names`."""
 
-from .answers.measured_points import MeasuredPoint as MeasuredPoint
 from .answers.measured_points import read_points as read_points
 from .answers.point_fit import fit_points as fit_points
 from .flow.motion import Signal as Signal

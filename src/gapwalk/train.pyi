@@ -5,7 +5,6 @@ from .model.drivetrain import Force as Force
 from .model.drivetrain import Friction as Friction
 from .model.drivetrain import Gear as Gear
 from .model.drivetrain import Inertia as Inertia
-from .model.drivetrain import Scales as Scales
 from .model.drivetrain import Shaft as Shaft
 from .model.drivetrain import Train as Train
 from .model.drivetrain import chain as chain

@@ -27,8 +27,8 @@ def stopped() -> System:
     )
 
 
-def quick(**more) -> gw.ask.DesignOptions:
-    return gw.ask.DesignOptions(finding=replace(gw.ask.DesignOptions().finding, starts=0, **more), search_values=0)
+def quick(**more) -> dict:
+    return {"starts": 0, "search_values": 0, **more}
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def quiet():
     """The least change of load and clearance with which the stop is never touched."""
     goal = gw.ask.Quiet("stop", (0.7, 1.5))
     changes = {"harmonic1.amplitude": 0.5, "stop.clearance": 0.5}
-    return gw.ask.design(stopped(), changes, goal, "frequency", (0.7, 1.5), options=quick())
+    return gw.ask.design(stopped(), changes, goal, "frequency", (0.7, 1.5), **quick())
 
 
 def test_a_quiet_design_is_the_nearest_point_of_a_closed_form(quiet):
@@ -63,7 +63,7 @@ def test_it_describes_itself(quiet):
 
 def test_goals_that_stand_against_each_other_are_named():
     goals = (gw.ask.Resonance(1, above=1.9, at="closed"), gw.ask.Resonance(1, below=1.3, at="closed"))
-    found = gw.ask.design(stopped(), {"stop.stiffness": 0.9}, goals, "frequency", (0.7, 0.75), options=quick())
+    found = gw.ask.design(stopped(), {"stop.stiffness": 0.9}, goals, "frequency", (0.7, 0.75), **quick())
     assert not found.is_reached
     assert found.sentence.startswith("not reached within the limits: ")
     # with the stop closed the stiffness is 1 + k
@@ -88,7 +88,7 @@ def test_the_least_change_for_a_peak_is_that_of_a_closed_form():
 
     goal = gw.ask.PeakBelow("spring", 0.6, (0.8, 1.6))
     names = {"harmonic1.amplitude": 0.6, "damping.x.x": 0.6, "mean.x": 0.6}
-    found = gw.ask.design(sprung(), names, goal, "frequency", (0.8, 1.6), options=quick(margin=0.0))
+    found = gw.ask.design(sprung(), names, goal, "frequency", (0.8, 1.6), **quick(margin=0.0))
     best = minimize(lambda u: u @ u, np.zeros(3), constraints={"type": "ineq", "fun": margin}, tol=1e-12).x
     assert margin(np.zeros(3)) < -0.1
     assert found.is_reached
@@ -140,7 +140,7 @@ def test_a_resonance_is_that_about_rest():
     turns = math.sqrt(stiffness * (1.0 / 0.14 + 1.0 / hub)) / (2.0 * math.pi)
     assert goal.value(system) == pytest.approx(60.0 * turns / 2.0, rel=5e-3)
     assert gw.ask.Resonance(1, below=600.0, order=2, at="closed").value(system) > 1.7 * goal.value(system)
-    found = gw.ask.design(system, {"clutch.stiffness": 0.9}, goal, "speed", (1100.0, 1090.0), options=quick(margin=0.0))
+    found = gw.ask.design(system, {"clutch.stiffness": 0.9}, goal, "speed", (1100.0, 1090.0), **quick(margin=0.0))
     assert found.changes[0].after == pytest.approx(4.0 * (600.0 / goal.value(system)) ** 2, rel=3e-3)
     assert goal.value(found.system) == pytest.approx(600.0, rel=1e-5)
 
@@ -149,7 +149,7 @@ def test_an_isolated_branch_refuses_a_design():
     # the response of figure 27 has no fold below an amplitude of 0.43, but an isolated branch ends at 0.2614
     system, goal = gw.paper.case("27").at({"harmonic1.amplitude": 0.35}), gw.ask.NoPoint("fold", (0.2, 0.3))
     options = replace(quick(), search_values=(0.22,), search=gw.SearchOptions(starts=16, newton_starts=16))
-    found = gw.ask.design(system, {"mean.q1": 0.1}, goal, "harmonic1.amplitude", (0.35, 0.18), options=options)
+    found = gw.ask.design(system, {"mean.q1": 0.1}, goal, "harmonic1.amplitude", (0.35, 0.18), **options)
     assert found.judged[0].is_reached
     assert not found.is_reached
     assert len(found.isolated) == 1
@@ -200,7 +200,7 @@ def test_the_slopes_of_a_vanishing_fold_are_those_of_designs_walked_again():
 )
 def test_what_makes_no_sense_is_refused(changes, goal, words):
     with pytest.raises(ModelError, match=words):
-        gw.ask.design(stopped(), changes, goal, "frequency", (0.7, 0.9), options=quick())
+        gw.ask.design(stopped(), changes, goal, "frequency", (0.7, 0.9), **quick())
 
 
 def test_a_stopped_design_continues_to_the_same(tmp_path, quiet):

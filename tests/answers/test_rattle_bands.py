@@ -13,7 +13,7 @@ import gapwalk as gw
 from gapwalk.answers.gap_states import GapState
 from gapwalk.errors import ModelError
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
-from gapwalk.studies.rattle_study import RattleFinding
+from gapwalk.studies.rattle_study import RattleStudy
 
 GAP, STOP, DAMPING, LOAD = 1.0, 1.5, 0.1, 0.15
 IDLE = Path(__file__).resolve().parents[2] / "examples" / "idle.toml"
@@ -36,9 +36,7 @@ def touches() -> tuple[float, float]:
 
 @pytest.fixture(scope="module")
 def bands():
-    return gw.ask.rattle_bands(
-        stopped(), "frequency", (0.7, 1.5), "stop", options=gw.ask.RattleOptions(starts=16), workers=1
-    )
+    return gw.ask.rattle_bands(stopped(), "frequency", (0.7, 1.5), "stop", starts=16, workers=1)
 
 
 def test_the_ends_are_grazing_points_of_the_linear_motion_and_a_jump(bands):
@@ -110,8 +108,8 @@ def test_a_rattling_motion_that_no_sweep_meets_is_found_from_random_starts():
     within = (high + 4e-4, high + 0.03)
     size = LOAD / (1.0 - within[0] ** 2 + 1j * DAMPING * within[0])
     quiet = (size.real, (1j * within[0] * size).real)  # the linear motion, which does not touch
-    options = gw.ask.RattleOptions(search=3, starts=16)
-    found = gw.ask.rattle_bands(stopped(), "frequency", within, start=quiet, options=options, workers=1)
+    options = {"search": 3, "starts": 16}
+    found = gw.ask.rattle_bands(stopped(), "frequency", within, start=quiet, **options, workers=1)
     assert not found.of("stop", "rising")
     assert not found.of("stop", "falling")
     (band,) = found.of("stop")
@@ -140,7 +138,7 @@ def test_a_file_stores_it_and_a_stopped_run_goes_on(tmp_path):
             end.value for band in whole.bands for end in (band.low, band.high)
         ]
         assert repr(one.severities) == repr(whole.severities)
-    assert json.dumps(RattleFinding(whole, 3, 3).document(points=True), allow_nan=False)
+    assert json.dumps(RattleStudy("frequency", 0.9, 1.1).document(whole, points=True), allow_nan=False)
 
 
 @pytest.mark.parametrize(
@@ -217,8 +215,8 @@ def test_a_share_of_a_chaotic_motion_does_not_depend_on_the_sample():
     stop = Contact("stop", {"x": 1.0}, (Stage(0.1, 30.0, side=Side.POSITIVE),))
     load = Harmonic(0.6, {"x": 1.0})
     system = System(["x"], [[1.0]], damping=[[0.05]], contacts=[stop], harmonics=[load], frequency=2.4)
-    options = gw.ask.RattleOptions(gw.ask.SlowSweepOptions(steps=2, patience=32), search=0, starts=8)
-    found = gw.ask.rattle_bands(system, "frequency", (2.38, 2.39), options=options, workers=1)
+    options = {"steps": 2, "patience": 32, "search": 0, "starts": 8}
+    found = gw.ask.rattle_bands(system, "frequency", (2.38, 2.39), **options, workers=1)
     (worst,) = found.worst
     assert (worst.share, worst.starts, worst.motion, worst.severity.period) == (1.0, 8, "chaotic", 0)
     low = 0.025 ** (1 / 8)  # Clopper and Pearson, all of eight
@@ -232,8 +230,8 @@ def test_on_a_rigid_stop_the_worst_motion_has_the_fastest_impacts():
     stop = gw.rigid_stop("teeth", {"x": 1.0}, 1.0, 0.5, side="positive")
     load = gw.Harmonic(0.8, {"x": 1.0})
     system = gw.System(["x"], [[1.0]], [[0.3]], contacts=[stop], harmonics=[load], frequency=0.8)
-    options = gw.ask.RattleOptions(starts=0, search=0)
-    found = gw.ask.rattle_bands(system, "frequency", (0.76, 0.8), gaps="teeth", options=options)
+    options = {"starts": 0, "search": 0}
+    found = gw.ask.rattle_bands(system, "frequency", (0.76, 0.8), gaps="teeth", **options)
     rows = [row for row in found.severities if row.state.rattles]
     (worst,) = found.worst
     assert all(math.isnan(row.peak) for row in rows)  # the force of an impact is an impulse

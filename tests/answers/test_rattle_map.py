@@ -9,6 +9,7 @@ import gapwalk as gw
 from gapwalk.answers.gap_states import GapState
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.model.model_source import parse_source
+from gapwalk.studies.study_file import check_study
 from tests.answers.test_rattle_bands import DAMPING, GAP, STOP, stopped
 
 MODEL = f"""
@@ -42,7 +43,7 @@ workers = 1
 
 @pytest.fixture(scope="module")
 def found():
-    study = gw.studies.check_study(parse_source(MODEL))
+    study = check_study(parse_source(MODEL))
     assert study.system.at(frequency=0.5) == stopped()
     return gw.run(study).finding
 

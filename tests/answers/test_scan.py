@@ -12,6 +12,7 @@ import gapwalk as gw
 from gapwalk.answers.scan import FAILS, HOLDS, UNKNOWN, Scan, Variations, VariedHow
 from gapwalk.attractors.regimes import Regime
 from gapwalk.errors import ModelError
+from gapwalk.studies.scan_study import ScanStudy
 from tests.studies.jobs import HEAD, SCAN
 
 PERIODIC, TORUS, CHAOS = (int(kind) for kind in (Regime.PERIODIC, Regime.QUASI_PERIODIC, Regime.CHAOTIC))
@@ -49,8 +50,8 @@ def test_claims_about_points() -> None:
         (lambda: gw.ask.PointClaim("fold", "frequency", 2.0, 1.0), "lower end first"),
         (lambda: gw.ask.PointClaim("fold", "frequency", 1.0, 2.0, over=(1.5, 1.0)), "must cover"),
         (lambda: gw.ask.PointClaim("fold", "frequency", 1.0, 2.0, at={"frequency": 1.0}), "leave it out"),
-        (lambda: gw.ask.ScanOptions(spread=0.0), "must be > 0"),
-        (lambda: gw.ask.ScanOptions(starts=0), "starts is 0"),
+        (lambda: ScanStudy(claims=(), spread=0.0), "must be > 0"),
+        (lambda: ScanStudy(claims=(), starts=0), "starts is 0"),
         (lambda: gw.ask.variations(CLUTCH, ["harmonic1.phase"], factors=[2.0]), "write it in listed"),
         (lambda: gw.ask.scan(CLUTCH, []), "there are no claims"),
         (lambda: gw.ask.scan(CLUTCH, [gw.ask.MotionClaim("chaotic", {"mean.q1": 1.0})], ["mean.q1"]), "cannot vary"),
@@ -130,16 +131,16 @@ def test_a_scan_finds_the_change_that_makes_a_claim_hold() -> None:
         gw.ask.PointClaim("grazing", "frequency", 0.9, 1.6, over=(1.6, 0.6)),
         gw.ask.PointClaim("grazing", "frequency", 0.9, 1.6, absent=True, over=(1.6, 0.6)),
     ]
-    options = gw.ask.ScanOptions(factors=(1.9, 2.1), neighbours=0, starts=1)
-    found = gw.ask.scan(system, claims, ["harmonic1.amplitude"], options=options, workers=1)
+    options = {"factors": (1.9, 2.1), "neighbours": 0, "starts": 1}
+    found = gw.ask.scan(system, claims, ["harmonic1.amplitude"], **options, workers=1)
     # the linear response reaches the stop where F > c sqrt(1 - c^2/4) = 0.0999, that is 1.9975 times 0.05
     assert found.holds.tolist() == [[0, 1], [0, 1], [1, 0]]
 
 
 def test_a_system_that_runs_away_fulfils_nothing_and_holds_up_nothing() -> None:
     claims = [gw.ask.MotionClaim("period 3", {"frequency": 0.45}), gw.ask.MotionClaim("chaotic", {"frequency": 0.3})]
-    options = gw.ask.ScanOptions(factors=(0.0,), neighbours=0, starts=2, check=1)
-    found = gw.ask.scan(CLUTCH, claims, ["stiffness.q3.q3"], options=options, workers=1)
+    options = {"factors": (0.0,), "neighbours": 0, "starts": 2, "check": 1}
+    found = gw.ask.scan(CLUTCH, claims, ["stiffness.q3.q3"], **options, workers=1)
     assert found.holds[0, 0] == HOLDS
     assert found.holds[1].tolist() == [FAILS, FAILS]
     assert found.check.different == ()
@@ -148,8 +149,8 @@ def test_a_system_that_runs_away_fulfils_nothing_and_holds_up_nothing() -> None:
 def test_verdicts_agree_with_the_exact_flow() -> None:
     """Each motion from rest is what `classify` finds by the exact flow."""
     claims = [gw.ask.MotionClaim(kind, {"frequency": 0.45}) for kind in ("period 1", "period 3", "chaotic")]
-    options = gw.ask.ScanOptions(factors=(0.8, 1.25), neighbours=2, starts=1, check=0)
-    found = gw.ask.scan(CLUTCH, claims, ["mean.q1", "harmonic1.amplitude"], options=options, workers=1)
+    options = {"factors": (0.8, 1.25), "neighbours": 2, "starts": 1, "check": 0}
+    found = gw.ask.scan(CLUTCH, claims, ["mean.q1", "harmonic1.amplitude"], **options, workers=1)
     for index in range(len(found.variations)):
         exact = gw.classify(CLUTCH.at(found.variations.of(index)))
         label = f"period {exact.period}" if exact.orbit else str(exact.kind.value)
@@ -163,8 +164,8 @@ def test_a_walk_that_has_no_beginning_is_unknown(monkeypatch) -> None:
 
     monkeypatch.setattr("gapwalk.studies.scan_study.find_orbit", fail)
     claims = [gw.ask.PointClaim("fold", "frequency", 0.5, 0.6)]
-    options = gw.ask.ScanOptions(factors=(0.5,), neighbours=0)
-    found = gw.ask.scan(CLUTCH, claims, ["mean.q1"], options=options, workers=1)
+    options = {"factors": (0.5,), "neighbours": 0}
+    found = gw.ask.scan(CLUTCH, claims, ["mean.q1"], **options, workers=1)
     assert (found.holds == UNKNOWN).all()
     assert "2 of 2 verdicts are unknown" in found.notes[0]
 

@@ -8,6 +8,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.plot.picture import picture_of
+from gapwalk.studies.response_study import ResponseOptions
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def test_what_is_asked_for_is_shown(system, asked, shown) -> None:
 def test_the_table_has_the_measure_of_the_picture() -> None:
     stop = gw.Contact("stop", {"x": 1.0}, [gw.Stage(clearance=1.0, stiffness=20.0, side="positive")])
     mass = gw.System(["x"], [[1.0]], [[0.1]], contacts=[stop], harmonics=[gw.Harmonic(0.5, {"x": 1.0})])
-    result = gw.run(gw.Study(mass, gw.studies.ResponseOptions("frequency", 1.1, 1.6, measure="max.x"), "", ""))
+    result = gw.run(gw.Study(mass, ResponseOptions("frequency", 1.1, 1.6, measure="max.x"), "", ""))
     table, points = result.special_points(), result.branches[0].special_points
     place = [heading for heading, _ in table.columns].index("max x")
     assert points

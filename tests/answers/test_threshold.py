@@ -13,7 +13,7 @@ from gapwalk.answers.threshold import Confirmation, Threshold, ThresholdOptions
 
 DAMPING, STIFFNESS, LOAD, GAP = 0.4, 1.3, 0.2, 0.5
 EXAMPLES = Path(__file__).parents[2] / "examples"
-FEW = ThresholdOptions(values=8, starts=4, periods=60)
+FEW = {"values": 8, "starts": 4, "periods": 60}
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def amplitude(frequency: float) -> float:
 
 def test_the_threshold_is_that_of_the_linear_resonance(gear: gw.System) -> None:
     """The teeth stay together if the mean load exceeds the stiffness times the amplitude of the linear motion."""
-    found = gw.ask.threshold(gear, "mean.x", (0.1, 1.2), "frequency", (0.7, 1.6), options=FEW)
+    found = gw.ask.threshold(gear, "mean.x", (0.1, 1.2), {"frequency": (0.7, 1.6)}, **FEW)
     assert found.at == pytest.approx(math.sqrt(STIFFNESS - DAMPING**2 / 2.0), rel=1e-6)
     exact = STIFFNESS * LOAD / (DAMPING * math.sqrt(STIFFNESS - DAMPING**2 / 4.0))
     assert found.value == pytest.approx(exact, rel=1e-9)
@@ -67,7 +67,7 @@ def opens(frequency: float, mean: float) -> bool:
 
 
 def test_a_limit_at_the_end_of_the_range_is_told(gear: gw.System) -> None:
-    found = gw.ask.threshold(gear, "mean.x", (0.05, 1.2), "frequency", (1.4, 2.0), options=FEW)
+    found = gw.ask.threshold(gear, "mean.x", (0.05, 1.2), {"frequency": (1.4, 2.0)}, **FEW)
     assert found.is_edge
     assert found.at == pytest.approx(1.4, rel=1e-9)
     assert found.value == pytest.approx(STIFFNESS * amplitude(1.4), rel=1e-8)
@@ -83,7 +83,7 @@ def test_a_limit_at_the_end_of_the_range_is_told(gear: gw.System) -> None:
     ],
 )
 def test_no_threshold_is_an_answer_too(gear: gw.System, to: tuple[float, float], says: str) -> None:
-    found = gw.ask.threshold(gear, "mean.x", to, "frequency", (0.7, 1.6), options=FEW)
+    found = gw.ask.threshold(gear, "mean.x", to, {"frequency": (0.7, 1.6)}, **FEW)
     assert found.limit is None
     assert math.isnan(found.value)
     assert says in found.notes[0]
@@ -93,7 +93,7 @@ def test_no_threshold_is_an_answer_too(gear: gw.System, to: tuple[float, float],
 
 def test_a_study_stores_its_threshold(gear: gw.System, tmp_path) -> None:
     found = gw.ask.threshold(
-        gear, "mean.x", (0.1, 1.2), "frequency", (1.4, 2.0), options=FEW, output=tmp_path / "t.gapwalk"
+        gear, "mean.x", (0.1, 1.2), {"frequency": (1.4, 2.0)}, **FEW, output=tmp_path / "t.gapwalk"
     )
     again = gw.open_result(tmp_path / "t.gapwalk")
     assert again.value == found.value
@@ -105,21 +105,21 @@ def test_a_study_stores_its_threshold(gear: gw.System, tmp_path) -> None:
 
 def test_bad_requests_teach(gear: gw.System) -> None:
     with pytest.raises(gw.errors.ModelError, match="two different ones"):
-        gw.ask.threshold(gear, "mean.x", (0.1, 1.0), "mean.x", (0.7, 1.6))
+        gw.ask.threshold(gear, "mean.x", (0.1, 1.0), {"mean.x": (0.7, 1.6)})
     with pytest.raises(gw.errors.ModelError, match="teeth"):
-        gw.ask.threshold(gear, "mean.x", (0.1, 1.0), "frequency", (0.7, 1.6), gaps="tooth")
+        gw.ask.threshold(gear, "mean.x", (0.1, 1.0), {"frequency": (0.7, 1.6)}, gaps="tooth")
     with pytest.raises(gw.errors.ModelError, match="starts is 0"):
         ThresholdOptions(starts=0)
 
 
 def test_a_picture_without_a_threshold_says_why(gear: gw.System) -> None:
-    found = gw.ask.threshold(gear, "mean.x", (1.2, 0.2), "frequency", (0.7, 1.6), options=FEW)
+    found = gw.ask.threshold(gear, "mean.x", (1.2, 0.2), {"frequency": (0.7, 1.6)}, **FEW)
     figure = found.plot()
     assert any("widen the range" in " ".join(text.get_text().split()) for text in figure.axes[0].texts)
 
 
 def test_the_loci_of_a_threshold_are_verified(gear: gw.System) -> None:
-    found = gw.ask.threshold(gear, "mean.x", (0.1, 1.2), "frequency", (1.4, 2.0), options=FEW)
+    found = gw.ask.threshold(gear, "mean.x", (0.1, 1.2), {"frequency": (1.4, 2.0)}, **FEW)
     assert gw.verify(found).ok
     first, *rest = found.loci[0].points
     moved = dataclasses.replace(first.orbit, state=first.orbit.state * 1.001)
@@ -141,7 +141,7 @@ def test_texts_of_a_threshold_have_units() -> None:
 
 def test_what_moves_it_names_no_factor_that_repeats_an_amplitude(gear: gw.System) -> None:
     system = gear.at(frequency=0.9)
-    found = gw.ask.threshold(system, "mean.x", (0.05, 1.2), "frequency", (1.4, 2.0), options=FEW)
+    found = gw.ask.threshold(system, "mean.x", (0.05, 1.2), {"frequency": (1.4, 2.0)}, **FEW)
     gradient = found.gradient()
     load = system.structure.harmonics[0].name
     assert gradient[f"{load}.acts_on.x"] * system[f"{load}.acts_on.x"] == pytest.approx(
@@ -167,7 +167,7 @@ def test_the_stated_error_holds(damping: float, unit: float) -> None:
     """A graze is computed a little off the breakpoint: the threshold is that of the touch itself."""
     exact = 0.7 * unit * damping * math.sqrt(1.0 - damping**2 / 4.0)
     found = gw.ask.threshold(
-        stopped(damping, 0.7, unit), "a.amplitude", (3.0 * exact, 0.3 * exact), "frequency", (0.6, 1.4), options=FEW
+        stopped(damping, 0.7, unit), "a.amplitude", (3.0 * exact, 0.3 * exact), {"frequency": (0.6, 1.4)}, **FEW
     )
     assert found.value == pytest.approx(exact, rel=1e-12)
     assert abs(found.value - exact) <= found.uncertainty
@@ -176,9 +176,9 @@ def test_the_stated_error_holds(damping: float, unit: float) -> None:
 def test_a_transient_is_no_rattle_and_a_narrow_resonance_is_found() -> None:
     """At a damping ratio of 0.11 % transients rattle for thousands of periods, and tries miss the resonance."""
     exact = 0.5288 * 0.0022 * math.sqrt(1.0 - 0.0011**2)
-    options = ThresholdOptions(values=8, starts=4)
+    options = {"values": 8, "starts": 4}
     found = gw.ask.threshold(
-        stopped(0.0022, 0.5288), "a.amplitude", (0.003, 0.0003), "frequency", (0.8, 1.2), options=options
+        stopped(0.0022, 0.5288), "a.amplitude", (0.003, 0.0003), {"frequency": (0.8, 1.2)}, **options
     )
     assert found.value == pytest.approx(exact, rel=1e-11)
     assert abs(found.value - exact) <= found.uncertainty

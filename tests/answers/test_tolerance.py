@@ -14,11 +14,12 @@ from gapwalk.answers.point_prediction import Guess, Regression, Regressions, Ter
 from gapwalk.answers.spread import Spread, Spreads, measured_parts, spread_in_percent
 from gapwalk.answers.tolerance import HowFound, chance_of
 from gapwalk.answers.tolerance_tracking import Tracker
+from gapwalk.ask import tolerance
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.flow.flow import Flow
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.plot.picture import picture_of
-from gapwalk.studies.tolerance_study import ToleranceOptions, ToleranceStudy, tolerance
+from gapwalk.studies.tolerance_study import ToleranceStudy
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 CAMPAIGN, NARROW = DATA / "tolerance_campaign.csv", DATA / "tolerance_narrow.csv"
@@ -34,7 +35,7 @@ PERCENT = {
 }
 IDLE = Path(__file__).resolve().parents[2] / "examples" / "idle.toml"
 GAP, LOAD, DAMPING = 1.0, 0.15, 0.1
-OPTIONS = ToleranceOptions(samples=120, check=2)
+OPTIONS = {"samples": 120, "check": 2}
 
 
 def stopped(*others: Contact) -> System:
@@ -62,7 +63,7 @@ def laws() -> tuple[Spread, ...]:
 
 @pytest.fixture(scope="module")
 def found():
-    return tolerance(stopped(), "frequency", (0.5, 1.5), laws(), band=(0.8, 0.93), options=OPTIONS, workers=1)
+    return tolerance(stopped(), "frequency", (0.5, 1.5), laws(), band=(0.8, 0.93), **OPTIONS, workers=1)
 
 
 def test_grazing_points_of_all_samples_are_those_of_the_closed_form(found):
@@ -104,9 +105,9 @@ def test_a_stopped_study_continues_to_the_same_bits(found, tmp_path):
 
     asked = (stopped(), "frequency", (0.5, 1.5), laws())
     with pytest.raises(Interrupted) as stopped_at:
-        tolerance(*asked, band=(0.8, 0.93), options=OPTIONS, workers=1, output=file, report=stop)
+        tolerance(*asked, band=(0.8, 0.93), **OPTIONS, workers=1, output=file, report=stop)
     assert 0 < len(stopped_at.value.found.samples) < 120
-    again = tolerance(*asked, band=(0.8, 0.93), options=OPTIONS, workers=1, output=file)
+    again = tolerance(*asked, band=(0.8, 0.93), **OPTIONS, workers=1, output=file)
     assert again.values.tobytes() == found.values.tobytes()
     assert again.how.tobytes() == found.how.tobytes()
     assert gw.open_result(file).values.tobytes() == found.values.tobytes()
@@ -115,7 +116,7 @@ def test_a_stopped_study_continues_to_the_same_bits(found, tmp_path):
 def test_samples_without_points_that_all_walks_have_are_walked(tmp_path):
     weak = (Spread("harmonic1.amplitude", "uniform", low=0.098, high=0.14), Spread("stop.clearance", sd=0.003))
     options, file = replace(OPTIONS, seed=10, check=0), tmp_path / "weak.gapwalk"
-    few = tolerance(stopped(), "frequency", (0.5, 1.5), weak, options=options, workers=1, output=file)
+    few = tolerance(stopped(), "frequency", (0.5, 1.5), weak, **options, workers=1, output=file)
     touching = (few.samples[:, 0] / few.samples[:, 1]) ** 2 > DAMPING**2 * (1.0 - DAMPING**2 / 4.0)
     assert touching[:15].all()  # these are walked first
     assert np.sum(~touching) == 6
@@ -135,7 +136,7 @@ def test_points_are_noticed_that_no_walk_has():
     peak = -float(branch.measure("min.x").min())
     system = stopped(Contact("wall", {"x": 1.0}, (Stage(1.05 * peak, 0.05, side=Side.NEGATIVE),)))
     law = Spread("wall.clearance", "uniform", low=0.99 * peak, high=1.1 * peak)
-    found = tolerance(system, "frequency", (0.5, 1.5), [law], options=replace(OPTIONS, check=0, seed=44), workers=1)
+    found = tolerance(system, "frequency", (0.5, 1.5), [law], **dict(OPTIONS, check=0, seed=44), workers=1)
     touching = found.samples[:, 0] < 0.999 * peak
     assert not touching[:15].any()  # these are walked first
     assert touching.sum() >= 3
@@ -290,7 +291,7 @@ def test_quantiles_of_clutches_are_those_of_the_campaign():
     samples, walked = campaign()
     work, _ = clutch()
     system, spreads = work.system, work.spreads
-    found = tolerance(system, "frequency", (1.9, 0.6), spreads, options=ToleranceOptions(samples=400, check=0))
+    found = tolerance(system, "frequency", (1.9, 0.6), spreads, samples=400, check=0)
     assert found.samples == pytest.approx(samples, rel=1e-10)
     shares = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
     assert found.quantiles(*shares) == pytest.approx(np.nanquantile(walked, shares, axis=0), rel=5e-3)
@@ -302,8 +303,8 @@ def test_quantiles_of_clutches_are_those_of_the_campaign():
 def test_all_points_of_a_thousand_clutches_are_those_of_full_walks(accuracy, largest, quantile):
     system = gw.paper.case("13").at(frequency=1.9)
     spreads = Spreads(tuple(spread_in_percent(system, 0.2 * sd, [name])[0] for name, sd in PERCENT.items()))
-    options = ToleranceOptions(samples=1000, check=0, accuracy=accuracy)
-    found = tolerance(system, "frequency", (1.9, 0.15), spreads, options=options)
+    options = {"samples": 1000, "check": 0, "accuracy": accuracy}
+    found = tolerance(system, "frequency", (1.9, 0.15), spreads, **options)
     lines = [line.split(",")[1].split() for line in NARROW.read_text().splitlines()[4:]]
     walks = [[(point[0], float(point[1:])) for point in line] for line in lines]
     letters = {"grazing": "G", "flip": "P", "fold": "F", "neimark-sacker": "N"}
@@ -399,7 +400,7 @@ def test_laws_that_make_no_sense_are_refused(law, text):
 def test_values_that_the_model_does_not_allow_are_counted(found):
     wide = (Spread("stop.clearance", sd=0.02), Spread("harmonic1.amplitude", sd=0.002), Spread("mass.x.x", sd=0.5))
     options = replace(OPTIONS, samples=40, check=0)
-    bold = tolerance(stopped(), "frequency", (0.5, 1.5), wide, options=options, workers=1)
+    bold = tolerance(stopped(), "frequency", (0.5, 1.5), wide, **options, workers=1)
     refused = bold.samples[:, 2] <= 0.0
     assert np.all(bold.how[refused] == HowFound.REFUSED)
     assert np.isnan(bold.values[refused]).all()

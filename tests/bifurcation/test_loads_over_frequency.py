@@ -6,8 +6,9 @@ import pytest
 import gapwalk as gw
 from gapwalk.bifurcation.loci.balanced_plane import BalancedPlane
 from gapwalk.bifurcation.loci.orbit_plane import ShotPlane
-from gapwalk.loads import Measured, Rectangle, SpeedTable, Steady, orders_of
+from gapwalk.loads import Measured, Rectangle, Steady, orders_of
 from gapwalk.model.loads import Harmonic
+from gapwalk.model.measured.measured_table import SpeedTable
 from gapwalk.orbit import Shooting
 from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.orbit import sensitivity

@@ -35,13 +35,13 @@ def test_basins_of_what_the_batch_integrator_refuses_are_those_of_the_exact_flow
     system = oscillator(BRAKE, WALL)
     with pytest.raises(UnfitError, match="'brake': it sticks rigidly"):
         batch_flow_of(system, BatchOptions(steps=64)).run(np.zeros((2, 2)), 1)
-    options = gw.BasinOptions(workers=1, check=1)
-    found = gw.basins(system, {"x": (-2.0, 2.0), "x'": (-1.0, 1.0)}, (4, 1), options=options)
+    options = {"workers": 1, "check": 1}
+    found = gw.basins(system, {"x": (-2.0, 2.0), "x'": (-1.0, 1.0)}, (4, 1), **options)
     assert found.labels[0].tolist() == [0, 0, 0, IMPOSSIBLE]  # x = 1.5 is beyond the wall
     assert (found.impossible, found.runaway, found.unresolved, found.error) == (1, 0, 0, 0.0)
     assert "beyond a rigid stop: 1" in repr(found)
     with pytest.raises(ModelError, match="all states are beyond rigid stops"):
-        gw.basins(system, {"x": (1.5, 2.0), "x'": (-1.0, 1.0)}, 2, options=options)
+        gw.basins(system, {"x": (1.5, 2.0), "x'": (-1.0, 1.0)}, 2, **options)
 
 
 def test_starts_are_within_rigid_stops() -> None:

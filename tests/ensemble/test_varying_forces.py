@@ -7,14 +7,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gapwalk as gw
+from gapwalk import basins, regimes
 from gapwalk.ensemble import BatchOptions, batch_flow_of
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.contact import force
 from gapwalk.model.loads import Rectangle
-from gapwalk.studies.basin_study import BasinOptions, basins
-from gapwalk.studies.regime_study import RegimeMapOptions, regimes
 from tests.tiers import some_of
 from tests.toys.yielding import Yielding
 
@@ -237,16 +236,16 @@ def test_a_motion_that_leaves_the_range_of_a_formula_in_one_coordinate_is_marked
 
 
 def in_process(check):
-    return BasinOptions(workers=1, check=check)
+    return {"workers": 1, "check": check}
 
 
 def test_basins_of_two_wells_by_a_formula_are_those_by_a_cubic_spring():
     plane = {"x": (-2.0, 2.0), "x'": (-2.0, 2.0)}
     loads = {"harmonics": [Harmonic(0.2, {"x": 1.0})], "frequency": 1.2}
     cubic = Contact("spring", {"x": 1.0}, (Stage(0.0, 0.0, 1.0),))
-    one = basins(System(("x",), [[-1.0]], [[0.25]], contacts=[cubic], **loads), plane, 16, options=in_process(20))
+    one = basins(System(("x",), [[-1.0]], [[0.25]], contacts=[cubic], **loads), plane, 16, **in_process(20))
     written = System(("x",), [[0.0]], [[0.25]], contacts=[formula("-a*x + b*x**3", a=1.0, b=1.0)], **loads)
-    other = basins(written, plane, 16, options=in_process(20))
+    other = basins(written, plane, 16, **in_process(20))
     assert one.cells == other.cells
     assert len(one.cells) == 2
 
@@ -255,7 +254,7 @@ def test_a_parametric_oscillator_between_stops_reaches_its_motion_of_period_two(
     contacts = [spring(), Contact("stop", {"x": 1.0}, (Stage(1.0, 5.0),))]
     loads = [Harmonic(0.6, varies="spring.stiffness")]
     system = System(("x",), [[0.0]], [[0.2]], contacts=contacts, harmonics=loads, frequency=1.95)
-    found = basins(system, {"x": (-3.0, 3.0), "x'": (-3.0, 3.0)}, 12, options=in_process(10))
+    found = basins(system, {"x": (-3.0, 3.0), "x'": (-3.0, 3.0)}, 12, **in_process(10))
     assert found.cells == {"period 2": 144}
 
 
@@ -265,6 +264,6 @@ def test_a_regime_map_of_a_formula_with_levels_agrees_with_the_exact_flow():
     well = formula("-a*x + b*x**3", a=1.0, b=1.0)
     system = System(("x",), [[0.0]], [[0.3]], contacts=[well], harmonics=loads, frequency=1.2)
     plane = {"frequency": (0.8, 1.6), "harmonic1.amplitude": (0.1, 0.45)}
-    found = regimes(system, plane, (9, 7), options=RegimeMapOptions(workers=1, check=12))
+    found = regimes(system, plane, (9, 7), workers=1, check=12)
     assert {"period 1", "period 2", "chaotic"} <= set(found.cells)
     assert len(found.check.different) <= 1

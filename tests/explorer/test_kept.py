@@ -186,7 +186,7 @@ def test_loci_and_sweeps_are_saved_with_their_points(tmp_path) -> None:
     plane = content_of(lines_of(locus), "half.x", "", 10, Blob())
     assert (plane["x"], plane["y"]) == ("frequency", "harmonic1.amplitude")
     assert [each["second"] for each in plane["branches"]] == ["harmonic1.amplitude"]
-    sweep = gw.sweep(a_stop(), "frequency", (0.7, 0.75), options=gw.SweepOptions(steps=3))
+    sweep = gw.sweep(a_stop(), "frequency", (0.7, 0.75), steps=3)
     blob = Blob()
     content = content_of(lines_of(sweep), "half.x", "", 10, blob)
     assert (content["x"], content["y"]) == ("frequency", "section.x")

@@ -8,8 +8,8 @@ import pytest
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import ModelError
-from gapwalk.laws import Coulomb, Hysteretic
-from gapwalk.model.laws import Jenkins, Rigid
+from gapwalk.model.laws import Coulomb, Hysteretic, Jenkins, Rigid
+from gapwalk.model.laws.law import Elastic
 from gapwalk.model.model_file import check_model
 from gapwalk.model.model_source import read_source
 from gapwalk.model.words import parameter_words
@@ -91,7 +91,7 @@ def test_hysteresis_above_tables_of_stages_always_acts(tmp_path) -> None:
     alone = system_of(tmp_path, STOP + "hysteresis = 0.2\n" + stages)
     with pytest.raises(ModelError, match=r"no parameter 'stop.hysteresis'; did you mean 'stop_friction.limit'"):
         alone["stop.hysteresis"]
-    assert laws_of(alone) == {"stop": gw.laws.Elastic(), "stop_friction": Coulomb()}
+    assert laws_of(alone) == {"stop": Elastic(), "stop_friction": Coulomb()}
     assert alone["stop_friction.limit"] == 0.2
     both = system_of(tmp_path, STOP + "hysteresis = 0.2\n" + stages + "hysteresis = 0.5\n")
     assert laws_of(both) == {"stop": Hysteretic("elastic"), "stop_friction": Coulomb("stages", "stop")}

@@ -63,10 +63,13 @@ def test_an_island_is_one_branch_in_all_phases() -> None:
     """Under three pushes a period the same islands as under one, one branch each."""
     islands = []
     for order in (1, 3):
-        options = gw.DiagramOptions(
-            max_period=3 // order, search_values=(4.75 / order,), search=gw.SearchOptions(starts=16), workers=1
-        )
-        tree = gw.diagram(stop(order, 5.4 / order), "frequency", (2.9 / order, 5.4 / order), options=options)
+        options = {
+            "max_period": 3 // order,
+            "search_values": (4.75 / order,),
+            "search": gw.SearchOptions(starts=16),
+            "workers": 1,
+        }
+        tree = gw.diagram(stop(order, 5.4 / order), "frequency", (2.9 / order, 5.4 / order), **options)
         roots = [member.branch for member in tree.members if member.begins is None and member.period == 3 // order]
         islands.append([branch for branch in roots if branch.ends[-1].reason is EndReason.CLOSED])
     (once,), (thrice,) = islands

@@ -15,6 +15,7 @@ from gapwalk.model.words import full_measure, measure_words
 from gapwalk.plot import draw, save
 from gapwalk.plot.branches import pieces_of
 from gapwalk.plot.picture import picture_of
+from gapwalk.studies.response_study import ResponseOptions
 from tests.studies.studies import stop_study
 from tests.systems import clutch
 
@@ -22,9 +23,7 @@ from tests.systems import clutch
 @pytest.fixture(scope="module")
 def response() -> gw.Result:
     """Figure 13: folds, flips, Neimark-Sacker and grazing points."""
-    study = gw.Study(
-        clutch(frequency=2.0), gw.studies.ResponseOptions("frequency", 2.0, 0.15, "half.q1"), "Costs $5, 50 %"
-    )
+    study = gw.Study(clutch(frequency=2.0), ResponseOptions("frequency", 2.0, 0.15, "half.q1"), "Costs $5, 50 %")
     return gw.run(study)
 
 

@@ -48,9 +48,7 @@ def test_joined_special_points_are_lines_through_them(family) -> None:
 
 
 def test_the_legend_tells_what_there_is() -> None:
-    found = gw.family(
-        clutch(), "frequency", (1.4, 1.15), {"mean.q1": (0.43, 0.44)}, options=gw.FamilyOptions(workers=1)
-    )
+    found = gw.family(clutch(), "frequency", (1.4, 1.15), {"mean.q1": (0.43, 0.44)}, workers=1)
     figure = found.plot(figure=Figure(layout="constrained"))
     (legend,) = figure.legends
     texts = [text.get_text() for text in legend.get_texts()]

@@ -16,7 +16,7 @@ import gapwalk as gw
 from gapwalk.bifurcation.detector import Unexplained
 from gapwalk.errors import ModelError
 from gapwalk.plot import picture
-from gapwalk.plot.picture import new_sheet, picture_of, write_legend
+from gapwalk.plot.picture import begin, new_sheet, picture_of, write_legend
 from gapwalk.plot.style import UNEXPLAINED, sized, stroke
 from gapwalk.studies.settle_study import SettleStudyOptions
 from tests.studies.diagrams import clutch_diagram
@@ -129,9 +129,9 @@ def test_a_list_is_one_picture(branch) -> None:
 
 def test_panels_of_your_own_are_laid_out_once(branch) -> None:
     with gw.plot.in_style():
-        figure = gw.plot.new_sheet((8.0, 3.0))
+        figure = new_sheet((8.0, 3.0))
         left, right = figure.subplots(1, 2)
-    rest = [gw.plot.begin(branch, "x", ax=ax, legend="above") for ax in (left, right)]
+    rest = [begin(branch, "x", ax=ax, legend="above") for ax in (left, right)]
     assert not left.texts
     figure.draw_without_rendering()
     for draw_the_rest in rest:

@@ -16,6 +16,7 @@ from gapwalk.errors import StoreError
 from gapwalk.results import result_file as file
 from gapwalk.results.result_file import seal_fault, write_more
 from gapwalk.studies import response_study
+from gapwalk.studies.diagram_study import DiagramStudyOptions
 from gapwalk.studies.result import VERIFICATION
 from gapwalk.verification import Check
 from tests.results.tampering import change_sealed, tamper
@@ -34,7 +35,7 @@ def response(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def diagram(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("seal") / "clutch.gapwalk"
-    options = gw.studies.DiagramStudyOptions("frequency", 0.85, 0.7, "half.q1", max_period=2, workers=1)
+    options = DiagramStudyOptions("frequency", 0.85, 0.7, "half.q1", max_period=2, workers=1)
     gw.run(gw.Study(clutch(frequency=0.85), options, "A clutch", "title = 'A clutch'\n"), path)
     return path
 

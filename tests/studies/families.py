@@ -28,7 +28,7 @@ def study_of(text: str = MODEL) -> gw.Study:
 
 def second_resonance(loads=(0.25, 0.35, 0.5), system: gw.System | None = None, **more) -> gw.Family:
     """The same by the function."""
-    given = {"options": gw.FamilyOptions(workers=1)} | more
+    given = {"workers": 1} | more
     return gw.family(system or clutch(), "frequency", (1.4, 1.1), {"mean.q3": loads}, **given)
 
 

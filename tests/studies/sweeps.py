@@ -1,15 +1,15 @@
 """A sweep that is driven in a moment, and a program that drives it into a file so that it can be killed."""
 
-from gapwalk import SweepOptions, sweep
+from gapwalk import sweep
 from tests.systems import clutch
 
 FOLDS = (clutch(), "frequency", (0.605, 0.649))
 """Over the two folds of figure 13 at its first resonance."""
 
 
-def options(**given) -> SweepOptions:
+def options(**given) -> dict:
     """Options of a short sweep in this process."""
-    return SweepOptions(**({"steps": 45, "points": 14, "workers": 1} | given))
+    return {"steps": 45, "points": 14, "workers": 1} | given
 
 
 def main(path: str) -> None:

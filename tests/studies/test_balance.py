@@ -17,6 +17,7 @@ from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.results.plain import plain
 from gapwalk.studies import response_study as response
 from gapwalk.studies.export import table_of
+from gapwalk.studies.response_study import ResponseOptions
 from gapwalk.studies.runner import result_document
 from gapwalk.studies.study_file import check_study
 from gapwalk.studies.study_kind import StudyKind
@@ -269,7 +270,7 @@ def test_a_search_leads_to_balanced_branches_each_of_them_once(tmp_path) -> None
 def test_figure_9_is_the_same_by_both_methods(figure) -> None:
     """What the paper validates its method with: the whole range, all special points."""
     system = gw.paper.case(figure, slope="reduced").at(frequency=2.0)
-    options = gw.studies.ResponseOptions("frequency", 2.0, 0.15, "half.q1")
+    options = ResponseOptions("frequency", 2.0, 0.15, "half.q1")
     shot = gw.run(gw.Study(system, options))
     comparison = gw.studies.compare_results(
         shot, gw.run(gw.Study(system, replace(options, method=gw.Balance(error=1e-3))))

@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import beta
 
 import gapwalk as gw
+from gapwalk import basins
 from gapwalk.attractors.basins import (
     RUNAWAY,
     UNRESOLVED,
@@ -21,7 +22,7 @@ from gapwalk.errors import ModelError, StoreError
 from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.paper import case
 from gapwalk.parallel.workers import Workers, local_workers
-from gapwalk.studies.basin_study import BasinOptions, BasinWork, basin_shares, basins
+from gapwalk.studies.basin_study import BasinOptions, BasinWork, basin_shares
 from gapwalk.studies.result import load_result
 from tests.independent import integrate
 from tests.interruption import until_ctrl_c
@@ -41,19 +42,19 @@ def double_well(**changes):
 
 
 def in_process(**options):
-    return BasinOptions(workers=1, **options)
+    return {"workers": 1, **options}
 
 
 @pytest.fixture(scope="module")
 def clutch_basins():
     """The grid of 32 x 32 states from -4 to 4, both ends included: the centres of cells that are 8 / 31 wide."""
     ends = (-4.0 - HALF_A_CELL, 4.0 + HALF_A_CELL)
-    return basins(case("15").at(frequency=0.45), {"q1": ends, "q1'": ends}, 32, options=in_process(check=64))
+    return basins(case("15").at(frequency=0.45), {"q1": ends, "q1'": ends}, 32, **in_process(check=64))
 
 
 @pytest.fixture(scope="module")
 def wells():
-    return basins(double_well(), WELLS, 40, options=in_process(check=200))
+    return basins(double_well(), WELLS, 40, **in_process(check=200))
 
 
 def test_the_grid_of_figure_15_has_123_cells_of_period_1_and_901_of_period_3(clutch_basins):
@@ -81,28 +82,28 @@ def same(a, b):
 
 def test_a_job_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
     path, size = tmp_path / "wells.basins", (100, 50)
-    whole = basins(double_well(), WELLS, size, options=in_process(check=9))
+    whole = basins(double_well(), WELLS, size, **in_process(check=9))
 
     def stop(chunk, pace):
         raise KeyboardInterrupt
 
-    until_ctrl_c(basins, double_well(), WELLS, size, options=in_process(check=9), report=stop, output=path)
+    until_ctrl_c(basins, double_well(), WELLS, size, **in_process(check=9), report=stop, output=path)
     with pytest.raises(
         StoreError, match=r"is not complete: 1 of 2 chunks of cells are stored; continue it by gapwalk\.basins"
     ):
         gw.open_result(path)
     paces = []
     found = basins(
-        double_well(), WELLS, size, options=in_process(check=9), report=lambda _, pace: paces.append(pace), output=path
+        double_well(), WELLS, size, **in_process(check=9), report=lambda _, pace: paces.append(pace), output=path
     )
     assert [(pace.done, pace.total, pace.before) for pace in paces] == [(2, 2, 1)]
     assert same(found, whole)
     assert same(gw.open_result(path), whole)
     assert gw.open_result(path).window == whole.window
     monkeypatch.setattr("gapwalk.studies.basin_study.explore", None)
-    assert same(basins(double_well(), WELLS, size, options=in_process(check=9), output=path), whole)
+    assert same(basins(double_well(), WELLS, size, **in_process(check=9), output=path), whole)
     with pytest.raises(StoreError, match=r"something else, so it cannot be continued: check is 8, and was 9"):
-        basins(double_well(), WELLS, size, options=in_process(check=8), output=path)
+        basins(double_well(), WELLS, size, **in_process(check=8), output=path)
     with pytest.raises(StoreError, match="its kind is sweep, and was basins"):
         gw.sweep(double_well(), "frequency", (0.9, 1.1), output=path)
     with pytest.raises(
@@ -112,7 +113,7 @@ def test_a_job_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
 
 
 def test_a_linear_system_has_one_basin():
-    found = basins(linear(), {"a": (-5.0, 5.0), "b'": (-5.0, 5.0)}, (6, 4), fixed={"b": 1.0}, options=in_process())
+    found = basins(linear(), {"a": (-5.0, 5.0), "b'": (-5.0, 5.0)}, (6, 4), fixed={"b": 1.0}, **in_process())
     assert found.resolution == (6, 4)
     assert found.labels.shape == (4, 6)
     assert found.cells == {"period 1": 24}
@@ -132,7 +133,7 @@ def test_two_wells_are_told_apart_as_scipy_tells_them(wells):
 
 
 def test_without_forcing_the_basins_of_two_wells_are_each_other_turned_by_half(wells):
-    found = basins(double_well(**{"harmonic1.amplitude": 0.0}), WELLS, 40, options=in_process(check=0))
+    found = basins(double_well(**{"harmonic1.amplitude": 0.0}), WELLS, 40, **in_process(check=0))
     assert np.array_equal(found.labels, 1 - found.labels[::-1, ::-1])
     assert list(found.cells.values()) == [800, 800]
     assert not np.array_equal(found.labels, wells.labels)
@@ -140,15 +141,13 @@ def test_without_forcing_the_basins_of_two_wells_are_each_other_turned_by_half(w
 
 def test_the_result_does_not_depend_on_who_does_the_work(wells):
     with local_workers(2) as workers:
-        found = basins(double_well(), WELLS, 40, options=BasinOptions(check=200), workers=workers)
+        found = basins(double_well(), WELLS, 40, check=200, workers=workers)
     assert np.array_equal(found.labels, wells.labels)
     assert found.check == wells.check
 
 
 def test_shares_have_the_limits_of_clopper_and_pearson():
-    found = basin_shares(
-        double_well(**{"harmonic1.amplitude": 0.0}), WELLS, 400, confidence=0.9, options=in_process(seed=5)
-    )
+    found = basin_shares(double_well(**{"harmonic1.amplitude": 0.0}), WELLS, 400, confidence=0.9, **in_process(seed=5))
     assert sum(share.starts for share in found.shares) == 400
     for share in found.shares:
         low = beta.ppf(0.05, share.starts, 401 - share.starts)
@@ -161,7 +160,7 @@ def test_shares_have_the_limits_of_clopper_and_pearson():
 def test_starts_beside_others_of_another_label_are_found_with_the_exact_flow():
     """Two of these starts were called period 3 by the fast flow, whose error is 1e-4; at 1e-7 it calls none wrongly."""
     found = basin_shares(
-        case("15").at(frequency=0.45), {"q1": (-4, 4), "q1'": (-4, 4)}, 4000, options=in_process(seed=1, check=32)
+        case("15").at(frequency=0.45), {"q1": (-4, 4), "q1'": (-4, 4)}, 4000, **in_process(seed=1, check=32)
     )
     assert [attractor.period for attractor in found.attractors] == [1, 3]
     assert found.check.border_wrong == 2
@@ -176,7 +175,7 @@ def test_starts_beside_others_of_another_label_are_found_with_the_exact_flow():
     assert found.labels[some].tolist() == np.where(np.abs(turn).max(axis=1) < 1e-3, 0, 1).tolist()
     assert found.labels[3424] == found.labels[3769] == 0
     only_fast = basin_shares(
-        found.system, {"q1": (-4, 4), "q1'": (-4, 4)}, 4000, options=in_process(seed=1, check=0, exact_borders=False)
+        found.system, {"q1": (-4, 4), "q1'": (-4, 4)}, 4000, **in_process(seed=1, check=0, exact_borders=False)
     )
     assert np.flatnonzero(only_fast.labels != found.labels).tolist() == [3424, 3769]
     assert only_fast.check.text == "not checked with the exact flow"
@@ -247,7 +246,7 @@ def test_basins_finer_than_rounding_say_so():
     cubic = Contact("spring", {"x": 1.0}, (Stage(0.0, 0.0, 1.0),))
     push = Harmonic(0.2, {"x": 1.0})
     system = System(("x",), [[-1.0]], [[0.15]], contacts=[cubic], harmonics=[push], frequency=1.0)
-    found = basins(system, {"x": (-2.2, 2.2), "x'": (-2.2, 2.2)}, 30, options=in_process(check=256))
+    found = basins(system, {"x": (-2.2, 2.2), "x'": (-2.2, 2.2)}, 30, **in_process(check=256))
     assert found.check.border_wrong > 50
     assert 0 < found.check.shifted_wrong < 0.1 * found.check.shifted
     assert 0.0 < found.check.share < 0.1
@@ -258,7 +257,7 @@ def test_motions_that_run_away_have_a_label_of_their_own():
     """A softening spring, x'' + 0.2 x' + x - x^3 = 0.1: saddles at x = -1.05 and 0.95, beyond which all is lost."""
     soft = Contact("spring", {"x": 1.0}, (Stage(0.0, 0.0, -1.0),))
     system = System(("x",), [[1.0]], [[0.2]], contacts=[soft], mean={"x": 0.1}, frequency=1.0)
-    found = basins(system, {"x": (-2.0, 2.0), "x'": (-0.1, 0.1)}, (8, 1), options=in_process())
+    found = basins(system, {"x": (-2.0, 2.0), "x'": (-0.1, 0.1)}, (8, 1), **in_process())
     assert found.labels[0].tolist() == [RUNAWAY, RUNAWAY, 0, 0, 0, 0, RUNAWAY, RUNAWAY]
     assert found.runaway == 4
     assert "diverges: 4" in repr(found)
@@ -269,7 +268,7 @@ def test_ctrl_c_keeps_what_is_done():
         assert pace.done == 1
         raise KeyboardInterrupt
 
-    found = until_ctrl_c(basins, double_well(), WELLS, (100, 50), options=in_process(), report=stop)
+    found = until_ctrl_c(basins, double_well(), WELLS, (100, 50), **in_process(), report=stop)
     assert not found.complete
     assert found.notes == ("stopped when 4096 of 5000 states were done",)
     assert 904 - 64 <= found.unresolved <= 904  # some of the others were looked at before

@@ -7,6 +7,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.studies.compare import comparison_document
+from gapwalk.studies.response_study import ResponseOptions
 from tests.studies.diagrams import clutch_diagram
 from tests.studies.maps import clutch_map
 from tests.studies.studies import stop_study
@@ -104,7 +105,7 @@ def test_maps_are_compared_by_their_loci_and_sections() -> None:
 
 
 def test_what_cannot_be_compared_is_told(stop, tree) -> None:
-    options = gw.studies.ResponseOptions("stop.clearance", 1.0, 0.9, "half.x")
+    options = ResponseOptions("stop.clearance", 1.0, 0.9, "half.x")
     other = gw.run(gw.Study(stop.system.at(frequency=1.0), options))
     with pytest.raises(ModelError, match=r"one result is over frequency, the other over stop\.clearance"):
         gw.studies.compare_results(stop, other)

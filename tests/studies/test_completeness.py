@@ -15,6 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.clutch import ScipyClutch
+from gapwalk import diagram
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.continuation import EndReason
@@ -23,7 +24,6 @@ from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import stroboscopic
 from gapwalk.paper import case
-from gapwalk.studies.diagram_study import DiagramOptions, diagram
 
 MAX_PERIOD = 8
 LONGEST = 64  # forcing periods up to which a return is a periodic motion, though too long for the diagram
@@ -138,8 +138,8 @@ def named(tree) -> list[tuple[str, Branch]]:
 @pytest.fixture(scope="module")
 def window():
     low, high = 0.43, 0.47
-    options = DiagramOptions(MAX_PERIOD, workers=1, search_values=6)
-    return diagram(case("15").at(frequency=high), "frequency", (low, high), options=options)
+    options = {"max_period": MAX_PERIOD, "workers": 1, "search_values": 6}
+    return diagram(case("15").at(frequency=high), "frequency", (low, high), **options)
 
 
 @pytest.mark.slow
@@ -170,8 +170,8 @@ def test_scipy_settles_to_the_same_attractors(window):
 
 @pytest.fixture(scope="module")
 def whole():
-    options = DiagramOptions(MAX_PERIOD, search_values=300)
-    return diagram(case("15").at(frequency=WHOLE[1]), "frequency", WHOLE, options=options)
+    options = {"max_period": MAX_PERIOD, "search_values": 300}
+    return diagram(case("15").at(frequency=WHOLE[1]), "frequency", WHOLE, **options)
 
 
 @pytest.mark.slow

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
+from gapwalk import diagram
 from gapwalk.bifurcation import Kind
 from gapwalk.bifurcation.diagram import Cascade, Diagram, Origin
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.orbit.orbit import is_same
 from gapwalk.paper import case
-from gapwalk.studies.diagram_study import DiagramOptions, diagram
+from gapwalk.studies.diagram_study import DiagramOptions
 from tests.bifurcation.test_special_points import symmetric
 from tests.interruption import until_ctrl_c
 
@@ -19,9 +20,7 @@ RANGE = (0.6, 0.85)
 
 
 def clutch_diagram(**options):
-    workers = options.pop("workers", 1)
-    request = DiagramOptions(max_period=options.pop("max_period", 4), workers=workers)
-    return diagram(case("13").at(frequency=0.85), "frequency", RANGE, options=request, **options)
+    return diagram(case("13").at(frequency=0.85), "frequency", RANGE, **{"max_period": 4, "workers": 1, **options})
 
 
 @pytest.fixture(scope="module")
@@ -61,15 +60,16 @@ def test_the_result_does_not_depend_on_the_number_of_processes(tree):
         assert [special.value for special in a.special_points] == [special.value for special in b.special_points]
 
 
-def test_a_stopped_diagram_goes_on_to_the_same_result(tree):
+def test_a_stopped_diagram_goes_on_to_the_same_result(tree, tmp_path):
     def stop(partial, member):
         if member.name == "P2-1":
             raise KeyboardInterrupt
 
-    partial = until_ctrl_c(clutch_diagram, report=stop)
+    path = tmp_path / "tree.gapwalk"
+    partial = until_ctrl_c(clutch_diagram, report=stop, output=path)
     assert not partial.complete
     assert [member.name for member in partial.members] == ["P1-1", "P2-1"]
-    rest = clutch_diagram(resume=partial)
+    rest = clutch_diagram(output=path)
     assert rest.complete
     assert [(member.name, member.begins, member.joins) for member in rest.members] == [
         (member.name, member.begins, member.joins) for member in tree.members
@@ -78,7 +78,7 @@ def test_a_stopped_diagram_goes_on_to_the_same_result(tree):
 
 
 def test_both_halves_of_a_broken_symmetry_are_branches():
-    tree = diagram(symmetric(1.2), "frequency", (0.6, 1.2), options=DiagramOptions(max_period=1, workers=1))
+    tree = diagram(symmetric(1.2), "frequency", (0.6, 1.2), max_period=1, workers=1)
     assert [member.begins.parent for member in tree.members[1:3]] == ["P1-1", "P1-1"]
     assert tree.members[1].begins == tree.members[2].begins
     means = [member.branch.points[5].measure("mean.x") for member in tree.members[1:3]]
@@ -90,7 +90,9 @@ def test_a_limit_is_kept_and_told(tree):
         case("13").at(frequency=0.85),
         "frequency",
         RANGE,
-        options=DiagramOptions(max_period=4, max_branches=2, workers=1),
+        max_period=4,
+        max_branches=2,
+        workers=1,
     )
     assert len(few.members) == 2
     assert not few.complete

@@ -16,6 +16,7 @@ from gapwalk.errors import ModelError, NumericalError
 from gapwalk.studies import diagram_study as growing
 from gapwalk.studies.columns import COVERAGE, coverage_rows
 from gapwalk.studies.derived_schema import table_schema
+from gapwalk.studies.diagram_study import DiagramOptions
 from gapwalk.studies.options import SearchTable
 from gapwalk.studies.runner import result_document
 from tests.interruption import until_ctrl_c
@@ -150,4 +151,4 @@ def test_a_file_can_set_every_option_of_a_search() -> None:
 @pytest.mark.parametrize("values", [-1, 1.5, True, (float("nan"),), ("x",)])
 def test_bad_values_are_refused(values) -> None:
     with pytest.raises(ModelError, match="an integer from 0 to 100,000, or values of the parameter"):
-        gw.DiagramOptions(search_values=values)
+        DiagramOptions(search_values=values)

@@ -13,6 +13,7 @@ from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError, StoreError
 from gapwalk.results import result_file as file
 from gapwalk.studies import diagram_study as growing
+from gapwalk.studies.response_study import ResponseOptions
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
 from tests.studies.diagrams import clutch_diagram, many_branches
@@ -35,7 +36,7 @@ def undisturbed() -> gw.Result:
 
 
 def test_a_study_is_the_diagram_of_its_system(undisturbed) -> None:
-    found = gw.diagram(clutch_diagram().system, "frequency", (0.6, 0.85), options=gw.DiagramOptions(4, workers=1))
+    found = gw.diagram(clutch_diagram().system, "frequency", (0.6, 0.85), 4, workers=1)
     assert undisturbed.complete
     assert undisturbed.diagram.complete
     assert undisturbed.diagram.within == (0.6, 0.85)
@@ -215,7 +216,7 @@ def test_a_different_study_is_not_resumed(path) -> None:
     gw.run(clutch_diagram(max_period=2), path)
     with pytest.raises(StoreError, match="max_period is 4, and was 2"):
         gw.run(clutch_diagram(), path, resume=True)
-    response = replace(clutch_diagram(), options=gw.studies.ResponseOptions("frequency", 0.85, 0.6, "half.q1"))
+    response = replace(clutch_diagram(), options=ResponseOptions("frequency", 0.85, 0.6, "half.q1"))
     with pytest.raises(StoreError, match="its kind is response, and was diagram"):
         gw.run(response, path, resume=True)
     with pytest.raises(StoreError, match="exists already"):

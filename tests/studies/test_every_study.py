@@ -58,7 +58,7 @@ PLANE, CLUTCH = {"q1": (-4.0, 4.0), "q1'": (-3.0, 3.0)}, gw.paper.case("15").at(
 FUNCTIONS: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
     "settle": (lambda: gw.settle(CLUTCH), lambda record: record.orbit.state.tolist()),
     "sweep": (
-        lambda: gw.sweep(CLUTCH, "frequency", (0.5, 0.6), options=gw.SweepOptions(steps=45, points=13, workers=1)),
+        lambda: gw.sweep(CLUTCH, "frequency", (0.5, 0.6), steps=45, points=13, workers=1),
         kept_arrays("sections", "transients", "settled", "regimes"),
     ),
     "basins": (
@@ -67,7 +67,9 @@ FUNCTIONS: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
             PLANE,
             (100, 90),
             fixed={"q3": 0.5},
-            options=gw.BasinOptions(exact_borders=False, check=8, workers=1),
+            exact_borders=False,
+            check=8,
+            workers=1,
         ),
         kept_arrays("labels"),
     ),
@@ -76,7 +78,10 @@ FUNCTIONS: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
             CLUTCH,
             {"frequency": (0.5, 0.7), "harmonic1.amplitude": (0.4, 0.5)},
             (4, 9),
-            options=gw.RegimeMapOptions(Carry.UP, gw.analysis.RegimeOptions(longest=400), check=2, workers=1),
+            carry=Carry.UP,
+            longest=400,
+            check=2,
+            workers=1,
         ),
         kept_arrays("regimes", "periods", "exponents", "peak_force", "impacts", "states"),
     ),

@@ -1,7 +1,5 @@
 """Families: members, and special points joined by their exact loci, beside branches and loci that are walked alone."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -16,7 +14,7 @@ from tests.systems import clutch
 pytestmark = pytest.mark.usefixtures("kept_processes")
 
 LOADS = (0.25, 0.35, 0.5)
-ONE = gw.FamilyOptions(workers=1)
+ONE = {"workers": 1}
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +57,7 @@ def test_special_points_are_joined_as_the_loci_through_all_members_say(family) -
 
 def test_two_flips_that_meet_are_gone_beyond_and_there_before() -> None:
     """Of the clutch under growing mean load: from 0.437 on nothing doubles its period about the second resonance."""
-    found = gw.family(clutch(), "frequency", (1.4, 1.15), {"mean.q1": (0.43, 0.44)}, options=ONE)
+    found = gw.family(clutch(), "frequency", (1.4, 1.15), {"mean.q1": (0.43, 0.44)}, **ONE)
     flips = found.of_kind("flip")
     assert [len(point_path.places) for point_path in flips] == [1, 1]
     one, other = flips
@@ -77,7 +75,7 @@ def test_two_flips_that_meet_are_gone_beyond_and_there_before() -> None:
 
 def test_folds_that_meet_in_a_cusp_are_there_on_one_side_of_it() -> None:
     """Two folds are born beside the jump of figure 13 before the load of figure 14 is reached, one by one."""
-    found = gw.family(clutch(), "frequency", (0.66, 0.61), {"mean.q3": (0.385, 0.395)}, options=ONE)
+    found = gw.family(clutch(), "frequency", (0.66, 0.61), {"mean.q3": (0.385, 0.395)}, **ONE)
     born = [point_path for point_path in found.of_kind("fold") if point_path.before is not None]
     assert len(born) == 2
     (connection,) = {point_path.before for point_path in born}
@@ -91,7 +89,7 @@ def test_folds_that_meet_in_a_cusp_are_there_on_one_side_of_it() -> None:
 
 def test_what_splits_off_is_told() -> None:
     """Above a load of 0.4386 the jump of figure 14 has an island beside it, to which special points have gone."""
-    found = gw.family(clutch(), "frequency", (0.66, 0.59), {"mean.q3": (0.43, 0.44)}, options=ONE)
+    found = gw.family(clutch(), "frequency", (0.66, 0.59), {"mean.q3": (0.43, 0.44)}, **ONE)
     fates = {connection.fate for connections in (found.connections or {}).values() for connection in connections}
     assert Fate.MET in fates or Fate.OUTSIDE in fates
     text = " ".join(connection.text for connections in (found.connections or {}).values() for connection in connections)
@@ -99,7 +97,7 @@ def test_what_splits_off_is_told() -> None:
 
 
 def test_a_special_point_that_leaves_the_range_is_told() -> None:
-    found = gw.family(clutch(), "frequency", (1.4, 1.23), {"mean.q3": (0.3, 0.25)}, options=ONE)
+    found = gw.family(clutch(), "frequency", (1.4, 1.23), {"mean.q3": (0.3, 0.25)}, **ONE)
     flip = found["flip-2"]
     assert len(flip.places) == 1
     assert flip.after is not None
@@ -113,11 +111,11 @@ def test_a_special_point_that_leaves_the_range_is_told() -> None:
 
 def test_names_that_move_together_are_one_parameter() -> None:
     """Twice the amplitude is twice the force: two ways to say the same."""
-    amplitude = gw.family(clutch(), "frequency", (1.4, 1.1), {"harmonic1.amplitude": (0.2, 0.25)}, options=ONE)
+    amplitude = gw.family(clutch(), "frequency", (1.4, 1.1), {"harmonic1.amplitude": (0.2, 0.25)}, **ONE)
     over = gw.studies.MemberParameter.of(
         {"harmonic1.amplitude": (0.4, 0.5), "harmonic1.acts_on.q1": (0.5, 0.5)}, "force", (0.2, 0.25)
     )
-    force = gw.family(clutch(), "frequency", (1.4, 1.1), over, options=ONE)
+    force = gw.family(clutch(), "frequency", (1.4, 1.1), over, **ONE)
     assert force.over.name == "force"
     assert len(amplitude.point_paths) == len(force.point_paths)
     for one, other in zip(amplitude.point_paths, force.point_paths, strict=True):
@@ -130,15 +128,15 @@ def test_names_that_move_together_are_one_parameter() -> None:
 
 
 def test_a_family_over_the_frequency() -> None:
-    found = gw.family(clutch(), "harmonic1.amplitude", (0.1, 0.3), {"frequency": (1.25, 1.3)}, options=ONE)
+    found = gw.family(clutch(), "harmonic1.amplitude", (0.1, 0.3), {"frequency": (1.25, 1.3)}, **ONE)
     assert found.complete
     assert [round(member.branches[0].system.frequency, 12) for member in found.members] == [1.25, 1.3]
     assert all(point_path.exact for point_path in found.point_paths)
 
 
 def test_longer_periods_are_members_too() -> None:
-    options = gw.FamilyOptions(max_period=2, workers=1)
-    found = second_resonance((0.45, 0.5), options=options)
+    options = {"max_period": 2, "workers": 1}
+    found = second_resonance((0.45, 0.5), **options)
     assert [[branch.period for branch in member.branches] for member in found.members] == [[1, 2], [1, 2]]
     assert {point_path.period for point_path in found.point_paths} == {1, 2}
     assert all(point_path.exact for point_path in found.point_paths if point_path.connections)
@@ -150,7 +148,7 @@ def test_a_member_that_fails_costs_only_itself() -> None:
     over = gw.studies.MemberParameter.of(
         {"damping.q1.q1": (0.04, 0.04, 0.05), "stiffness.q1.q1": (0.1, -1e6, 0.1)}, "case", (1.0, 2.0, 3.0)
     )
-    found = gw.family(clutch(), "frequency", (1.4, 1.1), over, options=ONE)
+    found = gw.family(clutch(), "frequency", (1.4, 1.1), over, **ONE)
     assert found.complete
     (failure,) = found.failures
     assert failure.startswith("case = 2: no branch could be walked")
@@ -162,7 +160,7 @@ def test_a_member_that_fails_costs_only_itself() -> None:
 
 
 def test_by_nearness_the_same_are_joined_where_they_are_near_and_it_is_said_to_be_a_guess(family) -> None:
-    guess = second_resonance((0.25, 0.3), options=replace(ONE, exact=False))
+    guess = second_resonance((0.25, 0.3), **dict(ONE, exact=False))
     exact = second_resonance((0.25, 0.3))
     assert [(each.name, each.places) for each in guess.point_paths] == [
         (each.name, each.places) for each in exact.point_paths
@@ -171,7 +169,7 @@ def test_by_nearness_the_same_are_joined_where_they_are_near_and_it_is_said_to_b
     assert all(
         "(a guess)" in connection.text for point_path in guess.point_paths for connection in point_path.connections
     )
-    far = second_resonance((0.25, 0.3), options=replace(ONE, exact=False, kinds=(gw.Kind.FLIP,)))
+    far = second_resonance((0.25, 0.3), **dict(ONE, exact=False, kinds=(gw.Kind.FLIP,)))
     assert {connection.kind for connection in far.connections[0]} == {gw.Kind.FLIP}
 
 
@@ -189,7 +187,7 @@ def test_the_assignment_leaves_alone_what_has_no_partner(family) -> None:
 
 
 def test_the_result_does_not_depend_on_the_number_of_processes(family) -> None:
-    found = second_resonance(options=gw.FamilyOptions(workers=2))
+    found = second_resonance(workers=2)
     assert found.connections == family.connections
     for one, other in zip(found.branches, family.branches, strict=True):
         assert_same_branch(one, other)
@@ -221,7 +219,7 @@ def test_balanced_members_are_joined_by_exact_loci_too() -> None:
 )
 def test_impossible_families_are_refused(over, message) -> None:
     with pytest.raises(ModelError, match=message):
-        gw.family(clutch(), "frequency", (1.4, 1.1), over, options=ONE)
+        gw.family(clutch(), "frequency", (1.4, 1.1), over, **ONE)
 
 
 @pytest.mark.parametrize(
@@ -248,7 +246,7 @@ def test_a_name_of_its_own_needs_its_values(values, message) -> None:
 )
 def test_impossible_options_are_refused(given, message) -> None:
     with pytest.raises(ModelError, match=message):
-        gw.FamilyOptions(**given)
+        gw.family(clutch(), "frequency", (1.4, 1.39), LOADS, **given)
 
 
 def test_an_empty_range_is_refused() -> None:

@@ -10,6 +10,7 @@ from gapwalk.errors import StoreError
 from gapwalk.model import ModelFileError
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies.export import export_csv
+from gapwalk.studies.family import FamilyOptions
 from gapwalk.studies.family_study import FamilyStudy
 from gapwalk.studies.study_file import check_study
 from gapwalk.studies.study_kind import StudyKind
@@ -112,7 +113,7 @@ def test_all_keys_are_read() -> None:
     text = MODEL.replace(OVER, "max_period = 2\nkinds = ['flip', 'fold', 'flip']\nexact = false\n" + OVER)
     options = study_of(text).options
     assert isinstance(options, FamilyStudy)
-    assert options.limits == gw.FamilyOptions(2, (gw.Kind.FLIP, gw.Kind.FOLD), exact=False, workers=1)
+    assert options.limits == FamilyOptions(2, (gw.Kind.FLIP, gw.Kind.FOLD), exact=False, workers=1)
     same = again(options, StudyKind)
     assert same == options
     assert hash(same) == hash(options)
@@ -176,7 +177,7 @@ def test_members_on_which_nothing_happens_are_read_again(tmp_path) -> None:
     result = gw.run(study_of(text), tmp_path / "r.gapwalk")
     assert result.finding is not None
     assert [len(branch.special_points) for branch in result.finding.record.branches] == [0, 0, 0]
-    expected = gw.family(clutch(), "frequency", (1.4, 1.39), LOADS, options=gw.FamilyOptions(workers=1))
+    expected = gw.family(clutch(), "frequency", (1.4, 1.39), LOADS, workers=1)
     for found in (result, gw.open_result(tmp_path / "r.gapwalk")):
         assert found.finding is not None
         assert_same_family(found.finding.record, expected)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gapwalk import bifurcation_map
 from gapwalk.bifurcation import Kind, follow
 from gapwalk.bifurcation.loci import Codim2
 from gapwalk.continuation import EndReason
@@ -10,19 +11,16 @@ from gapwalk.errors import ModelError
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
 from gapwalk.studies.map import MapOptions
-from gapwalk.studies.map_study import bifurcation_map
 from tests.interruption import until_ctrl_c
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
 
-PLANE = ((-0.1, 0.8), (0.23, 0.28))
+PLANE = {"harmonic1.amplitude": (-0.1, 0.8), "frequency": (0.23, 0.28)}
 
 
 def islands(**options):
-    request = MapOptions(sections=3, max_period=1, kinds=(Kind.FOLD,), workers=options.pop("workers", 1))
-    return bifurcation_map(
-        case("27").at(frequency=0.28), "harmonic1.amplitude", "frequency", PLANE, options=request, **options
-    )
+    given = {"sections": 3, "max_period": 1, "kinds": (Kind.FOLD,), "workers": 1, **options}
+    return bifurcation_map(case("27").at(frequency=0.28), PLANE, **given)
 
 
 @pytest.fixture(scope="module")
@@ -98,18 +96,19 @@ def test_the_map_does_not_depend_on_the_number_of_processes(chart):
 
 
 @pytest.mark.slow  # make test asks this of the map of tests/studies/test_every_study.py
-def test_ctrl_c_keeps_what_there_is_and_is_resumed(chart):
+def test_ctrl_c_keeps_what_there_is_and_is_resumed(chart, tmp_path):
     def stop(part, addition):
         if part.loci:
             raise KeyboardInterrupt
 
-    partial = until_ctrl_c(islands, report=stop)
+    path = tmp_path / "islands.gapwalk"
+    partial = until_ctrl_c(islands, report=stop, output=path)
     assert not partial.complete
     assert len(partial.loci) == 1
-    whole = islands(resume=partial)
+    whole = islands(output=path)
     assert whole.complete
-    assert whole.loci[0] is partial.loci[0]
-    assert whole.sections == partial.sections
+    assert np.array_equal(whole.loci[0].values, partial.loci[0].values)
+    assert [each.value for each in whole.sections] == [each.value for each in partial.sections]
     for a, b in zip(chart.loci, whole.loci, strict=True):
         assert np.array_equal(a.values, b.values)
 
@@ -117,10 +116,13 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(chart):
 @pytest.mark.parametrize(
     ("request_", "message"),
     [
-        (lambda: bifurcation_map(case("27"), "frequency", "frequency", PLANE), "two different parameters"),
-        (lambda: bifurcation_map(case("27"), "frequenzy", "mean.q1", PLANE), "did you mean 'frequency'"),
-        (lambda: bifurcation_map(case("27"), "mean.q1", "frequency", ((0.1, 0.1), (0.2, 0.3))), "it is empty"),
-        (lambda: bifurcation_map(case("27"), "mean.q1", "frequency", ((0.1, 0.2), (-0.2, 0.3))), "must be > 0"),
+        (lambda: bifurcation_map(case("27"), {"frequency": (0.2, 0.3)}), "a plane has two axes"),
+        (
+            lambda: bifurcation_map(case("27"), {"frequenzy": (0.2, 0.3), "mean.q1": (0.1, 0.2)}),
+            "did you mean 'frequency'",
+        ),
+        (lambda: bifurcation_map(case("27"), {"mean.q1": (0.1, 0.1), "frequency": (0.2, 0.3)}), "it is empty"),
+        (lambda: bifurcation_map(case("27"), {"mean.q1": (0.1, 0.2), "frequency": (-0.2, 0.3)}), "must be > 0"),
         (lambda: MapOptions(sections=0), "sections is 0; it must be an integer from 1 to 100,000"),
         (lambda: MapOptions(kinds=(Kind.BRANCH_POINT,)), "they may be fold, flip"),
     ],

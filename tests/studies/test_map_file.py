@@ -5,6 +5,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.model import ModelFileError
 from gapwalk.model.model_source import parse_source
+from gapwalk.studies.map import MapOptions
 from gapwalk.studies.map_study import MapStudyOptions
 from gapwalk.studies.study_file import Study, check_study
 from gapwalk.studies.study_kind import StudyKind
@@ -68,14 +69,14 @@ def test_a_map_has_all_that_its_file_says() -> None:
     assert isinstance(options, MapStudyOptions)
     assert options.second == gw.studies.ParameterRange("frequency", 0.9, 0.4)
     assert options.within == ((0.1, 0.5), (0.4, 0.9))
-    assert options.limits == gw.MapOptions((0.5, 0.6), 1, (gw.Kind.FLIP, gw.Kind.FOLD), 3)
+    assert options.limits == MapOptions((0.5, 0.6), 1, (gw.Kind.FLIP, gw.Kind.FOLD), 3)
     system = study_of(MAP).system
     assert (system["mean.q1"], system.frequency) == (0.5, 0.9)  # neither has to stand elsewhere in the file
 
 
 def test_what_a_map_does_not_say_has_the_defaults_of_its_options() -> None:
     head, _, _ = MAP.partition("sections")
-    assert study_of(head).options.limits == gw.MapOptions()
+    assert study_of(head).options.limits == MapOptions()
     searched = study_of(MAP + "[study.search]\nvalues = 4\n").options
     assert (searched.search_values, searched.search) == (4, gw.SearchOptions())
 

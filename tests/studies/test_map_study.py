@@ -14,6 +14,7 @@ from gapwalk.bifurcation.loci import LocusEndReason
 from gapwalk.errors import Interrupted, ModelError, NumericalError, StoreError
 from gapwalk.results.result_file import ResultFile
 from gapwalk.studies import map_study as charting
+from gapwalk.studies.map import MapOptions
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
 from tests.studies.killing import killed_after
@@ -35,8 +36,8 @@ def undisturbed() -> gw.Result:
 
 def test_a_study_is_the_map_of_its_system(undisturbed) -> None:
     study = clutch_map()
-    plane = ((1.1, 1.4), (0.2, 0.3))
-    found = gw.bifurcation_map(study.system, "frequency", "mean.q1", plane, options=gw.MapOptions(2, 1, workers=1))
+    plane = {"frequency": (1.1, 1.4), "mean.q1": (0.2, 0.3)}
+    found = gw.bifurcation_map(study.system, plane, sections=2, max_period=1, workers=1)
     assert undisturbed.complete
     assert_same_map(found, undisturbed.map)
     assert undisturbed.map.names == ("flip-1", "fold-1", "flip-2", "grazing-1", "grazing-2")
@@ -276,6 +277,6 @@ def test_bad_requests_are_refused() -> None:
     with pytest.raises(ModelError, match=r"a section is requested at 0\.7, outside the range from 0\.2 to 0\.3"):
         gw.run(clutch_map(sections=(0.7,)))
     with pytest.raises(ModelError, match="list each value only once"):
-        gw.MapOptions(sections=(0.2, 0.2))
+        MapOptions(sections=(0.2, 0.2))
     with pytest.raises(ModelError, match="an integer from 1 to 100,000, or values of the second parameter"):
-        gw.MapOptions(sections=())
+        MapOptions(sections=())

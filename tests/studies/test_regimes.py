@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
+from gapwalk import regimes
 from gapwalk.attractors.regimes import Regime, RegimeOptions, Verdicts
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.orbit import find_orbit
@@ -11,7 +12,7 @@ from gapwalk.paper import case
 from gapwalk.parallel.workers import local_workers
 from gapwalk.studies import regime_study
 from gapwalk.studies.options import ParameterRange
-from gapwalk.studies.regime_study import Carry, RegimeChunk, RegimeMapOptions, regimes
+from gapwalk.studies.regime_study import RegimeChunk
 from tests.interruption import until_ctrl_c
 from tests.systems import linear
 from tests.tiers import in_campaign
@@ -23,13 +24,13 @@ PLANE = {"frequency": (0.63, 0.91), "harmonic1.amplitude": (0.2, 0.8)}
 
 
 def in_process(**options):
-    return RegimeMapOptions(workers=1, **options)
+    return {"workers": 1, **options}
 
 
 @pytest.fixture(scope="module", params=[4, in_campaign(12)])
 def chart(request):
     """Figure 15's set: periods 1 to 3, tori and chaos in 77 cells; some of them checked."""
-    return regimes(SET_15, PLANE, (11, 7), options=in_process(check=request.param))
+    return regimes(SET_15, PLANE, (11, 7), **in_process(check=request.param))
 
 
 def test_the_words_are_those_of_the_exact_flow(chart):
@@ -76,38 +77,38 @@ def same(a, b):
 def test_a_map_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
     path, plane, size = tmp_path / "map.regimes", {"frequency": (0.4, 1.6), "mean.q1": (0.2, 0.3)}, (2, 70)
     options = in_process(check=2, carry="up")
-    whole = regimes(SET_15, plane, size, options=options)
+    whole = regimes(SET_15, plane, size, **options)
 
     def stop(chunk, pace):
         raise KeyboardInterrupt
 
-    until_ctrl_c(regimes, SET_15, plane, size, options=options, report=stop, output=path)
+    until_ctrl_c(regimes, SET_15, plane, size, **options, report=stop, output=path)
     stopped = gw.open_result(path)
     assert not stopped.complete
     assert stopped.notes == ("stopped when 128 of 140 cells were done",)
     paces = []
-    found = regimes(SET_15, plane, size, options=options, report=lambda _, pace: paces.append(pace), output=path)
+    found = regimes(SET_15, plane, size, **options, report=lambda _, pace: paces.append(pace), output=path)
     assert [(pace.done, pace.before) for pace in paces] == [(2, 1)]
     assert same(found, whole)
     assert same(gw.open_result(path), whole)
     monkeypatch.setattr("gapwalk.studies.regime_study._judge_piece", None)
-    assert same(regimes(SET_15, plane, size, options=options, output=path), whole)
+    assert same(regimes(SET_15, plane, size, **options, output=path), whole)
     with pytest.raises(StoreError, match=r"carry is 'no', and was 'up'"):
-        regimes(SET_15, plane, size, options=in_process(check=2), output=path)
+        regimes(SET_15, plane, size, **in_process(check=2), output=path)
 
 
 def test_the_result_does_not_depend_on_who_does_the_work():
     plane, judging = {"frequency": (0.4, 1.6), "harmonic1.amplitude": (0.1, 0.2)}, RegimeOptions(forces=False)
     options = in_process(check=2, carry="down", judging=judging)
-    alone = regimes(SET_15, plane, (2, 65), options=options)
+    alone = regimes(SET_15, plane, (2, 65), **options)
     with local_workers(2) as workers:
-        both = regimes(SET_15, plane, (2, 65), options=options, workers=workers)
+        both = regimes(SET_15, plane, (2, 65), **options, workers=workers)
     assert same(both, alone)
     assert both.impacts.shape == (65, 2, 0)
 
 
 def test_a_linear_system_has_period_1_everywhere():
-    found = regimes(linear(), {"mean.a": (-1.0, 1.0), "frequency": (0.3, 3.0)}, 5, options=in_process(check=5))
+    found = regimes(linear(), {"mean.a": (-1.0, 1.0), "frequency": (0.3, 3.0)}, 5, **in_process(check=5))
     assert found.cells == {"period 1": 25}
     assert found.peak_force.shape == (5, 5, 0)
     assert not found.check.different
@@ -117,7 +118,7 @@ def test_states_that_are_carried_over_show_the_jump_at_two_places():
     """The main resonance leans: going up, the motion stays on the upper branch for longer than coming down."""
     plane = {"frequency": (0.5, 0.75), "harmonic1.amplitude": (0.25, 0.35)}
     options = {way: in_process(carry=way, check=0, judging=RegimeOptions(max_period=8)) for way in ("up", "down")}
-    up, down = (regimes(case("13"), plane, (12, 1), options=options[way]).peak_force[0, :, 0] for way in options)
+    up, down = (regimes(case("13"), plane, (12, 1), **options[way]).peak_force[0, :, 0] for way in options)
     differs = np.abs(up - down) > 0.1
     assert 1 <= differs.sum() <= 6
     assert np.all(up[differs] > down[differs]) or np.all(up[differs] < down[differs])
@@ -129,7 +130,7 @@ def test_ctrl_c_keeps_what_is_done():
         raise KeyboardInterrupt
 
     found = until_ctrl_c(
-        regimes, linear(), {"mean.a": (-1.0, 1.0), "frequency": (0.3, 3.0)}, (17, 64), options=in_process(), report=stop
+        regimes, linear(), {"mean.a": (-1.0, 1.0), "frequency": (0.3, 3.0)}, (17, 64), **in_process(), report=stop
     )
     assert not found.complete
     assert found.cells == {"period 1": 1024, "undecided": 64}
@@ -149,17 +150,13 @@ def test_ctrl_c_keeps_what_is_done():
         (lambda: regimes(SET_15, {"frequency": 1.0, "mean.q1": (0, 1)}), "write two numbers"),
         (lambda: regimes(SET_15, PLANE, -3), "resolution is -3"),
         (lambda: regimes(SET_15, PLANE, 3, start=[0.0]), "a state of this system is 4 finite numbers"),
-        (lambda: RegimeMapOptions(carry="left"), 'carry is \'left\'; write "no", "up" or "down"'),
-        (lambda: RegimeMapOptions(check=-1), "check is -1"),
+        (lambda: regimes(SET_15, PLANE, 3, carry="left"), "carry is 'left'; known are no, up, down"),
+        (lambda: regimes(SET_15, PLANE, 3, check=-1), "check is -1"),
     ],
 )
 def test_what_makes_no_sense_is_refused(call, words):
     with pytest.raises(ModelError, match=words):
         call()
-
-
-def test_options_may_be_given_as_words():
-    assert RegimeMapOptions(carry="up").carry is Carry.UP
 
 
 def test_doubtful_cells_are_pieces_of_their_own() -> None:

@@ -11,6 +11,7 @@ import gapwalk as gw
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.studies import response_study as response
+from gapwalk.studies.response_study import ResponseOptions
 from tests.interruption import until_ctrl_c
 from tests.studies.same import assert_same_branch, assert_same_result
 from tests.studies.studies import stop_study
@@ -36,7 +37,7 @@ def test_it_walks_from_the_first_value_to_the_second() -> None:
 
 def test_it_walks_any_parameter() -> None:
     study = stop_study()
-    options = gw.studies.ResponseOptions("stop.clearance", 1.0, 0.5, "max.x")
+    options = ResponseOptions("stop.clearance", 1.0, 0.5, "max.x")
     branch = gw.run(gw.Study(study.system.at(frequency=1.0), options)).branches[0]
     assert branch.values[[0, -1]] == pytest.approx([1.0, 0.5], abs=1e-15)
     assert branch.points[3].orbit.system["stop.clearance"] == branch.values[3]

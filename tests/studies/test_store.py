@@ -15,6 +15,7 @@ from gapwalk.errors import ModelError, StoreError
 from gapwalk.flow import Flow
 from gapwalk.results.result_file import APPLICATION, SCHEMA, lock, reading
 from gapwalk.studies import response_study as response
+from gapwalk.studies.response_study import ResponseOptions
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change, change_sealed
 from tests.studies.killing import killed_after
@@ -83,7 +84,7 @@ def test_a_system_of_all_kinds_of_parts_survives(path) -> None:
         0.8,
     )
     start = (0.1, 0.0, 0.0, 1e-3)
-    options = gw.studies.ResponseOptions(
+    options = ResponseOptions(
         "gear.soft.clearance", 0.1, 0.2, "max.b", 1, start, gw.WalkOptions(max_points=5), gw.Shooting(segments=2)
     )
     study = gw.Study(system, options, "ü \x1b[31m", "", (("study.to", 0.2), ("study.start", [0.1, 0.0, 0.0, 1e-3])))

@@ -20,7 +20,7 @@ from gapwalk.results.result_file import lock, reading
 from gapwalk.studies import sweep_study as segments
 from gapwalk.studies.result import REQUEST, load_result, request_file
 from gapwalk.studies.study_kind import values_of
-from gapwalk.studies.sweep_study import BLOCK, STRETCH, Patience, SweepSegment, SweepStudy, Way
+from gapwalk.studies.sweep_study import BLOCK, STRETCH, SweepSegment, SweepStudy, Way
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
 from tests.studies.killing import killed_after
@@ -46,7 +46,7 @@ def light(**changes) -> gw.System:
 
 @pytest.fixture(scope="module")
 def hysteresis() -> gw.Sweep:
-    return gw.sweep(*FOLDS, options=options())
+    return gw.sweep(*FOLDS, **options())
 
 
 def assert_same(a: gw.Sweep, b: gw.Sweep) -> None:
@@ -56,8 +56,7 @@ def assert_same(a: gw.Sweep, b: gw.Sweep) -> None:
 
 
 def test_a_linear_system_follows_its_closed_form() -> None:
-    patience = Patience(tolerance=1e-9)
-    found = gw.sweep(linear(), "frequency", (0.4, 2.0), options=options(patience=patience, kick=0.0))
+    found = gw.sweep(linear(), "frequency", (0.4, 2.0), **options(tolerance=1e-9, kick=0.0))
     assert found.complete
     assert found.settled.all()
     assert (found.regimes == "period 1").all()
@@ -76,7 +75,7 @@ def test_jumps_are_where_the_folds_are(hysteresis) -> None:
 
 
 def test_bands_change_where_the_flip_is() -> None:
-    found = gw.sweep(clutch(), "frequency", (1.3, 1.36), options=options(steps=61, ways="down"))
+    found = gw.sweep(clutch(), "frequency", (1.3, 1.36), **options(steps=61, ways="down"))
     low, high = found.bands()
     assert (low.regime, high.regime) == ("period 2", "period 1")
     assert abs(low.high - reference("flip", 1.33)) < 2.5e-3  # a motion leaves an unstable one after some values only
@@ -84,7 +83,7 @@ def test_bands_change_where_the_flip_is() -> None:
 
 
 def test_section_points_in_a_window_are_those_of_the_orbit() -> None:
-    found = gw.sweep(light(), "frequency", (0.78, 0.82), options=options(steps=9, ways="down"))
+    found = gw.sweep(light(), "frequency", (0.78, 0.82), **options(steps=9, ways="down"))
     assert set(found.regimes[0, :6]) == {"period 3"}
     for place in (1, 4):
         section = found.sections[0, place]
@@ -95,7 +94,7 @@ def test_section_points_in_a_window_are_those_of_the_orbit() -> None:
 
 
 def test_a_torus_is_named() -> None:
-    found = gw.sweep(light(), "frequency", (1.13, 1.16), options=options(steps=4, ways="down", points=60, starts=2))
+    found = gw.sweep(light(), "frequency", (1.13, 1.16), **options(steps=4, ways="down", points=60, starts=2))
     assert "quasi-periodic" in found.regimes  # where the paper's figure 15 shows one
     lane, place = np.argwhere(found.regimes == "quasi-periodic")[0]
     distances = np.abs(found.sections[lane, place, 1:] - found.sections[lane, place, 0]).max(axis=1)
@@ -103,26 +102,24 @@ def test_a_torus_is_named() -> None:
 
 
 def test_many_starts_find_what_one_does_not() -> None:
-    few = gw.sweep(clutch(), "frequency", (0.622, 0.636), options=options(steps=3, ways="again"))
-    many = gw.sweep(clutch(), "frequency", (0.622, 0.636), options=options(steps=3, ways="again", starts=8))
+    few = gw.sweep(clutch(), "frequency", (0.622, 0.636), **options(steps=3, ways="again"))
+    many = gw.sweep(clutch(), "frequency", (0.622, 0.636), **options(steps=3, ways="again", starts=8))
     assert len(many.lanes) == 8
     np.testing.assert_array_equal(many.sections[0], few.sections[0])
     found = np.round(many.sections[:, :, 0, 0], 2)
     assert [len(set(column)) for column in found.T[:2]] == [2, 2]  # both stable motions between the folds
     given = tuple(tuple(lane.state) for lane in many.lanes[2:4])
-    again = gw.sweep(
-        clutch(), "frequency", (0.622, 0.636), options=options(steps=3, ways="again", starts=given, kick=0)
-    )
+    again = gw.sweep(clutch(), "frequency", (0.622, 0.636), **options(steps=3, ways="again", starts=given, kick=0))
     np.testing.assert_allclose(again.sections, many.sections[2:4], atol=1e-4)
 
 
 def test_the_number_of_workers_changes_nothing(hysteresis) -> None:
     with local_workers(2) as workers:
-        assert_same(gw.sweep(*FOLDS, options=options(), workers=workers), hysteresis)
+        assert_same(gw.sweep(*FOLDS, **options(), workers=workers), hysteresis)
 
 
 def test_the_seed_makes_a_difference_of_the_size_of_the_kicks(hysteresis) -> None:
-    other = gw.sweep(clutch(), "frequency", (0.649, 0.605), options=options(seed=1))
+    other = gw.sweep(clutch(), "frequency", (0.649, 0.605), **options(seed=1))
     assert not np.array_equal(other.sections, hysteresis.sections)
     np.testing.assert_allclose(other.sections, hysteresis.sections, atol=3e-5)
 
@@ -137,19 +134,19 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(after, hysteresis, tmp_path) 
         if len(done) == after:
             signal.raise_signal(signal.SIGINT)
 
-    stopped = until_ctrl_c(gw.sweep, *FOLDS, options=options(), report=report, output=path)
+    stopped = until_ctrl_c(gw.sweep, *FOLDS, **options(), report=report, output=path)
     assert not stopped.complete
     assert np.count_nonzero(stopped.regimes != "") == sum(len(segment.regimes) for segment in done)
     assert [(pace.done, pace.total) for pace in paces] == [(k, 6) for k in range(1, after + 1)]
     assert_same(gw.open_result(path), stopped)
     assert os.listdir(tmp_path) == [path.name]
     paces.clear()
-    again = gw.sweep(*FOLDS, options=options(workers=2), output=path, report=lambda _, pace: paces.append(pace))
+    again = gw.sweep(*FOLDS, **options(workers=2), output=path, report=lambda _, pace: paces.append(pace))
     assert_same(again, hysteresis)
     assert_same(gw.open_result(path), hysteresis)
     assert [(pace.done, pace.before) for pace in paces] == [(k, after) for k in range(after + 1, 7)]
     calls = Flow.calls
-    assert_same(gw.sweep(*FOLDS, options=options(), output=path), hysteresis)
+    assert_same(gw.sweep(*FOLDS, **options(), output=path), hysteresis)
     assert Flow.calls == calls  # a complete sweep is not driven again
 
 
@@ -170,20 +167,20 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(tmp_path, 
 def test_another_sweep_is_not_mixed_with_one_in_a_file(tmp_path) -> None:
     path = tmp_path / "a.sweep"
     small = options(steps=2, ways="up")
-    gw.sweep(clutch(), "frequency", (0.6, 0.7), options=small, output=path)
+    gw.sweep(clutch(), "frequency", (0.6, 0.7), **small, output=path)
     with pytest.raises(StoreError, match=r"kick is 0\.0, and was 1e-07"):
-        gw.sweep(clutch(), "frequency", (0.6, 0.7), options=replace(small, kick=0.0), output=path)
+        gw.sweep(clutch(), "frequency", (0.6, 0.7), **dict(small, kick=0.0), output=path)
     with pytest.raises(StoreError, match=r"stiffness\.q1\.q1 is 0\.2, and was 0\.1"):
-        gw.sweep(clutch().at({"stiffness.q1.q1": 0.2}), "frequency", (0.6, 0.7), options=small, output=path)
+        gw.sweep(clutch().at({"stiffness.q1.q1": 0.2}), "frequency", (0.6, 0.7), **small, output=path)
     with pytest.raises(StoreError, match="and no result of a study"):
         load_result(path)
     with pytest.raises(StoreError, match="being written by another run"), lock(tmp_path / "b.sweep"):
-        gw.sweep(clutch(), "frequency", (0.6, 0.7), options=small, output=tmp_path / "b.sweep")
+        gw.sweep(clutch(), "frequency", (0.6, 0.7), **small, output=tmp_path / "b.sweep")
 
 
 def test_a_damaged_file_is_called_so(tmp_path) -> None:
     path = tmp_path / "a.sweep"
-    gw.sweep(clutch(), "frequency", (0.6, 0.7), options=options(steps=2, ways="up"), output=path)
+    gw.sweep(clutch(), "frequency", (0.6, 0.7), **options(steps=2, ways="up"), output=path)
     with reading(path) as parts:
         call = parts.one(REQUEST)
         parts.base = call.system
@@ -220,7 +217,7 @@ def test_a_damaged_file_is_called_so(tmp_path) -> None:
 
 def test_a_motion_that_runs_away_ends_its_lane_and_is_noted() -> None:
     system = gw.System(["x"], [[1.0]], [[0.1]], harmonics=[gw.Harmonic(0.3, {"x": 1.0})])
-    found = gw.sweep(system, "stiffness.x.x", (-1.0, 1.0), options=options(ways="up and down and again"))
+    found = gw.sweep(system, "stiffness.x.x", (-1.0, 1.0), **options(ways="up and down and again"))
     up, down, again = found.regimes
     assert found.complete  # there is nothing left to do
     assert up[0] == "diverges"
@@ -239,8 +236,8 @@ def test_a_motion_that_runs_away_ends_its_lane_and_is_noted() -> None:
 
 def test_a_kick_leaves_what_is_unstable() -> None:
     rest = gw.System(["x"], [[-0.1]], [[0.1]], contacts=[gw.backlash("gap", {"x": 1.0}, 1.0)], frequency=1.0)
-    still = gw.sweep(rest, "frequency", (1.0, 1.1), options=options(steps=2, ways="up", kick=0.0))
-    kicked = gw.sweep(rest, "frequency", (1.0, 1.1), options=options(steps=2, ways="up"))
+    still = gw.sweep(rest, "frequency", (1.0, 1.1), **options(steps=2, ways="up", kick=0.0))
+    kicked = gw.sweep(rest, "frequency", (1.0, 1.1), **options(steps=2, ways="up"))
     assert np.abs(still.sections).max() == 0.0
     assert np.abs(kicked.sections[..., 0]).min() > 1.0  # against one side of the gap
 
@@ -252,7 +249,7 @@ def test_a_worker_that_dies_each_time_is_told_with_its_lane(monkeypatch) -> None
 
     monkeypatch.setattr(study, "sweep_stretch", die)
     with pytest.raises(WorkError, match=r"Lane\(up, start 1\).*a worker process died"):
-        gw.sweep(clutch(), "frequency", (0.6, 0.7), options=options(ways="up", workers=2))
+        gw.sweep(clutch(), "frequency", (0.6, 0.7), **options(ways="up", workers=2))
 
 
 def test_what_is_asked_of_a_sweep_is_found(hysteresis) -> None:
@@ -296,7 +293,7 @@ def test_a_sweep_that_makes_no_sense() -> None:
     with pytest.raises(ModelError, match="no parameter"):
         gw.sweep(clutch(), "speed", (0.5, 1.0))
     with pytest.raises(ModelError, match="4 finite numbers"):
-        gw.sweep(clutch(), "frequency", (0.5, 1.0), options=options(starts=((1.0, 2.0),)))
+        gw.sweep(clutch(), "frequency", (0.5, 1.0), **options(starts=((1.0, 2.0),)))
 
 
 def test_a_result_depends_on_its_task_alone() -> None:
@@ -355,7 +352,7 @@ def test_a_mass_that_rests_on_a_rigid_stop_is_not_kicked_through_it():
         harmonics=[gw.Harmonic(unit, {"x": 1.0}, name="a")],
         frequency=1.0,
     )
-    found = gw.sweep(system, "a.amplitude", (0.1 * unit, 2.0 * unit), options=options(steps=3, ways="up"))
+    found = gw.sweep(system, "a.amplitude", (0.1 * unit, 2.0 * unit), **options(steps=3, ways="up"))
     assert {band.regime for lane in range(len(found.lanes)) for band in found.bands(lane)} == {"period 1"}
     pressed, lifts = (gw.settle(system.at({"a.amplitude": share * unit})).motion(64) for share in (0.4, 2.0))
     assert np.abs(pressed.states[:, 0]).max() <= 1e-12 * unit

@@ -84,10 +84,12 @@ def test_chaotic_motions_part_in_another_simulation(blocks: int) -> None:
 
 @pytest.mark.slow
 def test_the_periods_4_to_16_are_on_branches() -> None:
-    options = gw.DiagramOptions(
-        max_period=16, search_values=40, search=gw.SearchOptions(starts=32, periods=20, newton_starts=0)
-    )
-    found = gw.diagram(nlvib_pair().at(frequency=0.62), "frequency", (0.581, 0.62), options=options)
+    options = {
+        "max_period": 16,
+        "search_values": 40,
+        "search": gw.SearchOptions(starts=32, periods=20, newton_starts=0),
+    }
+    found = gw.diagram(nlvib_pair().at(frequency=0.62), "frequency", (0.581, 0.62), **options)
     assert {*range(4, 17)} <= {member.period for member in found.members}
     stable = {
         period: [

@@ -4,66 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple
 
+from annotated_types import Ge
 from matplotlib.axes import Axes
 from pydantic import AfterValidator, ValidationInfo
 
 import gapwalk as gw
 from gapwalk import Study
-from gapwalk.parallel import Workers
-from gapwalk.studies import (
-    OPEN,
-    Counted,
-    Finding,
-    Found,
-    Part,
-    Parts,
-    RangeStudy,
-    Rows,
-    Surroundings,
-    Work,
-    add_kind,
-    check_signal,
-    check_study,
-)
+from gapwalk.studies import OPEN, Counted, Found, Job, Part, RangeStudy, Surroundings, add_kind
+from gapwalk.studies.study_file import check_study
+from gapwalk.studies.study_kind import Rows
+from gapwalk.studies.tables import check_signal
 
 
 def _is_a_coordinate(name: str | None, info: ValidationInfo[Surroundings]) -> str | None:
     system = info.context.system
     return name and check_signal(name, system.coordinates if system else [])
-
-
-@add_kind
-@dataclass(frozen=True)
-class AmplitudeStudy(RangeStudy):
-    """The amplitude of a coordinate at each of some values of a parameter."""
-
-    kind: ClassVar[str] = "amplitudes"
-
-    coordinate: Annotated[str, OPEN, AfterValidator(_is_a_coordinate)]
-    count: int = 5
-    workers: Counted | None = field(default=None, compare=False)
-
-    def __post_init__(self) -> None:
-        if self.count < 2:
-            raise gw.errors.ModelError(f"count is {self.count}; it must be an integer >= 2")
-
-    @property
-    def plan(self) -> str:
-        return f"amplitudes of {self.coordinate} over {self.range_words} at {self.count} values"
-
-    @property
-    def values(self) -> list[float]:
-        return [self.begin + (self.end - self.begin) * k / (self.count - 1) for k in range(self.count)]
-
-    @classmethod
-    def of_table(cls, values: dict[str, Any], system: gw.System) -> AmplitudeStudy:
-        return super().of_table({"coordinate": system.coordinates[0], **values}, system)
-
-    def work(self, system: gw.System) -> AmplitudeWork:
-        return AmplitudeWork(system, self)
 
 
 class Amplitude(NamedTuple):
@@ -77,89 +36,73 @@ class Amplitude(NamedTuple):
 class Amplitudes:
     """The amplitudes that are known."""
 
-    asked: AmplitudeStudy
+    parameter: str
+    coordinate: str
     found: tuple[Amplitude, ...]
+    complete: bool = True
+
+    def summary(self, *, notes: bool = True) -> Iterator[str]:
+        return (f"{value:g}: {amplitude:.6g}" for value, amplitude in self.found)
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        return {"amplitudes": lambda: [(self.parameter, self.coordinate), *self.found]}
 
 
 AMPLITUDE = Part("amplitude", Amplitude, numbered=True)
 
 
-class AmplitudeWork(Work):
-    """The amplitudes, one by one, by many workers."""
+@add_kind
+@dataclass(frozen=True)
+class AmplitudeStudy(RangeStudy):
+    """The amplitude of a coordinate at each of some values of a parameter."""
 
-    def __init__(self, system: gw.System, asked: AmplitudeStudy) -> None:
-        self.system, self.asked = system, asked
-        self.known: dict[int, Amplitude] = {}
+    kind: ClassVar[str] = "amplitudes"
+    stored: ClassVar[tuple[Part, ...]] = (AMPLITUDE,)
+    answer: ClassVar[Part | None] = Part("amplitudes", Amplitudes)  # made of the parts
 
-    def take(self, known: Parts) -> None:
-        self.known = dict(known.all(AMPLITUDE))
-
-    def parts(self, workers: Workers) -> Generator[Found]:
-        left = [number for number in range(self.asked.count) if number not in self.known]
-        pieces = [(self.system, self.asked, self.asked.values[number]) for number in left]
-        for index, found in workers.each(_amplitude, pieces, in_order=False):
-            self.known[left[index]] = found
-            yield Found.part(AMPLITUDE, found, left[index])
+    coordinate: Annotated[str, OPEN, AfterValidator(_is_a_coordinate)] = ""  #: The coordinate; by default the first.
+    count: Annotated[int, Ge(2)] = 5  #: Number of values.
+    workers: Counted | None = field(default=None, compare=False)  #: Number of processes.
 
     @property
-    def complete(self) -> bool:
-        return self.done == self.total
+    def plan(self) -> str:
+        return f"amplitudes of {self.coordinate} over {self.range_words} at {self.count} values"
 
-    @property
-    def done(self) -> int:
-        return len(self.known)
+    @classmethod
+    def of_table(cls, values: dict[str, Any], system: gw.System) -> AmplitudeStudy:
+        return super().of_table({"coordinate": system.coordinates[0], **values}, system)
 
-    @property
-    def total(self) -> int:
-        return self.asked.count
+    of_call = of_table
 
-    @property
-    def record(self) -> Amplitudes:
-        return Amplitudes(self.asked, tuple(found for _, found in sorted(self.known.items())))
+    def do(self, job: Job) -> Generator[Found]:
+        values = {k: self.begin + (self.end - self.begin) * k / (self.count - 1) for k in range(self.count)}
+        return job.each(AMPLITUDE, partial(_amplitude, job.system, self), values)
 
-    def finding(self) -> AmplitudeFinding:
-        return AmplitudeFinding(self.record)
+    def is_complete(self, job: Job) -> bool:
+        return self.done(job) == self.count
+
+    def total(self, job: Job) -> int:
+        return self.count
+
+    def so_far(self, job: Job) -> Amplitudes:
+        return Amplitudes(self.parameter, self.coordinate, tuple(job.all(AMPLITUDE)), job.complete)
+
+    def stored_words(self, finding: Any) -> str:
+        return f"{finding.done} of {self.count} amplitudes are stored"
+
+    def document(self, found: Amplitudes, points: bool) -> dict[str, Any]:
+        return {"amplitudes": [list(each) for each in found.found]}
 
 
-def _amplitude(piece: tuple[gw.System, AmplitudeStudy, float]) -> Amplitude:
-    system, asked, value = piece
+def _amplitude(system: gw.System, asked: AmplitudeStudy, value: float) -> Amplitude:
     orbit = gw.find_orbit(system.at({asked.parameter: value}))
     return Amplitude(value, orbit.measure(f"half.{asked.coordinate}"))
-
-
-@dataclass(frozen=True)
-class AmplitudeFinding(Finding):
-    """The amplitudes that are known, as a result shows them."""
-
-    found: Amplitudes
-
-    @property
-    def record(self) -> Amplitudes:
-        return self.found
-
-    @property
-    def complete(self) -> bool:
-        return len(self.record.found) == self.record.asked.count
-
-    @property
-    def stored(self) -> str:
-        return f"{len(self.record.found)} of {self.record.asked.count} amplitudes are stored"
-
-    def summary(self) -> Iterator[str]:
-        return (f"{value:g}: {amplitude:.6g}" for value, amplitude in self.record.found)
-
-    def document(self, points: bool) -> dict[str, Any]:
-        return {"amplitudes": [list(each) for each in self.record.found]}
-
-    def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        asked = self.record.asked
-        return {"amplitudes": lambda: [(asked.parameter, asked.coordinate), *self.record.found]}
 
 
 @gw.plot.draws(Amplitudes)
 def draw_amplitudes(amplitudes: Amplitudes, ax: Axes) -> None:
     """Draw the amplitudes over the parameter."""
-    ax.set(xlabel=amplitudes.asked.parameter, ylabel=amplitudes.asked.coordinate)
+    ax.set(xlabel=amplitudes.parameter, ylabel=amplitudes.coordinate)
     ax.plot(*zip(*amplitudes.found, strict=True), "o-")
 
 

@@ -1,5 +1,6 @@
 """A kind of study that stands in one file goes through all that studies go through."""
 
+import inspect
 import json
 import math
 
@@ -10,10 +11,11 @@ from gapwalk.cli import main
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.explorer.exploration import Entry
 from gapwalk.model.model_source import parse_source
+from gapwalk.studies.functions import function_of
 from gapwalk.studies.study_file import check_study
 from tests.interruption import until_ctrl_c
 from tests.studies.killing import killed_after
-from tests.toys.amplitudes import MODEL, study
+from tests.toys.amplitudes import MODEL, AmplitudeStudy, study
 
 
 def exact(frequency: float) -> float:
@@ -27,6 +29,20 @@ def test_it_finds_the_amplitudes_of_the_closed_form() -> None:
     assert [a for _, a in whole.finding.record.found] == pytest.approx(
         [exact(w) for w, _ in whole.finding.record.found], rel=1e-8
     )
+
+
+def test_its_function_is_made_of_its_declaration(tmp_path) -> None:
+    amplitudes = function_of(AmplitudeStudy, "amplitudes")
+    assert str(inspect.signature(amplitudes)).startswith(
+        "(system: 'System', parameter: str, to: tuple[float, float], *, coordinate: str = '', count: int = 5, workers"
+    )
+    found = amplitudes(study().system, "frequency", (0.5, 1.5), count=6, workers=1, output=tmp_path / "a")
+    assert found == gw.open_result(tmp_path / "a") == gw.run(study()).finding.record
+    with pytest.raises(TypeError, match="has no keyword 'counts'; did you mean count"):
+        amplitudes(study().system, "frequency", (0.5, 1.5), counts=6)
+    with pytest.raises(ModelError, match="count is 1; it must be an integer >= 2"):
+        amplitudes(study().system, "frequency", (0.5, 1.5), count=1)
+    assert "count\n    Number of values." in amplitudes.__doc__
 
 
 @pytest.mark.slow
@@ -59,7 +75,7 @@ def test_a_run_that_is_killed_goes_on_to_the_same_result(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("count = 6", "count = 1", "study.count is 1; it must be an integer >= 2"),
+        ("count = 6", "count = 1", "study.count is 1; it must be >= 2"),
         ("count = 6", "counts = 6", "study.counts is not a key here; did you mean count?"),
         ("count = 6", "count = 6.0", "study.count is 6.0; it must be an integer"),
         ("workers = 1", "workers = 0", "study.workers is 0; it must be >= 1"),

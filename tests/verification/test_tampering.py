@@ -11,6 +11,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError
+from gapwalk.studies.response_study import ResponseOptions
 from gapwalk.verification import Check
 from gapwalk.verification.dop853 import carry
 from tests.independent import integrate
@@ -24,8 +25,8 @@ def branch():
 
 @pytest.fixture(scope="module")
 def tree():
-    options = gw.DiagramOptions(max_period=2, workers=1)
-    return gw.diagram(clutch(frequency=0.85), "frequency", (0.64, 0.85), options=options)
+    options = {"max_period": 2, "workers": 1}
+    return gw.diagram(clutch(frequency=0.85), "frequency", (0.64, 0.85), **options)
 
 
 @pytest.fixture(scope="module")
@@ -216,7 +217,7 @@ def test_a_missing_name_is_found(tree) -> None:
 
 
 def test_another_range_is_found() -> None:
-    options = gw.studies.ResponseOptions("frequency", 0.85, 0.8, "half.q1")
+    options = ResponseOptions("frequency", 0.85, 0.8, "half.q1")
     result = gw.run(gw.Study(clutch(frequency=0.85), options))
     assert gw.verify(result).ok
     for changes in ({"end": 0.79}, {"end": 0.81}, {"begin": 0.86}):

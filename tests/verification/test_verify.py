@@ -17,7 +17,7 @@ from gapwalk.errors import VerificationError
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.results.result_file import reading
 from gapwalk.studies.map_study import MapStudyOptions
-from gapwalk.studies.response_study import MOMENT, START, Moment
+from gapwalk.studies.response_study import MOMENT, START, Moment, ResponseOptions
 from gapwalk.studies.result import request_file
 from gapwalk.verification import Check
 from gapwalk.verification.dop853 import carry
@@ -36,7 +36,7 @@ def branch():
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
     """The same as a study with its file."""
-    options = gw.studies.ResponseOptions("frequency", 0.85, 0.6, "half.q1")
+    options = ResponseOptions("frequency", 0.85, 0.6, "half.q1")
     path = tmp_path_factory.mktemp("verify") / "clutch.gapwalk"
     gw.run(gw.Study(clutch(frequency=0.85), options), path)
     return path
@@ -230,9 +230,7 @@ def test_balanced_branches_verify_with_their_truncation():
 
 
 def test_where_branches_are_attached_is_verified():
-    tree = gw.diagram(
-        clutch(frequency=0.85), "frequency", (0.64, 0.85), options=gw.DiagramOptions(max_period=2, workers=1)
-    )
+    tree = gw.diagram(clutch(frequency=0.85), "frequency", (0.64, 0.85), max_period=2, workers=1)
     found = gw.verify(tree)
     assert found.ok, found.words
     assert found.worst("tree").size < 1e-8
@@ -324,7 +322,7 @@ def test_a_result_without_branches_says_what_can_be_verified(tmp_path, capsys):
 
 
 def test_a_study_verifies_itself_and_keeps_what_it_found(tmp_path):
-    options = gw.studies.ResponseOptions("frequency", 0.85, 0.8, "half.q1", verify=True)
+    options = ResponseOptions("frequency", 0.85, 0.8, "half.q1", verify=True)
     path = tmp_path / "clutch.gapwalk"
     found = gw.run(gw.Study(clutch(frequency=0.85), options), path)
     assert found.verification is not None

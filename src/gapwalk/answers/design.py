@@ -122,13 +122,7 @@ class Route:
 
 @dataclass(frozen=True, slots=True)
 class LeastChangeOptions:
-    """Options of a search for the least change.
-
-    Examples
-    --------
-    >>> gw.ask.LeastChangeOptions(starts=4, margin=0.01).margin
-    0.01
-    """
+    """Options of a search for the least change."""
 
     #: Further starts, spread over the bounds, for the ways that need the least change from the present design.
     starts: int = 2

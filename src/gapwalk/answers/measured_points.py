@@ -24,13 +24,7 @@ _CLEAR = 2.0  # the second nearest special point must be farther than the neares
 
 @dataclass(frozen=True, slots=True)
 class MeasuredPoint:
-    """A special point that was measured, such as the frequency of a jump in a slow sweep.
-
-    Examples
-    --------
-    >>> gw.measure.MeasuredPoint("fold", 0.619, 0.0005).words
-    'fold measured at 0.619 ± 0.0005'
-    """
+    """A special point that was measured, such as the frequency of a jump in a slow sweep."""
 
     kind: str  #: Its kind: ``"fold"`` for a jump, ``"grazing"`` for a stop that is first touched, or another.
     value: float  #: Measured value of the parameter of the branch, in its units.

@@ -47,13 +47,7 @@ class Direction(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class SlowSweepOptions:
-    """Options of a slow sweep.
-
-    Examples
-    --------
-    >>> gw.ask.SlowSweepOptions(steps=50).steps
-    50
-    """
+    """Options of a slow sweep."""
 
     steps: int = 100  #: Steps of the range at which motions without a branch are sampled.
     #: Longest period, in forcing periods, of motions that are followed as branches; longer ones are sampled.

@@ -34,13 +34,7 @@ _ROUNDING = 1e-9  # by which a written correlation matrix may differ from a symm
 
 
 class SpreadLaw(StrEnum):
-    """Law of a parameter that varies from part to part.
-
-    Examples
-    --------
-    >>> gw.ask.Spread("stop.clearance", gw.analysis.SpreadLaw.UNIFORM, low=0.9, high=1.1).law
-    <SpreadLaw.UNIFORM: 'uniform'>
-    """
+    """Law of a parameter that varies from part to part."""
 
     NORMAL = "normal"
     """About `mean` with the standard deviation `sd`; within `low` and `high` if they are given (truncated)."""
@@ -166,7 +160,7 @@ class Spreads:
 
     Examples
     --------
-    >>> laws = gw.analysis.spread_in_percent(system, 2, ["stop.clearance", "stop.stiffness"])
+    >>> laws = [gw.ask.Spread("stop.clearance", sd=0.02), gw.ask.Spread("stop.stiffness", sd=0.4)]
     >>> gw.analysis.Spreads(laws, correlation=[[1.0, 0.5], [0.5, 1.0]]).design(4, seed=0).values.shape
     (4, 2)
     """
@@ -267,11 +261,6 @@ def spread_in_percent(system: System, percent: float, parameters: Sequence[str])
     ------
     ModelError
         For an unknown parameter, or one that is zero.
-
-    Examples
-    --------
-    >>> gw.analysis.spread_in_percent(system, 5, ["stop.clearance"])[0].sd
-    0.05
     """
     return tuple(Spread(name, sd=abs(system[name]) * percent / 100.0, mean=system[name]) for name in parameters)
 
@@ -296,13 +285,6 @@ def measured_parts(path: str | os.PathLike[str]) -> Spreads:
     ------
     ModelError
         If the file cannot be read, or an entry is no finite number.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> written = Path("parts.csv").write_text("stop.clearance,stop.stiffness\n0.98,20.5\n1.01,19.8\n1.03,20.1\n")
-    >>> gw.analysis.measured_parts("parts.csv").varied
-    ('stop.clearance', 'stop.stiffness')
     """
     try:
         with open_file(path) as file:

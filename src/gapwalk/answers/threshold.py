@@ -168,13 +168,7 @@ _SMOOTH = 1e-6  # error of a limit, relative to the range, above which its locus
 
 @dataclass(frozen=True, slots=True)
 class ThresholdOptions:
-    """Options of a threshold.
-
-    Examples
-    --------
-    >>> gw.ask.ThresholdOptions(values=12, starts=6).values
-    12
-    """
+    """Options of a threshold."""
 
     values: int = 24  #: Values of the other parameter at which motions are tried.
     starts: int = 10  #: Starts at each of them: rest, and states spread over a box.

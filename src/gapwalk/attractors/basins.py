@@ -208,11 +208,6 @@ def match(
     ------
     ModelError
         If the states have the wrong shape.
-
-    Examples
-    --------
-    >>> gw.analysis.match([attractor], settled)
-    0
     """
     if isinstance(motion, Attractor | Settled) and motion.orbit is not None:
         same = [each.orbit is not None and is_same(each.orbit, motion.orbit, tolerance) for each in attractors]

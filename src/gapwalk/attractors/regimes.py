@@ -154,13 +154,7 @@ class Regimes(Shown):
 
 
 class Regime(IntEnum):
-    """The kind of a motion.
-
-    Examples
-    --------
-    >>> gw.analysis.Regime(regimes.regimes[0, 0]).name
-    'PERIODIC'
-    """
+    """The kind of a motion."""
 
     RUNAWAY = -2
     UNDECIDED = -1
@@ -203,13 +197,7 @@ _FORCES = 256  # forcing periods over which the contact forces of a motion that 
 
 @dataclass(frozen=True, slots=True)
 class RegimeOptions:
-    """Options of the classification of regimes.
-
-    Examples
-    --------
-    >>> gw.analysis.RegimeOptions(longest=500, forces=True).longest
-    500
-    """
+    """Options of the classification of regimes."""
 
     #: The most forcing periods in which a motion may become periodic; after them it is classified by its exponent.
     longest: int = 3000

@@ -48,13 +48,7 @@ class Section:
 
 
 class Crossing(StrEnum):
-    """The direction in which a motion crosses a plane.
-
-    Examples
-    --------
-    >>> gw.analysis.Plane({"x": 1.0}, 0.5, gw.analysis.Crossing.UPWARDS).text
-    'x = 0.5, upwards'
-    """
+    """The direction in which a motion crosses a plane."""
 
     UPWARDS = "upwards"
     DOWNWARDS = "downwards"

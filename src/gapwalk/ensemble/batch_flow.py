@@ -90,7 +90,7 @@ class BatchOptions:
 
     Examples
     --------
-    >>> gw.analysis.BatchOptions(error=1e-6, threads=1).thread_count
+    >>> gw.parallel.BatchOptions(error=1e-6, threads=1).thread_count
     1
     """
 

@@ -72,7 +72,7 @@ from gapwalk.studies.family import Family
 from gapwalk.studies.map import Map
 from gapwalk.studies.result import Result
 from gapwalk.studies.settle_study import SettleFinding
-from gapwalk.studies.sweep_study import Sweep, SweepFinding
+from gapwalk.studies.sweep_study import Sweep
 from gapwalk.tori.tongue import Tongue
 from gapwalk.tori.torus import Torus
 from gapwalk.tori.torus_family import TorusDiagram, TorusFamily
@@ -334,7 +334,7 @@ def lines_of(found: Found) -> Lines:
             sections = [(f"P{each.period}-{number}", each) for number, each in enumerate(found.branches, start=1)]
             return _in_plane([*sections, *zip(found.names, found.loci, strict=True)], found.first, found.second)
         case Sweep():
-            return _answered(view_of(SweepFinding(found)))
+            return _answered(view_of(Alone(found)))
         case Result(finding=None, map=None):
             return _along(found.named)
         case Result(finding=None, map=chart) if chart is not None and chart.loci:

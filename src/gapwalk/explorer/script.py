@@ -159,9 +159,8 @@ class _Script:
         limits = ", ".join(f"{word}={_gw(value)}" for word, value in changed.items())
         self.lines += [
             f"known = [{', '.join(known)}]",
-            f"limits = gw.DiagramOptions({limits})",
             f"others = gw.find_others({system}, {action.parameter!r}, {(action.low, action.high)!r}, known=known, "
-            f"options=limits, walk={_gw(options.walk)}, method={_gw(options.method)})",
+            f"{limits}, walk={_gw(options.walk)}, method={_gw(options.method)})",
             f"{name} = others.branches",
             "",
         ]

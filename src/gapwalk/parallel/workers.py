@@ -26,13 +26,7 @@ from gapwalk.parallel.processes import Processes, local_cores
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """The progress of a job.
-
-    Examples
-    --------
-    >>> gw.parallel.Pace(done=30, total=100, before=10, seconds=5.0).rate
-    4.0
-    """
+    """The progress of a job."""
 
     #: done, total: Parts of the job that are done, and all of them.
     done: int

@@ -69,11 +69,6 @@ def new_sheet(size: Inches = WIDE) -> Figure:
     -------
     Figure
         A figure of matplotlib.
-
-    Examples
-    --------
-    >>> gw.plot.new_sheet((6.0, 3.0)).get_size_inches()
-    array([6., 3.])
     """
     with in_style():
         figure = Figure(figsize=sheet_size(*size), dpi=DPI, layout="constrained")
@@ -470,12 +465,6 @@ def begin(record: Any, *arguments: Any, ax: Axes, **options: Any) -> Callable[[]
     Callable
         Draws the labels and close-ups. Call it when all panels are drawn and laid out, so that a figure of several
         panels is laid out only once.
-
-    Examples
-    --------
-    >>> sheet = gw.plot.new_sheet()
-    >>> finish = gw.plot.begin(branch, "max.x", ax=sheet.subplots())
-    >>> finish()
     """
     record, options, _ = unpacked(record, options, None, in_axes=True)
     drawing, _ = drawing_of(record, in_axes=True)

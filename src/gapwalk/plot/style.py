@@ -157,8 +157,8 @@ def in_style() -> Iterator[None]:
     Examples
     --------
     >>> with gw.plot.in_style():
-    ...     sheet = gw.plot.new_sheet()
-    >>> sheet.get_size_inches()
+    ...     axes = branch.plot()
+    >>> axes.figure.get_size_inches()
     array([8. , 4.8])
     """
     style: Any = rc()

@@ -15,12 +15,16 @@ from gapwalk.free.backbones import Backbones
 from gapwalk.free.free_shooting import without_losses
 from gapwalk.free.island_births import IslandBirth, check_load, foretell
 from gapwalk.model.system import System
-from gapwalk.parallel.workers import Workers
-from gapwalk.results.result_file import Part, Parts
+from gapwalk.results.result_file import Part
 from gapwalk.studies.run_up_study import Speed
-from gapwalk.studies.study_kind import AnswerFinding, Found, StudyKind, Work, plain_numbers
+from gapwalk.studies.study_kind import Found, Job, StudyKind, plain_numbers
 from gapwalk.studies.study_registry import Counted
 from gapwalk.summary import row_of
+
+LINE = Part("backbone", tuple[int, Backbone | None, str], numbered=True)
+"""Number of a start, its backbone, and the reason if there is none."""
+BIRTHS = Part("births", tuple[IslandBirth, ...], numbered=True)
+"""What the backbone of that number foretells."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,7 @@ class BackboneStudy(StudyKind):
 
     kind: ClassVar[str] = "backbone"
     gives_frequency: ClassVar[bool] = True
+    stored: ClassVar[tuple[Part, ...]] = (LINE, BIRTHS)
 
     #: Numbers of the linear modes about the equilibrium at which backbones begin, from 1.
     modes: tuple[Counted, ...] = (1,)
@@ -46,7 +51,7 @@ class BackboneStudy(StudyKind):
     harmonics: tuple[Counted, ...] = (1, 2, 3)  #: Harmonics of the free vibrations that this load may drive.
 
     def __post_init__(self) -> None:
-        BackboneOptions(self.largest_amplitude)
+        super().__post_init__()
         if (self.begin is None) != (self.end is None):
             raise ModelError("from and to give the range of the frequency together; write both, or leave both out")
         if not (self.modes or self.release):
@@ -78,22 +83,50 @@ class BackboneStudy(StudyKind):
         where = f"from a release at {list(self.release)}" if self.release else f"of modes {list(self.modes)}"
         return f"backbones {where}"
 
-    def work(self, system: System) -> BackboneWork:
-        """Return the work on the backbones."""
-        return BackboneWork(system, self)
+    def do(self, job: Job) -> Generator[Found]:
+        """Follow the backbones that are left."""
+        within = None if self.begin is None or self.end is None else (self.begin, self.end)
+        options = BackboneOptions(self.largest_amplitude)
+        for number in range(len(job.known[LINE]), self.total(job)):
+            try:
+                line, reason = backbone(job.system, self.starts[number], within, options=options), ""
+            except NumericalError as error:
+                line, reason = None, str(error)
+            one, births = job.keep(LINE, (number, line, reason), number), self._foretold(job.system, line)
+            yield Found((*one.entries, *job.keep(BIRTHS, births, number).entries))
 
+    def _foretold(self, system: System, line: Backbone | None) -> tuple[IslandBirth, ...]:
+        """Return what a backbone foretells for the load that was named."""
+        if line is None or not self.foretell:
+            return ()
+        return foretell(system, line, self.foretell, self.harmonics).births
 
-LINE = Part("backbone", tuple[int, Backbone | None, str], numbered=True)
-"""Number of a start, its backbone, and the reason if there is none."""
-BIRTHS = Part("births", tuple[IslandBirth, ...], numbered=True)
-"""What the backbone of that number foretells."""
+    def check_read(self, job: Job) -> None:
+        """Raise a ValueError if the backbones belong to another study."""
+        lines = job.all(LINE)
+        if [number for number, _, _ in lines] != [*range(len(lines))] or len(lines) > self.total(job):
+            raise ValueError("the backbones do not belong to the study")
 
+    def is_complete(self, job: Job) -> bool:
+        """Return True if all backbones are known."""
+        return self.done(job) == self.total(job)
 
-@dataclass(frozen=True)
-class BackboneFinding(AnswerFinding[Backbones]):
-    """Finding of a study of backbones."""
+    def done(self, job: Job) -> int:
+        """Return the number of backbones that are done."""
+        return len(job.known[LINE])
 
-    def document_of(self, found: Backbones, points: bool) -> dict[str, Any]:
+    def total(self, job: Job) -> int:
+        """Return the number of all backbones."""
+        return len(self.starts)
+
+    def so_far(self, job: Job) -> Backbones:
+        """Return the backbones so far."""
+        lines = tuple(line for _, line, _ in job.all(LINE) if line is not None)
+        failures = tuple(reason for _, _, reason in job.all(LINE) if reason)
+        births = tuple(each for one in job.all(BIRTHS) for each in one)
+        return Backbones(lines, failures, job.complete, births)
+
+    def document(self, found: Backbones, points: bool) -> dict[str, Any]:
         """Return events and ends as JSON values; with all points if wanted."""
         document: dict[str, Any] = {"backbones": [self._line(line, points) for line in found.lines]}
         births = [{name: plain_numbers(value) for name, value in row_of(each).items()} for each in found.births]
@@ -111,68 +144,3 @@ class BackboneFinding(AnswerFinding[Backbones]):
                 for each in line.points
             ]
         return document
-
-
-class BackboneWork(Work):
-    """The work on backbones, one after the other."""
-
-    def __init__(self, system: System, asked: BackboneStudy) -> None:
-        self.system, self.asked = system, asked
-        self._lines: list[tuple[int, Backbone | None, str]] = []
-        self._births: dict[int, tuple[IslandBirth, ...]] = {}
-
-    def take(self, known: Parts) -> None:
-        """Read the backbones of a file; raise a ValueError if they belong to another study."""
-        self._lines = [line for _, line in known.all(LINE)]
-        self._births = dict(known.all(BIRTHS))
-        if [number for number, _, _ in self._lines] != [*range(len(self._lines))] or len(self._lines) > self.total:
-            raise ValueError("the backbones do not belong to the study")
-
-    def parts(self, workers: Workers) -> Generator[Found]:
-        """Follow the backbones that are left."""
-        asked = self.asked
-        within = None if asked.begin is None or asked.end is None else (asked.begin, asked.end)
-        options = BackboneOptions(asked.largest_amplitude)
-        for number in range(len(self._lines), self.total):
-            start = asked.starts[number]
-            try:
-                line, reason = backbone(self.system, start, within, options=options), ""
-            except NumericalError as error:
-                line, reason = None, str(error)
-            self._lines.append((number, line, reason))
-            self._births[number] = self._foretold(line)
-            births = BIRTHS.entry(self._births[number], number)
-            yield Found((LINE.entry(self._lines[-1], number), births))
-
-    def _foretold(self, line: Backbone | None) -> tuple[IslandBirth, ...]:
-        """Return what a backbone foretells for the load that was named."""
-        if line is None or not self.asked.foretell:
-            return ()
-        return foretell(self.system, line, self.asked.foretell, self.asked.harmonics).births
-
-    @property
-    def complete(self) -> bool:
-        """True if no work is left."""
-        return len(self._lines) == self.total
-
-    @property
-    def done(self) -> int:
-        """Number of backbones that are done."""
-        return len(self._lines)
-
-    @property
-    def total(self) -> int:
-        """Number of all backbones."""
-        return len(self.asked.starts)
-
-    @property
-    def record(self) -> Backbones:
-        """The backbones so far."""
-        lines = tuple(line for _, line, _ in self._lines if line is not None)
-        failures = tuple(reason for _, _, reason in self._lines if reason)
-        births = tuple(each for number, _, _ in self._lines for each in self._births.get(number, ()))
-        return Backbones(lines, failures, self.complete, births)
-
-    def finding(self) -> BackboneFinding:
-        """Return the backbones so far as the finding of a study."""
-        return BackboneFinding(self.record, self.done, self.total)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Annotated, Any, ClassVar
@@ -35,18 +34,17 @@ from gapwalk.attractors.basins import (
 from gapwalk.attractors.many_motions import ExactMotions, enough, has_kernel, motions_of
 from gapwalk.ensemble.start import within_stops
 from gapwalk.errors import ModelError
-from gapwalk.model.system import System, check_system
+from gapwalk.model.system import System
 from gapwalk.model.words import coordinate_words
-from gapwalk.notebook import shows_progress
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
-from gapwalk.studies.cell_work import CellFinding, CellWork
+from gapwalk.studies.cell_work import CellWork
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import StudyKind, values_of
+from gapwalk.studies.study_kind import StudyKind
 from gapwalk.studies.study_registry import Counted, check_integers
-from gapwalk.studies.tables import Resolution, Surroundings, check_resolution
-from gapwalk.summary import SummaryParts, Table, summarizes
+from gapwalk.studies.tables import CELLS, Resolution, Surroundings, check_resolution
+from gapwalk.summary import SummaryParts, Table
 
 # Computation of the attractor to which each of many states leads, and of the shares of a box of states.
 
@@ -63,13 +61,7 @@ _PILOT = 64  # states that are looked at first: most attractors are found by the
 
 @dataclass(frozen=True, slots=True)
 class BasinOptions:
-    """Options for the computation of basins.
-
-    Examples
-    --------
-    >>> gw.basins(system, {"x": (-1, 1), "x'": (-1, 1)}, 4, options=gw.BasinOptions(check=4, workers=1)).cells
-    {'period 1': 16}
-    """
+    """Options for the computation of basins."""
 
     #: Largest number of forcing periods of the common run; motions still undecided are classified one by one.
     longest: int = 3000
@@ -122,7 +114,7 @@ class BasinWork(CellWork):
         resolution: tuple[int, int],
         options: BasinOptions,
     ) -> None:
-        super().__init__(resolution)
+        super().__init__(options if isinstance(options, BasinStudy) else None, resolution)
         self._possible = possible = within_stops(system, states)
         if not possible.any():
             raise ModelError("all states are beyond rigid stops; begin where the deflections are within the clearances")
@@ -300,9 +292,9 @@ def basin_shares(
     starts: int = 1000,
     *,
     confidence: float = 0.95,
-    options: BasinOptions | None = None,
     workers: Workers | int | None = None,
     report: Report | None = None,
+    **keywords: Any,
 ) -> BasinShares:
     """Return the shares of a box of initial states that lead to each attractor, with confidence limits.
 
@@ -317,11 +309,11 @@ def basin_shares(
         Number of random starts, evenly distributed over the part of the box within all rigid stops.
     confidence
         Probability with which the limits of a share hold.
-    options
-        Options for the computation of basins. A start is at a border if its label differs from that of one of those
-        nearest to it.
     workers, report
         As in `gapwalk.basins`.
+    keywords
+        Further keywords of `gapwalk.basins`: ``longest``, ``max_period``, ``tries``, ``exact_borders``, ``check``,
+        ``seed``. A start is at a border if its label differs from that of one of those nearest to it.
 
     Returns
     -------
@@ -347,7 +339,7 @@ def basin_shares(
     >>> [(each.name, each.share) for each in found.shares]
     [('period 1a', 0.5), ('period 1b', 0.5)]
     """
-    options = options or BasinOptions()
+    options = BasinOptions(**keywords)
     room = Box.of(system, box)
     if not room.free:
         raise ModelError('all components of the box are fixed; give at least one a range, such as {"q1": (-4, 4)}')
@@ -358,7 +350,7 @@ def basin_shares(
     states = room.draw(starts, options.seed, lambda states: within_stops(system, states))
 
     class Shares(BasinWork):
-        whole_part = Part("shares", BasinShares)
+        whole_part: Any = Part("shares", BasinShares)
 
         def found(self, *, complete: bool) -> BasinShares:
             attractors, labels = in_order(self.catalogue.attractors, self.labels)
@@ -367,57 +359,6 @@ def basin_shares(
 
     work = Shares(system, states, beside_states(states), (starts, 1), options)
     return call(options, work, system, workers=workers, report=report).record
-
-
-class BasinFinding(CellFinding):
-    """Basins of attraction; None until the attractors are known."""
-
-    map: Basins | None
-
-    @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the share of cells of each attractor, and how reliable the labels are."""
-        found = self.map
-        assert found is not None
-        (columns, rows), total = found.resolution, found.labels.size
-        axes = (coordinate_words(name, found.system.units) for name in (found.window.across, found.window.up))
-        yield f"{', '.join(axes)}: {columns} x {rows} cells"
-        exponents = [attractor.lyapunov for attractor in found.attractors]
-        largest = ["" if each is None else f"{each.exponents[0]:.4g}" for each in exponents]
-        counts = [(name, found.cells[name], text) for name, text in zip(found.names, largest, strict=True)]
-        counts += [(text, n, "") for text, n in found.others.items() if n]
-        cells = [(name, str(count), f"{count / total:.2%}", text) for name, count, text in counts]
-        yield Table(["leads to", ">cells", ">share", ">largest exponent"], cells)
-        yield found.check.text
-
-    def map_document(self, points: bool) -> dict[str, Any]:
-        """Return attractors with their cells, and the reliability of the labels; with each cell's label if wanted."""
-        found = self.map
-        assert found is not None
-        window = found.window
-        document: dict[str, Any] = {
-            "plane": dict(zip((window.across, window.up), map(list, window.within), strict=True)),
-            "resolution": list(found.resolution),
-            "attractors": [
-                {
-                    "name": name,
-                    "kind": attractor.kind.value,
-                    "period": attractor.period,
-                    "cells": found.cells[name],
-                    "state": attractor.state.tolist(),
-                    "evidence": list(attractor.evidence),
-                }
-                for name, attractor in zip(found.names, found.attractors, strict=True)
-            ],
-            "unresolved": found.unresolved,
-            "runaway": found.runaway,
-            "impossible": found.impossible,
-            "check": {**asdict(found.check), "share": found.check.share, "limit": found.check.limit},
-            "error": found.error,
-        }
-        if points:
-            document["labels"] = found.labels.tolist()
-        return document
 
 
 _PLANE = 'write two axes, each with its range, as in plane = { q1 = [-4.0, 4.0], "q1\'" = [-4.0, 4.0] }'
@@ -444,19 +385,28 @@ def _is_fixed(fixed: Mapping[str, float], info: ValidationInfo[Surroundings]) ->
 class BasinStudy(BasinOptions, StudyKind):
     """Basins of attraction in a plane of initial states.
 
-    Parameters
-    ----------
-    longest, max_period, tries, exact_borders, check, seed, workers
-        Options for the computation; as `gapwalk.BasinOptions`.
+    Each cell is judged by the state at its centre; those beyond a rigid stop are left out. The batch integrator follows
+    it until it is in the trapping region of a known attractor (see `gapwalk.attractors.trapping_region`); the
+    attractors themselves are exact. Cells at borders between basins, and samples of the others, are followed again by
+    the exact flow, which corrects labels and counts the wrong ones. A system that the batch integrator cannot include,
+    as one with friction that sticks rigidly, is followed by the exact flow alone, a hundred times slower.
+
+    Raises
+    ------
+    ModelError
+        If the plane is invalid.
 
     Examples
     --------
-    >>> asked = gw.studies.BasinStudy(plane={"x": (-1.0, 1.0), "x'": (-1.0, 1.0)}, resolution=(4, 4))
-    >>> asked.plan
-    "basins over x from -1 to 1 and x' from -1 to 1, 4 x 4 cells"
+    >>> found = gw.basins(system.at(frequency=1.3), {"x": (-2, 1), "x'": (-2, 2)}, resolution=8)
+    >>> found.cells  # two motions are stable
+    {'period 1a': 52, 'period 1b': 12}
     """
 
     kind: ClassVar[str] = "basins"
+    answer: ClassVar[Part | None] = Part("basins", Basins)
+    arguments: ClassVar[tuple[str, ...]] = ("plane", "resolution")
+    call_types: ClassVar[Mapping[str, tuple[Any, Any, str]]] = {"resolution": CELLS}
     table_types: ClassVar[Mapping[str, Any]] = {"resolution": key_type(Resolution)}
 
     #: The two axes and their ranges, the horizontal one first.
@@ -472,16 +422,64 @@ class BasinStudy(BasinOptions, StudyKind):
         ranges = [f"{name} from {low:g} to {high:g}" for name, (low, high) in self.plane.items()]
         return f"basins over {' and '.join(ranges)}, {columns} x {rows} cells"
 
+    @classmethod
+    def of_call(cls, values: dict[str, Any], system: System) -> BasinStudy:
+        """Return the study of a call."""
+        plane, rest = values["plane"], dict(values)
+        window = Window.of(system, plane, rest.pop("fixed", {}))
+        box = window.box
+        rest["plane"] = dict(zip((window.across, window.up), window.within, strict=True))
+        rest["resolution"] = check_resolution(values.get("resolution", 128))
+        fixed = {name: low for name, low in zip(box.names, box.low, strict=True) if name not in plane}
+        return cls(**rest, fixed=fixed)
+
     def work(self, system: System) -> PlaneBasins:
         """Return the work on the basins."""
         return PlaneBasins(system, self)
 
+    def summary(self, found: Basins) -> SummaryParts:
+        """Return the share of cells of each attractor, and how reliable the labels are."""
+        (columns, rows), total = found.resolution, found.labels.size
+        axes = (coordinate_words(name, found.system.units) for name in (found.window.across, found.window.up))
+        yield f"{', '.join(axes)}: {columns} x {rows} cells"
+        exponents = [attractor.lyapunov for attractor in found.attractors]
+        largest = ["" if each is None else f"{each.exponents[0]:.4g}" for each in exponents]
+        counts = [(name, found.cells[name], text) for name, text in zip(found.names, largest, strict=True)]
+        counts += [(text, n, "") for text, n in found.others.items() if n]
+        cells = [(name, str(count), f"{count / total:.2%}", text) for name, count, text in counts]
+        yield Table(["leads to", ">cells", ">share", ">largest exponent"], cells)
+        yield found.check.text
+
+    def document(self, found: Basins, points: bool) -> dict[str, Any]:
+        """Return attractors with their cells, and the reliability of the labels; with each cell's label if wanted."""
+        window = found.window
+        document: dict[str, Any] = {
+            "plane": dict(zip((window.across, window.up), map(list, window.within), strict=True)),
+            "resolution": list(found.resolution),
+            "attractors": [
+                {
+                    "name": name,
+                    "kind": attractor.kind.value,
+                    "period": attractor.period,
+                    "cells": found.cells[name],
+                    "state": attractor.state.tolist(),
+                    "evidence": list(attractor.evidence),
+                }
+                for name, attractor in zip(found.names, found.attractors, strict=True)
+            ],
+            "unresolved": found.unresolved,
+            "runaway": found.runaway,
+            "impossible": found.impossible,
+            "check": {**asdict(found.check), "share": found.check.share, "limit": found.check.limit},
+            "error": found.error,
+        }
+        if points:
+            document["labels"] = found.labels.tolist()
+        return document
+
 
 class PlaneBasins(BasinWork):
     """The basins of the cells of a plane."""
-
-    whole_part = Part("basins", Basins)
-    found_as = BasinFinding
 
     def __init__(self, system: System, asked: BasinStudy) -> None:
         (columns, rows), self.window = asked.resolution, Window.of(system, asked.plane, asked.fixed)
@@ -495,79 +493,3 @@ class PlaneBasins(BasinWork):
         attractors, labels = in_order(self.catalogue.attractors, self.all_labels)
         how = (self.checked, self.error, complete, self.notes(complete))
         return Basins(self.system, self.window, labels.reshape(self.resolution[::-1]), attractors, *how)
-
-
-@shows_progress(lambda count, part, pace: str(pace))
-def basins(
-    system: System,
-    plane: Mapping[str, Sequence[float]],
-    resolution: int | tuple[int, int] = 128,
-    *,
-    fixed: Mapping[str, float] | None = None,
-    options: BasinOptions | None = None,
-    workers: Workers | int | None = None,
-    report: Report | None = None,
-    output: str | os.PathLike[str] | None = None,
-) -> Basins:
-    """Compute basins of attraction in a plane of initial states.
-
-    Each cell is judged by the state at its centre; those beyond a rigid stop are left out. The batch integrator follows
-    it until it is in the trapping region of a known attractor (see `gapwalk.attractors.trapping_region`); the
-    attractors themselves are exact. Cells at borders between basins, and samples of the others, are followed again by
-    the exact flow, which corrects labels and counts the wrong ones. A system that the batch integrator cannot include,
-    as one with friction that sticks rigidly, is followed by the exact flow alone, a hundred times slower.
-
-    Parameters
-    ----------
-    system
-        The system.
-    plane
-        The two axes and their ranges, the horizontal one first: ``{"q1": (-4, 4), "q1'": (-4, 4)}``.
-    resolution
-        Cells along each axis, or (columns, rows).
-    fixed
-        The other components of the state at theta = 0; those that are not named are 0.
-    options
-        Options for the computation of basins.
-    workers
-        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
-        say. The result does not depend on them.
-    report
-        Called with each chunk of cells once it is done and written to the file.
-    output
-        A file to write while the work is done; `gapwalk.open_result` reads it. If it holds a part of the same job,
-        that is continued to the same result.
-
-    Returns
-    -------
-    Basins
-        The label of each cell, and the attractors.
-
-    Raises
-    ------
-    ModelError
-        If the plane is invalid.
-    StoreError
-        If the file is of something else, is being written by another run, or cannot be written.
-    WorkError
-        If other processes cannot do the work; what they have done is in the file.
-    Interrupted
-        After Ctrl-C; its `found` is the result so far, with ``complete`` False.
-
-    Examples
-    --------
-    >>> found = gw.basins(system.at(frequency=1.3), {"x": (-2, 1), "x'": (-2, 2)}, resolution=8)
-    >>> found.cells  # two motions are stable
-    {'period 1a': 52, 'period 1b': 12}
-    """
-    check_system(system, "basins")
-    options = options or BasinOptions()
-    window = Window.of(system, plane, fixed or {})
-    box = window.box
-    asked = BasinStudy(
-        **values_of(options),
-        plane=dict(zip((window.across, window.up), window.within, strict=True)),
-        fixed={name: low for name, low in zip(box.names, box.low, strict=True) if name not in plane},
-        resolution=check_resolution(resolution),
-    )
-    return call(asked, asked.work(system), system, workers=workers, report=report, output=output).record

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Generator, Iterable
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,8 +11,7 @@ from numpy.typing import NDArray
 
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.study_kind import Finding, Found, Work
-from gapwalk.summary import Tables
+from gapwalk.studies.study_kind import AnswerFinding, Found, StudyKind, Work
 
 _COSTLY = 8  # share of a sample, inverse, that costly cells of one kind may have
 
@@ -26,20 +24,25 @@ class CellWork(Work):
 
     Attributes
     ----------
-    chunk_part, whole_part
-        The parts of a file that hold a chunk, and the whole record.
+    chunk_part
+        The part of a file that holds a chunk.
     resolution
         Columns and rows of a map.
     """
 
     chunk_part: ClassVar[Part]
-    whole_part: ClassVar[Part]
-    found_as: ClassVar[type[CellFinding]]
 
-    def __init__(self, resolution: tuple[int, int]) -> None:
-        self.resolution = resolution
+    def __init__(self, asked: StudyKind | None, resolution: tuple[int, int]) -> None:
+        self.asked, self.resolution = asked, resolution
         self.chunks: dict[int, Any] = {}
         self._whole: Any = None
+
+    @property
+    def whole_part(self) -> Part:
+        """The part of a file that holds the whole record."""
+        assert self.asked is not None
+        assert self.asked.answer is not None
+        return self.asked.answer
 
     def begin(self) -> None:
         """Do the work that all chunks depend on."""
@@ -107,41 +110,13 @@ class CellWork(Work):
         """The record so far; None if there is none yet."""
         return self._whole or self.found(complete=False)
 
-    def finding(self) -> CellFinding:
-        """Return the record as the finding of a study."""
-        return self.found_as(self.record, self.done, self.total)
-
-
-@dataclass(frozen=True)
-class CellFinding(Finding):
-    """A map so far, and how many of its chunks of cells are done."""
-
-    map: Any
-    done: int
-    total: int
-
-    @property
-    def record(self) -> Any:
-        """The map; None if the work was stopped before there was one."""
-        return self.map
-
-    def tables(self) -> Tables:
-        """Return the tables of the map."""
-        return {} if self.map is None else self.map.tables()
-
-    @property
-    def stored(self) -> str:
-        """Describe how many chunks are stored."""
-        return f"{self.done} of {self.total} chunks of cells are stored"
-
-    def document(self, points: bool) -> dict[str, Any]:
-        """Return the map as JSON values with its progress; with all values cell by cell if wanted."""
-        document: dict[str, Any] = {"chunks": {"done": self.done, "total": self.total}}
-        return document if self.map is None else document | self.map_document(points)
-
-    @abstractmethod
-    def map_document(self, points: bool) -> dict[str, Any]:
-        """The map as JSON values."""
+    def finding(self) -> AnswerFinding | None:
+        """Return the record as the finding of a study; None if the work is not that of a study."""
+        return (
+            None
+            if self.asked is None
+            else AnswerFinding(self.asked, self.record, self.done, self.total, "chunks of cells")
+        )
 
 
 def check_until_right(

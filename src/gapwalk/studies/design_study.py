@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Generator, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, cast
+from dataclasses import MISSING, dataclass, field
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from annotated_types import Ge, Le
 from pydantic import AfterValidator, Field, ValidationInfo
@@ -15,46 +13,23 @@ from gapwalk.answers.design import Change, Design, DesignProblem, LeastChangeOpt
 from gapwalk.answers.goals import AnyGoal, NoPoint, PeakBelow, Quiet, Resonance, peak_signal
 from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.errors import ModelError
-from gapwalk.model.system import System, check_system
+from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind, read_quantity
-from gapwalk.notebook import shows_progress
 from gapwalk.orbit.find import find_orbit
-from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import MAX_PERIOD
-from gapwalk.parallel.workers import Workers
 from gapwalk.results.plain import plain
-from gapwalk.results.result_file import Part, Parts
+from gapwalk.results.result_file import Part
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import SEARCH_KEYS, RangeStudy, is_allowed, known_parameter, with_search
-from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import AnswerFinding, AnswerWork, Found, plain_numbers, values_of
-from gapwalk.studies.study_registry import INLINE, check_integers
+from gapwalk.studies.study_kind import Found, Job, plain_numbers
+from gapwalk.studies.study_registry import INLINE
 from gapwalk.studies.tables import WITH_UNIT, Start, StartOrState, Surroundings
 
 if TYPE_CHECKING:
     from typing import Self
 
 
-@dataclass(frozen=True, slots=True)
-class DesignOptions:
-    """Options of a design.
-
-    Examples
-    --------
-    >>> gw.ask.DesignOptions(search_values=0).search_values
-    0
-    """
-
-    #: Options of the search for the least change.
-    finding: Annotated[LeastChangeOptions, INLINE] = field(default_factory=LeastChangeOptions)
-    #: Number of values in the bands of the goals at which isolated branches of the new design are searched for, or the
-    #: values; 0: none.
-    search_values: int | tuple[float, ...] = 6
-    search: SearchOptions = SearchOptions()  #: Options of this search.
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.search_values, tuple):
-            check_integers(self, search_values=0)
+ROUTE = Part("search", Route, numbered=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,10 +148,40 @@ def _suit(changes: tuple[Change, ...], info: ValidationInfo[Surroundings]) -> tu
 
 
 @dataclass(frozen=True)
-class DesignStudy(DesignOptions, RangeStudy):
-    """A design: the least change of some parameters that reaches all goals over a range of another one."""
+class DesignStudy(RangeStudy):
+    """A design: the least change of some parameters with which the response reaches all goals, and its proof.
+
+    The response over a range of one parameter is walked at each design. Gradients of its special points, and of the
+    extremes of its measures, lead to the least weighted sum of squares of relative changes. All ways in which a goal
+    may be reached are tried, and some further starts.
+
+    Raises
+    ------
+    ModelError
+        For unknown parameters, limits that do not contain the present values, or goals that are none of the system.
+    NumericalError
+        If no response of the present system is found.
+
+    Examples
+    --------
+    >>> goal, nearby = gw.ask.Resonance(1, above=1.1, at="open"), {"stiffness.x.x": 0.5}
+    >>> found = gw.ask.design(system, nearby, goal, "frequency", (0.6, 0.65), search_values=0, starts=0)
+    >>> found.is_reached, round(found.system.parameters["stiffness.x.x"], 4)
+    (True, 1.2124)
+    """
 
     kind: ClassVar[str] = "design"
+    stored: ClassVar[tuple[Part, ...]] = (ROUTE,)
+    answer: ClassVar[Part | None] = Part("design", Design)
+    arguments: ClassVar[tuple[str, ...]] = ("changes", "goals", "parameter", "to")
+    call_types: ClassVar[Mapping[str, tuple[Any, Any, str]]] = {
+        "changes": (
+            Mapping[str, float] | Sequence[Change],
+            MISSING,
+            "The parameters that may change: largest relative changes by name, or `Change` for limits and weights.",
+        ),
+        "goals": (AnyGoal | Sequence[AnyGoal], MISSING, "The goals: `NoPoint`, `Quiet`, `PeakBelow`, `Resonance`."),
+    }
     table_types: ClassVar[Mapping[str, Any]] = {
         "changes": Annotated[
             list[key_type(ChangeTable)],
@@ -196,6 +201,12 @@ class DesignStudy(DesignOptions, RangeStudy):
     #: period, start: Period and start of the motion at the beginning of the range, as in `gapwalk.find_orbit`.
     period: Annotated[int, Ge(1), Le(MAX_PERIOD)] = 1
     start: StartOrState = Start.SETTLE
+    #: Options of the search for the least change.
+    finding: Annotated[LeastChangeOptions, INLINE] = field(default_factory=LeastChangeOptions)
+    #: Number of values in the bands of the goals at which isolated branches of the new design are searched for, or the
+    #: values; 0: none.
+    search_values: Annotated[int, Ge(0)] | tuple[float, ...] = 6
+    search: SearchOptions = SearchOptions()  #: Options of this search.
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
@@ -214,6 +225,16 @@ class DesignStudy(DesignOptions, RangeStudy):
             raise ModelError(f"goals has one that is not possible: {error}") from None
         return super().of_table({**found, "goals": goals}, system)
 
+    @classmethod
+    def of_call(cls, values: dict[str, Any], system: System) -> Self:
+        """Return the study of a call."""
+        changes, goals = values["changes"], values["goals"]
+        if isinstance(changes, Mapping):
+            changes = [Change(name, by) for name, by in changes.items()]
+        return cls(
+            **{**values, "changes": tuple(changes), "goals": (goals,) if isinstance(goals, AnyGoal) else tuple(goals)}
+        )
+
     @property
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
@@ -221,20 +242,46 @@ class DesignStudy(DesignOptions, RangeStudy):
         changes, goals = (f"{len(each)} {word}{'s' * (len(each) > 1)}" for each, word in named)
         return f"design over {self.range_words}: least change of {changes} for {goals}"
 
-    def work(self, system: System) -> DesignWork:
+    def refuse_invalid(self, system: System) -> None:
+        """Refuse changes and goals that are none of the system."""
+        super().refuse_invalid(system)
+        for change in self.changes:
+            change.bounds(system)
+        for goal in self.goals:
+            goal.check(system, self.ends)
+
+    def work(self, system: System) -> Job:
         """Return the work on the design."""
-        return DesignWork(system, self)
+        self.refuse_invalid(system)
+        return Job(self.first_system(system), self)
 
+    def do(self, job: Job) -> Generator[Found]:
+        """Do the remaining searches; then prove the best."""
+        problem = self._problem(job)
+        for route in problem.routes(job.all(ROUTE)):
+            yield job.keep(ROUTE, route, len(job.known[ROUTE]))
+        yield job.end(proved(problem, job.all(ROUTE), self.search_values, self.search))
 
-ROUTE = Part("search", Route, numbered=True)
-DESIGN = Part("design", Design)
+    def _problem(self, job: Job) -> DesignProblem:
+        """Return the problem, with the orbit at the beginning of the range."""
+        lead = job.cached("lead", lambda: find_orbit(job.system, self.period, self.start))
+        return job.cached(
+            "problem", lambda: DesignProblem(lead, self.parameter, self.end, self.changes, self.goals, self.finding)
+        )
 
+    def total(self, job: Job) -> int:
+        """Return the number of parts."""
+        ways = 1
+        for goal in self.goals:
+            ways *= len(goal.ways(job.system))
+        return ways + min(ways, 2) * self.finding.starts + 1
 
-@dataclass(frozen=True)
-class DesignFinding(AnswerFinding[Design]):
-    """Finding of a design, complete or not."""
+    def so_far(self, job: Job) -> Design | None:
+        """Return the best design so far, without its proof; None before the first search is done."""
+        routes = job.all(ROUTE)
+        return proved(self._problem(job), routes, 0, self.search, complete=False) if routes else None
 
-    def document_of(self, found: Design, points: bool) -> dict[str, Any]:
+    def document(self, found: Design, points: bool) -> dict[str, Any]:
         """Return the changes, goals and searches as JSON values; with the responses if wanted."""
         document: dict[str, Any] = {
             "answer": found.sentence,
@@ -257,139 +304,5 @@ class DesignFinding(AnswerFinding[Design]):
         return document
 
 
-class DesignWork(AnswerWork[Design]):
-    """The searches for the least change, each way and start by itself, then the proof."""
-
-    found_as = DesignFinding
-
-    def __init__(self, system: System, asked: DesignStudy) -> None:
-        for value in asked.ends:
-            system.at({asked.parameter: value})  # refuses what no system can have
-        for change in asked.changes:
-            change.bounds(system)
-        for goal in asked.goals:
-            goal.check(system, asked.ends)
-        self.system, self.asked = asked.first_system(system), asked
-        self._routes: list[Route] = []
-
-    @cached_property
-    def problem(self) -> DesignProblem:
-        """The problem, with the orbit at the beginning of the range."""
-        asked = self.asked
-        lead: Orbit = find_orbit(self.system, asked.period, asked.start)
-        return DesignProblem(lead, asked.parameter, asked.end, asked.changes, asked.goals, asked.finding)
-
-    def take(self, known: Parts) -> None:
-        """Read the record of a file, or its searches if it is incomplete."""
-        self.whole = known.get(DESIGN)
-        self._routes = [route for _, route in known.all(ROUTE)] if self.whole is None else list(self.whole.routes)
-
-    def parts(self, workers: Workers) -> Generator[Found]:
-        """Do the remaining searches; then prove the best."""
-        for route in self.problem.routes(self._routes):
-            self._routes.append(route)
-            yield Found.part(ROUTE, route, len(self._routes) - 1)
-        self.whole = proved(self.problem, self._routes, self.asked.search_values, self.asked.search)
-        yield Found.part(DESIGN, self.whole)
-
-    @property
-    def before(self) -> int:
-        """Number of parts that are done, without the record."""
-        return len(self._routes)
-
-    @property
-    def total(self) -> int:
-        """Number of parts."""
-        ways = 1
-        for goal in self.asked.goals:
-            ways *= len(goal.ways(self.system))
-        return ways + min(ways, 2) * self.asked.finding.starts + 1
-
-    def so_far(self) -> Design | None:
-        """Return the best design so far, without its proof; None before the first search is done."""
-        return proved(self.problem, self._routes, 0, self.asked.search, complete=False) if self._routes else None
-
-
 def _plain_row(record: Any) -> dict[str, Any]:
     return {name: plain_numbers(value) for name, value in plain(record).items()}
-
-
-@shows_progress(lambda count, part, pace: str(pace))
-def design(
-    system: System,
-    changes: Mapping[str, float] | Sequence[Change],
-    goals: AnyGoal | Sequence[AnyGoal],
-    parameter: str,
-    to: tuple[float, float],
-    *,
-    period: int = 1,
-    start: str | tuple[float, ...] = "settle",
-    options: DesignOptions | None = None,
-    workers: Workers | int | None = None,
-    report: Report | None = None,
-    output: str | os.PathLike[str] | None = None,
-) -> Design:
-    """Find the least change of some parameters with which the response reaches all goals, and prove it.
-
-    The response over a range of one parameter is walked at each design. Gradients of its special points, and of the
-    extremes of its measures, lead to the least weighted sum of squares of relative changes. All ways in which a goal
-    may be reached are tried, and some further starts.
-
-    Parameters
-    ----------
-    system
-        The system.
-    changes
-        The parameters that may change: largest relative changes by their names, or `Change` for limits and weights.
-    goals
-        The goals: `NoPoint`, `Quiet`, `PeakBelow`, `Resonance`.
-    parameter, to
-        The walked parameter, and the range of the response, from its first value to its last.
-    period, start
-        Period and start of the motion at the first value, as in `find_orbit`.
-    options
-        Options of the search, and of the proof.
-    workers
-        Not used: the searches build on each other.
-    report
-        Called with each part of the work once it is done and written to the file.
-    output
-        A file to write while the work is done; `gapwalk.open_result` reads it, and a stopped search continues.
-
-    Returns
-    -------
-    design : Design
-        The changes, how far each goal is reached, and the responses before and after.
-
-    Raises
-    ------
-    ModelError
-        For unknown parameters, limits that do not contain the present values, or goals that are none of the system.
-    NumericalError
-        If no response of the present system is found.
-    Interrupted
-        After Ctrl-C; its `found` is the design so far.
-
-    Examples
-    --------
-    >>> goal = gw.ask.Resonance(1, above=1.1, at="open")
-    >>> least = gw.ask.LeastChangeOptions(starts=0)
-    >>> options = gw.ask.DesignOptions(search_values=0, finding=least)
-    >>> found = gw.ask.design(system, {"stiffness.x.x": 0.5}, goal, "frequency", (0.6, 0.65), options=options)
-    >>> found.is_reached, round(found.system.parameters["stiffness.x.x"], 4)
-    (True, 1.2124)
-    """
-    check_system(system, "design")
-    listed = [Change(name, by) for name, by in changes.items()] if isinstance(changes, Mapping) else changes
-    goals = (goals,) if isinstance(goals, AnyGoal) else tuple(goals)
-    options = options or DesignOptions()
-    begin, end = to
-    if begin == end:
-        raise ModelError(f"the range of {parameter} is from {begin:g} to {end:g}: it is empty")
-    first = cast("Start | tuple[float, ...]", start)  # a text is checked where the orbit is looked for
-    asked = DesignStudy(
-        parameter, begin, end, **values_of(options), changes=tuple(listed), goals=goals, period=period, start=first
-    )
-    found = call(asked, asked.work(system), system, workers=workers, report=report, output=output).record
-    assert found is not None
-    return found

@@ -22,7 +22,6 @@ from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System
-from gapwalk.notebook import shows_progress
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
@@ -33,6 +32,7 @@ from gapwalk.studies.options import SEARCH_KEYS, BranchOptions, search_words, wi
 from gapwalk.studies.runner import call
 from gapwalk.studies.study_kind import Found, Work, found_by
 from gapwalk.studies.study_registry import MAX_VALUES, Counted, check_integers, check_values
+from gapwalk.studies.tables import Start
 
 if TYPE_CHECKING:
     from typing import Self
@@ -45,16 +45,12 @@ Report = Callable[[Diagram, DiagramBranch], None]
 
 @dataclass(frozen=True, slots=True)
 class DiagramOptions:
-    """Options of a diagram: its extent, and the search for isolated branches.
+    """Options of a diagram: its extent, and the search for isolated branches."""
 
-    Examples
-    --------
-    >>> gw.DiagramOptions(max_period=4, search_values=20).search_values
-    20
-    """
-
-    max_period: int = 8  #: Longest period, in forcing periods, of branches to switch to.
-    max_branches: int = 200  #: Number of branches after which it stops and reports that limit.
+    #: Longest period, in forcing periods, of branches to switch to.
+    max_period: int = 8
+    #: Number of branches after which it stops and reports that limit.
+    max_branches: int = 200
     #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)
     #: Values of the parameter at which branches not connected to others are sought. A number of them is spread evenly
@@ -71,23 +67,35 @@ class DiagramOptions:
 class DiagramStudyOptions(DiagramOptions, BranchOptions):
     """A diagram: all branches that are attached to the first one, over one parameter, and those that a search finds.
 
-    Parameters
-    ----------
-    parameter, begin, end, measure, period, start, walk, method
-        As `BranchOptions`, for the first branch; the range is that of all.
-    max_period, max_branches, workers, search_values, search
-        Its extent, the number of processes, and the search for isolated branches; as
-        `DiagramOptions`.
+    Each branch is included once: if it is found from both of its ends, it is walked from the first. Orbits that differ
+    by a shift of whole forcing periods are the same orbit. The first orbit is looked for at the system's own value of
+    the parameter.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter or a range that does not contain the start.
+    NumericalError
+        If no first orbit is found, or no branch can be walked from it.
 
     Examples
     --------
-    >>> import io
-    >>> gw.read_study(io.StringIO(file.replace('"response"', '"diagram"'))).options.plan
-    'diagram over frequency from 1.1 to 1.5, period 1, showing half.x, to period 8'
+    >>> tree = gw.diagram(system, "frequency", (0.6, 1.0), max_period=2)
+    >>> [(member.name, member.period) for member in tree.members]
+    [('P1-1', 1), ('P2-1', 2)]
     """
 
     kind: ClassVar[str] = "diagram"
     reports: ClassVar[str] = "branches"
+    answer: ClassVar[Part | None] = Part("diagram", Diagram)  # made of its branches
+    not_asked: ClassVar[tuple[str, ...]] = ("measure", "verify")
+    call_types: ClassVar[Mapping[str, tuple[Any, Any, str]]] = {
+        "start": (
+            str | Sequence[float] | Orbit,
+            Start.SETTLE,
+            "Start of the first branch: an orbit, its state, or as in `gapwalk.find_orbit`.",
+        )
+    }
     table_types: ClassVar[Mapping[str, Any]] = {**BranchOptions.table_types, **SEARCH_KEYS}
 
     @classmethod
@@ -103,11 +111,36 @@ class DiagramStudyOptions(DiagramOptions, BranchOptions):
             f"{self.max_period}{search_words(self.search_values)}"
         )
 
+    @classmethod
+    def of_call(cls, values: dict[str, Any], system: System) -> Self:
+        """Return the study of a call; an orbit from which it starts is kept beside it, its state is in a file."""
+        orbit, rest = values.get("start"), {"measure": "", **values}
+        if orbit is not None and not isinstance(orbit, Orbit | str):
+            rest["start"] = tuple(float(each) for each in orbit)
+        if isinstance(orbit, Orbit):
+            rest |= {"start": tuple(orbit.state.tolist()), "period": orbit.period}
+        asked = cls(**rest)
+        if isinstance(orbit, Orbit):
+            object.__setattr__(asked, "_orbit", orbit)
+        return asked
+
+    def system_of_call(self, system: System) -> System:
+        """Return the system itself: the range may begin anywhere."""
+        orbit = getattr(self, "_orbit", None)
+        return system if orbit is None else orbit.system
+
+    @classmethod
+    def progress_words(cls, count: int, *news: Any) -> str:
+        """Return the number of branches, and the last of them."""
+        tree, member = news
+        return f"{len(tree.members)} branches, last {member.name}"
+
     def work(self, system: System) -> DiagramWork:
         """Return the work on the diagram."""
+        given = getattr(self, "_orbit", None)
 
         def first() -> Orbit:
-            return find_orbit(system, self.period, self.start, method=self.method)
+            return given or find_orbit(system, self.period, self.start, method=self.method)
 
         return DiagramWork(system, empty_diagram(self.parameter, self.ends), self, self.walk, self.method, first)
 
@@ -399,69 +432,17 @@ def empty_diagram(parameter: str, to: tuple[float, float]) -> Diagram:
     return Diagram(parameter, (low, high))
 
 
-@shows_progress(lambda count, diagram, member: f"{len(diagram.members)} branches, last {member.name}")
-def diagram(
-    system: System,
+def diagram_from(
+    orbit: Orbit,
     parameter: str,
     to: tuple[float, float],
-    *,
-    start: str | Orbit | Sequence[float] = "settle",
-    period: int = 1,
-    options: DiagramOptions | None = None,
+    options: DiagramOptions,
     walk: WalkOptions | None = None,
     method: Method | None = None,
-    workers: Workers | int | None = None,
-    report: Report | None = None,
-    resume: Diagram | None = None,
 ) -> Diagram:
-    """Return the tree of branches over a range of one parameter: P1, P2, P4, ... to the longest period asked for.
-
-    Each branch is included once: if it is found from both of its ends, it is walked from the first. Orbits that differ
-    by a shift of whole forcing periods are the same orbit.
-
-    Parameters
-    ----------
-    system
-        The system; the first orbit is sought at its value of the parameter.
-    parameter, to
-        Name of the parameter, and the range.
-    start, period
-        Start of the first branch: an orbit, or as in `find_orbit`.
-    options, walk, method
-        Options of the diagram, of the walk and of the method.
-    workers
-        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
-        say. The result does not depend on them.
-    report
-        Called with each branch as it is accepted.
-    resume
-        A stopped diagram of the same request: its branches are kept, and the others are added.
-
-    Returns
-    -------
-    Diagram
-        The branches as a tree.
-
-    Raises
-    ------
-    ModelError
-        For an unknown parameter or a range that does not contain the start.
-    NumericalError
-        If no first orbit is found, or no branch can be walked from it.
-    Interrupted
-        After Ctrl-C; its `found` is the diagram so far, which `resume` continues.
-
-    Examples
-    --------
-    >>> tree = gw.diagram(system, "frequency", (0.6, 1.0), options=gw.DiagramOptions(max_period=2))
-    >>> [(member.name, member.period) for member in tree.members]
-    [('P1-1', 1), ('P2-1', 2)]
-    """
-    orbit = start if isinstance(start, Orbit) else find_orbit(system, period, start, method=method)
-    work = DiagramWork(
-        orbit.system, resume or empty_diagram(parameter, to), options or DiagramOptions(), walk, method, lambda: orbit
-    )
-    return call(work.options, work, orbit.system, workers=workers, report=report).record
+    """Return the diagram of the branches that are attached to the one through an orbit."""
+    work = DiagramWork(orbit.system, empty_diagram(parameter, to), options, walk, method, lambda: orbit)
+    return call(options, work, orbit.system).record
 
 
 def find_others(
@@ -470,12 +451,10 @@ def find_others(
     to: tuple[float, float],
     *,
     known: Sequence[Branch] = (),
-    options: DiagramOptions | None = None,
-    walk: WalkOptions | None = None,
-    method: Method | None = None,
+    search_values: int | tuple[float, ...] = _VALUES,
     workers: Workers | int | None = None,
     report: Report | None = None,
-    resume: Diagram | None = None,
+    **keywords: Any,
 ) -> Diagram:
     """Search for motions connected to no known branch, and follow all that is found.
 
@@ -489,10 +468,10 @@ def find_others(
         Name of the parameter, and the range.
     known
         Branches along this parameter that have been followed already. They do not become part of the diagram.
-    options
-        Options of the diagram; `search_values` are the values at which it searches, by default 60.
-    walk, method, workers, report, resume
-        As in `diagram`.
+    search_values
+        Values of the parameter at which it searches, or their number.
+    workers, report, keywords
+        As in `diagram`: ``max_period``, ``max_branches``, ``search``, ``walk``, ``method``.
 
     Returns
     -------
@@ -504,7 +483,7 @@ def find_others(
     ModelError
         For an unknown parameter, a value that is not allowed, or no value at which to search.
     Interrupted
-        After Ctrl-C; its `found` is the diagram so far, which `resume` continues.
+        After Ctrl-C; its `found` is the diagram so far.
 
     Notes
     -----
@@ -512,14 +491,14 @@ def find_others(
 
     Examples
     --------
-    >>> found = gw.find_others(system, "frequency", (1.25, 1.35), options=gw.DiagramOptions(search_values=2))
+    >>> found = gw.find_others(system, "frequency", (1.25, 1.35), search_values=2)
     >>> found.notes[0]
     '48 starts at 2 values of frequency, 1.275 to 1.325: 48 settled on 3 periodic motions.'
     """
-    options = options or DiagramOptions(search_values=_VALUES)
-    if not options.search_values:
-        raise ModelError("search_values is 0; say at how many values to search, as in DiagramOptions(search_values=60)")
-    for bound in to:
-        system.at({parameter: bound})
-    work = DiagramWork(system, resume or empty_diagram(parameter, to), options, walk, method, apart=known)
-    return call(options, work, system, workers=workers, report=report).record
+    if not search_values:
+        raise ModelError("search_values is 0; say at how many values to search, as in search_values=60")
+    begin, end = map(float, to)
+    values = {"parameter": parameter, "begin": begin, "end": end, "search_values": search_values, **keywords}
+    asked = DiagramStudyOptions.of_call({name: value for name, value in values.items() if value is not None}, system)
+    asked.refuse_invalid(system)
+    return call(asked, asked.search_work(system, known), system, workers=workers, report=report).record

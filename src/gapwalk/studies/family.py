@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property, partial
@@ -31,8 +31,8 @@ from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import is_same, stroboscopic
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.diagram_study import DiagramOptions, diagram
-from gapwalk.studies.study_kind import Finding, Found, Work
+from gapwalk.studies.diagram_study import DiagramOptions, diagram_from
+from gapwalk.studies.study_kind import AnswerFinding, Found, Work
 from gapwalk.studies.study_registry import Counted, check_integers
 
 if TYPE_CHECKING:
@@ -526,13 +526,7 @@ def distance_between(a: SpecialPoint, b: SpecialPoint, within: tuple[float, floa
 
 @dataclass(frozen=True, slots=True)
 class FamilyOptions:
-    """Options of a family: the extent of its members, and how their special points are joined.
-
-    Examples
-    --------
-    >>> gw.FamilyOptions(kinds=("fold",), exact=False).exact
-    False
-    """
+    """Options of a family: the extent of its members, and how their special points are joined."""
 
     #: Longest period, in forcing periods, of further branches that are followed, as in a diagram; None: only the first
     #: branch.
@@ -559,8 +553,8 @@ JOINTS = Part("connections", tuple[Connection, ...], numbered=True)
 class FamilyWork(Work):
     """The work on one family: its members, then the connections of special points between them."""
 
-    def __init__(self, system: System, asked: FamilyStudy, finding: Callable[[Family], Finding]) -> None:
-        self.asked, self._finding = asked, finding
+    def __init__(self, system: System, asked: FamilyStudy) -> None:
+        self.asked = asked
         self._family = Family(system, asked.parameter, asked.ends, asked.over)
         self.members: dict[int, Member] = {}
         self.connections: dict[int, tuple[Connection, ...]] = {}
@@ -623,9 +617,9 @@ class FamilyWork(Work):
         members = tuple(member for _, member in sorted(self.members.items()))
         return replace(self._family, members=members, connections=dict(sorted(self.connections.items())))
 
-    def finding(self) -> Finding:
+    def finding(self) -> AnswerFinding:
         """Return the family as the finding of a study."""
-        return self._finding(self.record)
+        return AnswerFinding(self.asked, self.record if self.members else None, self.done, self.total)
 
     @property
     def count(self) -> int:
@@ -648,7 +642,7 @@ def _walk_member(system: System, asked: FamilyStudy, number: int) -> Member:
         if asked.max_period is None:
             return Member(number, value, (follow(orbit, parameter, asked.end, **how),))
         limits = DiagramOptions(max_period=asked.max_period, workers=1)
-        grown = diagram(first, parameter, ends, start=orbit, options=limits, **how)
+        grown = diagram_from(orbit, parameter, ends, limits, **how)
     except NumericalError as error:
         return Member(number, value, failures=(f"no branch could be walked: {error}",))
     return Member(number, value, grown.branches, grown.notes, grown.failures)

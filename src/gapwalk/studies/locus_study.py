@@ -72,32 +72,7 @@ LocusSecond = Annotated[
 
 @dataclass(frozen=True)
 class LocusStudyOptions(MapStudyOptions):
-    r"""The loci of some special points of one branch: a map of one kind, with one section on which it is walked.
-
-    Parameters
-    ----------
-    parameter, begin, end, measure, period, start, walk, method
-        As `BranchOptions`, for the branch on which the special points lie; the range is that of the plane too.
-    second
-        The second parameter, and its range.
-    sections
-        The value of the second parameter at which the branch is walked.
-    kinds
-        One kind of special points.
-
-    Raises
-    ------
-    ModelError
-        For more than one section or kind, or a contact with a kind other than grazing.
-
-    Examples
-    --------
-    >>> import io
-    >>> keys = "[study]\nof = 'fold'\nsecond = { parameter = 'stop.clearance', from = 0.9, to = 1.1 }"
-    >>> options = gw.read_study(io.StringIO(file.replace("[study]", keys).replace("response", "locus"))).options
-    >>> options.kinds, options.second
-    (('fold',), ParameterRange(parameter='stop.clearance', begin=0.9, end=1.1))
-    """
+    r"""The loci of some special points of one branch: a map of one kind, with one section on which it is walked."""
 
     kind: ClassVar[str] = "locus"
     table_types: ClassVar[Mapping[str, Any]] = {

@@ -27,13 +27,7 @@ from gapwalk.summary import SummaryParts, Table, remarks, summarizes
 
 @dataclass(frozen=True, slots=True)
 class MapOptions:
-    """Options of a map: its loci, and the sections on which they begin.
-
-    Examples
-    --------
-    >>> gw.MapOptions(sections=3).values(0.8, 1.2)
-    (0.8, 1.0, 1.2)
-    """
+    """Options of a map: its loci, and the sections on which they begin."""
 
     #: Values of the second parameter at which branches are followed along the first one: their special points are where
     #: the loci begin. A number of them is spread evenly over the range, its ends included.
@@ -327,19 +321,7 @@ def _head(name: str, locus: Locus) -> list[object]:
 
 @dataclass(frozen=True, slots=True)
 class Which:
-    """Selection of the special points of a branch to be followed in two parameters.
-
-    Raises
-    ------
-    ModelError
-        For a branch point, or a contact with a kind other than grazing.
-
-    Examples
-    --------
-    >>> chosen = gw.studies.Which(gw.Kind.named("fold"), near=1.39).of(branch.special_points)
-    >>> [round(special.value, 6) for special in chosen]
-    [1.392109]
-    """
+    """Selection of the special points of a branch to be followed in two parameters."""
 
     kind: Kind  #: Kind of the special points; a branch point has no locus.
     #: Value that selects only the special point nearest to this value of the branch's parameter; by default all.

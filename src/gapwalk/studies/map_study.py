@@ -22,7 +22,6 @@ from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.equations import magnitude
 from gapwalk.model.problems import given
 from gapwalk.model.system import System
-from gapwalk.notebook import shows_progress
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import phases
@@ -31,12 +30,19 @@ from gapwalk.parallel.groups import Outcome, outcomes
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.derived_schema import key_type
-from gapwalk.studies.diagram_study import DiagramOptions, diagram
+from gapwalk.studies.diagram_study import DiagramOptions, diagram_from
 from gapwalk.studies.map import Map, MapOptions, MapSection, Ranges, Which
-from gapwalk.studies.options import SEARCH_KEYS, BranchOptions, Second, kinds_key, search_words, with_search
-from gapwalk.studies.runner import call
+from gapwalk.studies.options import (
+    SEARCH_KEYS,
+    BranchOptions,
+    ParameterRange,
+    Second,
+    kinds_key,
+    search_words,
+    with_search,
+)
 from gapwalk.studies.study_kind import Found, Work
-from gapwalk.studies.tables import CountOrValues, Surroundings, check_inside, check_range
+from gapwalk.studies.tables import PARAMETERS, CountOrValues, Surroundings, check_inside, check_parameters, check_range
 
 if TYPE_CHECKING:
     from typing import Self
@@ -216,26 +222,33 @@ def _lie_in_the_range(sections: Any, info: ValidationInfo[Surroundings]) -> Any:
 
 @dataclass(frozen=True)
 class MapStudyOptions(MapOptions, BranchOptions):
-    r"""A map: all loci that bound regimes in the plane of two parameters.
+    """A map: all loci of folds, flips, Neimark-Sacker and grazing points that are met in the plane of two parameters.
 
-    Parameters
-    ----------
-    parameter, begin, end, period, start, walk, method
-        As `BranchOptions`, for the branches on which the loci are picked up; the range is that of the map too.
-    measure
-        Measure in tables and lists of motions.
-    sections, max_period, kinds, workers, search_values, search
-        Content of the map, and the sections on which its loci begin; as `MapOptions`.
+    Branches are followed along the first parameter at several values of the second; each of their special points that
+    is on no locus yet begins one. They start at the system's own value of the first parameter if that is in its range,
+    and at the upper end otherwise.
+
+    Raises
+    ------
+    ModelError
+        For unknown or equal parameters, or empty ranges.
+    NumericalError
+        If no branch can be followed on any section.
+    WorkError
+        If a worker process dies.
 
     Examples
     --------
-    >>> import io
-    >>> keys = "[study]\nsecond = { parameter = 'stop.clearance', from = 0.9, to = 1.1 }"
-    >>> gw.read_study(io.StringIO(file.replace("[study]", keys).replace("response", "map"))).options.plan
-    'map over frequency from 1.1 to 1.5 and stop.clearance from 0.9 to 1.1, period 1, to period 2'
+    >>> loci = gw.bifurcation_map(system, {"frequency": (1.0, 1.6), "stop.clearance": (0.9, 1.1)}, sections=1)
+    >>> loci.names
+    ('grazing-1', 'fold-1', 'fold-2')
     """
 
     kind: ClassVar[str] = "map"
+    answer: ClassVar[Part | None] = Part("map", Map)  # made of sections and loci
+    arguments: ClassVar[tuple[str, ...]] = ("plane",)
+    not_asked: ClassVar[tuple[str, ...]] = ("parameter", "begin", "end", "second", "measure", "verify")
+    call_types: ClassVar[Mapping[str, tuple[Any, Any, str]]] = {"plane": PARAMETERS}
     reports: ClassVar[str] = "sections and loci"
     table_types: ClassVar[Mapping[str, Any]] = {
         **BranchOptions.table_types,
@@ -259,6 +272,23 @@ class MapStudyOptions(MapOptions, BranchOptions):
             f"{self.kind} over {self.range_words} and {self.second.words}, period {self.period}, to period "
             f"{self.max_period}{search_words(self.search_values)}"
         )
+
+    @classmethod
+    def of_call(cls, values: dict[str, Any], system: System) -> Self:
+        """Return the study of a call."""
+        (first, second), ((low, high), ends) = check_parameters(system, values["plane"])
+        rest = {name: value for name, value in values.items() if name != "plane"}
+        return cls(first, low, high, **{"measure": "", **rest}, second=ParameterRange(second, *ends))
+
+    def system_of_call(self, system: System) -> System:
+        """Return the system itself, whose value of the first parameter is where branches start."""
+        return system
+
+    @classmethod
+    def progress_words(cls, count: int, *news: Any) -> str:
+        """Return the number of sections and of loci."""
+        chart, _ = news
+        return f"{len(chart.sections)} sections, {len(chart.loci)} loci"
 
     @property
     def within(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -472,7 +502,7 @@ def _follow_section(
         orbit = find_orbit(system.at({first: value if low <= value <= high else high}), period, start, method=method)
         if tree is None:
             return (follow(orbit, first, within, walk=walk, method=method),), [], []
-        grown = diagram(orbit.system, first, within, start=orbit, options=tree, walk=walk, method=method)
+        grown = diagram_from(orbit, first, within, tree, walk, method)
     except NumericalError as error:
         return (), [], [f"{where} no branch could be followed: {error}"]
     return grown.branches, [f"{where}: {text}" for text in grown.notes], [f"{where}: {text}" for text in grown.failures]
@@ -487,74 +517,3 @@ def _follow_special(
     except NumericalError as error:
         where = f"{first} = {special.value:.10g}, {second} = {special.orbit.system[second]:.10g}"
         return f"the locus of the {special.kind.value} at {where} could not be followed: {error}"
-
-
-@shows_progress(lambda count, chart, added: f"{len(chart.sections)} sections, {len(chart.loci)} loci")
-def bifurcation_map(
-    system: System,
-    first: str,
-    second: str,
-    to: Ranges,
-    *,
-    start: str | Sequence[float] = "settle",
-    period: int = 1,
-    options: MapOptions | None = None,
-    walk: WalkOptions | None = None,
-    method: Method | None = None,
-    workers: Workers | int | None = None,
-    report: Report | None = None,
-    resume: Map | None = None,
-) -> Map:
-    """Return all loci of folds, flips, Neimark-Sacker and grazing points that are met in the plane of two parameters.
-
-    Branches are followed along the first parameter at several values of the second; each of their special points that
-    is on no locus yet begins one.
-
-    Parameters
-    ----------
-    system
-        The system.
-    first, second
-        Names of the parameters; the first is the one along which branches are followed.
-    to
-        The range of each.
-    start, period
-        Where the branches start, as in `find_orbit`, at the system's own value of the first parameter if that is in
-        its range, and at the upper end otherwise.
-    options, walk, method
-        Options of the map, of the walks and of the method.
-    workers
-        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
-        say. The result does not depend on them.
-    report
-        Called with each section and each locus as it is accepted.
-    resume
-        A stopped map of the same request: its parts are kept, and the others are added.
-
-    Returns
-    -------
-    Map
-        The loci, and the sections on which they begin.
-
-    Raises
-    ------
-    ModelError
-        For unknown or equal parameters, or empty ranges.
-    NumericalError
-        If no branch can be followed on any section.
-    WorkError
-        If a worker process dies.
-    Interrupted
-        After Ctrl-C; its `found` is the map so far, which `resume` continues.
-
-    Examples
-    --------
-    >>> plane = ((1.0, 1.6), (0.9, 1.1))
-    >>> loci = gw.bifurcation_map(system, "frequency", "stop.clearance", plane, options=gw.MapOptions(sections=1))
-    >>> loci.names
-    ('grazing-1', 'fold-1', 'fold-2')
-    """
-    options = options or MapOptions()
-    work = MapWork(system, first, second, to, options, start, period, walk, method)
-    work.chart = resume or work.chart
-    return call(options, work, system, workers=workers, report=report).record

@@ -75,6 +75,8 @@ class RangeStudy(StudyKind):
     (1.1, 1.5)
     """
 
+    arguments: ClassVar[tuple[str, ...]] = ("parameter", "to")
+
     #: The parameter, any of the system's, for example ``"frequency"``.
     parameter: Annotated[
         str, Field(description='write what is walked, as in parameter = "frequency"'), AfterValidator(known_parameter)
@@ -93,6 +95,11 @@ class RangeStudy(StudyKind):
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
         """Return the study of a table; it begins at the value of the system if the table says nothing else."""
         return cls(**{"begin": system[values["parameter"]], **values})
+
+    def refuse_invalid(self, system: System) -> None:
+        """Refuse ends of the range that no system can have."""
+        for value in self.ends:
+            system.at({self.parameter: value})
 
     def first_system(self, system: System) -> System:
         """Return the system at the first value of the parameter."""
@@ -220,20 +227,7 @@ def _method_names() -> list[str]:
 
 @dataclass(frozen=True)
 class BranchOptions(RangeStudy):
-    """Options of all studies of branches: a first orbit, and the range of one parameter.
-
-    Parameters
-    ----------
-    parameter
-        The parameter that is walked, any of the system's, for example ``"frequency"``.
-    begin, end
-        The values between which it is walked, from the first to the second.
-
-    Examples
-    --------
-    >>> gw.studies.ResponseOptions(parameter="frequency", begin=0.6, end=1.6, measure="max.x").ends
-    (0.6, 1.6)
-    """
+    """Options of all studies of branches: a first orbit, and the range of one parameter."""
 
     table_types: ClassVar[Mapping[str, Any]] = {
         "method": (

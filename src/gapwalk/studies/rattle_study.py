@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Generator, Iterable, Mapping
+from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
@@ -28,20 +28,17 @@ from gapwalk.attractors.basins import centres
 from gapwalk.attractors.many_motions import finite_rows
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.errors import ModelError
-from gapwalk.model.system import System, check_system
-from gapwalk.notebook import shows_progress
+from gapwalk.model.system import System
 from gapwalk.orbit.find import initial_state
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.plain import plain
-from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.cell_work import CellFinding, CellWork, check_until_right
+from gapwalk.results.result_file import Part
+from gapwalk.studies.cell_work import CellWork, check_until_right
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy, Second
-from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import AnswerFinding, AnswerWork, Found, Rows, plain_numbers, values_of
-from gapwalk.studies.study_registry import INLINE, OPEN, Counted, check_integers
+from gapwalk.studies.study_kind import Found, Job, Work, plain_numbers
+from gapwalk.studies.study_registry import INLINE, OPEN, Counted
 from gapwalk.studies.tables import Resolution, RestOrState, Surroundings
-from gapwalk.summary import SummaryParts, summarizes
 
 # The work on a map of rattle: chunks of cells by the batch integrator, then the exact borders.
 
@@ -63,50 +60,16 @@ class RattleChunk:
     error: float  #: Error of the batch integrator.
 
 
-@dataclass(frozen=True)
-class RattleMapFinding(CellFinding):
-    """A map of rattle so far."""
-
-    @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the shares of cells, and the borders."""
-        return () if self.map is None else self.map.summary(notes=False)
-
-    def map_document(self, points: bool) -> dict[str, Any]:
-        """Return the map as JSON values; with all cells if wanted."""
-        found: RattleMap = self.map
-        document: dict[str, Any] = {
-            "plane": [found.first, found.second],
-            "within": [list(ends) for ends in found.within],
-            "resolution": list(found.resolution),
-            "cells": {gap: found.cells(gap) for gap in found.gaps},
-            "borders": [
-                {"kind": str(locus.kind), "points": locus.values.tolist() if points else len(locus.points)}
-                for locus in found.loci
-            ],
-            "check": {"checked": found.checked, "different": list(found.different)},
-        }
-        if points:
-            document["states"] = {gap: found.codes[..., k].tolist() for k, gap in enumerate(found.gaps)}
-            document["periods"] = found.periods.tolist()
-        return document
-
-    def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """Return the tables of the record."""
-        return {} if self.map is None else self.map.tables()
-
-
 class RattleMapWork(CellWork):
     """Computation of the states of gaps at all cells of a map, and of its borders."""
 
     chunk_part = Part("cells", RattleChunk, numbered=True)
-    whole_part = Part("rattle-map", RattleMap)
-    found_as = RattleMapFinding
+    whole_part: Any = Part("rattle-map", RattleMap)
 
     def __init__(self, system: System, asked: RattleStudy) -> None:
         assert asked.second is not None
-        super().__init__(asked.resolution)
-        self.system, self.asked, self.names = system, asked, (asked.parameter, asked.second.parameter)
+        super().__init__(asked, asked.resolution)
+        self.system, self.names = system, (asked.parameter, asked.second.parameter)
         self.within = (asked.ends, asked.second.ends)
         self.gaps = chosen_gaps(system, asked.gaps)
         for first in asked.ends:
@@ -214,32 +177,6 @@ def _look(
     return exact_gaps(system.at(dict(zip(names, values.tolist(), strict=True))), state, gaps, codes, patience)
 
 
-@dataclass(frozen=True, slots=True)
-class RattleOptions:
-    """Options of a search for rattle.
-
-    Examples
-    --------
-    >>> gw.ask.RattleOptions(search=0, starts=8).starts
-    8
-    """
-
-    sweep: Annotated[SlowSweepOptions, INLINE] = field(default_factory=SlowSweepOptions)  #: Options of the slow sweeps.
-    search: int = 3  #: Values of the parameter at which motions are sought that the sweeps do not meet; 0: none.
-    #: Random starts at each of these values, and at the worst motion, where the share that leads there is found.
-    starts: int = 16
-    seed: int = 0  #: Seed of these starts.
-    reference: float = 1.0  #: Acceleration to which levels in dB refer, in rad/s^2 or non-dimensional.
-    check: int = 32  #: Cells of a map whose gaps are observed again with the exact flow.
-    #: Number of processes; by default one for each local core. The result does not depend on it.
-    workers: Counted | None = field(default=None, compare=False)
-
-    def __post_init__(self) -> None:
-        check_integers(self, search=0, starts=0, seed=0, check=0)
-        if not self.reference > 0.0:
-            raise ModelError(f"reference is {self.reference!r}; it must be an acceleration > 0")
-
-
 def _are_gaps(gaps: tuple[str, ...] | None, info: ValidationInfo[Surroundings]) -> tuple[str, ...]:
     gaps = tuple(gaps or ())
     return chosen_gaps(info.context.system, gaps) if info.context.system else gaps
@@ -258,43 +195,6 @@ GAPS = Annotated[
 """Names of contacts with a gap in a table; one may be written without a list."""
 
 
-@dataclass(frozen=True)
-class RattleStudy(RattleOptions, RangeStudy):
-    """Rattle bands: where gaps open and close over a range of a parameter, and how badly."""
-
-    kind: ClassVar[str] = "rattle"
-    table_types: ClassVar[Mapping[str, Any]] = {
-        "gaps": GAPS,
-        "resolution": key_type(Resolution),
-    }
-
-    #: Names of contacts with a gap; one may be written without a list. By default all gaps, or, in a drive train, those
-    #: of links that can part.
-    gaps: Annotated[tuple[str, ...], OPEN] = ()
-    start: RestOrState = "rest"  #: Start of the first transient: ``"rest"``, or a state at theta = 0.
-    #: The vertical parameter of a map of rattle, and its range; None for bands over the first parameter alone.
-    second: Second | None = None
-    resolution: tuple[int, int] = (48, 32)  #: Columns and rows of cells of a map.
-
-    @classmethod
-    def of_table(cls, values: dict[str, Any], system: System) -> RattleStudy:
-        """Return the study of a table; its gaps are the usual ones if the table says nothing else."""
-        return super().of_table({**values, "gaps": chosen_gaps(system, values.get("gaps") or ())}, system)
-
-    @property
-    def plan(self) -> str:
-        """Describe the work to be done, in one line."""
-        what = f"rattle of {', '.join(self.gaps)} over {self.range_words}"
-        if self.second is None:
-            return f"{what}, rising and falling"
-        columns, rows = self.resolution
-        return f"{what} and {self.second.words}, {columns} x {rows} cells"
-
-    def work(self, system: System) -> RattleWork | RattleMapWork:
-        """Return the work on the bands, or on the map if there is a second parameter."""
-        return RattleWork(system, self) if self.second is None else RattleMapWork(system, self)
-
-
 @dataclass(frozen=True, eq=False)
 class SweepWithSeverity:
     """One slow sweep, and the severity along it."""
@@ -311,17 +211,132 @@ class OtherMotions:
     notes: tuple[str, ...]
 
 
-OTHERS = Part("others", OtherMotions)
 SWEEP = Part("sweep", SweepWithSeverity, numbered=True)
-BANDS = Part("bands", RattleBands)
+OTHERS = Part("others", OtherMotions)
 
 
 @dataclass(frozen=True)
-class RattleFinding(AnswerFinding[RattleBands]):
-    """Finding of a search for rattle, complete or not."""
+class RattleStudy(RangeStudy):
+    """Rattle bands: where gaps open and close over a range of a parameter, and how badly.
 
-    def document_of(self, found: RattleBands, points: bool) -> dict[str, Any]:
-        """Return the bands as JSON values; with the severity along them if wanted."""
+    The settled motion is followed for a slowly rising and a slowly falling parameter: as a branch where it is periodic,
+    in samples elsewhere. The ends of the bands are grazing points or jumps of these branches, located exactly. With a
+    second parameter, the states of the gaps are found at all cells of a plane, and the exact borders between them.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter, an empty range, or contacts without a gap.
+    FlowError
+        If the first motion diverges.
+
+    Examples
+    --------
+    >>> found = gw.ask.rattle_bands(system, "frequency", (1.1, 1.6), "stop", search=0)
+    >>> [(round(band.low.value, 6), round(band.high.value, 6)) for band in found.of("stop", "rising")]
+    [(1.1, 1.392109)]
+    """
+
+    kind: ClassVar[str] = "rattle"
+    stored: ClassVar[tuple[Part, ...]] = (SWEEP, OTHERS)
+    answer: ClassVar[Part | None] = Part("bands", RattleBands)
+    arguments: ClassVar[tuple[str, ...]] = ("parameter", "to", "gaps")
+    table_types: ClassVar[Mapping[str, Any]] = {"gaps": GAPS, "resolution": key_type(Resolution)}
+
+    #: Names of contacts with a gap; one may be written without a list. By default all gaps, or, in a drive train, those
+    #: of links that can part.
+    gaps: Annotated[tuple[str, ...], OPEN] = ()
+    start: RestOrState = "rest"  #: Start of the first transient: ``"rest"``, or a state at theta = 0.
+    #: The vertical parameter of a map of rattle, and its range; None for bands over the first parameter alone.
+    second: Second | None = None
+    resolution: tuple[int, int] = (48, 32)  #: Columns and rows of cells of a map.
+    sweep: Annotated[SlowSweepOptions, INLINE] = field(default_factory=SlowSweepOptions)  #: Options of the slow sweeps.
+    #: Values of the parameter at which motions are sought that the sweeps do not meet; 0: none.
+    search: Annotated[int, Ge(0)] = 3
+    #: Random starts at each of these values, and at the worst motion, where the share that leads there is found.
+    starts: Annotated[int, Ge(0)] = 16
+    seed: Annotated[int, Ge(0)] = 0  #: Seed of these starts.
+    #: Acceleration to which levels in dB refer, in rad/s^2 or non-dimensional.
+    reference: Annotated[float, Gt(0)] = 1.0
+    check: Annotated[int, Ge(0)] = 32  #: Cells of a map whose gaps are observed again with the exact flow.
+    #: Number of processes; by default one for each local core. The result does not depend on it.
+    workers: Counted | None = field(default=None, compare=False)
+
+    @classmethod
+    def of_table(cls, values: dict[str, Any], system: System) -> RattleStudy:
+        """Return the study of a table; its gaps are the usual ones if the table says nothing else."""
+        return super().of_table({**values, "gaps": chosen_gaps(system, values.get("gaps") or ())}, system)
+
+    @classmethod
+    def of_call(cls, values: dict[str, Any], system: System) -> RattleStudy:
+        """Return the study of a call."""
+        low, high = values["begin"], values["end"]
+        if not low < high:
+            raise ModelError(
+                f"the range of {values['parameter']} is from {low:g} to {high:g}; write the smaller value first"
+            )
+        return cls.of_table(values, system)
+
+    @property
+    def plan(self) -> str:
+        """Describe the work to be done, in one line."""
+        what = f"rattle of {', '.join(self.gaps)} over {self.range_words}"
+        if self.second is None:
+            return f"{what}, rising and falling"
+        columns, rows = self.resolution
+        return f"{what} and {self.second.words}, {columns} x {rows} cells"
+
+    def work(self, system: System) -> Work:
+        """Return the work on the bands, or on the map if there is a second parameter."""
+        return Job(system, self) if self.second is None else RattleMapWork(system, self)
+
+    def do(self, job: Job) -> Generator[Found]:
+        """Sweep up and down, look for what no sweep meets, and find the bands."""
+        yield from job.each(SWEEP, partial(_swept, job.system, self), dict(enumerate(Direction)))
+        yield from job.once(OTHERS, lambda: self._others(job))
+        yield job.end(self._bands(job, complete=True))
+
+    def total(self, job: Job) -> int:
+        """Return the number of parts."""
+        return len(Direction) + 2
+
+    def so_far(self, job: Job) -> RattleBands | None:
+        """Return the bands of the sweeps that are done; None before the first."""
+        return self._bands(job, complete=False) if job.known[SWEEP] else None
+
+    def severity(self, sweep: SettledSweep) -> SweepWithSeverity:
+        """Return a sweep with the severity along it."""
+        return SweepWithSeverity(sweep, tuple(severities_of(sweep, self.gaps, self.reference)))
+
+    def _others(self, job: Job) -> OtherMotions:
+        sweeps = [each.sweep for each in job.all(SWEEP)]
+        found, notes = other_motions(job.system, sweeps, self.gaps, self.search, self.starts, self.seed, self.sweep)
+        return OtherMotions(tuple(map(self.severity, found)), tuple(notes))
+
+    def _bands(self, job: Job, *, complete: bool) -> RattleBands:
+        both, others = job.all(SWEEP), job.one(OTHERS) or OtherMotions((), ())
+        sweeps = tuple(each.sweep for each in (*both, *others.found))
+        rows = (row for each in (*both, *others.found) for row in each.severities)
+        severities = tuple(sorted(rows, key=lambda row: row.value))
+        starts = self.starts if complete else 0
+        worst = (worst_of(job.system, self.parameter, severities, gap, starts, self.seed) for gap in self.gaps)
+        notes = [*(note for sweep in sweeps for note in sweep.notes), *others.notes]
+        if sampled := sum(sample.motion.orbit is None for sweep in sweeps for sample in sweep.samples):
+            step = abs((self.end - self.begin) / self.sweep.steps)
+            notes.append(
+                f"at {sampled} values the settled motion did not become periodic within {self.sweep.patience} forcing "
+                f"periods; nothing is known between samples, {step:.4g} apart"
+            )
+        if not complete:
+            notes.append(f"stopped when {len(both)} of {len(Direction)} sweeps were done")
+        known = tuple(each for each in worst if each is not None)
+        bands, about = bands_of_sweeps(sweeps, self.gaps), (self.parameter, self.ends, self.gaps, self.reference)
+        return RattleBands(job.system, *about, sweeps, bands, severities, known, complete, tuple(notes))
+
+    def document(self, found: RattleBands | RattleMap, points: bool) -> dict[str, Any]:
+        """Return the bands, or the map, as JSON values; with the severity along them, or all cells, if wanted."""
+        if isinstance(found, RattleMap):
+            return _map_document(found, points)
         document: dict[str, Any] = {
             "parameter": found.parameter,
             "within": list(found.within),
@@ -343,105 +358,26 @@ class RattleFinding(AnswerFinding[RattleBands]):
         return document
 
 
-class RattleWork(AnswerWork[RattleBands]):
-    """The two slow sweeps, then the bands and the worst motions."""
-
-    found_as = RattleFinding
-
-    def __init__(self, system: System, asked: RattleStudy) -> None:
-        for value in asked.ends:
-            system.at({asked.parameter: value})  # refuses what no system can have
-        self.system, self.asked = system, asked
-        self.gaps = chosen_gaps(system, asked.gaps)
-        self._sweeps: dict[int, SweepWithSeverity] = {}
-        self._others: OtherMotions | None = None
-
-    def take(self, known: Parts) -> None:
-        """Read the record of a file, or its sweeps if it is incomplete."""
-        self.whole = known.get(BANDS)
-        if self.whole is None:
-            self._sweeps = dict(known.all(SWEEP))
-            self._others = known.get(OTHERS)
-
-    def parts(self, workers: Workers) -> Generator[Found]:
-        """Do the remaining sweeps; then find the bands."""
-        asked, left = self.asked, [number for number in range(len(Direction)) if number not in self._sweeps]
-        sweep_one = partial(_sweep_one, self.system, asked, self.gaps)
-        for index, found in workers.each(sweep_one, left, in_order=False):
-            self._sweeps[left[index]] = found
-            yield Found.part(SWEEP, found, left[index])
-        if self._others is None:
-            self._others = self._search()
-            yield Found.part(OTHERS, self._others)
-        self.whole = self._bands(complete=True)
-        yield Found.part(BANDS, self.whole)
-
-    @property
-    def before(self) -> int:
-        """Number of parts that are done, without the record."""
-        return len(self._sweeps) + (self._others is not None)
-
-    @property
-    def total(self) -> int:
-        """Number of parts."""
-        return len(Direction) + 2
-
-    def so_far(self) -> RattleBands | None:
-        """Return the bands of the sweeps that are done; None before the first."""
-        return self._bands(complete=False) if self._sweeps else None
-
-    @property
-    def _in_order(self) -> list[SweepWithSeverity]:
-        return [found for _, found in sorted(self._sweeps.items())]
-
-    def _search(self) -> OtherMotions:
-        asked, sweeps = self.asked, [each.sweep for each in self._in_order]
-        limits = asked.search, asked.starts, asked.seed, asked.sweep
-        found, notes = other_motions(self.system, sweeps, self.gaps, *limits)
-        each = (SweepWithSeverity(one, tuple(severities_of(one, self.gaps, asked.reference))) for one in found)
-        return OtherMotions(tuple(each), tuple(notes))
-
-    @property
-    def _step(self) -> float:
-        return (self.asked.end - self.asked.begin) / self.asked.sweep.steps
-
-    def _bands(self, *, complete: bool) -> RattleBands:
-        asked = self.asked
-        both = self._in_order
-        others = self._others or OtherMotions((), ())
-        sweeps = tuple(each.sweep for each in (*both, *others.found))
-        rows = (row for each in (*both, *others.found) for row in each.severities)
-        severities = tuple(sorted(rows, key=lambda row: row.value))
-        starts = asked.starts if complete else 0
-        worst = (worst_of(self.system, asked.parameter, severities, gap, starts, asked.seed) for gap in self.gaps)
-        notes = [*(note for sweep in sweeps for note in sweep.notes), *others.notes]
-        sampled = sum(sample.motion.orbit is None for sweep in sweeps for sample in sweep.samples)
-        if sampled:
-            notes.append(
-                f"at {sampled} values the settled motion did not become periodic within {asked.sweep.patience} forcing "
-                f"periods; nothing is known between samples, {abs(self._step):.4g} apart"
-            )
-        if not complete:
-            notes.append(f"stopped when {len(both)} of {len(Direction)} sweeps were done")
-        return RattleBands(
-            self.system,
-            asked.parameter,
-            asked.ends,
-            self.gaps,
-            asked.reference,
-            sweeps,
-            bands_of_sweeps(sweeps, self.gaps),
-            severities,
-            tuple(each for each in worst if each is not None),
-            complete,
-            tuple(notes),
-        )
+def _swept(system: System, asked: RattleStudy, direction: Direction) -> SweepWithSeverity:
+    return asked.severity(settled_sweep(system, asked.parameter, asked.ends, direction, asked.start, asked.sweep))
 
 
-def _sweep_one(system: System, asked: RattleStudy, gaps: tuple[str, ...], number: int) -> SweepWithSeverity:
-    direction = list(Direction)[number]
-    sweep = settled_sweep(system, asked.parameter, asked.ends, direction, asked.start, asked.sweep)
-    return SweepWithSeverity(sweep, tuple(severities_of(sweep, gaps, asked.reference)))
+def _map_document(found: RattleMap, points: bool) -> dict[str, Any]:
+    document: dict[str, Any] = {
+        "plane": [found.first, found.second],
+        "within": [list(ends) for ends in found.within],
+        "resolution": list(found.resolution),
+        "cells": {gap: found.cells(gap) for gap in found.gaps},
+        "borders": [
+            {"kind": str(locus.kind), "points": locus.values.tolist() if points else len(locus.points)}
+            for locus in found.loci
+        ],
+        "check": {"checked": found.checked, "different": list(found.different)},
+    }
+    if points:
+        document["states"] = {gap: found.codes[..., k].tolist() for k, gap in enumerate(found.gaps)}
+        document["periods"] = found.periods.tolist()
+    return document
 
 
 def _end_document(end: BandEnd) -> dict[str, Any]:
@@ -452,71 +388,3 @@ def _end_document(end: BandEnd) -> dict[str, Any]:
 def plain_numbers_of(record: Any) -> Any:
     """Return a record of numbers and texts as JSON values."""
     return {name: plain_numbers(value) for name, value in plain(record).items()}
-
-
-@shows_progress(lambda count, part, pace: str(pace))
-def rattle_bands(
-    system: System,
-    parameter: str,
-    to: tuple[float, float],
-    gaps: str | tuple[str, ...] = (),
-    *,
-    start: str | tuple[float, ...] = "rest",
-    options: RattleOptions | None = None,
-    workers: Workers | int | None = None,
-    report: Report | None = None,
-    output: str | os.PathLike[str] | None = None,
-) -> RattleBands:
-    """Find the bands of a parameter in which gaps rattle, and how badly.
-
-    The settled motion is followed for a slowly rising and a slowly falling parameter: as a branch where it is periodic,
-    in samples elsewhere. The ends of the bands are grazing points or jumps of these branches, located exactly.
-
-    Parameters
-    ----------
-    system
-        The system.
-    parameter, to
-        The parameter and its range.
-    gaps
-        Names of contacts with a gap; by default all, or, in a drive train, those of links that can part.
-    start
-        Start of the first transients: ``"rest"``, or a state at theta = 0.
-    options
-        Options of the search.
-    workers
-        Number of local processes, or workers that were started before; by default as the options say.
-    report
-        Called with each part of the work once it is done and written to the file.
-    output
-        A file to write while the work is done; `gapwalk.open_result` reads it, and a stopped search continues.
-
-    Returns
-    -------
-    RattleBands
-        The bands of each gap, with their ends and their severity.
-
-    Raises
-    ------
-    ModelError
-        For an unknown parameter, an empty range, or contacts without a gap.
-    FlowError
-        If the first motion diverges.
-    Interrupted
-        After Ctrl-C; its `found` is the record so far.
-
-    Examples
-    --------
-    >>> found = gw.ask.rattle_bands(system, "frequency", (1.1, 1.6), "stop", options=gw.ask.RattleOptions(search=0))
-    >>> [(round(band.low.value, 6), round(band.high.value, 6)) for band in found.of("stop", "rising")]
-    [(1.1, 1.392109)]
-    """
-    check_system(system, "rattle_bands")
-    low, high = to
-    if not low < high:
-        raise ModelError(f"the range of {parameter} is from {low:g} to {high:g}; write the smaller value first")
-    options = options or RattleOptions()
-    asked = RattleStudy(parameter, low, high, **values_of(options), gaps=chosen_gaps(system, gaps), start=start)
-    found = call(asked, asked.work(system), system, workers=workers, report=report, output=output).record
-    assert found is not None
-    return found

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from functools import partial
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
+from annotated_types import Ge
 from numpy.typing import NDArray
 
 from gapwalk.attractors.basins import centres
@@ -28,32 +28,23 @@ from gapwalk.attractors.regimes import (
     regime_word,
     settle_doubts,
 )
-from gapwalk.errors import ModelError
-from gapwalk.model.system import System, check_system
+from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
-from gapwalk.notebook import shows_progress
 from gapwalk.orbit.find import initial_state
 from gapwalk.parallel.groups import do_in_stages
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
-from gapwalk.studies.cell_work import CellFinding, CellWork, check_until_right
+from gapwalk.studies.cell_work import CellWork, check_until_right
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import ParameterRange, RangeStudy, Second
-from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import plain_numbers, values_of
-from gapwalk.studies.study_registry import INLINE, Counted, check_integers
-from gapwalk.studies.tables import Resolution, RestOrState, check_parameters, check_resolution
-from gapwalk.summary import SummaryParts, Table, summarizes
+from gapwalk.studies.study_kind import plain_numbers
+from gapwalk.studies.study_registry import INLINE, Counted
+from gapwalk.studies.tables import CELLS, PARAMETERS, Resolution, RestOrState, check_parameters, check_resolution
+from gapwalk.summary import SummaryParts, Table
 
 
 class Carry(StrEnum):
-    """Start of the motion at a cell.
-
-    Examples
-    --------
-    >>> gw.studies.RegimeStudy.__dataclass_fields__["carry"].default
-    <Carry.NO: 'no'>
-    """
+    """Start of the motion at a cell."""
 
     NO = "no"
     """At each cell from the same state."""
@@ -63,16 +54,36 @@ class Carry(StrEnum):
     """The same with the first parameter falling."""
 
 
-@dataclass(frozen=True, slots=True)
-class RegimeMapOptions:
-    """Options of a regime map.
+@dataclass(frozen=True)
+class RegimeStudy(RangeStudy):
+    """A regime map: which kind of motion there is at each cell of a plane of two parameters.
+
+    At the centre of each cell a motion is followed by the fast flow until its regime is known. Those that seem
+    quasi-periodic are examined again with the exact flow, and a sample of all cells is classified by it, from the
+    states that the motions have reached.
+
+    Raises
+    ------
+    ModelError
+        For parameters, ranges or a start that make no sense.
 
     Examples
     --------
-    >>> gw.RegimeMapOptions(carry="up", judging=gw.analysis.RegimeOptions(max_period=4)).carry
-    <Carry.UP: 'up'>
+    >>> found = gw.regimes(system, {"frequency": (0.6, 1.2), "stop.clearance": (0.8, 1.2)}, resolution=8)
+    >>> found.at(0.8, 1.0)
+    'period 2'
     """
 
+    kind: ClassVar[str] = "regimes"
+    answer: ClassVar[Part | None] = Part("regimes", Regimes)
+    arguments: ClassVar[tuple[str, ...]] = ("plane", "resolution")
+    not_asked: ClassVar[tuple[str, ...]] = ("parameter", "begin", "end", "second")
+    call_types: ClassVar[Mapping[str, tuple[Any, Any, str]]] = {"plane": PARAMETERS, "resolution": CELLS}
+    table_types: ClassVar[Mapping[str, Any]] = {"resolution": key_type(Resolution)}
+
+    second: Second = field(kw_only=True)  #: The vertical parameter, and its range.
+    resolution: tuple[int, int] = (128, 128)  #: Columns and rows of cells.
+    start: RestOrState = "rest"  #: ``"rest"``, or a state at theta = 0: positions, then velocities.
     #: Start of the motions. ``"no"``: all from the same state. ``"up"`` or ``"down"``: the state is carried over along
     #: the first parameter, as in a sweep.
     carry: Carry = Carry.NO
@@ -80,43 +91,19 @@ class RegimeMapOptions:
     judging: Annotated[RegimeOptions, INLINE] = field(default_factory=RegimeOptions)
     #: Cells that are settled and classified again with the exact flow: those of rare regimes, and of rare contacts,
     #: first. If one differs, it is corrected, and more are checked until none differs.
-    check: int = 64
-    seed: int = 0  #: Seed of the choice of those cells.
+    check: Annotated[int, Ge(0)] = 64
+    seed: Annotated[int, Ge(0)] = 0  #: Seed of the choice of those cells.
     #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)
 
-    def __post_init__(self) -> None:
-        if self.carry not in list(Carry):
-            raise ModelError(f'carry is {self.carry!r}; write "no", "up" or "down"')
-        object.__setattr__(self, "carry", Carry(self.carry))
-        check_integers(self, check=0, seed=0)
-
-
-@dataclass(frozen=True)
-class RegimeStudy(RegimeMapOptions, RangeStudy):
-    r"""A regime map: which kind of motion there is at each cell of a plane of two parameters.
-
-    Parameters
-    ----------
-    parameter, begin, end
-        The horizontal parameter, and its range.
-    carry, judging, check, seed, workers
-        Options of the map; as `gapwalk.RegimeMapOptions`. In a table, the keys of `judging` are among the others.
-
-    Examples
-    --------
-    >>> import io
-    >>> keys = "[study]\nsecond = { parameter = 'stop.clearance', from = 0.9, to = 1.1 }"
-    >>> gw.read_study(io.StringIO(file.replace("[study]", keys).replace("response", "regimes"))).options.plan
-    'regimes over frequency from 1.1 to 1.5 and stop.clearance from 0.9 to 1.1, 128 x 128 cells'
-    """
-
-    kind: ClassVar[str] = "regimes"
-    table_types: ClassVar[Mapping[str, Any]] = {"resolution": key_type(Resolution)}
-
-    second: Second = field(kw_only=True)  #: The vertical parameter, and its range.
-    resolution: tuple[int, int] = (128, 128)  #: Columns and rows of cells.
-    start: RestOrState = "rest"  #: ``"rest"``, or a state at theta = 0: positions, then velocities.
+    @classmethod
+    def of_call(cls, values: dict[str, Any], system: System) -> RegimeStudy:
+        """Return the study of a call."""
+        (first, second), ((low, high), ends) = check_parameters(system, values["plane"])
+        rest = {name: value for name, value in values.items() if name not in ("plane", "resolution")}
+        rest["start"] = tuple(initial_state(system, values.get("start", "rest")).tolist())
+        over = ParameterRange(second, *ends)
+        return cls(first, low, high, second=over, resolution=check_resolution(values.get("resolution", 128)), **rest)
 
     @property
     def plan(self) -> str:
@@ -136,6 +123,35 @@ class RegimeStudy(RegimeMapOptions, RangeStudy):
     def work(self, system: System) -> RegimeWork:
         """Return the work on the map."""
         return RegimeWork(system, self)
+
+    def summary(self, found: Regimes) -> SummaryParts:
+        """Return the share of cells of each regime, and the cells that were classified again."""
+        (columns, rows), total = found.resolution, found.regimes.size
+        symbols = (parameter_symbol(name, found.system.units) for name in (found.first, found.second))
+        yield f"{', '.join(symbols)}: {columns} x {rows} cells"
+        counts: Counter[str] = Counter()
+        for word, count in found.cells.items():
+            kind, _, period = word.partition(" ")
+            is_long = kind == "period" and int(period) > _LONGEST_LISTED
+            counts[f"longer periods than {_LONGEST_LISTED}" if is_long else word] += count
+        cells = [(word, str(count), f"{count / total:.2%}") for word, count in counts.items()]
+        yield Table(["motion", ">cells", ">share"], cells)
+        yield f"{found.check.checked} cells classified again, {len(found.check.different)} differently"
+        yield from (f"  {text}" for text in found.check.different[:_LISTED])
+
+    def document(self, found: Regimes, points: bool) -> dict[str, Any]:
+        """Return the number of cells of each regime, and the results of the check; with all cells if wanted."""
+        document: dict[str, Any] = {
+            "plane": dict(zip((found.first, found.second), map(list, found.within), strict=True)),
+            "resolution": list(found.resolution),
+            "cells": found.cells,
+            "check": asdict(found.check) | {"different": list(found.check.different)},
+            "error": found.error,
+        }
+        if points:
+            document["contacts"] = [contact.name for contact in found.system.structure.contacts]
+            document |= {name: plain_numbers(getattr(found, name).tolist()) for name in _ARRAYS}
+        return document
 
 
 CHUNK = 1024
@@ -176,54 +192,14 @@ _LONGEST_LISTED = 12  # longest period that the summary lists separately
 _ARRAYS = ("regimes", "periods", "exponents", "peak_force", "impacts", "states")
 
 
-class RegimeFinding(CellFinding):
-    """A regime map so far."""
-
-    map: Regimes
-
-    @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the share of cells of each regime, and the cells that were classified again."""
-        found = self.map
-        (columns, rows), total = found.resolution, found.regimes.size
-        symbols = (parameter_symbol(name, found.system.units) for name in (found.first, found.second))
-        yield f"{', '.join(symbols)}: {columns} x {rows} cells"
-        counts: Counter[str] = Counter()
-        for word, count in found.cells.items():
-            kind, _, period = word.partition(" ")
-            is_long = kind == "period" and int(period) > _LONGEST_LISTED
-            counts[f"longer periods than {_LONGEST_LISTED}" if is_long else word] += count
-        cells = [(word, str(count), f"{count / total:.2%}") for word, count in counts.items()]
-        yield Table(["motion", ">cells", ">share"], cells)
-        yield f"{found.check.checked} cells classified again, {len(found.check.different)} differently"
-        yield from (f"  {text}" for text in found.check.different[:_LISTED])
-
-    def map_document(self, points: bool) -> dict[str, Any]:
-        """Return the number of cells of each regime, and the results of the check; with all cells if wanted."""
-        found = self.map
-        document: dict[str, Any] = {
-            "plane": dict(zip((found.first, found.second), map(list, found.within), strict=True)),
-            "resolution": list(found.resolution),
-            "cells": found.cells,
-            "check": asdict(found.check) | {"different": list(found.check.different)},
-            "error": found.error,
-        }
-        if points:
-            document["contacts"] = [contact.name for contact in found.system.structure.contacts]
-            document |= {name: plain_numbers(getattr(found, name).tolist()) for name in _ARRAYS}
-        return document
-
-
 class RegimeWork(CellWork):
     """Computation of the regimes of all cells of a map."""
 
     chunk_part = Part("cells", RegimeChunk, numbered=True)
-    whole_part = Part("regimes", Regimes)
-    found_as = RegimeFinding
 
     def __init__(self, system: System, asked: RegimeStudy) -> None:
-        super().__init__(asked.resolution)
-        self.system, self.asked, self.within = system, asked, (asked.ends, asked.second.ends)
+        super().__init__(asked, asked.resolution)
+        self.system, self.within = system, (asked.ends, asked.second.ends)
         self.start = initial_state(system, asked.start)
         # the values of the parameters at the centres of the cells, shape (rows, columns, 2)
         axes = (centres(ends, count) for ends, count in zip(self.within, asked.resolution, strict=True))
@@ -398,81 +374,3 @@ def _correct_some(
     jobs: list[tuple[NDArray[np.float64], NDArray[np.float64], Finding]],
 ) -> list[Verdicts | None]:
     return [corrected(_system_at(system, names, pair), state, mine, forces) for pair, state, mine in jobs]
-
-
-@shows_progress(lambda count, part, pace: str(pace))
-def regimes(
-    system: System,
-    plane: Mapping[str, Sequence[float]],
-    resolution: int | tuple[int, int] = 128,
-    *,
-    start: str | Sequence[float] = "rest",
-    options: RegimeMapOptions | None = None,
-    workers: Workers | int | None = None,
-    report: Report | None = None,
-    output: str | os.PathLike[str] | None = None,
-) -> Regimes:
-    """Return the regimes in the plane of two parameters: period, quasi-periodic, chaotic; peak force and impacts.
-
-    At the centre of each cell a motion is followed by the fast flow until its regime is known. Those that seem
-    quasi-periodic are examined again with the exact flow, and a sample of all cells is classified by it, from the
-    states that the motions have reached.
-
-    Parameters
-    ----------
-    system
-        The system.
-    plane
-        The two parameters and their ranges, the one across first: ``{"frequency": (0.2, 1.2), "mean.q1": (0, 1)}``.
-    resolution
-        Cells along each axis, or (columns, rows).
-    start
-        ``"rest"``, or a state at theta = 0: positions, then velocities.
-    options
-        Options of the map; ``carry`` says where motions start.
-    workers
-        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
-        say. The result does not depend on them.
-    report
-        Called with each chunk of cells once it is done and written to the file.
-    output
-        A file to write while the work is done; `gapwalk.open_result` reads it. If it holds a part of the same job,
-        that is continued to the same result.
-
-    Returns
-    -------
-    Regimes
-        The regime of each cell.
-
-    Raises
-    ------
-    ModelError
-        For parameters, ranges or a start that make no sense.
-    StoreError
-        If the file is of something else, is being written by another run, or cannot be written.
-    WorkError
-        If other processes cannot do the work; what they have done is in the file.
-    Interrupted
-        After Ctrl-C; its `found` is the result so far, with ``complete`` False.
-
-    Examples
-    --------
-    >>> found = gw.regimes(system, {"frequency": (0.6, 1.2), "stop.clearance": (0.8, 1.2)}, resolution=8)
-    >>> found.at(0.8, 1.0)
-    'period 2'
-    """
-    check_system(system, "regimes")
-    options = options or RegimeMapOptions()
-    names, within = check_parameters(system, plane)
-    state = tuple(initial_state(system, start).tolist())
-    (first, other), ((low, high), ends) = names, within
-    asked = RegimeStudy(
-        first,
-        low,
-        high,
-        **values_of(options),
-        second=ParameterRange(other, *ends),
-        resolution=check_resolution(resolution),
-        start=state,
-    )
-    return call(asked, asked.work(system), system, workers=workers, report=report, output=output).record

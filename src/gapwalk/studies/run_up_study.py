@@ -27,9 +27,8 @@ from gapwalk.model.problems import given
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import parameter_headings
-from gapwalk.parallel.workers import Workers
-from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.study_kind import Finding, Found, Rows, StudyKind, Work, plain_numbers
+from gapwalk.results.result_file import Part
+from gapwalk.studies.study_kind import Finding, Found, Job, Rows, StudyKind, plain_numbers
 from gapwalk.studies.study_registry import check_integers
 from gapwalk.studies.tables import Surroundings
 from gapwalk.summary import SummaryParts, TableRows, summarizes
@@ -287,12 +286,18 @@ def _is_positive(value: float | None) -> float | None:
 Speed = Annotated[float | None, BeforeValidator(_speed), AfterValidator(_is_positive)]
 
 
+RUN = Part("run", RunUp)
+RESPONSE = Part("response", SlowResponse)
+RUNS = Part("runs", RunUps, numbered=True)
+
+
 @dataclass(frozen=True)
 class RunUpStudy(StudyKind):
     """A run-up: the exact motion while the speed changes; or many at several rates or from several starts."""
 
     kind: ClassVar[str] = "run-up"
     gives_frequency: ClassVar[bool] = True
+    stored: ClassVar[tuple[Part, ...]] = (RUN, RESPONSE, RUNS)
     table_types: ClassVar[Mapping[str, Any]] = {
         "rate": Annotated[Any, PlainValidator(_rates)],
         "times": None,
@@ -420,108 +425,70 @@ class RunUpStudy(StudyKind):
         """Return the system at the first speed."""
         return system.at({system.structure.pace: float(self.courses[0].speed[0])})
 
-    def work(self, system: System) -> RunUpWork:
-        """Return the work on the run-ups."""
-        return RunUpWork(system, self)
+    def do(self, job: Job) -> Generator[Found]:
+        """Compute the run-ups that are left, chunk by chunk; then the response."""
+        if self.count > 1:
+            yield from self._many(job)
+        elif job.one(RUN) is None:
+            run = job.keep(RUN, run_up(job.system, self.courses[0], samples=self.samples))
+            yield run._replace(news=())
+        if self.with_response and job.one(RESPONSE) is None:
+            yield job.keep(RESPONSE, _slow_response(job.system, self.courses))._replace(news=())
+
+    def _many(self, job: Job) -> Generator[Found]:
+        courses = self.courses
+        for number in (number for number in range(self.chunks) if number not in job.known[RUNS]):
+            lanes = self._lanes(number)
+            chunk = run_ups(
+                job.system,
+                [courses[lane // self.starts] for lane in lanes],
+                phases=[PERIOD * (lane % self.starts) / self.starts for lane in lanes],
+                bins=self.bins,
+                options=BatchOptions(self.error),
+            )
+            yield job.keep(RUNS, chunk, number)
+
+    def _lanes(self, number: int) -> range:
+        return range(number * CHUNK, min((number + 1) * CHUNK, self.count))
+
+    def check_read(self, job: Job) -> None:
+        """Raise a ValueError if the run-ups are not of this study."""
+        for number, chunk in job.known[RUNS].items():
+            if not 0 <= number < self.chunks or len(chunk.courses) != len(self._lanes(number)):
+                raise ValueError(f"chunk {number} does not belong to these run-ups")
+
+    def is_complete(self, job: Job) -> bool:
+        """Return True if no work is left."""
+        return self.done(job) == self.total(job)
+
+    def total(self, job: Job) -> int:
+        """Return the number of all parts: chunks of run-ups, and the response."""
+        return self.chunks + self.with_response
+
+    @property
+    def chunks(self) -> int:
+        """Number of chunks of run-ups."""
+        return math.ceil(self.count / CHUNK)
+
+    def so_far(self, job: Job) -> RunUp | RunUps | None:
+        """Return the run-up, or the run-ups so far."""
+        if self.count == 1 or not job.known[RUNS]:
+            return job.one(RUN)
+        found = job.all(RUNS)
+        return reduce(RunUps.joined, found[1:], replace(found[0]))
+
+    def finding_of(self, job: Job) -> RunUpFinding | None:
+        """Return the run-ups so far; None before the first are done."""
+        found = job.record
+        if found is None:
+            return None
+        return RunUpFinding(self, found, 1 if isinstance(found, RunUp) else len(found.courses), job.one(RESPONSE))
 
 
 def _signal_names(system: System) -> list[str]:
     blank = np.zeros(1)
     states = np.zeros((1, 2 * system.size))
     return RunUp(system, SpeedCourse.ramp(1.0, 2.0, 1.0), 16, blank, blank, blank, states, (), ()).signals
-
-
-RUN = Part("run", RunUp)
-RESPONSE = Part("response", SlowResponse)
-RUNS = Part("runs", RunUps, numbered=True)
-
-
-class RunUpWork(Work):
-    """The work on one run-up, or on many in chunks, and on the response below."""
-
-    def __init__(self, system: System, asked: RunUpStudy) -> None:
-        self.system, self.asked = system, asked
-        self._one: RunUp | None = None
-        self._chunks: dict[int, RunUps] = {}
-        self._response: SlowResponse | None = None
-
-    def take(self, known: Parts) -> None:
-        """Read the run-ups of a file; raise a ValueError if they are not of this study."""
-        self._response = known.get(RESPONSE)
-        if self.asked.count == 1:
-            self._one = known.get(RUN)
-            return
-        for number, chunk in known.all(RUNS):
-            if not 0 <= number < self.chunks or len(chunk.courses) != len(self._lanes(number)):
-                raise ValueError(f"chunk {number} does not belong to these run-ups")
-            self._chunks[number] = chunk
-
-    def parts(self, workers: Workers) -> Generator[Found]:
-        """Compute the run-ups that are left, chunk by chunk; then the response."""
-        asked = self.asked
-        if asked.count > 1:
-            yield from self._many()
-        elif self._one is None:
-            self._one = run_up(self.system, asked.courses[0], samples=asked.samples)
-            yield Found((RUN.entry(self._one),), ())
-        if asked.with_response and self._response is None:
-            self._response = _slow_response(self.system, asked.courses)
-            yield Found((RESPONSE.entry(self._response),), ())
-
-    def _many(self) -> Generator[Found]:
-        asked, courses = self.asked, self.asked.courses
-        for number in range(self.chunks):
-            if number in self._chunks:
-                continue
-            lanes = self._lanes(number)
-            chunk = run_ups(
-                self.system,
-                [courses[lane // asked.starts] for lane in lanes],
-                phases=[PERIOD * (lane % asked.starts) / asked.starts for lane in lanes],
-                bins=asked.bins,
-                options=BatchOptions(asked.error),
-            )
-            self._chunks[number] = chunk
-            yield Found.part(RUNS, chunk, number)
-
-    def _lanes(self, number: int) -> range:
-        return range(number * CHUNK, min((number + 1) * CHUNK, self.asked.count))
-
-    @property
-    def complete(self) -> bool:
-        """True if no work is left."""
-        return self.done == self.total
-
-    @property
-    def done(self) -> int:
-        """Number of parts that are done: chunks, and the response."""
-        runs = int(self._one is not None) if self.asked.count == 1 else len(self._chunks)
-        return runs + (self._response is not None)
-
-    @property
-    def total(self) -> int:
-        """Number of all parts."""
-        return self.chunks + self.asked.with_response
-
-    @property
-    def chunks(self) -> int:
-        """Number of chunks of run-ups."""
-        return math.ceil(self.asked.count / CHUNK)
-
-    @property
-    def record(self) -> RunUp | RunUps | None:
-        """The run-up, or the run-ups so far."""
-        if self.asked.count == 1 or not self._chunks:
-            return self._one
-        found = [chunk for _, chunk in sorted(self._chunks.items())]
-        return reduce(RunUps.joined, found[1:], replace(found[0]))
-
-    def finding(self) -> RunUpFinding | None:
-        """Return the run-ups so far; None before the first are done."""
-        found = self.record
-        if found is None:
-            return None
-        return RunUpFinding(self.asked, found, 1 if isinstance(found, RunUp) else len(found.courses), self._response)
 
 
 def _slow_response(system: System, courses: list[SpeedCourse]) -> SlowResponse:

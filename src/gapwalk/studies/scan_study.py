@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from annotated_types import Gt
+from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationInfo
 
@@ -24,6 +23,7 @@ from gapwalk.answers.scan import (
     PointClaim,
     Scan,
     ScanCheck,
+    Variations,
     check_claims,
     variations,
 )
@@ -42,16 +42,13 @@ from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.isolated.search_chunk import spread_starts, state_box
 from gapwalk.bifurcation.kinds import Kind
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.model.system import System, check_system
-from gapwalk.notebook import shows_progress
+from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit, initial_state
-from gapwalk.parallel.workers import Workers
 from gapwalk.results.plain import plain
-from gapwalk.results.result_file import Part, Parts
+from gapwalk.results.result_file import Part
 from gapwalk.studies.derived_schema import key_type
-from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import AnswerFinding, AnswerWork, Found, StudyKind, plain_numbers, values_of
-from gapwalk.studies.study_registry import INLINE, OPEN, Counted, check_integers
+from gapwalk.studies.study_kind import Found, Job, StudyKind, plain_numbers
+from gapwalk.studies.study_registry import INLINE, OPEN, Counted
 from gapwalk.studies.tables import Surroundings
 
 if TYPE_CHECKING:
@@ -81,142 +78,6 @@ class ScanChunk:
 
 
 SCANNED = Part("scanned", ScanChunk, numbered=True)
-SCAN = Part("scan", Scan)
-
-
-@dataclass(frozen=True)
-class ScanFinding(AnswerFinding[Scan]):
-    """Finding of a scan, complete or not."""
-
-    def document_of(self, found: Scan, points: bool) -> dict[str, Any]:
-        """Return the best variations and the chance of luck as JSON values; with all variations if wanted."""
-        best = found.best[:20]
-        score = int(found.scores[best[0]]) if best else 0
-        document: dict[str, Any] = {
-            "answer": found.sentence,
-            "claims": [claim.words for claim in found.claims],
-            "variations": len(found.variations),
-            "model": self._row(found, 0),
-            "best": [self._row(found, index) for index in best],
-            "luck": plain_numbers(plain(found.luck(score)._asdict())),
-            "check": {"checked": found.check.checked, "different": list(found.check.different)},
-            "error": found.error,
-        }
-        if points:
-            every = range(len(found.variations))
-            document["all"] = [self._row(found, index) | {"values": found.variations.of(index)} for index in every]
-        return document
-
-    @staticmethod
-    def _row(found: Scan, index: int) -> dict[str, Any]:
-        return {
-            "variation": found.words(index),
-            "score": int(found.scores[index]),
-            "holds": found.holds[index].tolist(),
-            "amounts": plain_numbers(found.amounts[index].tolist()),
-        }
-
-
-class ScanWork(AnswerWork[Scan]):
-    """Judges the claims for all variations, in chunks that do not depend on each other."""
-
-    found_as = ScanFinding
-
-    def __init__(self, system: System, asked: ScanStudy) -> None:
-        check_claims(system, asked.claims)
-        fixed = frozenset(name for claim in asked.claims for name in claim.varied)
-        self.system, self.asked = system, asked
-        self.variations = variations(
-            system,
-            asked.parameters,
-            factors=asked.factors,
-            pairs=asked.pairs,
-            listed=asked.listed,
-            neighbours=asked.neighbours,
-            spread=asked.spread,
-            seed=asked.seed,
-            fixed=fixed,
-        )
-        walked = any(isinstance(claim, PointClaim) for claim in asked.claims)
-        size = WALKED if walked else CHUNK
-        self._pieces = [
-            (number, self.variations.values[first : first + size])
-            for number, first in enumerate(range(0, len(self.variations), size))
-        ]
-        self._size = size
-        self._chunks: dict[int, ScanChunk] = {}
-
-    def take(self, known: Parts) -> None:
-        """Read the record of a file, or its chunks if it is incomplete; raise a ValueError if it has other claims."""
-        self.whole = known.get(SCAN)
-        if self.whole is None:
-            self._chunks = dict(known.all(SCANNED))
-        elif self.whole.claims != self.asked.claims:
-            raise ValueError("the scan does not belong to the study")
-
-    def parts(self, workers: Workers) -> Generator[Found]:
-        """Judge the variations that are left; then compare the best ones with the exact flow."""
-        asked = self.asked
-        left = [piece for piece in self._pieces if piece[0] not in self._chunks]
-        # those that are walked may take long, and each other's states are not needed: any order will do
-        scan_one = partial(_scan_piece, self._scanner)
-        for _, chunk in workers.each(scan_one, left, in_order=False):
-            self._chunks[chunk.number] = chunk
-            yield Found.part(SCANNED, chunk, chunk.number)
-        found = self._found(complete=True)
-        best = [index for index in found.best[: asked.check] if found.scores[index] > 0]
-        pieces = [(index, self.variations.values[index]) for index in best]
-        checked, different = 0, []
-        for _, (count, sentences) in workers.each(partial(_check_piece, self._scanner), pieces):
-            checked += count
-            different += sentences
-        self.whole = self._found(complete=True, check=ScanCheck(checked, tuple(different)))
-        yield Found.part(SCAN, self.whole)
-
-    @property
-    def _scanner(self) -> _Scanner:
-        return _Scanner(self.system, self.asked, self.variations.names)
-
-    @property
-    def before(self) -> int:
-        """Number of chunks that are done."""
-        return len(self._chunks)
-
-    @property
-    def total(self) -> int:
-        """Number of parts: the chunks, and the record."""
-        return len(self._pieces) + 1
-
-    def so_far(self) -> Scan | None:
-        """Return the scan of the chunks that are done; None before the first."""
-        return self._found(complete=False) if self._chunks else None
-
-    def _found(self, *, complete: bool, check: ScanCheck | None = None) -> Scan:
-        shape = len(self.variations), len(self.asked.claims)
-        holds, amounts = np.full(shape, UNKNOWN), np.full(shape, np.nan)
-        for number, chunk in self._chunks.items():
-            part = slice(number * self._size, number * self._size + len(chunk.holds))
-            holds[part], amounts[part] = chunk.holds, chunk.amounts
-        notes = [*self.variations.left_out]
-        unknown = int((holds == UNKNOWN).sum())
-        if not complete:
-            notes.append(f"stopped when {len(self._chunks)} of {len(self._pieces)} chunks were done")
-        elif unknown:
-            notes.append(
-                f"{unknown} of {holds.size} verdicts are unknown: no orbit, or a walk that did not come so far"
-            )
-        error = max((chunk.error for chunk in self._chunks.values()), default=0.0)
-        return Scan(
-            self.system,
-            self.asked.claims,
-            self.variations,
-            holds,
-            amounts,
-            check or ScanCheck(),
-            error,
-            complete,
-            tuple(notes),
-        )
 
 
 @dataclass(frozen=True)
@@ -385,37 +246,7 @@ def _check_piece(scanner: _Scanner, piece: tuple[int, NDArray[np.float64]]) -> t
 
 MAX_VARIATIONS = 1_000_000
 """Largest number of variations of a study."""
-
-
-@dataclass(frozen=True, slots=True)
-class ScanOptions:
-    """Options of a scan.
-
-    Examples
-    --------
-    >>> gw.ask.ScanOptions(factors=(0.9, 1.1), neighbours=500).neighbours
-    500
-    """
-
-    #: Factors by which each parameter is multiplied, one at a time; 0 leaves it out.
-    factors: tuple[float, ...] = (0.0, 0.5, 0.8, 0.9, 1.1, 1.25, 2.0)
-    pairs: int = 0  #: Number of random pairs of these changes that are tried too.
-    #: Number of random neighbours, for which all parameters are multiplied: they tell the chance of luck.
-    neighbours: int = 200
-    spread: Annotated[float, Gt(0)] = 0.1  #: Standard deviation of the logarithm of their factors.
-    starts: int = 6  #: Starts of the motions of each variation: rest, and states spread over a box.
-    seed: int = 0  #: Seed of the random numbers.
-    #: Criteria that separate kinds of motion.
-    judging: Annotated[RegimeOptions, INLINE] = field(default_factory=lambda: RegimeOptions(forces=False))
-    check: int = 3  #: Number of the best variations whose motions are classified again with the exact flow.
-    #: Number of processes; by default one for each local core. The result does not depend on it.
-    workers: Counted | None = field(default=None, compare=False)
-
-    def __post_init__(self) -> None:
-        check_integers(self, most=MAX_VARIATIONS, pairs=0, neighbours=0, starts=1, check=0)
-        check_integers(self, seed=0)
-        if not self.spread > 0.0:
-            raise ModelError(f"spread is {self.spread!r}; it must be > 0, as 0.1 for changes of about 10 %")
+Count = Annotated[int, Ge(0), Le(MAX_VARIATIONS)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -506,11 +337,27 @@ def _known(parameters: tuple[str, ...] | None, info: ValidationInfo[Surroundings
 
 
 @dataclass(frozen=True)
-class ScanStudy(ScanOptions, StudyKind):
-    """A scan: which claims hold for which variations of a system."""
+class ScanStudy(StudyKind):
+    """A scan: which claims hold for which variations of a system, and how likely it is that a hit is luck.
+
+    Raises
+    ------
+    ModelError
+        For unknown parameters, or a parameter that varies and has a value in a claim.
+
+    Examples
+    --------
+    >>> claims = [gw.ask.PointClaim("fold", "frequency", 1.3, 1.45, over=(1.6, 1.1))]
+    >>> found = gw.ask.scan(system, claims, ["harmonic1.amplitude"], factors=(0.5,), neighbours=0)
+    >>> found.holds.tolist()  # the model, and half of its excitation
+    [[1], [0]]
+    """
 
     kind: ClassVar[str] = "scan"
     gives_frequency: ClassVar[bool] = False
+    stored: ClassVar[tuple[Part, ...]] = (SCANNED,)
+    answer: ClassVar[Part | None] = Part("scan", Scan)
+    arguments: ClassVar[tuple[str, ...]] = ("claims", "parameters")
     table_types: ClassVar[Mapping[str, Any]] = {
         "claims": None,
         "claim": (
@@ -532,6 +379,20 @@ class ScanStudy(ScanOptions, StudyKind):
     #: The parameters that vary; by default all that are not 0 and have no value in a claim.
     parameters: Annotated[tuple[str, ...], OPEN] = ()
     listed: tuple[Mapping[str, float], ...] = ()  #: Further variations that are tried: values of parameters by name.
+    #: Factors by which each parameter is multiplied, one at a time; 0 leaves it out.
+    factors: tuple[float, ...] = (0.0, 0.5, 0.8, 0.9, 1.1, 1.25, 2.0)
+    pairs: Count = 0  #: Number of random pairs of these changes that are tried too.
+    #: Number of random neighbours, for which all parameters are multiplied: they tell the chance of luck.
+    neighbours: Count = 200
+    spread: Annotated[float, Gt(0)] = 0.1  #: Standard deviation of the logarithm of their factors.
+    #: Starts of the motions of each variation: rest, and states spread over a box.
+    starts: Annotated[int, Ge(1), Le(MAX_VARIATIONS)] = 6
+    seed: Annotated[int, Ge(0)] = 0  #: Seed of the random numbers.
+    #: Criteria that separate kinds of motion.
+    judging: Annotated[RegimeOptions, INLINE] = field(default_factory=lambda: RegimeOptions(forces=False))
+    check: Count = 3  #: Number of the best variations whose motions are classified again with the exact flow.
+    #: Number of processes; by default one for each local core. The result does not depend on it.
+    workers: Counted | None = field(default=None, compare=False)
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
@@ -552,72 +413,103 @@ class ScanStudy(ScanOptions, StudyKind):
             "random neighbours"
         )
 
-    def work(self, system: System) -> ScanWork:
-        """Return the work on the scan."""
-        return ScanWork(system, self)
+    def refuse_invalid(self, system: System) -> None:
+        """Refuse claims and variations that are not possible."""
+        check_claims(system, self.claims)
+        self._variations(system)
 
+    def _variations(self, system: System) -> Variations:
+        names = ("factors", "pairs", "listed", "neighbours", "spread", "seed")
+        options: dict[str, Any] = {name: getattr(self, name) for name in names}
+        fixed = frozenset(name for claim in self.claims for name in claim.varied)
+        return variations(system, self.parameters, fixed=fixed, **options)
 
-@shows_progress(lambda count, part, pace: str(pace))
-def scan(
-    system: System,
-    claims: Sequence[AnyClaim],
-    parameters: Sequence[str] = (),
-    *,
-    listed: Sequence[Mapping[str, float]] = (),
-    options: ScanOptions | None = None,
-    workers: Workers | int | None = None,
-    report: Report | None = None,
-    output: str | os.PathLike[str] | None = None,
-) -> Scan:
-    """Find which claims hold for which variations of a system, and how likely it is that a hit is luck.
+    def _every(self, job: Job) -> Variations:
+        return job.cached("variations", lambda: self._variations(job.system))
 
-    Parameters
-    ----------
-    system
-        The system.
-    claims
-        What is said of it; as `MotionClaim` and `PointClaim`.
-    parameters
-        The parameters that vary; by default all that are not 0 and have no value in a claim.
-    listed
-        Further variations that are tried: values of parameters by name.
-    options
-        Options of the scan.
-    workers
-        Number of local processes, or workers that were started before; by default as the options say. The result does
-        not depend on them.
-    report
-        Called with each part of the work once it is done and written to the file.
-    output
-        A file to write while the work is done; `gapwalk.open_result` reads it, and a stopped scan continues.
+    def _pieces(self, every: Variations) -> dict[int, tuple[int, NDArray[np.float64]]]:
+        """Return the chunks of variations by number."""
+        size = self._size
+        firsts = enumerate(range(0, len(every), size))
+        return {number: (number, every.values[first : first + size]) for number, first in firsts}
 
-    Returns
-    -------
-    Scan
-        What each claim comes to for each variation.
+    @property
+    def _size(self) -> int:
+        return WALKED if any(isinstance(claim, PointClaim) for claim in self.claims) else CHUNK
 
-    Raises
-    ------
-    ModelError
-        For unknown parameters, or a parameter that varies and has a value in a claim.
-    Interrupted
-        After Ctrl-C; its `found` is the record so far.
+    def do(self, job: Job) -> Generator[Found]:
+        """Judge the variations that are left; then compare the best ones with the exact flow."""
+        every = self._every(job)
+        scanner = _Scanner(job.system, self, every.names)
+        # those that are walked may take long, and each other's states are not needed: any order will do
+        yield from job.each(SCANNED, partial(_scan_piece, scanner), self._pieces(every))
+        found = self._found(job, every, complete=True)
+        best = [index for index in found.best[: self.check] if found.scores[index] > 0]
+        pieces = [(index, every.values[index]) for index in best]
+        checked, different = 0, []
+        for _, (count, sentences) in job.workers.each(partial(_check_piece, scanner), pieces):
+            checked += count
+            different += sentences
+        yield job.end(self._found(job, every, complete=True, check=ScanCheck(checked, tuple(different))))
 
-    Examples
-    --------
-    >>> claims = [gw.ask.PointClaim("fold", "frequency", 1.3, 1.45, over=(1.6, 1.1))]
-    >>> options = gw.ask.ScanOptions(factors=(0.5,), neighbours=0)
-    >>> found = gw.ask.scan(system, claims, ["harmonic1.amplitude"], options=options)
-    >>> found.holds.tolist()  # the model, and half of its excitation
-    [[1], [0]]
-    """
-    check_system(system, "scan")
-    asked = ScanStudy(
-        **values_of(options or ScanOptions()),
-        claims=tuple(claims),
-        parameters=tuple(parameters),
-        listed=tuple(dict(each) for each in listed),
-    )
-    found = call(asked, asked.work(system), system, workers=workers, report=report, output=output).record
-    assert found is not None
-    return found
+    def check_read(self, job: Job) -> None:
+        """Raise a ValueError if the scan has other claims."""
+        assert self.answer is not None
+        whole = job.one(self.answer)
+        if whole is not None and whole.claims != self.claims:
+            raise ValueError("the scan does not belong to the study")
+
+    def total(self, job: Job) -> int:
+        """Return the number of parts: the chunks, and the record."""
+        return len(self._pieces(self._every(job))) + 1
+
+    def so_far(self, job: Job) -> Scan | None:
+        """Return the scan of the chunks that are done; None before the first."""
+        return self._found(job, self._every(job), complete=False) if job.known[SCANNED] else None
+
+    def _found(self, job: Job, every: Variations, *, complete: bool, check: ScanCheck | None = None) -> Scan:
+        shape = len(every), len(self.claims)
+        holds, amounts = np.full(shape, UNKNOWN), np.full(shape, np.nan)
+        chunks = job.known[SCANNED]
+        for number, chunk in chunks.items():
+            part = slice(number * self._size, number * self._size + len(chunk.holds))
+            holds[part], amounts[part] = chunk.holds, chunk.amounts
+        notes = [*every.left_out]
+        unknown = int((holds == UNKNOWN).sum())
+        if not complete:
+            notes.append(f"stopped when {len(chunks)} of {len(self._pieces(every))} chunks were done")
+        elif unknown:
+            notes.append(
+                f"{unknown} of {holds.size} verdicts are unknown: no orbit, or a walk that did not come so far"
+            )
+        error = max((chunk.error for chunk in chunks.values()), default=0.0)
+        about = holds, amounts, check or ScanCheck(), error, complete, tuple(notes)
+        return Scan(job.system, self.claims, every, *about)
+
+    def document(self, found: Scan, points: bool) -> dict[str, Any]:
+        """Return the best variations and the chance of luck as JSON values; with all variations if wanted."""
+        best = found.best[:20]
+        score = int(found.scores[best[0]]) if best else 0
+        document: dict[str, Any] = {
+            "answer": found.sentence,
+            "claims": [claim.words for claim in found.claims],
+            "variations": len(found.variations),
+            "model": self._row(found, 0),
+            "best": [self._row(found, index) for index in best],
+            "luck": plain_numbers(plain(found.luck(score)._asdict())),
+            "check": {"checked": found.check.checked, "different": list(found.check.different)},
+            "error": found.error,
+        }
+        if points:
+            every = range(len(found.variations))
+            document["all"] = [self._row(found, index) | {"values": found.variations.of(index)} for index in every]
+        return document
+
+    @staticmethod
+    def _row(found: Scan, index: int) -> dict[str, Any]:
+        return {
+            "variation": found.words(index),
+            "score": int(found.scores[index]),
+            "holds": found.holds[index].tolist(),
+            "amounts": plain_numbers(found.amounts[index].tolist()),
+        }

@@ -15,11 +15,15 @@ from gapwalk.free.free_shooting import without_excitation
 from gapwalk.free.rest_walk import Rests, check_rest, follow_rest
 from gapwalk.free.self_excitation import SelfExcited, is_known, starts, with_cycle
 from gapwalk.model.system import System
-from gapwalk.parallel.workers import Workers
-from gapwalk.results.result_file import Part, Parts
+from gapwalk.results.result_file import Part
 from gapwalk.studies.options import RangeStudy
-from gapwalk.studies.study_kind import AnswerFinding, Found, Work, plain_numbers
+from gapwalk.studies.study_kind import Found, Job, plain_numbers
 from gapwalk.summary import row_of
+
+LINE = Part("equilibria", tuple[Rests, ...])
+"""All branches of equilibria, once they are complete."""
+CYCLE = Part("motions", tuple[int, Branch | None, tuple[str, ...]], numbered=True)
+"""Number of a beginning, the branch from it, and the reasons if there is none or it is not complete."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,7 @@ class SelfExcitedStudy(RangeStudy):
 
     kind: ClassVar[str] = "self-excited"
     gives_frequency: ClassVar[bool] = True
+    stored: ClassVar[tuple[Part, ...]] = (LINE, CYCLE)
 
     #: Positions near an equilibrium there, one for each coordinate; by default all equilibria that are found.
     start: tuple[float, ...] = ()
@@ -48,22 +53,57 @@ class SelfExcitedStudy(RangeStudy):
         """Describe the work to be done, in one line."""
         return f"self-excited motions and equilibria over {self.range_words}"
 
-    def work(self, system: System) -> SelfExcitedWork:
-        """Return the work on equilibria and motions."""
-        return SelfExcitedWork(self.first_system(system), self)
+    def work(self, system: System) -> Job:
+        """Return the work on equilibria and motions of the system without its excitation."""
+        return Job(without_excitation(self.first_system(system)), self)
 
+    def do(self, job: Job) -> Generator[Found]:
+        """Follow the equilibria, then the motions that are left."""
+        yield from job.once(LINE, lambda: self._rests(job.system))
+        while (number := len(job.known[CYCLE])) < self._count(job):
+            before = self._found(job, complete=False)
+            after = with_cycle(before, before.beginnings[number], self.walk)
+            cycle = after.cycles[-1] if len(after.cycles) > len(before.cycles) else None
+            yield job.keep(CYCLE, (number, cycle, after.failures[len(before.failures) :]), number)
 
-LINE = Part("equilibria", tuple[Rests, ...])
-"""All branches of equilibria, once they are complete."""
-CYCLE = Part("motions", tuple[int, Branch | None, tuple[str, ...]], numbered=True)
-"""Number of a beginning, the branch from it, and the reasons if there is none or it is not complete."""
+    def _rests(self, system: System) -> tuple[Rests, ...]:
+        """Follow all equilibria."""
+        lines = list[Rests]()
+        for positions in [np.array(self.start)] if self.start else starts(system):
+            if not is_known(lines, self.begin, positions):
+                lines.append(follow_rest(system, self.parameter, self.ends, start=positions, walk=self.walk))
+        return tuple(lines)
 
+    def check_read(self, job: Job) -> None:
+        """Raise a ValueError if the motions belong to another study."""
+        cycles = job.all(CYCLE)
+        if [number for number, _, _ in cycles] != [*range(len(cycles))] or len(cycles) > self._count(job):
+            raise ValueError("the motions do not belong to the study")
 
-@dataclass(frozen=True)
-class SelfExcitedFinding(AnswerFinding[SelfExcited]):
-    """Finding of a study of self-excitation."""
+    def is_complete(self, job: Job) -> bool:
+        """Return True if equilibria and motions are known."""
+        return bool(job.one(LINE)) and len(job.known[CYCLE]) == self._count(job)
 
-    def document_of(self, found: SelfExcited, points: bool) -> dict[str, Any]:
+    def total(self, job: Job) -> int:
+        """Return the number of all parts, as far as it is known."""
+        return 1 + self._count(job)
+
+    def so_far(self, job: Job) -> SelfExcited | None:
+        """Return what was found so far; None before the equilibria are."""
+        return self._found(job, complete=job.complete) if job.one(LINE) else None
+
+    def _count(self, job: Job) -> int:
+        """Return the number of places where motions begin, as far as it is known."""
+        return len(self._found(job, complete=False).beginnings)
+
+    def _found(self, job: Job, *, complete: bool) -> SelfExcited:
+        rests = job.one(LINE) or ()
+        cycles = tuple(cycle for _, cycle, _ in job.all(CYCLE) if cycle is not None)
+        failures = tuple(each for _, _, reasons in job.all(CYCLE) for each in reasons)
+        ends = tuple(each for line in rests for each in line.failures)
+        return SelfExcited(self.parameter, self.ends, rests, cycles, (*ends, *failures), complete)
+
+    def document(self, found: SelfExcited, points: bool) -> dict[str, Any]:
         """Return equilibria with their events, and motions with their special points, as JSON values."""
         return {
             "parameter": found.parameter,
@@ -100,75 +140,3 @@ def _plain(record: Any) -> dict[str, Any]:
         name: plain_numbers(value.item() if isinstance(value, np.generic) else value)
         for name, value in row_of(record).items()
     }
-
-
-class SelfExcitedWork(Work):
-    """The work on self-excitation: all equilibria, then the motions from one beginning after the other."""
-
-    def __init__(self, system: System, asked: SelfExcitedStudy) -> None:
-        self.system, self.asked = without_excitation(system), asked
-        self._rests: tuple[Rests, ...] = ()
-        self._reason = ""
-        self._cycles: list[tuple[int, Branch | None, tuple[str, ...]]] = []
-
-    def take(self, known: Parts) -> None:
-        """Read equilibria and motions of a file; raise a ValueError if they belong to another study."""
-        self._rests = known.get(LINE) or ()
-        self._cycles = [cycle for _, cycle in known.all(CYCLE)]
-        if [number for number, _, _ in self._cycles] != [*range(len(self._cycles))] or len(self._cycles) > self._count:
-            raise ValueError("the motions do not belong to the study")
-
-    def parts(self, workers: Workers) -> Generator[Found]:
-        """Follow the equilibria, then the motions that are left."""
-        asked = self.asked
-        if not self._rests:
-            lines = list[Rests]()
-            for positions in [np.array(asked.start)] if asked.start else starts(self.system):
-                if not is_known(lines, asked.begin, positions):
-                    lines.append(
-                        follow_rest(self.system, asked.parameter, asked.ends, start=positions, walk=asked.walk)
-                    )
-            self._rests = tuple(lines)
-            yield Found.part(LINE, self._rests)
-        while (number := len(self._cycles)) < self._count:
-            before = self._so_far(complete=False)
-            after = with_cycle(before, before.beginnings[number], asked.walk)
-            cycle = after.cycles[-1] if len(after.cycles) > len(before.cycles) else None
-            self._cycles.append((number, cycle, after.failures[len(before.failures) :]))
-            yield Found.part(CYCLE, self._cycles[-1], number)
-
-    @property
-    def complete(self) -> bool:
-        """True if no work is left."""
-        return bool(self._rests) and len(self._cycles) == self._count
-
-    @property
-    def done(self) -> int:
-        """Number of parts that are done."""
-        return bool(self._rests) + len(self._cycles)
-
-    @property
-    def total(self) -> int:
-        """Number of all parts, as far as it is known."""
-        return 1 + self._count
-
-    @property
-    def record(self) -> SelfExcited | None:
-        """What was found so far; None before the equilibria are."""
-        return self._so_far(complete=self.complete) if self._rests else None
-
-    @property
-    def _count(self) -> int:
-        """Number of places where motions begin, as far as it is known."""
-        return len(self._so_far(complete=False).beginnings)
-
-    def _so_far(self, *, complete: bool) -> SelfExcited:
-        cycles = tuple(cycle for _, cycle, _ in self._cycles if cycle is not None)
-        failures = tuple(each for _, _, reasons in self._cycles for each in reasons)
-        ends = tuple(each for line in self._rests for each in line.failures)
-        asked = self.asked
-        return SelfExcited(asked.parameter, asked.ends, self._rests, cycles, (*ends, *failures), complete)
-
-    def finding(self) -> SelfExcitedFinding:
-        """Return what was found so far as the finding of a study."""
-        return SelfExcitedFinding(self.record, self.done, self.total)

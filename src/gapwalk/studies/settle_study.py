@@ -34,10 +34,9 @@ from gapwalk.model.system import System
 from gapwalk.model.words import line_words, pace_words, signal_words
 from gapwalk.orbit.energy import Energy, EnergyItem, energy
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.parallel.workers import Workers
 from gapwalk.results.plain import plain
-from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.study_kind import Finding, Found, Rows, StudyKind, Work, plain_numbers
+from gapwalk.results.result_file import Part
+from gapwalk.studies.study_kind import Finding, Found, Job, Rows, StudyKind, plain_numbers
 from gapwalk.studies.study_registry import OPEN
 from gapwalk.studies.tables import RestOrState, Surroundings
 from gapwalk.summary import SummaryParts, Table, TableRows, summarizes
@@ -64,51 +63,6 @@ def _lies_in_one_turn(phase: float) -> float:
     if not 0.0 <= phase < 2.0 * math.pi:
         raise ValueError(f"is {given(phase)} radians; it must be at least 0 and less than a whole turn, 2 pi")
     return phase
-
-
-@dataclass(frozen=True)
-class SettleStudyOptions(SettleOptions, StudyKind):
-    """Study of a settled motion: its attractor, its impacts, and its spectrum.
-
-    Parameters
-    ----------
-    max_periods, max_period, tolerance
-        Options for settling; as `gapwalk.SettleOptions`.
-
-    Examples
-    --------
-    >>> gw.studies.SettleStudyOptions(signal="x''", max_periods=2000).plan
-    "settle from rest, showing x''"
-    """
-
-    kind: ClassVar[str] = "settle"
-    table_types: ClassVar[Mapping[str, Any]] = {
-        "phase": Annotated[Angle, AfterValidator(_lies_in_one_turn)],
-        "lyapunov": None,
-    }
-
-    #: A coordinate, its velocity (``q1'``) or acceleration (``q1''``), a contact's force (``stop.force``), or another
-    #: signal of `Motion.signal`: what the spectrum is of, and what the picture shows. By default the first coordinate.
-    signal: Annotated[str, OPEN, AfterValidator(_is_a_signal)] = ""
-    start: RestOrState = "rest"  #: ``"rest"``, or a state at theta = 0: positions, then velocities.
-    phase: float = 0.0  #: Phase of the excitation at which the section is taken, in radians.
-    #: Options for the exponents of a motion without period; not a key of a table.
-    lyapunov: LyapunovOptions = LyapunovOptions()
-
-    @property
-    def plan(self) -> str:
-        """Describe the work to be done, in one line."""
-        start = self.start if isinstance(self.start, str) else f"({', '.join(f'{value:g}' for value in self.start)})"
-        return f"settle from {start}, showing {self.signal}"
-
-    @classmethod
-    def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """Return the study of a table; its signal is the first coordinate if the table says nothing else."""
-        return cls(**{**values, "signal": values.get("signal") or system.coordinates[0]})
-
-    def work(self, system: System) -> SettleWork:
-        """Return the work on the study, which has one part."""
-        return SettleWork(system, self)
 
 
 def rest_words(orbit: Orbit | None) -> list[str]:
@@ -240,48 +194,72 @@ class SettleFinding(Finding):
 
 _OF_SIDES = {"velocity": "'", "fastest": "'", "peak": ".force", "loss": "J", "costliest": "J", "impulse": "N m s"}
 
+
 SETTLED = Part("settled", SettleFinding)
 
 
-class SettleWork(Work):
-    """Computation of the attractor on which a motion settles."""
+@dataclass(frozen=True)
+class SettleStudyOptions(SettleOptions, StudyKind):
+    """Study of a settled motion: its attractor, its impacts, and its spectrum.
 
-    def __init__(self, system: System, asked: SettleStudyOptions) -> None:
-        self.system, self.asked = system, asked
-        self._found: SettleFinding | None = None
+    Parameters
+    ----------
+    max_periods, max_period, tolerance
+        Options for settling; as `gapwalk.SettleOptions`.
 
-    def take(self, known: Parts) -> None:
-        """Read the finding of a file; raise a ValueError if it belongs to another study."""
-        found = known.one(SETTLED)
-        if found.options != self.asked:
-            raise ValueError("the motion does not belong to the study")
-        self._found = found
+    Examples
+    --------
+    >>> gw.studies.SettleStudyOptions(signal="x''", max_periods=2000).plan
+    "settle from rest, showing x''"
+    """
 
-    def parts(self, workers: Workers) -> Generator[Found]:
+    kind: ClassVar[str] = "settle"
+    answer: ClassVar[Part | None] = SETTLED
+    table_types: ClassVar[Mapping[str, Any]] = {
+        "phase": Annotated[Angle, AfterValidator(_lies_in_one_turn)],
+        "lyapunov": None,
+    }
+
+    #: A coordinate, its velocity (``q1'``) or acceleration (``q1''``), a contact's force (``stop.force``), or another
+    #: signal of `Motion.signal`: what the spectrum is of, and what the picture shows. By default the first coordinate.
+    signal: Annotated[str, OPEN, AfterValidator(_is_a_signal)] = ""
+    start: RestOrState = "rest"  #: ``"rest"``, or a state at theta = 0: positions, then velocities.
+    phase: float = 0.0  #: Phase of the excitation at which the section is taken, in radians.
+    #: Options for the exponents of a motion without period; not a key of a table.
+    lyapunov: LyapunovOptions = LyapunovOptions()
+
+    @property
+    def plan(self) -> str:
+        """Describe the work to be done, in one line."""
+        start = self.start if isinstance(self.start, str) else f"({', '.join(f'{value:g}' for value in self.start)})"
+        return f"settle from {start}, showing {self.signal}"
+
+    @classmethod
+    def of_table(cls, values: dict[str, Any], system: System) -> Self:
+        """Return the study of a table; its signal is the first coordinate if the table says nothing else."""
+        return cls(**{**values, "signal": values.get("signal") or system.coordinates[0]})
+
+    def do(self, job: Job) -> Generator[Found]:
         """Compute the settled motion, as one part."""
-        asked = self.asked
-        settled = settle(self.system, asked.start, asked)
-        attractor = identify(settled, ClassifyOptions(asked, asked.lyapunov))
+        settled = settle(job.system, self.start, self)
+        attractor = identify(settled, ClassifyOptions(self, self.lyapunov))
         motion = motion_of(attractor, settled)
-        section = strobe(self.system, motion.state, motion.period or _POINTS, asked.phase)
-        lines = tuple(spectrum(motion, asked.signal).peaks(_LINES))
+        section = strobe(job.system, motion.state, motion.period or _POINTS, self.phase)
+        lines = tuple(spectrum(motion, self.signal).peaks(_LINES))
         found = section.states, rattle(motion), lines, _energy_of(motion)
-        self._found = SettleFinding(asked, attractor, motion, *found)
-        yield Found((SETTLED.entry(self._found),), ())
+        yield job.end(SettleFinding(self, attractor, motion, *found))._replace(news=())
 
-    @property
-    def complete(self) -> bool:
-        """True if the settled motion has been found."""
-        return self._found is not None
+    def check_read(self, job: Job) -> None:
+        """Raise a ValueError if the motion belongs to another study."""
+        found = self.finding_of(job)
+        if found is None:
+            raise ValueError("it holds no motion")
+        if found.options != self:
+            raise ValueError("the motion does not belong to the study")
 
-    @property
-    def record(self) -> Settled | None:
-        """The settled motion."""
-        return self._found and self._found.settled
-
-    def finding(self) -> SettleFinding | None:
+    def finding_of(self, job: Job) -> SettleFinding | None:
         """Return the settled motion with its evidence; None before it is found."""
-        return self._found
+        return job.one(SETTLED)
 
 
 def motion_of(attractor: Attractor, settled: Settled) -> Settled:

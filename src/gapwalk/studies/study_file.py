@@ -316,12 +316,6 @@ def check_study(source: Source, changes: Mapping[str, object] | None = None, nam
     ------
     ModelError
         If the source is no model, or has several studies and none of them is named.
-
-    Examples
-    --------
-    >>> from gapwalk.model.model_source import parse_source
-    >>> gw.studies.check_study(parse_source(file)).title
-    'A sprung mass with a stop'
     """
     studies = check_studies(source, changes, (name,) if name else ())
     if len(studies) == 1:

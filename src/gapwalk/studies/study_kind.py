@@ -1,7 +1,6 @@
-"""The protocol of a kind of study: its request, its work, and its finding.
+"""A kind of study: one class says what is asked, does the work part by part, and describes the answer.
 
-One class is the request, the table in a model file and the stored form. A second does the work. A third describes the
-finding if it is not, or not only, branches.
+Its fields are the keys of its table in a model file, the keywords of its Python function, and what a file keeps.
 """
 
 from __future__ import annotations
@@ -10,14 +9,14 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, ParamSpec, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, ParamSpec, Protocol, TypeVar
 
 from gapwalk.errors import Interrupted
 from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.codec import OneOf, column_of, register
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.study_registry import kind_of
+from gapwalk.studies.study_registry import check_bounds, kind_of
 from gapwalk.summary import Rows, SummaryParts, summarizes
 
 if TYPE_CHECKING:
@@ -26,23 +25,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StudyKind:
-    """Request of a study of any kind.
+    """A study of any kind: what is asked, the work, and the answer.
 
     A kind of study is a frozen dataclass that derives from this class:
 
     - Its fields are what `gapwalk.Study.options` holds, what a result file keeps (`gapwalk.results.codec` works along
-      their type hints), and the keys of the table ``[study]`` of a model file (`gapwalk.studies.derived_schema` makes
-      its schema along the same hints). Validators of pydantic in ``Annotated`` may look at the system and at the
-      fields before.
-    - Options that a Python function takes too are a dataclass of their own, from which the kind derives as well, or
-      which it holds: no option is written down twice.
-    - `work` returns its `Work`, which yields its results part by part. So one runner (`gapwalk.studies.runner`)
-      serves all kinds: it writes each part, reports it once it is safe, and continues stopped runs.
+      their type hints), the keys of the table ``[study]`` of a model file (`gapwalk.studies.derived_schema` makes its
+      schema along the same hints), and the keywords of the function that `gapwalk.studies.functions` makes of it.
+      Validators of pydantic in ``Annotated`` may look at the system and at the fields before.
+    - `do` does the work part by part with a `Job`, which knows the parts that are done. So one runner
+      (`gapwalk.studies.runner`) serves all kinds: it writes each part, reports it once it is safe, and continues
+      stopped runs. The last part is the record, of the type `answer`, which describes itself (`Answer`).
     - A line in `gapwalk.studies.study_registry`, or its function `add_kind`, makes it known by its `kind`.
 
     Examples
     --------
-    >>> gw.studies.ResponseOptions.kind, issubclass(gw.studies.ResponseOptions, gw.studies.StudyKind)
+    >>> study.options.kind, isinstance(study.options, gw.studies.StudyKind)
     ('response', True)
     """
 
@@ -56,11 +54,32 @@ class StudyKind:
     gives_frequency: ClassVar[bool] = False
     """True if the study gives the frequency itself, without a parameter, so that the model need not."""
 
+    stored: ClassVar[tuple[Part, ...]] = ()
+    """Kinds of parts that come before the record."""
+
+    answer: ClassVar[Part | None] = None
+    """The part that is the record; None if the record is made from the other parts."""
+
+    always_counts: ClassVar[bool] = False
+    """True if the JSON values say how many parts are done even where there is a record."""
+
+    arguments: ClassVar[tuple[str, ...]] = ()
+    """Fields that are positional arguments of its function, in their order; ``to`` are both ends of its range."""
+
+    call_types: ClassVar[Mapping[str, tuple[Any, Any, str]]] = {}
+    """Type, default and description of arguments of its function that are no fields: `of_call` makes fields of them."""
+
+    not_asked: ClassVar[tuple[str, ...]] = ()
+    """Fields that are no keywords of its function."""
+
     table_types: ClassVar[Mapping[str, Any]] = {}
     """Types of keys for pydantic, where they do not follow from the fields; None for a field that is no key.
 
     A pair of a type and a default is a key that is no field of this type: `of_table` makes something of it. These keys
     are checked after all others, in this order: a validator sees the keys before it in ``info.data``."""
+
+    def __post_init__(self) -> None:
+        check_bounds(self)
 
     @property
     def plan(self) -> str:
@@ -75,6 +94,19 @@ class StudyKind:
         ----------
         values
             Checked values of the table, by the names of fields; fields that are missing have their defaults.
+        system
+            The system, from which further defaults may come.
+        """
+        return cls(**values)
+
+    @classmethod
+    def of_call(cls, values: dict[str, Any], system: System) -> Self:
+        """Return the study that a call of its function requests.
+
+        Parameters
+        ----------
+        values
+            Values by the names of fields, and of what `call_types` adds.
         system
             The system, from which further defaults may come.
         """
@@ -107,6 +139,13 @@ class StudyKind:
         """
         return system
 
+    def system_of_call(self, system: System) -> System:
+        """Return the system with which the work of a call of the function begins."""
+        return self.first_system(system)
+
+    def refuse_invalid(self, system: System) -> None:
+        """Raise a ModelError if the study is invalid for the system at its beginning."""
+
     def work(self, system: System) -> Work:
         """Return the work of the study on a system, not yet begun; raise a ModelError if the study is invalid.
 
@@ -115,7 +154,81 @@ class StudyKind:
         system
             The system at the beginning of the study.
         """
+        return Job(system, self)
+
+    def do(self, job: Job) -> Generator[Found]:
+        """Do the steps of the work that are not done, by `Job.once` and `Job.each`.
+
+        Parameters
+        ----------
+        job
+            The system, and the parts that are known.
+        """
         raise NotImplementedError
+
+    def so_far(self, job: Job) -> Any:
+        """Return the record of the parts that are known; None if they do not suffice."""
+        return None
+
+    def is_complete(self, job: Job) -> bool:
+        """Return True if no work is left, once the record is stored."""
+        return self.answer is not None and bool(job.known[self.answer])
+
+    def done(self, job: Job) -> int:
+        """Return the number of parts that are done."""
+        return sum(len(job.known[part]) for part in self.stored)
+
+    def total(self, job: Job) -> int:
+        """Return the number of all parts, as far as it is known."""
+        return len(self.stored) + 1
+
+    def check_read(self, job: Job) -> None:
+        """Raise a ValueError if the parts of a file do not belong to the study."""
+
+    def document(self, found: Any, points: bool) -> dict[str, Any]:
+        """Return the record as JSON values; with everything point by point if wanted.
+
+        Parameters
+        ----------
+        found
+            The record.
+        points
+            True for everything, point by point.
+        """
+        raise NotImplementedError
+
+    def summary(self, found: Any) -> SummaryParts:
+        """Return the record in words; notes are apart."""
+        return found.summary(notes=False)
+
+    def tables(self, found: Any) -> Mapping[str, Callable[[], Rows]]:
+        """Return the tables of the record by name, the most important one first."""
+        return found.tables()
+
+    def remarks(self, found: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return notes and numerical failures, in sentences."""
+        return getattr(found, "notes", ()), getattr(found, "failures", ())
+
+    def stored_words(self, finding: AnswerFinding) -> str:
+        """Describe how many parts are stored."""
+        return f"{finding.done} of {finding.total} {finding.counted} are stored"
+
+    def can_be_drawn(self, found: Any) -> bool:
+        """Return True if there is something to draw."""
+        return True
+
+    def finding_of(self, job: Job) -> Finding | None:
+        """Return what the work has found so far; None before there is anything."""
+        return AnswerFinding(self, job.record, job.done, job.total)
+
+    def drawn(self, found: Any) -> Mapping[str, Any]:
+        """Return options of the picture of the record that the study decides."""
+        return {}
+
+    @classmethod
+    def progress_words(cls, count: int, *news: Any) -> str:
+        """Return the progress of the function in a few words, after some reports, from the latest of them."""
+        return str(news[-1])
 
 
 class Found(NamedTuple):
@@ -147,12 +260,6 @@ class Work(ABC):
     Most kinds of work are made from the system at the beginning of the study and from the request. The methods are
     called in this order: `take` with the parts of a file, `parts` until no work is left, `last`; and `record` or
     `finding` at any time.
-
-    Examples
-    --------
-    >>> work = study.options.work(study.system)
-    >>> work.complete, work.done
-    (False, 0)
     """
 
     @abstractmethod
@@ -243,12 +350,6 @@ class Finding(ABC):
 
     A kind of study has a subclass, which describes itself: `summary` is what the terminal shows, `document` its JSON
     values, `tables` the CSV files. A function that draws its `record` is registered with `gapwalk.plot.draws`.
-
-    Examples
-    --------
-    >>> changed = gw.studies.SettleFinding
-    >>> [name for name in ("summary", "document", "tables") if name in vars(changed)]  # what a finding describes
-    ['summary', 'document', 'tables']
     """
 
     @property
@@ -323,94 +424,175 @@ class Answer(Protocol):
         ...
 
 
-A = TypeVar("A", bound=Answer)
-
-
 @dataclass(frozen=True)
-class AnswerFinding(Finding, Generic[A]):
+class AnswerFinding(Finding):
     """Finding of a study whose record describes itself, complete or not."""
 
-    found: A | None  #: The record; None before its first part is done.
+    asked: StudyKind  #: The request.
+    found: Any  #: The record; None before its first part is done.
     #: done, total: Number of parts that are done, and of all.
     done: int
     total: int
+    counted: str = "parts"  #: What these parts are.
 
     @property
-    def record(self) -> A | None:
+    def record(self) -> Any:
         """The record; None before its first part is done."""
         return self.found
 
     @property
     def stored(self) -> str:
         """Describe how many parts are stored."""
-        return f"{self.done} of {self.total} parts are stored"
+        return self.asked.stored_words(self)
+
+    @property
+    def can_be_drawn(self) -> bool:
+        """True if there is something to draw."""
+        return self.found is not None and self.asked.can_be_drawn(self.found)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remarks, in sentences."""
+        return self.asked.remarks(self.found)[0]
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Numerical failures, in sentences."""
+        return self.asked.remarks(self.found)[1]
+
+    @property
+    def drawn(self) -> Mapping[str, Any]:
+        """Options of the picture of the record that the study decided."""
+        return self.asked.drawn(self.found)
 
     @summarizes
     def summary(self) -> SummaryParts:
         """Return the record in words; notes are apart."""
-        return () if self.found is None else self.found.summary(notes=False)
+        return () if self.found is None else self.asked.summary(self.found)
 
     def document(self, points: bool) -> dict[str, Any]:
         """Return the record as JSON values, or how many parts are done."""
+        counts = {self.counted.partition(" ")[0]: {"done": self.done, "total": self.total}}
         if self.found is None:
-            return {"parts": {"done": self.done, "total": self.total}}
-        return self.document_of(self.found, points)
-
-    @abstractmethod
-    def document_of(self, found: A, points: bool) -> dict[str, Any]:
-        """Return the record as JSON values; with everything point by point if wanted."""
+            return counts
+        document = self.asked.document(self.found, points)
+        return {**counts, **document} if self.asked.always_counts or self.counted != "parts" else document
 
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
         """Return the tables of the record."""
-        return {} if self.found is None else self.found.tables()
+        return {} if self.found is None else self.asked.tables(self.found)
 
 
-class AnswerWork(Work, Generic[A]):
-    """Work whose last part is a record that describes itself.
+V = TypeVar("V")
 
-    A kind of it writes `take` and `parts`, which set `whole`, and says how many parts come before the record.
+
+class Job(Work):
+    """The work on a study: what is done is known by parts, and a part that is known is not done again.
 
     Attributes
     ----------
-    whole
-        The complete record; None before it is known.
+    system, asked
+        The system at the beginning of the study, and the study.
+    known
+        The parts that are known, by their kind and number.
+    workers
+        Executor of pieces of the work, while it is done.
+
+    Examples
+    --------
+    >>> from gapwalk.studies.sweep_study import SweepStudy
+    >>> job = gw.studies.Job(system, SweepStudy("frequency", 0.6, 1.0))
+    >>> job.known
+    {Part(name='sweep', type=<class 'gapwalk.studies.sweep_study.Sweep'>, numbered=False): {}}
     """
 
-    found_as: ClassVar[type[AnswerFinding[Any]]]
-    whole: A | None = None
+    workers: Workers
 
-    @property
-    @abstractmethod
-    def before(self) -> int:
-        """Number of parts that are done, without the record."""
+    def __init__(self, system: System, asked: Any) -> None:
+        self._cached: dict[str, Any] = {}
+        asked.refuse_invalid(system)
+        self.system, self.asked = system, asked
+        self.known: dict[Part, dict[int, Any]] = {
+            part: {} for part in (*asked.stored, asked.answer) if part is not None
+        }
 
-    @property
-    @abstractmethod
-    def total(self) -> int:
-        """Number of all parts, with the record."""
+    def take(self, known: Parts) -> None:
+        """Read the record of a file, or its parts if it is incomplete; raise a ValueError if they do not fit."""
+        answer = self.asked.answer
+        if answer is not None and (record := known.get(answer)) is not None:
+            self.known[answer] = {0: record}
+        else:
+            for part in self.asked.stored:
+                if part.numbered:
+                    self.known[part] = dict(known.all(part))
+                elif (value := known.get(part)) is not None:
+                    self.known[part] = {0: value}
+        self.asked.check_read(self)
 
-    def so_far(self) -> A | None:
-        """Return the record of the parts that are done; None if they have none."""
-        return None
+    def parts(self, workers: Workers) -> Generator[Found]:
+        """Do the remaining steps."""
+        self.workers = workers
+        if not self.complete:
+            yield from self.asked.do(self)
+
+    def once(self, part: Part, compute: Callable[[], Any], number: int = 0) -> Generator[Found]:
+        """Do one step, unless its part is known."""
+        if number not in self.known[part]:
+            yield self.keep(part, compute(), number)
+
+    def each(self, part: Part, compute: Callable[[V], Any], pieces: Mapping[int, V]) -> Generator[Found]:
+        """Do one step for each piece whose part is not known, several at a time; the key is the number of the part."""
+        left = [number for number in pieces if number not in self.known[part]]
+        for index, found in self.workers.each(compute, [pieces[number] for number in left], in_order=False):
+            yield self.keep(part, found, left[index])
+
+    def keep(self, part: Part, value: Any, number: int = 0) -> Found:
+        """Keep a part as known, and return it as found."""
+        self.known[part][number] = value
+        return Found.part(part, value, number)
+
+    def end(self, record: Any) -> Found:
+        """Keep the complete record, and return it as found."""
+        return self.keep(self.asked.answer, record)
+
+    def cached(self, name: str, compute: Callable[[], V]) -> V:
+        """Return a value that the work needs several times, computed once."""
+        if name not in self._cached:
+            self._cached[name] = compute()
+        return self._cached[name]
+
+    def all(self, part: Part) -> list[Any]:
+        """Return what is known of a kind of part, in the order of the numbers."""
+        return [value for _, value in sorted(self.known[part].items())]
+
+    def one(self, part: Part) -> Any:
+        """Return a part that has no number; None if it is not known."""
+        return self.known[part].get(0)
 
     @property
     def complete(self) -> bool:
-        """True if the record is complete."""
-        return self.whole is not None
+        """True if no work is left."""
+        return self.asked.is_complete(self)
 
     @property
     def done(self) -> int:
         """Number of parts that are done."""
-        return self.total if self.complete else self.before
+        return self.total if self.complete else self.asked.done(self)
 
     @property
-    def record(self) -> A | None:
-        """The record so far; None if there is none yet."""
-        return self.so_far() if self.whole is None else self.whole
+    def total(self) -> int:
+        """Number of all parts, as far as it is known."""
+        return self.asked.total(self)
 
-    def finding(self) -> AnswerFinding[A]:
+    @property
+    def record(self) -> Any:
+        """The record so far; None if there is none yet."""
+        whole = None if self.asked.answer is None else self.one(self.asked.answer)
+        return self.asked.so_far(self) if whole is None else whole
+
+    def finding(self) -> Finding | None:
         """Return the record so far as the finding of a study."""
-        return self.found_as(self.record, self.done, self.total)
+        return self.asked.finding_of(self)
 
 
 def plain_numbers(values: Any) -> Any:

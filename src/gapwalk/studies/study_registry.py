@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Callable
+from functools import cache, partial
+from operator import ge, le, lt
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type_hints
 
-from annotated_types import Ge
+from annotated_types import Ge, Gt, Le
 
 from gapwalk.errors import ModelError
 from gapwalk.model.registry import Registry
@@ -33,6 +36,41 @@ def check_integers(options: object, most: float = math.inf, **least: int) -> Non
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= most:
             allowed = f">= {low}" if most == math.inf else f"from {low} to {most:,}"
             raise ModelError(f"{name} is {value!r}; it must be an integer {allowed}")
+
+
+def check_bounds(options: object) -> None:
+    """Refuse values beyond the bounds of their fields, as ``Annotated[int, Ge(0)]``; schemas check those of tables."""
+    for name, kind, fits, allowed in _bounds(type(options)):
+        value = getattr(options, name)
+        if value is None or isinstance(value, tuple | str):  # another member of a union
+            continue
+        if isinstance(value, bool) or not isinstance(value, kind) or not all(each(value) for each in fits):
+            raise ModelError(f"{name} is {value!r}; it must be {allowed}")
+
+
+@cache
+def _bounds(kind: type) -> tuple[tuple[str, Any, tuple[Callable[[Any], bool], ...], str], ...]:
+    """Return fields with bounds: name, types, tests of a value, and what is allowed in words."""
+    found = []
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        for each in [hint] if get_origin(hint) is Annotated else get_args(hint):
+            number, *marks = get_args(each) or (None,)
+            limits = {
+                type(mark): getattr(mark, type(mark).__name__.lower())
+                for mark in marks
+                if isinstance(mark, Ge | Gt | Le)
+            }
+            if number not in (int, float) or not limits:
+                continue
+            fits = tuple(partial(_TESTS[each], limit) for each, limit in limits.items())
+            low = "> " + f"{limits[Gt]:g}" if Gt in limits else ">= " + f"{limits.get(Ge, 0):g}"
+            words = f"from {limits[Ge]:g} to {limits[Le]:,}" if Le in limits and Ge in limits else low
+            kinds = int if number is int else int | float
+            found.append((name, kinds, fits, f"an integer {words}" if number is int else words))
+    return tuple(found)
+
+
+_TESTS: dict[Any, Callable[[Any, Any], bool]] = {Ge: le, Gt: lt, Le: ge}  # of a limit and a value
 
 
 def check_values(name: str, values: object, least: int, parameter: str) -> None:
@@ -108,7 +146,7 @@ def add_kind(kind: type[StudyKind]) -> type[StudyKind]:
 
     Examples
     --------
-    >>> gw.studies.add_kind(gw.studies.SweepStudy) is gw.studies.SweepStudy  # as gapwalk has done
+    >>> gw.studies.add_kind(type(study.options)) is type(study.options)  # as gapwalk has done
     True
     """
     return _KINDS.add(kind.kind, kind)

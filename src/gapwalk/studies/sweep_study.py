@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -12,6 +11,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
+from annotated_types import Ge
 from numpy.typing import NDArray
 from pydantic import AfterValidator, ValidationInfo
 
@@ -24,19 +24,18 @@ from gapwalk.errors import FlowError, ModelError, WorkError
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.flow.motion import check_state
 from gapwalk.model.coefficients import ParameterLine
-from gapwalk.model.system import System, check_system
+from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
-from gapwalk.notebook import Shown, shows_progress
+from gapwalk.notebook import Shown
 from gapwalk.orbit.orbit import parameter_headings
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy
-from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import Finding, Found, Work, plain_numbers, values_of
+from gapwalk.studies.study_kind import AnswerFinding, Found, Work, plain_numbers
 from gapwalk.studies.study_registry import INLINE, OPEN, Counted, check_integers
 from gapwalk.studies.tables import CountOrStates, Surroundings, check_signal
-from gapwalk.summary import Rows, SummaryParts, Tables, summarizes
+from gapwalk.summary import Rows, SummaryParts, Tables
 
 if TYPE_CHECKING:
     from typing import Self
@@ -48,13 +47,7 @@ _MOST = 100_000_000  # states that are kept
 
 
 class Way(StrEnum):
-    """Order in which the values are visited.
-
-    Examples
-    --------
-    >>> [way.value for way in gw.studies.Way]
-    ['up', 'down', 'again']
-    """
+    """Order in which the values are visited."""
 
     UP = "up"
     """From the lowest to the highest, the state carried over."""
@@ -76,13 +69,7 @@ class Way(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Patience:
-    """Limits on the length of a transient.
-
-    Examples
-    --------
-    >>> gw.studies.Patience(shortest=20, longest=500).longest
-    500
-    """
+    """Limits on the length of a transient."""
 
     #: shortest, longest: Least and largest number of forcing periods.
     shortest: int = 48
@@ -96,67 +83,6 @@ class Patience:
             raise ModelError(f"longest is {self.longest}; it must be at least {self.shortest}, the shortest transient")
         if not 1e-12 <= self.tolerance <= 1e-2:
             raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-12 and 1e-2 (half-widths)")
-
-
-@dataclass(frozen=True, slots=True)
-class SweepOptions:
-    """Options of a sweep.
-
-    Examples
-    --------
-    >>> gw.SweepOptions(steps=9, ways="up", points=13).each_way()
-    (<Way.UP: 'up'>,)
-    """
-
-    steps: int = 500  #: Number of values, spread evenly over the range, both ends included.
-    #: ``"up and down"``, ``"up"``, ``"down"``, or ``"again"``: each value begins from the starts. Any of them may be
-    #: joined by "and".
-    ways: str = "up and down"
-    points: int = 100  #: Section points at each value: states a forcing period apart, once the transient has settled.
-    #: Number of starts: the first one is rest, the others are spread over the box of states. Or the states themselves,
-    #: one of 2n numbers each, or more with extensions.
-    starts: int | tuple[tuple[float, ...], ...] = 1
-    seed: int = 0  #: Seed of the starts and of the kicks: the same seed gives the same result.
-    #: Longest period, in forcing periods, that is distinguished from a motion that is not periodic.
-    max_period: int = 12
-    patience: Annotated[Patience, INLINE] = Patience()  #: Limits on the length of the transient at each value.
-    #: Size of a random disturbance at each value, in half-widths of the box of states. Like the noise in a test rig, it
-    #: prevents motions from staying on an unstable orbit. 0: none.
-    kick: float = 1e-7
-    #: Number of processes; by default one for each local core. The result does not depend on it.
-    workers: Counted | None = field(default=None, compare=False)
-
-    def __post_init__(self) -> None:
-        check_integers(self, steps=2, points=2, seed=0, max_period=1)
-        if isinstance(self.starts, int) and (isinstance(self.starts, bool) or self.starts < 1):
-            raise ModelError(f"starts is {self.starts!r}; it must be an integer >= 1, or a list of states")
-        starts = self.starts if isinstance(self.starts, int) else len(self.starts)
-        if (states := self.steps * self.points * starts) > _MOST:
-            raise ModelError(
-                f"steps is {self.steps:,}, with {self.points:,} points from {starts:,} starts: that makes {states:,} "
-                f"states; {_MOST:,} can be kept"
-            )
-        if not self.starts:
-            raise ModelError("starts is empty; give at least one state, or the number of starts")
-        if self.points <= self.max_period:
-            raise ModelError(
-                f"points is {self.points}; it must be more than max_period, {self.max_period}, so that a return is seen"
-            )
-        if not 0.0 <= self.kick <= 1e-2:
-            raise ModelError(
-                f"kick is {self.kick!r}; it must lie between 0 and 1e-2 (half-widths of the box of states)"
-            )
-        self.each_way()
-
-    def each_way(self) -> tuple[Way, ...]:
-        """Return the ways, in the order in which they are written."""
-        words = [word.strip() for word in self.ways.split(" and ")]
-        words = [str(Way.AGAIN) if word == "afresh" else word for word in words]  # as older files say
-        if not set(words) <= set(Way) or len(set(words)) < len(words):
-            raise ModelError(
-                f'ways is {self.ways!r}; write "up and down", "up", "down" or "again", or several joined by "and"'
-            )
-        return tuple(Way(word) for word in words)
 
 
 BLOCK = 20
@@ -449,7 +375,7 @@ class Task:
     #: system, parameter, options: As in `gapwalk.sweep`.
     system: System
     parameter: str
-    options: SweepOptions
+    options: SweepStudy
     box: NDArray[np.float64]  #: shape (state_size,): Half-widths of the box of states.
     #: lane, index, number: The lane, its index in the sweep, and the index of the segment in the lane.
     lane: Lane
@@ -513,89 +439,6 @@ def _kicked(state: NDArray[np.float64], task: Task, place: int, value: float) ->
 _BANDS = 40  # bands of equal motions that a summary lists
 
 
-@dataclass(frozen=True)
-class SweepFinding(Finding):
-    """Finding of a sweep, complete or not."""
-
-    sweep: Sweep
-
-    @property
-    def record(self) -> Sweep:
-        """The sweep."""
-        return self.sweep
-
-    @property
-    def stored(self) -> str:
-        """Describe how many values are stored."""
-        done = int(np.count_nonzero(self.sweep.regimes != ""))
-        return f"{done} of {self.sweep.regimes.size} values are stored"
-
-    @property
-    def can_be_drawn(self) -> bool:
-        """True if there is a section point; there is none if all motions have diverged."""
-        return not np.isnan(self.sweep.sections).all()
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Empty, because all notes of a sweep are failures."""
-        return ()
-
-    @property
-    def failures(self) -> tuple[str, ...]:
-        """Failures to follow motions, in sentences."""
-        return self.sweep.notes
-
-    @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the bands of equal motions for each direction and start."""
-        sweep = self.sweep
-        symbol = parameter_symbol(sweep.parameter, sweep.system.units)
-        yield f"{symbol} from {sweep.values[0]:.10g} to {sweep.values[-1]:.10g}: {len(sweep.values)} values"
-        for number, lane in enumerate(sweep.lanes):
-            bands = sweep.bands(number)
-            unsettled = int((~sweep.settled[number] & (sweep.regimes[number] != "")).sum())
-            text = f"{lane.way.value}, start {lane.start}: {len(bands)} bands of equal motions"
-            if unsettled:
-                text += f"; at {unsettled} values the transient had not settled within the allowed time"
-            yield text
-            for band in bands[:_BANDS]:
-                yield f"  {band.low:.8g} to {band.high:.8g}: {band.regime}, {band.count} values"
-            if len(bands) > _BANDS:
-                yield f"  and {len(bands) - _BANDS} more: see the table of regimes"
-
-    def document(self, points: bool) -> dict[str, Any]:
-        """Return the lanes with their bands of equal regimes; with the section points if wanted."""
-        sweep = self.sweep
-        document: dict[str, Any] = {
-            "parameter": sweep.parameter,
-            "values": sweep.values.tolist(),
-            "lanes": [self._lane_document(number) for number in range(len(sweep.lanes))],
-        }
-        if points:
-            for number, lane in enumerate(document["lanes"]):
-                lane["sections"] = plain_numbers(sweep.sections[number].tolist())
-        return document
-
-    def tables(self) -> Tables:
-        """Return the tables of section points and of the regime of each motion."""
-        return self.sweep.tables()
-
-    def _lane_document(self, number: int) -> dict[str, Any]:
-        sweep, lane = self.sweep, self.sweep.lanes[number]
-        return {
-            "way": lane.way.value,
-            "start": lane.start,
-            "state": lane.state.tolist(),
-            "bands": [
-                {"regime": band.regime, "from": band.low, "to": band.high, "values": band.count}
-                for band in sweep.bands(number)
-            ],
-            "transients": sweep.transients[number].tolist(),
-            "settled": sweep.settled[number].tolist(),
-            "regimes": sweep.regimes[number].tolist(),
-        }
-
-
 STRETCH = Part("segment", SweepSegment, numbered=True)
 
 
@@ -605,28 +448,84 @@ def _is_a_signal(signal: str | None, info: ValidationInfo[Surroundings]) -> str 
 
 
 @dataclass(frozen=True)
-class SweepStudy(SweepOptions, RangeStudy):
+class SweepStudy(RangeStudy):
     """A sweep: settled motions over one parameter.
 
-    Parameters
-    ----------
-    parameter, begin, end
-        The parameter, and its range.
-    steps, ways, points, starts, seed, max_period, patience, kick, workers
-        Options of the sweep, as in `gapwalk.SweepOptions`.
+    At each value the transient is followed until it has settled; then section points are recorded. The state is
+    carried over exactly to the next value, up to a tiny kick.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter, an empty range, or starts that are no states.
 
     Examples
     --------
-    >>> gw.studies.SweepStudy(parameter="frequency", begin=0.6, end=1.0, steps=9, points=13).plan
-    'sweep over frequency from 0.6 to 1 at 9 values, up and down, showing '
+    >>> found = gw.sweep(system, "frequency", (0.6, 1.0), steps=9, points=13)
+    >>> [(band.regime, round(band.low, 3), round(band.high, 3)) for band in found.bands()]
+    [('period 1', 0.6, 0.725), ('period 2', 0.725, 0.875), ('period 1', 0.875, 1.0)]
     """
 
     kind: ClassVar[str] = "sweep"
+    answer: ClassVar[Part | None] = Part("sweep", Sweep)  # made of the segments
+    not_asked: ClassVar[tuple[str, ...]] = ("signal", "block")
     table_types: ClassVar[Mapping[str, Any]] = {"starts": key_type(CountOrStates), "block": None}
 
     #: Signal in the picture: a coordinate, or its velocity (``q1'``). By default the first coordinate.
     signal: Annotated[str, OPEN, AfterValidator(_is_a_signal)] = ""
     block: int = BLOCK  #: Values in a segment; not a key of a table. A file with other segments cannot be continued.
+
+    steps: Annotated[int, Ge(2)] = 500  #: Number of values, spread evenly over the range, both ends included.
+    #: ``"up and down"``, ``"up"``, ``"down"``, or ``"again"``: each value begins from the starts. Any of them may be
+    #: joined by "and".
+    ways: str = "up and down"
+    points: Annotated[int, Ge(2)] = (
+        100  #: Section points at each value: states a forcing period apart, once the transient has settled.
+    )
+    #: Number of starts: the first one is rest, the others are spread over the box of states. Or the states themselves,
+    #: one of 2n numbers each, or more with extensions.
+    starts: int | tuple[tuple[float, ...], ...] = 1
+    seed: Annotated[int, Ge(0)] = 0  #: Seed of the starts and of the kicks: the same seed gives the same result.
+    #: Longest period, in forcing periods, that is distinguished from a motion that is not periodic.
+    max_period: Annotated[int, Ge(1)] = 12
+    patience: Annotated[Patience, INLINE] = Patience()  #: Limits on the length of the transient at each value.
+    #: Size of a random disturbance at each value, in half-widths of the box of states. Like the noise in a test rig, it
+    #: prevents motions from staying on an unstable orbit. 0: none.
+    kick: float = 1e-7
+    #: Number of processes; by default one for each local core. The result does not depend on it.
+    workers: Counted | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if isinstance(self.starts, int) and (isinstance(self.starts, bool) or self.starts < 1):
+            raise ModelError(f"starts is {self.starts!r}; it must be an integer >= 1, or a list of states")
+        starts = self.starts if isinstance(self.starts, int) else len(self.starts)
+        if (states := self.steps * self.points * starts) > _MOST:
+            raise ModelError(
+                f"steps is {self.steps:,}, with {self.points:,} points from {starts:,} starts: that makes {states:,} "
+                f"states; {_MOST:,} can be kept"
+            )
+        if not self.starts:
+            raise ModelError("starts is empty; give at least one state, or the number of starts")
+        if self.points <= self.max_period:
+            raise ModelError(
+                f"points is {self.points}; it must be more than max_period, {self.max_period}, so that a return is seen"
+            )
+        if not 0.0 <= self.kick <= 1e-2:
+            raise ModelError(
+                f"kick is {self.kick!r}; it must lie between 0 and 1e-2 (half-widths of the box of states)"
+            )
+        self.each_way()
+
+    def each_way(self) -> tuple[Way, ...]:
+        """Return the ways, in the order in which they are written."""
+        words = [word.strip() for word in self.ways.split(" and ")]
+        words = [str(Way.AGAIN) if word == "afresh" else word for word in words]  # as older files say
+        if not set(words) <= set(Way) or len(set(words)) < len(words):
+            raise ModelError(
+                f'ways is {self.ways!r}; write "up and down", "up", "down" or "again", or several joined by "and"'
+            )
+        return tuple(Way(word) for word in words)
 
     @property
     def plan(self) -> str:
@@ -641,9 +540,72 @@ class SweepStudy(SweepOptions, RangeStudy):
         values["signal"] = values.get("signal") or system.coordinates[0]
         return super().of_table(values, system)
 
+    @classmethod
+    def of_call(cls, values: dict[str, Any], system: System) -> Self:
+        """Return the study of a call; the order of the ends plays no role."""
+        low, high = sorted((values["begin"], values["end"]))
+        return cls(**{**values, "begin": low, "end": high})
+
     def work(self, system: System) -> SweepWork:
         """Return the work on the sweep."""
         return SweepWork(system, self)
+
+    def stored_words(self, finding: AnswerFinding) -> str:
+        """Describe how many values are stored."""
+        regimes = finding.found.regimes
+        return f"{int(np.count_nonzero(regimes != ''))} of {regimes.size} values are stored"
+
+    def can_be_drawn(self, found: Sweep) -> bool:
+        """Return True if there is a section point; there is none if all motions have diverged."""
+        return not np.isnan(found.sections).all()
+
+    def remarks(self, found: Sweep) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return no notes: those of a sweep are failures to follow motions."""
+        return (), found.notes
+
+    def summary(self, found: Sweep) -> SummaryParts:
+        """Return the bands of equal motions for each direction and start."""
+        symbol = parameter_symbol(found.parameter, found.system.units)
+        yield f"{symbol} from {found.values[0]:.10g} to {found.values[-1]:.10g}: {len(found.values)} values"
+        for number, lane in enumerate(found.lanes):
+            bands = found.bands(number)
+            unsettled = int((~found.settled[number] & (found.regimes[number] != "")).sum())
+            text = f"{lane.way.value}, start {lane.start}: {len(bands)} bands of equal motions"
+            if unsettled:
+                text += f"; at {unsettled} values the transient had not settled within the allowed time"
+            yield text
+            for band in bands[:_BANDS]:
+                yield f"  {band.low:.8g} to {band.high:.8g}: {band.regime}, {band.count} values"
+            if len(bands) > _BANDS:
+                yield f"  and {len(bands) - _BANDS} more: see the table of regimes"
+
+    def document(self, found: Sweep, points: bool) -> dict[str, Any]:
+        """Return the lanes with their bands of equal regimes; with the section points if wanted."""
+        document: dict[str, Any] = {
+            "parameter": found.parameter,
+            "values": found.values.tolist(),
+            "lanes": [_lane_document(found, number) for number in range(len(found.lanes))],
+        }
+        if points:
+            for number, lane in enumerate(document["lanes"]):
+                lane["sections"] = plain_numbers(found.sections[number].tolist())
+        return document
+
+
+def _lane_document(sweep: Sweep, number: int) -> dict[str, Any]:
+    lane = sweep.lanes[number]
+    return {
+        "way": lane.way.value,
+        "start": lane.start,
+        "state": lane.state.tolist(),
+        "bands": [
+            {"regime": band.regime, "from": band.low, "to": band.high, "values": band.count}
+            for band in sweep.bands(number)
+        ],
+        "transients": sweep.transients[number].tolist(),
+        "settled": sweep.settled[number].tolist(),
+        "regimes": sweep.regimes[number].tolist(),
+    }
 
 
 class _Done(NamedTuple):
@@ -728,9 +690,9 @@ class SweepWork(Work):
         notes = tuple(done.note for _, done in sorted(self._done.items(), key=lambda each: each[0]) if done.note)
         return replace(self._sweep, complete=self.complete, notes=notes)
 
-    def finding(self) -> SweepFinding:
+    def finding(self) -> AnswerFinding:
         """Return the sweep as the finding of a study."""
-        return SweepFinding(self.record)
+        return AnswerFinding(self.asked, self.record, self.done, self.total)
 
     @property
     def _per_lane(self) -> int:
@@ -771,66 +733,4 @@ class SweepWork(Work):
         lane, asked = self.lanes[index], self.asked
         places = places_of(lane.way, asked.steps, number)
         where = (lane, index, number, places, self.values[places])
-        return Task(self.system, asked.parameter, asked.limits, self.box, *where, state)
-
-
-@shows_progress(lambda count, part, pace: str(pace))
-def sweep(
-    system: System,
-    parameter: str,
-    to: tuple[float, float],
-    *,
-    options: SweepOptions | None = None,
-    workers: Workers | int | None = None,
-    report: Report | None = None,
-    output: str | os.PathLike[str] | None = None,
-) -> Sweep:
-    """Compute a sweep over a range of one parameter.
-
-    At each value the transient is followed until it has settled; then section points are recorded. The state is
-    carried over exactly to the next value, up to a tiny kick.
-
-    Parameters
-    ----------
-    system
-        The system; its own value of the parameter plays no role.
-    parameter, to
-        Name of the parameter, and the range.
-    options
-        Options of the sweep.
-    workers
-        Workers; by default as many local processes as the options say, or a cluster inside of
-        `gapwalk.parallel.on_cluster`. The result does not depend on it.
-    report
-        Called with each segment of values once it is done and written to the file.
-    output
-        A file to write during the work; `gapwalk.open_result` reads it. If it holds a part of the same sweep, that is
-        continued to the same result.
-
-    Returns
-    -------
-    Sweep
-        The section points at each value.
-
-    Raises
-    ------
-    ModelError
-        For an unknown parameter, an empty range, or starts that are no states.
-    StoreError
-        If the file is of something else, is being written by another run, or cannot be written.
-    WorkError
-        If other processes cannot do the work; what they have done is in the file.
-    Interrupted
-        After Ctrl-C; its `found` is the result so far, with ``complete`` False.
-
-    Examples
-    --------
-    >>> found = gw.sweep(system, "frequency", (0.6, 1.0), options=gw.SweepOptions(steps=9, points=13))
-    >>> [(band.regime, round(band.low, 3), round(band.high, 3)) for band in found.bands()]
-    [('period 1', 0.6, 0.725), ('period 2', 0.725, 0.875), ('period 1', 0.875, 1.0)]
-    """
-    check_system(system, "sweep")
-    low, high = sorted((float(to[0]), float(to[1])))
-    asked = SweepStudy(parameter, low, high, **values_of(options or SweepOptions()))
-    work = asked.work(system)
-    return call(asked, work, asked.first_system(system), workers=workers, report=report, output=output).record
+        return Task(self.system, asked.parameter, asked, self.box, *where, state)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
 from enum import StrEnum
 from typing import Annotated, Any
 
@@ -36,6 +36,16 @@ MAX_CELLS = 10_000_000
 
 CountOrValues = Annotated[int, Ge(1), Le(MAX_VALUES)] | Annotated[tuple[float, ...], MinLen(1)]
 """How many values, spread evenly over a range; or the values themselves."""
+
+
+PARAMETERS = (
+    Mapping[str, tuple[float, float]],
+    MISSING,
+    'The two parameters and their ranges, the horizontal one first: ``{"frequency": (0.2, 1.2), "mean.q1": (0, 1)}``.',
+)
+"""Argument of a function: the plane of two parameters; see `gapwalk.studies.study_kind.StudyKind.call_types`."""
+CELLS = (int | tuple[int, int], 128, "Cells along each axis, or (columns, rows).")
+"""Argument of a function: the resolution of a plane."""
 
 
 def check_inside(values: Sequence[float], key: str, ends: tuple[Any, ...]) -> None:
@@ -118,13 +128,7 @@ def _state_length(start: tuple[float, ...], info: ValidationInfo[Surroundings]) 
 
 
 class Start(StrEnum):
-    """Start of the search for the first orbit of a study.
-
-    Examples
-    --------
-    >>> study.options.start
-    <Start.SETTLE: 'settle'>
-    """
+    """Start of the search for the first orbit of a study."""
 
     REST = "rest"
     """Newton's method from the state zero."""
@@ -169,11 +173,6 @@ def check_signal(signal: str, known: Sequence[str]) -> str:
     ------
     ValueError
         If it is unknown.
-
-    Examples
-    --------
-    >>> gw.studies.check_signal("x", ["x", "x'"])
-    'x'
     """
     if known and signal not in known:
         raise ValueError(f"is {given(signal)}; {did_you_mean(signal, list(known))}")

@@ -86,19 +86,7 @@ class ToriStudy(BranchOptions):
                 f"{value:g}, outside of it; write a range that contains it"
             )
 
-
-FAMILY = Part("family of tori", TorusFamily, numbered=True)
-TORI = Part("tori", tuple[tuple[str, ...], int])
-"""Failures, and the number of Neimark-Sacker points that are done."""
-TONGUE = Part("tongue", tuple[int, Tongue | None, str], numbered=True)
-"""Number of a window, its tongue, and the reason if there is none."""
-
-
-@dataclass(frozen=True)
-class ToriFinding(AnswerFinding[TorusDiagram]):
-    """Finding of a study of tori."""
-
-    def document_of(self, found: TorusDiagram, points: bool) -> dict[str, Any]:
+    def document(self, found: TorusDiagram, points: bool) -> dict[str, Any]:
         """Return the families with their events and ends as JSON values; with all tori if wanted."""
         document: dict[str, Any] = {"families": [self._family(family, points) for family in found.families]}
         return document | ({"tongues": [_tongue(each) for each in found.tongues]} if found.tongues else {})
@@ -125,6 +113,13 @@ class ToriFinding(AnswerFinding[TorusDiagram]):
                 for point in family.points
             ]
         return document
+
+
+FAMILY = Part("family of tori", TorusFamily, numbered=True)
+TORI = Part("tori", tuple[tuple[str, ...], int])
+"""Failures, and the number of Neimark-Sacker points that are done."""
+TONGUE = Part("tongue", tuple[int, Tongue | None, str], numbered=True)
+"""Number of a window, its tongue, and the reason if there is none."""
 
 
 def _tongue(found: Tongue) -> dict[str, Any]:
@@ -250,9 +245,9 @@ class ToriWork(Work):
             return found
         return replace(found, unfollowed=len(found.windows) - len(self._tongues))
 
-    def finding(self) -> ToriFinding:
+    def finding(self) -> AnswerFinding:
         """Return the tori so far as the finding of a study."""
-        return ToriFinding(self.record, self.done, self.total)
+        return AnswerFinding(self.asked, self.record, self.done, self.total)
 
 
 class TwoToneWork(Work):
@@ -260,7 +255,7 @@ class TwoToneWork(Work):
 
     def __init__(self, system: System, asked: ToriStudy, tone: Tone) -> None:
         tone.onto(system)  # refuses a tone that does not fit
-        self._system, self._asked, self._tone = system, asked, tone
+        self._system, self.asked, self._tone = system, asked, tone
         self._families: tuple[TorusFamily, ...] = ()
 
     def take(self, known: Parts) -> None:
@@ -271,7 +266,7 @@ class TwoToneWork(Work):
         """Find the torus at the first value, and follow it."""
         if self.complete:
             return
-        asked = self._asked
+        asked = self.asked
         first = two_tones(self._system.at({asked.parameter: asked.begin}), self._tone, options=asked.tori)
         walk = None if asked.walk == WalkOptions() else asked.walk  # those of tori have a default of their own
         self._families = (found_by(follow_tori, first, asked.parameter, asked.end, walk=walk, options=asked.tori),)
@@ -301,12 +296,12 @@ class TwoToneWork(Work):
     def record(self) -> TorusDiagram:
         """The family, without branches."""
         return TorusDiagram(
-            replace(empty_diagram(self._asked.parameter, self._asked.ends), complete=self.complete), self._families
+            replace(empty_diagram(self.asked.parameter, self.asked.ends), complete=self.complete), self._families
         )
 
-    def finding(self) -> ToriFinding:
+    def finding(self) -> AnswerFinding:
         """Return the family as the finding of a study."""
-        return ToriFinding(self.record, self.done, self.total)
+        return AnswerFinding(self.asked, self.record, self.done, self.total)
 
 
 def _follow(

@@ -164,9 +164,9 @@ def attempt(
         found = trial.step("exponents", lambda: lyapunov(system, orbit.state, _EXPONENTS), repr)
         if found is not None and orbit.period == 1:
             _compare(trial, found.per_period, orbit)
-    options = gw.SweepOptions(steps=_STEPS, points=_POINTS, patience=gw.studies.Patience(48, 300), workers=1)
+    options = {"steps": _STEPS, "points": _POINTS, "shortest": 48, "longest": 300, "workers": 1}
     between = (system["frequency"], factor * system["frequency"])
-    trial.step("sweep", lambda: gw.sweep(system, "frequency", between, options=options), _sweep_words)
+    trial.step("sweep", lambda: gw.sweep(system, "frequency", between, **options), _sweep_words)
     return trial
 
 

@@ -9,8 +9,9 @@ import pytest
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import ModelError
-from gapwalk.laws import Coulomb, Hysteretic
-from gapwalk.model.laws import Jenkins, Rigid
+from gapwalk.model.drivetrain import Scales
+from gapwalk.model.laws import Coulomb, Hysteretic, Jenkins, Rigid
+from gapwalk.model.laws.law import Elastic
 from gapwalk.train import Force, Friction, Gear, Inertia, Shaft, Train
 from tests.results.again import again
 
@@ -153,7 +154,7 @@ def test_units_and_plain_numbers_have_the_same_motion(clutch: str, tmp_path) -> 
     system = gw.read_study(write(tmp_path, clutch, more)).system
     deg = math.radians(1.0)
     plain = gw.train.nondimensional(system)
-    si = gw.train.nondimensional(system, gw.train.Scales(1.0, 1.0, 1.0))
+    si = gw.train.nondimensional(system, Scales(1.0, 1.0, 1.0))
     assert si.system["rub.speed"] == pytest.approx(2.0 * 2.0 * math.pi / 60.0)
     assert si.system["rub.limit"] == pytest.approx(5.0)
     assert si.system["rub.stiffness"] == pytest.approx(300.0 / deg)
@@ -276,7 +277,7 @@ def test_a_formula_across_a_slip_is_refused() -> None:
 def test_a_stiffness_that_varies_keeps_its_hysteresis() -> None:
     mesh = gw.Harmonic(0.1, order=2, varies="s.stiffness")
     system = train(*shafts(stiffness=1.0, hysteresis=0.3), harmonics=[mesh]).system()
-    assert laws_of(system) == {"s": gw.laws.Elastic(), "s_friction": Coulomb()}
+    assert laws_of(system) == {"s": Elastic(), "s_friction": Coulomb()}
     assert system["s_friction.limit"] == 0.3
 
 

@@ -14,6 +14,7 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.forces import accelerations
 from gapwalk.flow.motion import integrate
 from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
+from gapwalk.model.drivetrain import Scales
 from tests.results.again import again
 from tests.tiers import in_campaign
 
@@ -397,7 +398,7 @@ def test_orders_without_a_short_common_period_are_refused_with_the_way_out() -> 
 @pytest.mark.parametrize("prescribed", [False, True])
 def test_the_non_dimensional_form_is_exact(prescribed: bool) -> None:
     system = (shaken() if prescribed else stages()).system()
-    form = gw.train.nondimensional(system, gw.train.Scales(angle=0.06 * DEGREE, frequency=700.0, inertia=0.003))
+    form = gw.train.nondimensional(system, Scales(angle=0.06 * DEGREE, frequency=700.0, inertia=0.003))
     random, n = np.random.default_rng(3), system.size
     for theta in random.uniform(0, 2 * math.pi, 4):
         state = random.normal(0, 0.1, 2 * n) * np.repeat([1.0, 700.0], n)

@@ -9,11 +9,11 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
-from gapwalk.model.drivetrain import PaperNumbers
+from gapwalk.model.drivetrain import PaperNumbers, Scales
 from gapwalk.paper import parameter_set
 from tests.model.drivetrain.trains import DEGREE, by_hand, physical
 
-SCALES = gw.train.Scales(angle=3.0 * DEGREE, frequency=500.0, inertia=0.004)
+SCALES = Scales(angle=3.0 * DEGREE, frequency=500.0, inertia=0.004)
 
 
 def test_a_train_with_units_is_the_one_in_si_units() -> None:
@@ -135,7 +135,7 @@ def test_scales_are_found_that_make_numbers_of_about_one() -> None:
     with pytest.raises(ModelError, match="has no units"):
         gw.train.nondimensional(by_hand().system())
     with pytest.raises(ModelError, match="the scale angle is -1"):
-        gw.train.Scales(-1.0, 1.0, 1.0)
+        Scales(-1.0, 1.0, 1.0)
 
 
 def of_the_paper(figure: str) -> PaperNumbers:

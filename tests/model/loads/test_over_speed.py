@@ -11,10 +11,11 @@ import gapwalk as gw
 from gapwalk.bifurcation.loci.locus import LocusEndReason
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.loads import FactorOverSpeed, SpeedTable, Steady
+from gapwalk.loads import FactorOverSpeed, Steady
 from gapwalk.loads import Load as AnyLoad
 from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.loads import Harmonic
+from gapwalk.model.measured.measured_table import SpeedTable
 
 SPEEDS, FACTORS = (0.5, 0.8, 1.2, 1.5), (1.0, 1.3, 1.3, 2.0)
 TABLE = SpeedTable(SPEEDS, FACTORS, "gas.csv")
@@ -135,9 +136,7 @@ def test_equations_go_on_beyond_it_for_newtons_steps_only() -> None:
 def test_a_system_with_a_table_is_kept(tmp_path: Path) -> None:
     system = system_of(Steady(0.2, {"x": 1.0}, over_speed="1 + 0.5*W"))
     assert pickle.loads(pickle.dumps(system)) == system
-    swept = gw.sweep(
-        system, "frequency", (0.7, 0.75), options=gw.SweepOptions(steps=2), output=tmp_path / "sweep.gapwalk"
-    )
+    swept = gw.sweep(system, "frequency", (0.7, 0.75), steps=2, output=tmp_path / "sweep.gapwalk")
     known = gw.open_result(tmp_path / "sweep.gapwalk")
     assert getattr(known, "record", known).system == swept.system == system
 

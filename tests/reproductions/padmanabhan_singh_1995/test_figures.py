@@ -6,6 +6,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.flow.forces import accelerations
 from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.studies.settle_study import SettleStudyOptions
 from reproductions.padmanabhan_singh_1995.claims import CLAIMS
 from reproductions.padmanabhan_singh_1995.claims.second_reading import CANDIDATES, EXPLANATIONS
 from reproductions.padmanabhan_singh_1995.figures import FIGURES, find_figure
@@ -44,7 +45,7 @@ def test_every_job_of_a_figure_makes_a_study_in_every_reading(reading: Reading) 
             study = job.study
             assert str(job.reading) in study.title
             asked = gw.paper.case(job.case, slope=reading.slope, damping=reading.damping).at(job.changes)
-            if not isinstance(job.options, gw.studies.SettleStudyOptions):
+            if not isinstance(job.options, SettleStudyOptions):
                 asked = asked.at({job.options.parameter: job.options.begin})
             assert np.array_equal(rates(study.system), rates(asked))
 
@@ -74,7 +75,7 @@ def test_a_job_without_longer_periods() -> None:
 def test_a_job_has_its_changes_and_begins_where_it_says() -> None:
     for key, job in JOBS.items():
         system, options = job.study.system, job.options
-        begin = {} if isinstance(options, gw.studies.SettleStudyOptions) else {options.parameter: options.begin}
+        begin = {} if isinstance(options, SettleStudyOptions) else {options.parameter: options.begin}
         assert all(system[name] == value for name, value in {**job.changes, **begin}.items())
         assert key == job.key
     assert len({job.key for job in JOBS.values()}) == len(JOBS)

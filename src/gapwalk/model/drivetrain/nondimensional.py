@@ -42,11 +42,6 @@ class Scales:
     ------
     ModelError
         If one of them is not > 0.
-
-    Examples
-    --------
-    >>> gw.train.Scales(angle=0.05, frequency=400.0, inertia=0.01).torque
-    80.0
     """
 
     angle: float  #: In rad, > 0.

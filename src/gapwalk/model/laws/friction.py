@@ -168,11 +168,6 @@ class Hysteretic(Law):
     """Springs with clearances that host friction: each stage has a number more, its `hysteresis`.
 
     The springs are those of a law that has a name; the friction is a contact of its own, `Friction` by ``"stages"``.
-
-    Examples
-    --------
-    >>> gw.laws.Hysteretic("elastic").springs
-    'elastic'
     """
 
     springs: str = "elastic"  #: Name of the law of the springs.

@@ -26,14 +26,7 @@ from gapwalk.model.units import QuantityKind
 
 @dataclass(frozen=True, slots=True)
 class StageTerms:
-    """A stage on one side as a formula sees it; its parameters are ``stage["stiffness"]`` and so on.
-
-    Examples
-    --------
-    >>> stage = gw.laws.StageTerms(sign=1, depth=0.2, closed=1, innermost=True, numbers={"stiffness": 20.0})
-    >>> stage.closed * stage["stiffness"] * stage.depth
-    4.0
-    """
+    """A stage on one side as a formula sees it; its parameters are ``stage["stiffness"]`` and so on."""
 
     sign: int  #: The side: +1 or -1.
     #: Deflection past the breakpoint, ``x - sign * clearance``: positive beyond it on the positive side, negative
@@ -48,13 +41,7 @@ class StageTerms:
 
 
 class Host(NamedTuple):
-    """Another contact on which a formula depends: its stages, and its force.
-
-    Examples
-    --------
-    >>> gw.laws.Host(stages=None, force=2.0).force
-    2.0
-    """
+    """Another contact on which a formula depends: its stages, and its force."""
 
     stages: Stages  #: Its stages.
     force: Any  #: Its force.
@@ -84,13 +71,6 @@ class Stages:
         For friction with a memory: the extension of its spring.
     host
         For a law with a host: the stages and the force of that contact.
-
-    Examples
-    --------
-    >>> numbers = {"stiffness": 20.0, "cubic": 0.0}
-    >>> stage = gw.laws.StageTerms(sign=1, depth=0.2, closed=1, innermost=True, numbers=numbers)
-    >>> gw.laws.Elastic().force(0.0, gw.laws.Stages([stage], sum), {})
-    4.0
     """
 
     slip: Any = 0.0

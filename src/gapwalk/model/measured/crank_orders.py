@@ -38,13 +38,7 @@ _WORK = 50_000_000  # harmonics times samples: some seconds
 
 @dataclass(frozen=True, slots=True)
 class OrderLine:
-    """A part ``cosine * cos(order * angle) + sine * sin(order * angle)`` of a signal.
-
-    Examples
-    --------
-    >>> gw.loads.OrderLine(2.0, cosine=3.0, sine=4.0).energy
-    12.5
-    """
+    """A part ``cosine * cos(order * angle) + sine * sin(order * angle)`` of a signal."""
 
     order: float  #: Periods in a turn of the shaft.
     #: cosine, sine: In the unit of the signal.

@@ -484,12 +484,6 @@ class SpeedTable:
     ------
     ModelError
         If there are not 2 to 1,000 points with speeds that increase.
-
-    Examples
-    --------
-    >>> table = gw.loads.SpeedTable((700.0, 2000.0, 6000.0), (30.0, 55.0, 60.0), "gas.csv", "rpm")
-    >>> float(table.value(2000.0)), table.covers(6120.0)
-    (55.0, False)
     """
 
     speeds: tuple[float, ...]  #: shape (points,): Increasing.
