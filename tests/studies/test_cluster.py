@@ -74,14 +74,14 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(workers) -> None:
 
 @pytest.mark.slow
 def test_a_sweep_with_a_killed_worker_is_that_of_one_process(cluster, workers) -> None:
-    alone = gw.sweep(*FOLDS, options=options(starts=2))
+    alone = gw.sweep(*FOLDS, **options(starts=2))
     pids = list(workers.executor._client.run(os.getpid).values())[:1]
 
     def report(stretch, pace) -> None:
         if pids:
             os.kill(pids.pop(), signal.SIGKILL)
 
-    shared = gw.sweep(*FOLDS, options=options(starts=2), workers=workers, report=report)
+    shared = gw.sweep(*FOLDS, **options(starts=2), workers=workers, report=report)
     assert shared.complete
     for name in ("sections", "transients", "settled", "regimes"):
         np.testing.assert_array_equal(getattr(shared, name), getattr(alone, name))

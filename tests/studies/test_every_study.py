@@ -3,6 +3,8 @@
 import json
 import signal
 from collections.abc import Callable
+from contextlib import suppress
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.cli import main
-from gapwalk.errors import StoreError
+from gapwalk.errors import Interrupted, StoreError
 from gapwalk.flow import Flow
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies.regime_study import Carry
@@ -93,6 +95,12 @@ def test_there_is_a_file_of_each_kind() -> None:
     assert set(TEXTS) == set(kinds())
 
 
+def pressed_at(number: int) -> Callable[..., None]:
+    """A report that presses Ctrl-C when it is called for that time."""
+    calls = count(1)
+    return lambda *_: signal.raise_signal(signal.SIGINT) if next(calls) == number else None
+
+
 CASES = [*TEXTS.items(), in_campaign("scan", jobs.SCAN)]
 
 
@@ -106,18 +114,15 @@ def test_every_study(kind, text, tmp_path, monkeypatch, capsys) -> None:
     function, said = FUNCTIONS.get(kind, (lambda: gw.run(study), None))
     expected = function()
 
-    presses = iter([signal.SIGINT])
-
-    def stop(*_: object) -> None:
-        for press in presses:
-            signal.raise_signal(press)
-
     if kind != "settle":  # which has one part
-        stopped = until_ctrl_c(gw.run, study, path, report=stop)
+        stopped = until_ctrl_c(gw.run, study, path, report=pressed_at(1))
         assert not stopped.complete
         assert_same_result(stopped, gw.open_result(path))
+        assert [each.name for each in tmp_path.iterdir()] == [path.name]
         with pytest.raises(StoreError, match="exists already"):
             gw.run(study, path)
+        with suppress(Interrupted, KeyboardInterrupt):  # a study of fewer parts is complete before
+            gw.run(study, path, resume=True, report=pressed_at(3))
     result = gw.run(study, path, resume=True)
     assert result.complete
     assert result.failures == ()
