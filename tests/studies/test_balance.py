@@ -18,7 +18,7 @@ from gapwalk.results.plain import plain
 from gapwalk.studies import response_study as response
 from gapwalk.studies.export import table_of
 from gapwalk.studies.response_study import ResponseOptions
-from gapwalk.studies.runner import result_document
+from gapwalk.studies.result import result_document
 from gapwalk.studies.study_file import check_study
 from gapwalk.studies.study_kind import StudyKind
 from tests.interruption import until_ctrl_c

@@ -11,7 +11,7 @@ import gapwalk as gw
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.paper import case
 from gapwalk.studies.export import export_csv
-from gapwalk.studies.runner import result_document
+from gapwalk.studies.result import result_document
 from tests.bifurcation.test_balanced_locus import growing
 from tests.results.again import again
 from tests.studies.killing import killed_after

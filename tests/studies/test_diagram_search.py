@@ -18,7 +18,7 @@ from gapwalk.studies.columns import COVERAGE, coverage_rows
 from gapwalk.studies.derived_schema import table_schema
 from gapwalk.studies.diagram_study import DiagramOptions
 from gapwalk.studies.options import SearchTable
-from gapwalk.studies.runner import result_document
+from gapwalk.studies.result import result_document
 from tests.interruption import until_ctrl_c
 from tests.studies.diagrams import islands
 from tests.studies.killing import killed_after

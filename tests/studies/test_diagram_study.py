@@ -33,7 +33,7 @@ def undisturbed() -> gw.Result:
 
 
 def test_a_study_is_the_diagram_of_its_system(undisturbed) -> None:
-    found = gw.diagram(clutch_diagram().system, "frequency", (0.6, 0.85), 4, workers=1)
+    found = gw.diagram(clutch_diagram().system, "frequency", (0.6, 0.85), max_period=4, workers=1)
     assert undisturbed.complete
     assert undisturbed.diagram.complete
     assert undisturbed.diagram.within == (0.6, 0.85)

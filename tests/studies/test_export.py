@@ -10,7 +10,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import StoreError
 from gapwalk.studies.export import export_csv, write_whole
-from gapwalk.studies.runner import result_document
+from gapwalk.studies.result import result_document
 from tests.studies.studies import stop_study
 
 

@@ -38,7 +38,7 @@ def test_gaps_are_joined_while_members_are_walked(monkeypatch) -> None:
     over = SimpleNamespace(axis=(0.0, 1.0, 2.0, 3.0, 4.0))
     asked: Any = SimpleNamespace(parameter="frequency", ends=(1.0, 2.0), over=over)
     workers: Any = TwoAtATime()
-    work = FamilyWork(cast("Any", None), asked, cast("Any", None))
+    work = FamilyWork(cast("Any", None), asked)
     assert len([*work.parts(workers)]) == 8
     assert workers.begun == [0, 1, 2, 3, 4, (1, 3), (3, 4), (0, 1)]  # the first member is the last that is done
     assert work.complete

@@ -108,7 +108,7 @@ def test_ctrl_c_just_before_a_part_is_written_keeps_it(path, count, monkeypatch,
 
 def test_ctrl_c_in_a_section_leaves_out_that_section(path, monkeypatch, undisturbed) -> None:
     """The branches of half a section would begin other loci than those of the whole."""
-    diagram, calls = charting.diagram, []
+    diagram, calls = charting.diagram_from, []
 
     def interrupted(*arguments, **options):
         calls.append(arguments)
@@ -118,7 +118,7 @@ def test_ctrl_c_in_a_section_leaves_out_that_section(path, monkeypatch, undistur
         return found
 
     with monkeypatch.context() as patch:
-        patch.setattr(charting, "diagram", interrupted)
+        patch.setattr(charting, "diagram_from", interrupted)
         stopped = until_ctrl_c(gw.run, clutch_map(), path)
     assert [section.value for section in stopped.map.sections] == [0.2]
     assert not stopped.map.loci

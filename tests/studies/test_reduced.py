@@ -12,7 +12,7 @@ from gapwalk import open_result, reduce, run
 from gapwalk.cli.commands import app
 from gapwalk.errors import StoreError
 from gapwalk.model import ModelFileError
-from gapwalk.studies.runner import result_document
+from gapwalk.studies.result import result_document
 from gapwalk.studies.study_file import read_studies, read_study
 from tests.models import read_system
 

@@ -12,7 +12,7 @@ from gapwalk.errors import ModelError, StoreError
 from gapwalk.model.problems import ModelFileError
 from gapwalk.orbit.shooting import ShootingEquation
 from gapwalk.studies.export import export_csv
-from gapwalk.studies.runner import result_document
+from gapwalk.studies.result import result_document
 from gapwalk.studies.without_units import without_units
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "drivetrain.toml"

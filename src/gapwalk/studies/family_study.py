@@ -34,7 +34,7 @@ from gapwalk.studies.family import (
     SpecialPointPath,
 )
 from gapwalk.studies.options import BranchOptions, kinds_key
-from gapwalk.studies.runner import branch_document
+from gapwalk.studies.result import branch_document
 from gapwalk.studies.set_values import leaves_of
 from gapwalk.studies.study_kind import AnswerFinding, Rows
 from gapwalk.studies.tables import Surroundings
