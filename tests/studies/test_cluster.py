@@ -25,6 +25,7 @@ from tests.studies.diagrams import clutch_diagram
 from tests.studies.pieces import die_at_three, fail_at_three, slow_double, slow_pid
 from tests.studies.same import assert_same_result
 from tests.studies.sweeps import FOLDS, options
+from tests.tiers import in_campaign
 from tests.waiting import PATIENCE, until
 
 distributed = pytest.importorskip("distributed", reason="needs the extra gapwalk[cluster]")
@@ -233,7 +234,7 @@ def test_a_worker_that_was_replaced_at_its_address_refuses_and_the_piece_is_done
     assert accepted == [0, 2, 4, 6]
 
 
-@pytest.mark.parametrize("comes_back", [True, False])
+@pytest.mark.parametrize("comes_back", [True, in_campaign(False)])
 def test_if_all_workers_go_it_is_told_and_others_are_waited_for(comes_back, monkeypatch) -> None:
     monkeypatch.setattr(module, "_LOOK", 0.1)
     monkeypatch.setattr(module, "_TELL", 0.3)
