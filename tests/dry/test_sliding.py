@@ -246,15 +246,21 @@ def test_next_to_a_graze_of_a_jenkins_element_no_stick_is_endless():
         assert carry([replace(orbit, state=state)])[0].closure < 1e-9 + 10.0 * size
 
 
+BESIDE = [0.278, -0.847, -0.513, 1.044, 0.078, 0.454, 0.578, -0.249]
+"""One of three motions, next to the change."""
+
+
 @pytest.mark.parametrize(
-    ("ends", "walk", "sampled"), [((1.1395, 1.1415), LONG, 4), in_campaign((1.0885, 1.415), None, 0)]
+    ("ends", "near", "walk", "sampled"),
+    [
+        ((1.1395, 1.1415), BESIDE, LONG, 4),
+        in_campaign((1.0885090005248657, 1.4150617006823254), "settle", gw.WalkOptions(), 0),
+    ],
 )
-def test_a_change_at_which_its_margin_jumps_is_located_to_its_bracket(ends, walk, sampled) -> None:
+def test_a_change_at_which_its_margin_jumps_is_located_to_its_bracket(ends, near, walk, sampled) -> None:
     """A spring closes where the slip rate reverses, and its damping changes the force at once."""
     system = random_system(9)
-    beside = [0.278, -0.847, -0.513, 1.044, 0.078, 0.454, 0.578, -0.249]  # of three motions
-    start = gw.find_orbit(system.at(frequency=ends[0]), start=np.array(beside))
-    branch = gw.follow(start, "frequency", ends[1], walk=walk)
+    branch = gw.follow(gw.find_orbit(system.at(frequency=ends[0]), start=near), "frequency", ends[1], walk=walk)
     (found,) = [each for each in branch.special("switching-sliding") if abs(each.value - 1.14) < 1e-2]
     assert found.uncertainty < 1e-9
     orbit = found.orbit  # both events are at one instant

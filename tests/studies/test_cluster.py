@@ -82,7 +82,7 @@ def test_a_sweep_with_a_killed_worker_is_that_of_one_process(cluster, workers) -
         if pids:
             os.kill(pids.pop(), signal.SIGKILL)
 
-    shared = gw.sweep(*FOLDS, **options(starts=2), workers=workers, report=report)
+    shared = gw.sweep(*FOLDS, **options(starts=2, workers=workers), report=report)
     assert shared.complete
     for name in ("sections", "transients", "settled", "regimes"):
         np.testing.assert_array_equal(getattr(shared, name), getattr(alone, name))

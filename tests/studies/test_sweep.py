@@ -114,7 +114,7 @@ def test_many_starts_find_what_one_does_not() -> None:
 
 def test_the_number_of_workers_changes_nothing(hysteresis) -> None:
     with local_workers(2) as workers:
-        assert_same(gw.sweep(*FOLDS, **options(), workers=workers), hysteresis)
+        assert_same(gw.sweep(*FOLDS, **options(workers=workers)), hysteresis)
 
 
 def test_the_seed_makes_a_difference_of_the_size_of_the_kicks(hysteresis) -> None:
