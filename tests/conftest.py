@@ -6,6 +6,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+
+from gapwalk.parallel.threads import work_in_one_thread
+
+work_in_one_thread()  # before NumPy is loaded: threads that wait for one another take ten times as long
+
 from hypothesis import settings
 
 from gapwalk.errors import Interrupted

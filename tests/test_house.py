@@ -5,6 +5,7 @@ import re
 import subprocess
 from collections.abc import Iterator
 from fnmatch import fnmatch
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -132,7 +133,7 @@ def test_every_file_says_what_it_is_for() -> None:
     silent = [
         file.relative_to(ROOT).as_posix()
         for file in FILES + REPRODUCTIONS
-        if not ast.get_docstring(ast.parse(file.read_text(encoding="utf-8")))
+        if not ast.get_docstring(tree_of(file.read_text(encoding="utf-8")))
     ]
     assert not silent, f"open these with a docstring of one sentence on what they are for: {silent}"
 
@@ -144,11 +145,16 @@ def test_no_file_is_crowded() -> None:
     assert not crowded, f"more than {MAX_LINES} lines, so probably more than one noun: {crowded}"
 
 
+@cache
+def tree_of(text: str) -> ast.Module:
+    return ast.parse(text)
+
+
 def lines_of_code(file: Path) -> int:
     """Count the lines of a file without its docstrings."""
     text = file.read_text(encoding="utf-8")
     places = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
-    bodies = [node.body for node in ast.walk(ast.parse(text)) if isinstance(node, places) and ast.get_docstring(node)]
+    bodies = [node.body for node in ast.walk(tree_of(text)) if isinstance(node, places) and ast.get_docstring(node)]
     return len(text.splitlines()) - sum((body[0].end_lineno or 0) - body[0].lineno + 1 for body in bodies)
 
 
@@ -238,7 +244,7 @@ def upward_imports(file: str, source: str) -> Iterator[str]:
     if here not in ORDER:
         yield f"{file}: give gapwalk.{here} a place in ORDER"
         return
-    for line, function, target in imports(["gapwalk", *parts[:-1]], ast.parse(source)):
+    for line, function, target in imports(["gapwalk", *parts[:-1]], tree_of(source)):
         if (file, function, target) in PERMITTED or target in ROOT_NAMES:
             continue
         if target not in ORDER:
@@ -268,7 +274,7 @@ def imports(package: list[str], node: ast.AST, function: str = "") -> Iterator[t
 
 def private_uses(file: str, source: str) -> Iterator[str]:
     """Complain about each use of gapwalk that is not `gw.name` or `gw.module.name` with public names."""
-    tree = ast.parse(source)
+    tree = tree_of(source)
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "gapwalk":
             yield f"{file}:{node.lineno}: write `import gapwalk as gw`, and its public names as gw.name"

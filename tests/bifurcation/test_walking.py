@@ -14,6 +14,8 @@ from gapwalk.continuation.walk import End
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.orbit.orbit import sensitivity
 from tests.computed import once
+from tests.sampled_verification import verified
+from tests.tiers import in_campaign
 
 
 def system() -> gw.System:
@@ -83,11 +85,15 @@ def test_an_isolated_branch_is_walked_once():
     assert np.diff(values).min() > 1e-9  # each was met once
 
 
+FIVE, SEVEN = (5, 0.5967, [1.0193, 0.6277, 0.0993, 0.0138]), (7, 0.5936, [0.8277, 0.5533, 0.3139, 0.1769])
+
+
 @pytest.mark.parametrize(
-    ("period", "frequency", "start"),
-    [(5, 0.5967, [1.0193, 0.6277, 0.0993, 0.0138]), (7, 0.5936, [0.8277, 0.5533, 0.3139, 0.1769])],
+    ("period", "frequency", "start", "sampled"), [(*FIVE, 4), in_campaign(*FIVE, 0), in_campaign(*SEVEN, 0)]
 )
-def test_an_isolated_branch_ends_where_its_first_motion_comes_back_with_another_phase(period, frequency, start):
+def test_an_isolated_branch_ends_where_its_first_motion_comes_back_with_another_phase(
+    period, frequency, start, sampled
+):
     """It was walked as many times around as its motions have periods, with each special point as often."""
     masses = gw.System(
         ["a", "b"],
@@ -105,7 +111,7 @@ def test_an_isolated_branch_ends_where_its_first_motion_comes_back_with_another_
     assert np.abs(first.orbit.strobes(period) - last.orbit.state).max(axis=1).min() < 1e-12
     values = sorted(each.value for each in branch.special_points)
     assert np.diff(values).min() > 1e-9  # each was met once
-    assert gw.verify(branch).breaches == ()
+    assert verified(branch, sampled).breaches == ()
 
 
 @once
@@ -149,14 +155,15 @@ def test_measures_of_a_strongly_unstable_motion_follow_it_to_the_end_of_its_peri
     assert gw.analysis.energy(orbit).imbalance < 1e-9
 
 
-def test_verify_accepts_strongly_unstable_motions_and_finds_a_false_state():
+@pytest.mark.parametrize("count", [4, in_campaign(12)])
+def test_verify_accepts_strongly_unstable_motions_and_finds_a_false_state(count):
     branch = unstable_branch()
-    points = branch.points[-12:]
+    points = branch.points[-12:][:count]
     ends = End(EndReason.START, points[0].value), End(EndReason.STOPPED, points[-1].value)
     part = replace(branch, points=points, special_points=(), ends=ends)
     assert gw.verify(part).ok
-    false = replace(points[5].orbit, restarts=points[5].orbit.restarts * (1.0 + 1e-7))
-    spoiled = (*points[:5], replace(points[5], orbit=false), *points[6:])
+    false = replace(points[1].orbit, restarts=points[1].orbit.restarts * (1.0 + 1e-7))
+    spoiled = (points[0], replace(points[1], orbit=false), *points[2:])
     assert not gw.verify(replace(part, points=spoiled)).ok
 
 

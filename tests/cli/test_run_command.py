@@ -103,6 +103,7 @@ def test_ctrl_c_then_resume_equals_an_undisturbed_run(model, command, undisturbe
     resume_and_compare(model, stopped, undisturbed)
 
 
+@pytest.mark.slow  # make test kills a run in tests/studies/test_store.py
 def test_kill_then_resume_equals_an_undisturbed_run(model, command, undisturbed) -> None:
     first = command("run", str(model), *SLOWLY, "--output", "a.gapwalk")
     until(lambda: points_in("a.gapwalk") >= 60, "60 points are stored")

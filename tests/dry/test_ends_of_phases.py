@@ -18,6 +18,8 @@ from gapwalk.model.loads import Harmonic
 from gapwalk.model.system import System
 from gapwalk.verification.dry_dop853 import carry
 from tests.dry.trials.random_systems import random_system
+from tests.sampled_verification import verified
+from tests.tiers import in_campaign
 
 LEAVES = math.sqrt(1.0 + math.pi**2)  # load over weight at which a plastic body is thrown for just one period
 
@@ -60,13 +62,14 @@ def test_a_stop_ceases_to_be_held_where_the_flight_takes_a_period(amplitudes: tu
         assert gw.verify(branch).breaches == ()
 
 
-def test_a_branch_ends_where_a_stage_with_hysteresis_opens_in_a_touch() -> None:
+@pytest.mark.parametrize(("start", "sampled"), [(1.0, 4), in_campaign(0.3, 0)])
+def test_a_branch_ends_where_a_stage_with_hysteresis_opens_in_a_touch(start: float, sampled: int) -> None:
     # the motion turns at its least deflection, where the spring with friction is strained to the limit of both stages
     stages = [Stage(0.1, 1.0, name="one", numbers={"hysteresis": 0.05}, side=Side.POSITIVE)]
     stages.append(Stage(0.5, 1.0, name="two", numbers={"hysteresis": 0.1}, side=Side.POSITIVE))
     damper = Contact("damper", {"x": 1.0}, stages, law=Hysteretic("elastic"), numbers={})
     dry = friction("dry", {"x": 1.0}, 0.0, stages_of="damper", stiffness=20.0)
-    load = Harmonic(0.3, {"x": 1.0})
+    load = Harmonic(start, {"x": 1.0})
     system = System(["x"], [[0.2]], [[0.1]], [[1.0]], [damper, dry], {"x": 2.2}, [load], frequency=0.6)
     branch = gw.follow(gw.find_orbit(system), "harmonic1.amplitude", 3.0)
     end, last = branch.ends[-1], branch.points[-1].orbit
@@ -76,7 +79,7 @@ def test_a_branch_ends_where_a_stage_with_hysteresis_opens_in_a_touch() -> None:
     # with hardly another load, the stage opens for a moment, and the motion is another one at once
     assert not [event for event in last.events if event.switch == 1]
     assert end.value - last.system["harmonic1.amplitude"] < 1e-6
-    assert gw.verify(branch).breaches == ()  # no motion is left at that value, beyond the last point
+    assert verified(branch, sampled).breaches == ()  # no motion is left at that value, beyond the last point
     opening = system.at({"harmonic1.amplitude": end.value})
     moved = flow_of(opening).integrate(coefficients_of(opening), last.state)
     opened, closed = [event.theta for event in moved.contacts if event.switch == 1]
@@ -110,7 +113,9 @@ def test_a_motion_that_begins_at_rest_leaves_a_stop_that_held_it() -> None:
 def test_a_walk_that_two_coinciding_events_stop_names_them() -> None:
     """A stage closes, and friction of the contact turns round 2e-12 rad beside it."""
     system = random_system(92)
-    branch = gw.follow(gw.find_orbit(system), "frequency", 1.005 * system.frequency)
+    branch = gw.follow(
+        gw.find_orbit(system), "frequency", 1.005 * system.frequency, walk=gw.WalkOptions(largest_step=0.1)
+    )
     assert branch.ends[-1].reason is EndReason.STEP
     assert "stages0.one - and stages0dry change at once at theta = 2.68635" in branch.ends[-1].detail
 
@@ -119,7 +124,7 @@ def test_slip_ends_in_both_directions_at_the_place_where_the_second_begins() -> 
     """Also where both bounds are nearly reached, so that guesses from farther away slip."""
     system = random_system(166)
     up, down = (
-        gw.follow(gw.find_orbit(system.at(frequency=start)), "frequency", end)
+        gw.follow(gw.find_orbit(system.at(frequency=start)), "frequency", end, walk=gw.WalkOptions(largest_step=0.1))
         for start, end in ((0.79, 0.8025), (0.8025, 0.79))
     )
     assert [each.contact for each in up.special_points] == ["stages0dry -", "stages0dry +"]
@@ -130,13 +135,13 @@ def test_slip_ends_in_both_directions_at_the_place_where_the_second_begins() -> 
     assert all(abs(each.value - second.value) < second.uncertainty + each.uncertainty < 2e-9 for each in ends)
 
 
-@pytest.mark.parametrize("longest", [0.3, pytest.param(0.01, marks=pytest.mark.slow)])  # each point is verified
-def test_an_onset_is_verified_where_friction_is_pushed_along_without_net_slip(longest) -> None:
+@pytest.mark.parametrize(("longest", "sampled"), [(0.3, 3), in_campaign(0.01, 0)])
+def test_an_onset_is_verified_where_friction_is_pushed_along_without_net_slip(longest, sampled) -> None:
     """Beyond it the walk may be a little within the edge of the continuum, where its force does not reach its bound."""
     start, walk = gw.find_orbit(random_system(166).at(frequency=0.79)), gw.WalkOptions(largest_step=longest)
     branch = gw.follow(start, "frequency", 0.7952, walk=walk)
     assert [each.kind for each in branch.special_points] == [gw.Kind.SLIP_ONSET]
-    assert gw.verify(branch).ok
+    assert verified(branch, sampled).ok
     onset = branch.special_points[0]
     turned = replace(branch, special_points=(replace(onset, contact="stages0dry +"),))
-    assert not gw.verify(turned).ok
+    assert not verified(turned, sampled).ok

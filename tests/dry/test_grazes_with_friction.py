@@ -14,6 +14,7 @@ from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.laws import Hysteretic
 from gapwalk.orbit.sticking import Closure
 from tests.dry.trials.random_systems import random_system
+from tests.sampled_verification import SAMPLED, verified
 
 FREQUENCY, DAMPING, CLEARANCE = 0.8, 0.1, 0.5
 GRAZE = CLEARANCE * abs(1.0 - FREQUENCY**2 + 1j * DAMPING * FREQUENCY)
@@ -35,8 +36,9 @@ def clutch(load: float) -> gw.System:
     )
 
 
+@pytest.mark.parametrize("sampled", SAMPLED)
 @pytest.mark.parametrize("ends", [(0.9, 1.1), (1.1, 0.9)])
-def test_a_graze_with_friction_turns_the_branch_in_either_direction(ends: tuple[float, float]) -> None:
+def test_a_graze_with_friction_turns_the_branch_in_either_direction(ends: tuple[float, float], sampled: int) -> None:
     """The branch turns back at the graze, since a multiplier jumps across 1 there, and once more at a fold."""
     branch = gw.follow(gw.find_orbit(clutch(ends[0] * GRAZE)), "harmonic1.amplitude", ends[1] * GRAZE)
     assert branch.ends[-1].reason is EndReason.RANGE
@@ -47,7 +49,7 @@ def test_a_graze_with_friction_turns_the_branch_in_either_direction(ends: tuple[
     assert graze.turns
     assert fold.value < GRAZE
     assert branch.unexplained == ()
-    assert gw.verify(branch).breaches == ()
+    assert verified(branch, sampled).breaches == ()
 
 
 def test_multipliers_grow_without_bound_as_the_touch_becomes_softer() -> None:
@@ -74,8 +76,9 @@ def test_a_graze_at_which_the_motion_jumps_is_not_counted() -> None:
 
 def test_a_graze_at_which_a_multiplier_jumps_across_minus_one_is_passed_in_either_direction() -> None:
     system = random_system(39)
-    there = gw.follow(gw.find_orbit(system.at(frequency=0.972)), "frequency", 0.969)
-    back = gw.follow(there.points[-1].orbit, "frequency", 0.972)
+    walk = gw.WalkOptions(largest_step=0.1)
+    there = gw.follow(gw.find_orbit(system.at(frequency=0.972)), "frequency", 0.969, walk=walk)
+    back = gw.follow(there.points[-1].orbit, "frequency", 0.972, walk=walk)
     for branch in (there, back):
         assert branch.ends[-1].reason is EndReason.RANGE
         (graze,) = branch.special_points

@@ -9,11 +9,13 @@ import gapwalk as gw
 from gapwalk.verification.dry_dop853 import EXACT, FINE, DryRound, carry
 from tests.dry.linear_pieces import largest_multiplier
 from tests.dry.trials.random_systems import random_system
+from tests.sampled_verification import SAMPLED, verified
 
 pytestmark = pytest.mark.skipif(bool(np.finfo(np.longdouble).eps > 1e-18), reason="needs numbers of 80 bits")
 
 
-def test_multipliers_beside_a_graze_are_those_in_extended_precision() -> None:
+@pytest.mark.parametrize("sampled", SAMPLED)
+def test_multipliers_beside_a_graze_are_those_in_extended_precision(sampled: int) -> None:
     """The other integrator needs smaller steps: its error grows along the period, and decides on the touch."""
     system = random_system(99)
     branch = gw.follow(gw.find_orbit(system), "frequency", 1.3 * system.frequency)
@@ -31,5 +33,4 @@ def test_multipliers_beside_a_graze_are_those_in_extended_precision() -> None:
     rough, fine = sizes
     assert abs(rough / exact - 1.0) > 1e-2
     assert fine == pytest.approx(exact, rel=1e-4)
-    verified = gw.verify(branch)
-    assert verified.breaches == ()
+    assert verified(branch, sampled).breaches == ()

@@ -14,7 +14,6 @@ import gapwalk as gw
 from gapwalk.errors import Interrupted
 from gapwalk.parallel.workers import local_workers
 from tests.dry.dry_jobs import STUDIES, study_of
-from tests.interruption import until_ctrl_c
 from tests.studies.killing import killed_after
 from tests.studies.same import assert_same_branch, assert_same_result
 from tests.tiers import some_of
@@ -43,22 +42,6 @@ def test_a_study_that_is_killed_goes_on_to_the_same_result(kind: str, tmp_path: 
     assert_same_result(gw.open_result(path), undisturbed(kind))
 
 
-@pytest.mark.parametrize("kind", some_of(["response", "sweep"], "response"))
-def test_a_study_that_is_stopped_by_ctrl_c_keeps_what_it_has_and_goes_on(kind: str, tmp_path: Path) -> None:
-    path, calls = tmp_path / "a.gapwalk", []
-
-    def report(*news: object) -> None:
-        calls.append(news)
-        if len(calls) == SAFE[kind]:
-            signal.raise_signal(signal.SIGINT)
-
-    found = until_ctrl_c(gw.run, study_of(kind), path, report=report)
-    assert not found.complete
-    assert not gw.open_result(path).complete
-    gw.run(study_of(kind), path, resume=True)
-    assert_same_result(gw.open_result(path), undisturbed(kind))
-
-
 def test_ctrl_c_within_a_walk_leaves_the_flow_usable() -> None:
     orbit = undisturbed("response").branches[0].points[0].orbit
 
@@ -78,7 +61,7 @@ def test_two_processes_find_the_same_as_one() -> None:
     options = {"steps": 25, "points": 13, "ways": "up and down", "workers": 1}
     alone = gw.sweep(study_of("sweep").system, "frequency", (0.6, 0.62), **options)
     with local_workers(2) as workers:
-        found = gw.sweep(study_of("sweep").system, "frequency", (0.6, 0.62), **options, workers=workers)
+        found = gw.sweep(study_of("sweep").system, "frequency", (0.6, 0.62), **{**options, "workers": workers})
     np.testing.assert_array_equal(found.sections, alone.sections)
     np.testing.assert_array_equal(found.sections[0], up.record.sections[0])
 

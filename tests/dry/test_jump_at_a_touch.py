@@ -14,6 +14,8 @@ from gapwalk.model.contact import Contact, Stage, friction
 from gapwalk.model.system import System
 from tests.computed import once
 from tests.dry.event_reference import Reference
+from tests.sampled_verification import verified
+from tests.tiers import in_campaign
 
 
 def system(frequency: float) -> System:
@@ -26,31 +28,34 @@ def system(frequency: float) -> System:
     return System(["x"], [[1.0405]], [[0.0579]], [[1.1447]], contacts, harmonics=[load], frequency=frequency)
 
 
+LOW, HIGH = 0.6536, 0.657
+
+
 @once
-def walked() -> tuple[Branch, Branch]:
+def walked(low: float) -> tuple[Branch, Branch]:
     """Walk towards the touch from both sides."""
-    low, high = 0.651, 0.657
     walk = gw.WalkOptions(largest_step=0.05)  # each point is verified
     return (
-        gw.follow(gw.find_orbit(system(low)), "frequency", high, walk=walk),
-        gw.follow(gw.find_orbit(system(high)), "frequency", low, walk=walk),
+        gw.follow(gw.find_orbit(system(low)), "frequency", HIGH, walk=walk),
+        gw.follow(gw.find_orbit(system(HIGH)), "frequency", low, walk=walk),
     )
 
 
-def test_a_branch_ends_at_the_jump_in_either_direction() -> None:
-    ends = [branch.ends[-1] for branch in walked()]
-    for end, branch in zip(ends, walked(), strict=True):
+@pytest.mark.parametrize(("low", "sampled"), [(LOW, 4), in_campaign(0.651, 0)])  # it slides four times between
+def test_a_branch_ends_at_the_jump_in_either_direction(low: float, sampled: int) -> None:
+    ends = [branch.ends[-1] for branch in walked(low)]
+    for end, branch in zip(ends, walked(low), strict=True):
         assert end.reason is EndReason.JUMPS
         assert "pad behaves otherwise" in end.detail
         assert abs(end.value - branch.points[-1].value) < 1e-6
         assert not branch.special("grazing-sliding")
-        assert gw.verify(branch).breaches == ()
+        assert verified(branch, sampled).breaches == ()
 
 
 @pytest.mark.parametrize("number", [0, 1])
 def test_beyond_the_end_an_independent_motion_jumps(number: int) -> None:
     """From almost the same state and frequency it sticks once more in each direction, or once less."""
-    branch = walked()[number]
+    branch = walked(LOW)[number]
     end, (before, last) = branch.ends[-1].value, branch.points[-2:]
     slope = (last.orbit.state - before.orbit.state) / (last.value - before.value)
     ahead = np.sign(last.value - before.value) * 1e-7

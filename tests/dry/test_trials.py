@@ -16,7 +16,7 @@ from tests.dry.trials.trial import Trial, _differences, attempt
 from tests.tiers import some_of
 
 
-@pytest.mark.parametrize("seed", some_of(range(100), 5, 51, 52))
+@pytest.mark.parametrize("seed", some_of(range(100), 51, 52))
 def test_each_ends_with_a_result_or_a_reason(seed: int) -> None:
     trial = attempt(f"random {seed}", random_system(seed), factor=1.02, sampled=2)
     assert trial.faults == []

@@ -13,6 +13,7 @@ import pytest
 
 from gapwalk.explorer import web_app as module
 from tests.explorer.conftest import STOP
+from tests.tiers import in_campaign
 from tests.waiting import until
 
 
@@ -24,7 +25,7 @@ def status(address: str) -> int:
         return error.code
 
 
-@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0", "0"])
+@pytest.mark.parametrize("host", ["127.0.0.1", in_campaign("0.0.0.0"), in_campaign("0")])
 def test_the_printed_addresses_can_be_opened_and_nothing_without_their_token(host, tmp_path) -> None:
     (tmp_path / "stop.toml").write_text(STOP)
     command = [sys.executable, "-m", "gapwalk", "explore", "stop.toml", "--host", host]

@@ -90,7 +90,7 @@ def _same_sweep(path: Path) -> None:
 
 @cache
 def _undisturbed_sweep() -> gw.Sweep:
-    return gw.sweep(*sweeps.FOLDS, options=sweeps.options(workers=2))
+    return gw.sweep(*sweeps.FOLDS, **sweeps.options(workers=2))
 
 
 JOBS = {

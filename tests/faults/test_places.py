@@ -108,9 +108,9 @@ def test_a_real_full_disk(tmp_path) -> None:
         with pytest.raises(StoreError, match=r"the disk (is|may be) full"):
             gw.run(study, disk / "x.gapwalk")
         with pytest.raises(StoreError, match=r"the disk (is|may be) full"):
-            gw.sweep(*FOLDS, options=options(), output=disk / "y.sweep")
+            gw.sweep(*FOLDS, **options(), output=disk / "y.sweep")
         filler.unlink()
-        gw.sweep(*FOLDS, options=options(), output=disk / "y.sweep")
+        gw.sweep(*FOLDS, **options(), output=disk / "y.sweep")
     assert_same_result(gw.run(long_study(), elsewhere, resume=True), long_result())
 
 
@@ -231,7 +231,7 @@ def points_in(path: Path) -> int:
 def test_a_file_that_is_removed_while_a_sweep_goes_on(tmp_path) -> None:
     path = tmp_path / "x.sweep"
     with pytest.raises(StoreError, match="has been removed or moved while it was written"):
-        gw.sweep(*FOLDS, options=options(), output=path, report=lambda *_: path.exists() and path.unlink())
+        gw.sweep(*FOLDS, **options(), output=path, report=lambda *_: path.exists() and path.unlink())
 
 
 @pytest.mark.parametrize("command", ["check", "run", "modes", "explore --no-browser", "measure"])

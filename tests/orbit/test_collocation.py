@@ -16,6 +16,7 @@ from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.model.coefficients import layout_of
 from gapwalk.orbit import Evaluation, Method, Orbit, OrbitEquation, register
 from gapwalk.orbit.method import METHODS
+from tests.tiers import in_campaign
 
 TINY = 1e-30  # a complex step
 
@@ -157,10 +158,10 @@ def duffing(frequency):
     )
 
 
-@pytest.fixture(scope="module")
-def branch():
-    orbit = gw.find_orbit(duffing(0.8), method=Trapezoids())
-    return gw.follow(orbit, "frequency", to=2.0, method=Trapezoids())
+@pytest.fixture(scope="module", params=[0.04, in_campaign(0.01)])
+def branch(request):
+    orbit, walk = gw.find_orbit(duffing(0.8), method=Trapezoids()), gw.WalkOptions(largest_step=request.param)
+    return gw.follow(orbit, "frequency", to=2.0, method=Trapezoids(), walk=walk)
 
 
 def test_special_points_are_those_of_shooting_but_for_the_truncation(branch):

@@ -66,6 +66,7 @@ def test_the_wheel_of_the_source_distribution_is_that_of_the_tree(packages, tmp_
         assert (tree / needed).is_file(), f"{needed} is not in the source distribution"
 
 
+@pytest.mark.slow
 def test_the_program_runs_from_the_wheel_alone(packages, tmp_path):
     place = tmp_path / "installed"
     command = [

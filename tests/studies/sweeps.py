@@ -14,7 +14,5 @@ def options(**given) -> dict:
 
 def main(path: str) -> None:
     """Drive the sweep, or go on with it; write a line for each segment that is safe."""
-    found = sweep(
-        *FOLDS, options=options(), output=path, report=lambda each, _: print(each.lane, each.number, flush=True)
-    )
+    found = sweep(*FOLDS, **options(), output=path, report=lambda each, _: print(each.lane, each.number, flush=True))
     print("complete" if found.complete else "stopped", flush=True)

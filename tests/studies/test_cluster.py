@@ -25,6 +25,7 @@ from tests.studies.diagrams import clutch_diagram
 from tests.studies.pieces import die_at_three, fail_at_three, slow_double, slow_pid
 from tests.studies.same import assert_same_result
 from tests.studies.sweeps import FOLDS, options
+from tests.tiers import in_campaign
 from tests.waiting import PATIENCE, until
 
 distributed = pytest.importorskip("distributed", reason="needs the extra gapwalk[cluster]")
@@ -74,14 +75,14 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(workers) -> None:
 
 @pytest.mark.slow
 def test_a_sweep_with_a_killed_worker_is_that_of_one_process(cluster, workers) -> None:
-    alone = gw.sweep(*FOLDS, options=options(starts=2))
+    alone = gw.sweep(*FOLDS, **options(starts=2))
     pids = list(workers.executor._client.run(os.getpid).values())[:1]
 
     def report(stretch, pace) -> None:
         if pids:
             os.kill(pids.pop(), signal.SIGKILL)
 
-    shared = gw.sweep(*FOLDS, options=options(starts=2), workers=workers, report=report)
+    shared = gw.sweep(*FOLDS, **options(starts=2, workers=workers), report=report)
     assert shared.complete
     for name in ("sections", "transients", "settled", "regimes"):
         np.testing.assert_array_equal(getattr(shared, name), getattr(alone, name))
@@ -233,7 +234,7 @@ def test_a_worker_that_was_replaced_at_its_address_refuses_and_the_piece_is_done
     assert accepted == [0, 2, 4, 6]
 
 
-@pytest.mark.parametrize("comes_back", [True, False])
+@pytest.mark.parametrize("comes_back", [True, in_campaign(False)])
 def test_if_all_workers_go_it_is_told_and_others_are_waited_for(comes_back, monkeypatch) -> None:
     monkeypatch.setattr(module, "_LOOK", 0.1)
     monkeypatch.setattr(module, "_TELL", 0.3)

@@ -1,7 +1,6 @@
 """Diagrams as studies: stored branch by branch, the same however often they are interrupted, and by whom."""
 
 import os
-import random
 import signal
 from dataclasses import replace
 from pathlib import Path
@@ -16,11 +15,9 @@ from gapwalk.studies import diagram_study as growing
 from gapwalk.studies.response_study import ResponseOptions
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
-from tests.studies.diagrams import clutch_diagram, many_branches
-from tests.studies.killing import killed_after
+from tests.studies.diagrams import clutch_diagram
 from tests.studies.same import assert_same_branch, assert_same_result
 from tests.studies.studies import stop_study
-from tests.tiers import in_campaign
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
 
@@ -68,23 +65,6 @@ def test_what_was_reported_is_in_the_file(path) -> None:
     gw.run(clutch_diagram(), path, report=report)
 
 
-@pytest.mark.parametrize("after", [2, 3])
-def test_ctrl_c_keeps_what_there_is_and_is_resumed(path, after, undisturbed) -> None:
-    def report(diagram, member) -> None:
-        if len(diagram.members) == after:
-            signal.raise_signal(signal.SIGINT)
-
-    stopped = until_ctrl_c(gw.run, clutch_diagram(), path, report=report)
-    assert not stopped.complete
-    assert len(stopped.branches) == after
-    assert_same_result(stopped, gw.open_result(path))
-    assert os.listdir(path.parent) == [path.name]
-    reported = []
-    resumed = gw.run(clutch_diagram(), path, resume=True, report=lambda diagram, member: reported.append(member.name))
-    assert_same_result(resumed, undisturbed)
-    assert reported == list(undisturbed.names)
-
-
 def test_ctrl_c_just_after_the_file_was_made_keeps_its_branch(path, monkeypatch, undisturbed) -> None:
     replace_file = os.replace
 
@@ -96,7 +76,10 @@ def test_ctrl_c_just_after_the_file_was_made_keeps_its_branch(path, monkeypatch,
     until_ctrl_c(gw.run, clutch_diagram(), path)
     assert gw.open_result(path).names == ("P1-1",)
     monkeypatch.undo()
-    assert_same_result(gw.run(clutch_diagram(), path, resume=True), undisturbed)
+    reported = []
+    resumed = gw.run(clutch_diagram(), path, resume=True, report=lambda diagram, member: reported.append(member.name))
+    assert_same_result(resumed, undisturbed)
+    assert reported == list(undisturbed.names)
 
 
 def test_ctrl_c_just_before_a_branch_is_written_keeps_it(path, monkeypatch, undisturbed) -> None:
@@ -130,24 +113,6 @@ def test_ctrl_c_before_the_first_branch_leaves_nothing(path, monkeypatch) -> Non
     with pytest.raises(KeyboardInterrupt):
         gw.run(clutch_diagram(), path)
     assert not list(path.parent.iterdir())
-
-
-@pytest.fixture(scope="module")
-def whole() -> gw.Result:
-    return gw.run(many_branches())
-
-
-@pytest.mark.parametrize(("workers", "aims"), [in_campaign(1, [1, 2]), (2, [3])])
-def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, workers, aims, whole) -> None:
-    random.seed(29 + workers)
-    for aim in [*aims, 100]:
-        code = f"from tests.studies.diagrams import main; main({str(path)!r}, '{workers}')"
-        lines = killed_after(aim, code, longest_wait=0.3)
-        stored = gw.open_result(path)
-        assert list(stored.names)[: len(lines)] == lines[: len(stored.names)]
-        assert stored.names == whole.names[: len(stored.names)]
-    assert lines[-1] == "complete"
-    assert_same_result(replace(stored, study=whole.study), whole)
 
 
 def test_a_disk_that_is_full_loses_nothing_that_was_reported(path, monkeypatch, undisturbed) -> None:

@@ -3,6 +3,8 @@
 import json
 import signal
 from collections.abc import Callable
+from contextlib import suppress
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.cli import main
-from gapwalk.errors import StoreError
+from gapwalk.errors import Interrupted, StoreError
 from gapwalk.flow import Flow
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies.regime_study import Carry
@@ -23,6 +25,7 @@ from tests.results.again import again
 from tests.studies import families, jobs
 from tests.studies.same import assert_same_result
 from tests.studies.test_locus_study import STUDY, SYSTEM
+from tests.tiers import in_campaign
 from tests.toys import amplitudes
 
 TREE = models.CLUTCH + '[study]\nparameter = "frequency"\nmeasure = "half.q1"\nworkers = 1\n'
@@ -34,6 +37,9 @@ TEXTS = {
     "locus": SYSTEM + STUDY.replace("2.0\nto = 0.6", "1.5\nto = 1.0").replace("0.09, to = 0.6", "0.25, to = 0.35"),
     "family": families.MODEL,
     **jobs.MODELS,
+    "scan": jobs.SCAN.replace('["mean.q1", "stage2.stiffness"]', '["mean.q1"]')
+    .replace("pairs = 1", "pairs = 0")
+    .replace("0.9, 1.1", "1.01, 1.02"),
     "amplitudes": amplitudes.MODEL,
 }
 """A model file for each kind of study."""
@@ -89,28 +95,34 @@ def test_there_is_a_file_of_each_kind() -> None:
     assert set(TEXTS) == set(kinds())
 
 
-@pytest.mark.parametrize("kind", TEXTS)
+def pressed_at(number: int) -> Callable[..., None]:
+    """A report that presses Ctrl-C when it is called for that time."""
+    calls = count(1)
+    return lambda *_: signal.raise_signal(signal.SIGINT) if next(calls) == number else None
+
+
+CASES = [*TEXTS.items(), in_campaign("scan", jobs.SCAN)]
+
+
+@pytest.mark.parametrize(("kind", "text"), CASES, ids=[*TEXTS, "whole scan"])
 @pytest.mark.usefixtures("small_parts")
-def test_every_study(kind, tmp_path, monkeypatch, capsys) -> None:
+def test_every_study(kind, text, tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
-    study, path = check_study(parse_source(TEXTS[kind])), Path("x.gapwalk")
+    study, path = check_study(parse_source(text)), Path("x.gapwalk")
     assert (study.options.kind, again(study.options, StudyKind)) == (kind, study.options)
 
     function, said = FUNCTIONS.get(kind, (lambda: gw.run(study), None))
     expected = function()
 
-    presses = iter([signal.SIGINT])
-
-    def stop(*_: object) -> None:
-        for press in presses:
-            signal.raise_signal(press)
-
     if kind != "settle":  # which has one part
-        stopped = until_ctrl_c(gw.run, study, path, report=stop)
+        stopped = until_ctrl_c(gw.run, study, path, report=pressed_at(1))
         assert not stopped.complete
         assert_same_result(stopped, gw.open_result(path))
+        assert [each.name for each in tmp_path.iterdir()] == [path.name]
         with pytest.raises(StoreError, match="exists already"):
             gw.run(study, path)
+        with suppress(Interrupted, KeyboardInterrupt):  # a study of fewer parts is complete before
+            gw.run(study, path, resume=True, report=pressed_at(3))
     result = gw.run(study, path, resume=True)
     assert result.complete
     assert result.failures == ()

@@ -15,7 +15,6 @@ from gapwalk.studies.result import check_claim
 from gapwalk.studies.study_file import check_study
 from tests.studies.jobs import BASINS, HEAD, REGIMES, SETTLE, SMALL, SWEEP, study_of
 from tests.studies.killing import killed_after
-from tests.tiers import some_of
 
 ARRAYS = {
     "basins": ("labels",),
@@ -35,13 +34,14 @@ def assert_same_record(kind: str, one, other) -> None:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 
-@pytest.mark.parametrize("kind", some_of(["basins", "regimes"], "basins"))
-def test_a_run_that_is_killed_comes_to_the_same_result(kind, tmp_path) -> None:
+def test_a_run_that_is_killed_comes_to_the_same_result(tmp_path) -> None:
+    """Of basins; more kinds are killed more often in tests/faults/test_kills.py."""
+    kind = "basins"
     path, whole = tmp_path / "killed.gapwalk", gw.run(study_of(kind))
     code = f"from tests.studies.jobs import main; main({kind!r}, {str(path)!r})"
     assert "complete" not in killed_after(1, code)
     assert not gw.open_result(path).complete
-    assert killed_after(100, code)[-1] == "complete"
+    gw.run(study_of(kind), path, resume=True)
     assert_same_record(kind, gw.open_result(path).finding.record, whole.finding.record)
     assert json.dumps(gw.open_result(path).finding.document(True)) == json.dumps(whole.finding.document(True))
 

@@ -11,7 +11,6 @@ from gapwalk.errors import ModelError
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
 from gapwalk.studies.map import MapOptions
-from tests.interruption import until_ctrl_c
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
 
@@ -92,23 +91,6 @@ def test_the_map_does_not_depend_on_the_number_of_processes(chart):
     other = islands(workers=2)
     assert len(other.loci) == len(chart.loci)
     for a, b in zip(chart.loci, other.loci, strict=True):
-        assert np.array_equal(a.values, b.values)
-
-
-def test_ctrl_c_keeps_what_there_is_and_is_resumed(chart, tmp_path):
-    def stop(part, addition):
-        if part.loci:
-            raise KeyboardInterrupt
-
-    path = tmp_path / "islands.gapwalk"
-    partial = until_ctrl_c(islands, report=stop, output=path)
-    assert not partial.complete
-    assert len(partial.loci) == 1
-    whole = islands(output=path)
-    assert whole.complete
-    assert np.array_equal(whole.loci[0].values, partial.loci[0].values)
-    assert [each.value for each in whole.sections] == [each.value for each in partial.sections]
-    for a, b in zip(chart.loci, whole.loci, strict=True):
         assert np.array_equal(a.values, b.values)
 
 

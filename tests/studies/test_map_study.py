@@ -1,6 +1,5 @@
 """Maps as studies: stored section by section and locus by locus, the same however often they are interrupted."""
 
-import os
 import random
 import signal
 from dataclasses import replace
@@ -101,20 +100,6 @@ def test_ctrl_c_just_before_a_part_is_written_keeps_it(path, count, monkeypatch,
     stopped = until_ctrl_c(gw.run, clutch_map(), path)
     assert len(stopped.map.sections) + len(stopped.map.loci) == count
     assert_same_result(stopped, gw.open_result(path))
-    assert_same_result(gw.run(clutch_map(), path, resume=True), undisturbed)
-
-
-@pytest.mark.parametrize("after", [3, 7])
-def test_ctrl_c_keeps_what_there_is_and_is_resumed(path, after, undisturbed) -> None:
-    def report(chart, addition) -> None:
-        if len(chart.sections) + len(chart.loci) == after:
-            signal.raise_signal(signal.SIGINT)
-
-    stopped = until_ctrl_c(gw.run, clutch_map(), path, report=report)
-    assert not stopped.complete
-    assert len(stopped.map.sections) + len(stopped.map.loci) == after
-    assert_same_result(stopped, gw.open_result(path))
-    assert os.listdir(path.parent) == [path.name]
     reported = []
     resumed = gw.run(clutch_map(), path, resume=True, report=lambda _, new: reported.append(type(new).__name__))
     assert_same_result(resumed, undisturbed)

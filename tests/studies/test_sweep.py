@@ -22,7 +22,6 @@ from gapwalk.studies.result import REQUEST, load_result, request_file
 from gapwalk.studies.sweep_study import BLOCK, STRETCH, SweepSegment, SweepStudy, Way
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
-from tests.studies.killing import killed_after
 from tests.studies.sweeps import FOLDS, options
 from tests.studies.test_transient import steady_state
 from tests.systems import clutch, linear
@@ -147,20 +146,6 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(after, hysteresis, tmp_path) 
     calls = Flow.calls
     assert_same(gw.sweep(*FOLDS, **options(), output=path), hysteresis)
     assert Flow.calls == calls  # a complete sweep is not driven again
-
-
-@pytest.mark.slow
-def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(tmp_path, hysteresis) -> None:
-    path = tmp_path / "killed.sweep"
-    for aim in (1, 2, 100):
-        lines = killed_after(aim, f"from tests.studies.sweeps import main; main({str(path)!r})")
-        stored = gw.open_result(path)
-        for name in lines if aim < 100 else ():
-            lane, number = map(int, name.split())
-            places = np.arange(number * BLOCK, min((number + 1) * BLOCK, 45))
-            assert (stored.regimes[lane, places if lane == 0 else 44 - places] != "").all()
-    assert lines[-1] == "complete"
-    assert_same(stored, hysteresis)
 
 
 def test_another_sweep_is_not_mixed_with_one_in_a_file(tmp_path) -> None:

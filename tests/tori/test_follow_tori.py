@@ -1,6 +1,7 @@
 """Families of tori, against closed forms and the Neimark-Sacker points of branches."""
 
 import math
+from functools import cache
 from typing import Any, cast
 
 import numpy as np
@@ -105,10 +106,16 @@ def test_a_kept_rotation_number_in_closed_form():
     assert "is kept by tone.frequency" in str(family.summary())
 
 
+@cache
+def kept():
+    """A torus of figure 13, and the family that keeps its rotation number."""
+    torus = gw.tori.find_torus(gw.settle(gw.paper.case("13"), frequency=0.672))
+    family = gw.tori.follow_tori(torus, "frequency", (0.6719, 0.6725), second=("harmonic1.amplitude", (0.2, 0.3)))
+    return torus, family
+
+
 def test_a_kept_rotation_number_as_by_families_in_which_it_varies():
-    case = gw.paper.case("13")
-    torus = gw.tori.find_torus(gw.settle(case, frequency=0.672))
-    curve = gw.tori.follow_tori(torus, "frequency", (0.6719, 0.6725), second=("harmonic1.amplitude", (0.2, 0.3)))
+    case, (torus, curve) = gw.paper.case("13"), kept()
     first, second = curve.points[0], curve.second_values[0]
     assert first.value == pytest.approx(0.6719)
     assert abs(second - 0.25) > 1e-4
@@ -117,7 +124,10 @@ def test_a_kept_rotation_number_as_by_families_in_which_it_varies():
     assert abs(other.rotation - torus.rotation) > 1e-5
     family = gw.tori.follow_tori(other, "harmonic1.amplitude", float(second))
     assert family.points[-1].torus.rotation == pytest.approx(torus.rotation, abs=1e-9)
-    # at the other end the tori shrink to an orbit, whose critical multipliers turn by the same number
+
+
+def test_tori_of_a_kept_rotation_number_shrink_to_an_orbit_whose_critical_multipliers_turn_by_it():
+    torus, curve = kept()
     end = curve.ends[1]
     assert end.reason is TorusEndReason.SHRINKS
     system = curve.points[-1].torus.system

@@ -11,6 +11,7 @@ import gapwalk as gw
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.tori.tongue import Tongue, TongueTipKind
 from tests.computed import once
+from tests.results.again import again
 
 RANGES = ((2.9, 3.1), (0.0, 0.5))
 
@@ -147,6 +148,15 @@ tongues = { parameter = "harmonic1.amplitude", from = 0.4, to = 0.6 }
 """
 
 
+def test_a_tongue_is_kept_and_drawn(tmp_path) -> None:
+    tongue = third(0.1)
+    kept = again(tongue)
+    assert (kept.tip, kept.ratio) == (tongue.tip, tongue.ratio)
+    np.testing.assert_array_equal(kept.sides[0].values, tongue.sides[0].values)
+    gw.plot.save([kept], tmp_path / "tongue.png")
+
+
+@pytest.mark.slow
 def test_a_file_asks_for_tongues(tmp_path) -> None:
     path = tmp_path / "ring.gapwalk"
     finding = gw.run(gw.read_study(io.StringIO(STUDY)), path).finding

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gapwalk as gw
+from tests.tiers import in_campaign
 from tests.tori.closed_forms import nlvib_pair
 
 STIFFNESS = np.array([[1.0, -1.0], [-1.0, 2.0]])
@@ -62,14 +63,15 @@ def test_periodic_motions_repeat_in_another_simulation(frequency: float, period:
     assert min(apart[:-1]) > 1e-3
 
 
-def test_chaotic_motions_part_in_another_simulation() -> None:
+@pytest.mark.parametrize("blocks", [12, in_campaign(24)])
+def test_chaotic_motions_part_in_another_simulation(blocks: int) -> None:
     """Neighbours part by the largest exponent, which is per unit of time."""
     frequency, distance = 0.6075, 1e-7
     attractor = gw.classify(nlvib_pair(), frequency=frequency)
     assert attractor.label == "chaos"
     assert attractor.lyapunov is not None
     one = gw.settle(nlvib_pair(), frequency=frequency).strobes[-1]
-    other, growth, blocks = one + distance * np.array([1.0, 0.0, 0.0, 0.0]), 0.0, 24
+    other, growth = one + distance * np.array([1.0, 0.0, 0.0, 0.0]), 0.0
     for block in range(blocks):
         one, other = (simulated(frequency, each, 5)[-1] for each in (one, other))
         apart = np.linalg.norm(other - one)
@@ -106,14 +108,17 @@ def test_the_periods_4_to_16_are_on_branches() -> None:
     assert max(stable[7]) > 0.5955
 
 
-def test_period_17_is_on_branches_too() -> None:
-    """They are found from strobes of chaotic motions; each ends where its first motion comes back."""
-    for frequency, start, folds, stable in (
+@pytest.mark.parametrize(
+    ("frequency", "start", "folds", "stable"),
+    [
         (0.6089727435721526, [1.021951, 0.639575, 0.194971, -0.031184], (0.6008837, 0.6111049), True),
-        (0.5920732219818438, [0.920752, 0.598261, 0.246509, 0.145162], (0.5883728, 0.5995406), False),
-    ):
-        branch = gw.follow(gw.find_orbit(nlvib_pair(), 17, start, frequency=frequency), "frequency", (0.5, 0.8))
-        assert branch.closed
-        values = [each.value for each in branch.special("fold")]
-        assert (min(values), max(values)) == pytest.approx(folds, abs=1e-7)
-        assert any(point.stable for point in branch.points) is stable
+        in_campaign(0.5920732219818438, [0.920752, 0.598261, 0.246509, 0.145162], (0.5883728, 0.5995406), False),
+    ],
+)
+def test_period_17_is_on_branches_too(frequency, start, folds, stable) -> None:
+    """They are found from strobes of chaotic motions; each ends where its first motion comes back."""
+    branch = gw.follow(gw.find_orbit(nlvib_pair(), 17, start, frequency=frequency), "frequency", (0.5, 0.8))
+    assert branch.closed
+    values = [each.value for each in branch.special("fold")]
+    assert (min(values), max(values)) == pytest.approx(folds, abs=1e-7)
+    assert any(point.stable for point in branch.points) is stable

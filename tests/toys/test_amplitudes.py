@@ -68,7 +68,7 @@ def test_a_run_that_is_killed_goes_on_to_the_same_result(tmp_path) -> None:
     code = f"from tests.toys.amplitudes import main; main({str(path)!r})"
     assert "complete" not in killed_after(2, code)
     assert len(gw.open_result(path).finding.record.found) >= 2
-    assert killed_after(100, code)[-1] == "complete"
+    assert gw.run(study(), path, resume=True).complete
     assert gw.open_result(path).finding == gw.run(study()).finding
 
 

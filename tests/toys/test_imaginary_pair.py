@@ -127,7 +127,7 @@ def test_a_process_that_does_not_know_it_says_so(folder: Path) -> None:
 def test_it_may_be_registered_after_all_of_gapwalk_is_loaded(folder: Path) -> None:
     late = """
 from gapwalk.cli import main
-main(["run", "map.toml", "--quiet"])
+main(["run", "map.toml", "--study", "response", "--quiet"])
 import tests.toys.imaginary_pair
 sys.exit(main(["run", "toy.toml", "--study", "locus", "--output", "late.gapwalk"]))
 """

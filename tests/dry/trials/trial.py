@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, TypeVar
-from unittest.mock import patch
 
 import numpy as np
 
@@ -21,8 +20,7 @@ from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import GapwalkError, Interrupted
-from gapwalk.verification.verification import Spot
-from gapwalk.verification.verify_special_points import Track
+from tests.sampled_verification import verified
 
 LONGEST = 60.0
 """Seconds of processor time after which a step counts as a hang, if the trial has no cap."""
@@ -187,7 +185,7 @@ def _judge(trial: Trial, branch: gw.Branch, sampled: int, back: str = "") -> Non
         trial.faults.append(f"{back}branch: it ended without a reason: {end}")
     if sampled < 0:
         return
-    found = trial.step(f"{back}verification", lambda: _verified(branch, sampled), lambda verified: verified.words)
+    found = trial.step(f"{back}verification", lambda: verified(branch, sampled), lambda verified: verified.words)
     if found is not None:
         trial.faults += [f"{back}verification: {breach}" for breach in found.breaches[:3]]
 
@@ -287,22 +285,6 @@ def _is_left_elsewhere(special: gw.SpecialPoint, other: gw.Branch) -> bool:
             ):
                 return True
     return False
-
-
-def _verified(branch: gw.Branch, sampled: int) -> gw.Verification:
-    """Verify a branch; with `sampled`, all but its orbits, of which so many, and those of its special points."""
-    if not sampled:
-        return gw.verify(branch)
-    every = Track.spots
-
-    def some(track: Track) -> Iterator[tuple[Spot, BranchPoint, Kind | None]]:
-        places = {round(each) for each in np.linspace(0, len(track.branch.points) - 1, sampled)}
-        for number, spot in enumerate(every(track)):
-            if number in places or number >= len(track.branch.points):
-                yield spot
-
-    with patch.object(Track, "spots", some):
-        return gw.verify(branch)
 
 
 def _compare(trial: Trial, exponents: Any, orbit: gw.Orbit) -> None:

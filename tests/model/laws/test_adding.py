@@ -224,20 +224,19 @@ def test_a_study_runs_is_kept_and_drawn(tmp_path: Path, text: str) -> None:
     file = tmp_path / "toy.toml"
     file.write_text(text)
     out = file.with_suffix(".gapwalk")
-    imports = "import sys, tests.toys.quadratic, tests.toys.unbalance, tests.toys.yielding"
-    program = imports + "\nfrom gapwalk.cli import main\nsys.exit(main({}))"
-    for words in (
+    calls = (
         ["check", str(file)],
         ["run", str(file), "--output", str(out)],
         ["show", str(out)],
         ["modes", str(file)],
         ["verify", str(out)],
         ["export", str(out), "--format", "png"],
-    ):
-        done = subprocess.run(
-            [sys.executable, "-c", program.format(words)], capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
+    )
+    program = "import sys, tests.toys.quadratic, tests.toys.unbalance, tests.toys.yielding\n"
+    program += "from gapwalk.cli import main\n"
+    program += "".join(f"if main({words}): sys.exit('{words[0]} failed')\n" for words in calls)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
     result = gw.open_result(out)
     assert result.system == gw.read_study(file).system
 
