@@ -1,119 +1,137 @@
-"""Answers on the page: the protocol by which a record of a study says what the page draws of it, and its registry.
+"""Answers on the page: the description of a record's picture, its sentences and its tables as JSON values.
 
-An answer has sentences, curves with points to choose, what is drawn over the diagram and below it, tables, and
-pictures. A record whose type is not registered has its sentences and tables alone.
+A record that is not described (see `gapwalk.picture_parts`) has its sentences and tables alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any, ClassVar, NamedTuple, TypeVar
+import base64
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Locus
-from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.explorer.answer_picture import AnswerPicture
+from gapwalk.errors import GapwalkError
+from gapwalk.explorer.axis_quantities import quantity_words
+from gapwalk.explorer.motion_panels import gradient_content
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_words
+from gapwalk.picture_parts import Cells, Description, End, Panel, Parts, Picture, Series, Whole, description_of
+from gapwalk.plot.picture import lay_out, picture_of, png_bytes, sheet_bytes
+from gapwalk.plot.style import in_style
 from gapwalk.studies.study_kind import Finding
 from gapwalk.summary import Table, text_of
 
-_SAME = 1e-9  # relative difference up to which two values of a special point are one
 _DIGITS = 7  # that a screen can show
 _ROWS = 60  # of a table
+_DPI = 110  # of pictures of surfaces, whose facets would be megabytes as vectors
+_MOST = 250_000  # cells that a page draws without waiting; of more, every second (third, ...) of a row and a column
 
 Json = dict[str, Any]
 
 
 class AnswerView:
-    """Content of the page for one type of record.
-
-    Subclasses override what they have; `shown` registers them. Amounts are in the units of the model. The entries of
-    lists may have the key ``of``, the name of a contact: they are shown while that contact is chosen.
-    """
-
-    script: ClassVar[str] = "()"
-    """Python text of the branches and loci of a variable ``record``, in the order of `curves`."""
+    """Content of the page for one record. Amounts are in the units of the model."""
 
     def __init__(self, finding: Finding) -> None:
         self.finding, self.record = finding, finding.record
+        described = description_of(type(self.record))
+        self.picture = (
+            Picture(None) if described is None else described.describe(self.record, **_asked(finding, described))
+        )
 
     def curves(self) -> list[tuple[str, Branch | Locus]]:
         """Return its branches and loci with their names; branches come first."""
-        return []
-
-    @property
-    def earlier(self) -> tuple[int, ...]:
-        """Indices of the curves of the system before a change, which are drawn pale."""
-        return ()
+        return [(each.name, each.curve) for each in self.picture.curves]
 
     @property
     def axes(self) -> tuple[str, str] | None:
         """Names of the quantities of the axes over which it is shown; None if it has no place in a diagram."""
-        return None
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of parameters in which its curves differ, besides those along which they go."""
-        return ()
-
-    @property
-    def contacts(self) -> Sequence[str]:
-        """Names of the contacts of which one is chosen."""
-        return ()
-
-    def pictures(self) -> Sequence[AnswerPicture]:
-        """Return pictures of the record and of its parts by `gapwalk.plot`; each is drawn when it is asked for."""
-        return ()
+        return self.picture.axes
 
     @property
     def system(self) -> System:
         """The system of the record."""
-        return self.record.system
+        return self.picture.system or self.record.system
 
     def sentences(self) -> list[str]:
         """Return the answer in sentences; of unfinished work without a record, how much is stored."""
-        first = [part for part in self._parts()[:1] if isinstance(part, str)]
-        return first or [self.finding.stored]
-
-    def drawn(self) -> Json:
-        """Return the curves and axes of the picture."""
-        return {}
+        first = [part for part in self._summary()[:1] if isinstance(part, str)]
+        return list(self.picture.sentences) or first or [self.finding.stored]
 
     def content(self) -> Json:
         """Return all of it as JSON values."""
-        sentences = self.sentences()
-        rest = [part for part in self._parts() if part not in sentences]
+        sentences, picture = self.sentences(), self.picture
+        rest = [part for part in self._summary() if part not in sentences]
         notes = (*self.finding.notes, *self.finding.failures)
         return {
             "sentences": sentences,
             "parts": [_plain(part) for part in rest if part != ""],
             "notes": [] if self.record is None else list(notes),
-            "contacts": list(self.contacts),
+            "contacts": list(picture.contacts),
             "axes": self.axes,
             "complete": self.finding.complete,
-            "pictures": [each.text for each in self.pictures()],
-            **self.drawn(),
+            "pictures": [each.text for each in picture.wholes],
+            **self._drawn(picture.parts()),
         }
 
-    def _parts(self) -> Sequence[Any]:
+    def _drawn(self, parts: Parts) -> Json:
+        drawn: Json = {"ends": [end for each in parts.ends if (end := self._end(each)) is not None]}
+        for each in fields(parts):
+            if each.name not in ("ends", "more", "within", "quantities"):
+                drawn[each.name] = [self._json(item) for item in getattr(parts, each.name)]
+        drawn["within"] = {name: list(ends) for name, ends in parts.within.items()}
+        drawn["quantities"] = quantity_words(parts.quantities, self.system) if parts.quantities else []
+        return {name: value for name, value in drawn.items() if value} | dict(parts.more)
+
+    def _json(self, part: Any) -> Json:
+        match part:
+            case Series():
+                return {**part._asdict(), "x": numbers(part.x), "y": numbers(part.y), "axes": list(part.axes)}
+            case Panel():
+                across = part.across or parameter_words(part.over, self.system.units)
+                return {**part._asdict(), "across": across, "series": [self._json(each) for each in part.series]}
+            case Cells():
+                every = max(1, int(np.ceil(np.sqrt(part.codes.size / _MOST))))
+                entries = [_entry(*each) for each in part.entries]
+                rows = part.codes[::every, ::every].tolist()
+                return {"axes": self.axes, "within": part.within, "rows": rows, "entries": entries, "of": part.of}
+        return part._asdict()
+
+    def _end(self, end: End) -> Json | None:
+        """Return a place that the answer names; None if it is a special point of none of the curves."""
+        place = {} if end.gradient else self.picture.place_of(end.special)
+        if place is None:
+            return None
+        found: Json = {"text": end.text, "kind": end.kind, "of": end.of, **place}
+        if end.gradient is None:
+            return {**found, "most": end.most}
+        try:
+            return {**found, "place": end.place, "gradient": gradient_content(end.gradient())}
+        except GapwalkError as error:
+            return {**found, "place": end.place, "gradient": {"reason": str(error)}}
+
+    def _summary(self) -> Sequence[Any]:
         parts = () if self.record is None else self.finding.summary()
         return [part.strip("\n") if isinstance(part, str) else part for part in parts]
 
-    def place_of(self, special: SpecialPoint | None) -> Json | None:
-        """Return ``branch`` and ``special``, the indices of a special point among the curves; None if it has none."""
-        for number, (_, curve) in enumerate(self.curves()):
-            for index, each in enumerate(curve.special_points if isinstance(curve, Branch) else ()):
-                if special is not None and each.kind == special.kind and _is_same(each.value, special.value):
-                    return {"branch": number, "special": index}
-        return None
+
+def _asked(finding: Finding, described: Description) -> Json:
+    """Return those options of a picture that the study names."""
+    asked = getattr(finding, "asked", None) or getattr(finding, "options", None)
+    names = {each.name for each in described.options} & {"measure", "signal"}
+    return {name: value for name in names if (value := getattr(asked, name, ""))}
 
 
-def _is_same(one: float, other: float) -> bool:
-    return abs(one - other) <= _SAME * max(abs(one), abs(other))
+def _entry(text: str, color: str) -> Json:
+    """Return the entry of a code of cells: with a colour of its own, or with a tint of the style sheet."""
+    if color.startswith("#"):
+        return {"tint": "", "color": color, "wild": False, "text": text}
+    return {"tint": color.removesuffix("-wild"), "wild": color.endswith("-wild"), "text": text}
 
 
 def _plain(part: Any) -> str | Json:
@@ -130,47 +148,21 @@ def _plain(part: Any) -> str | Json:
     }
 
 
-Maker = Callable[[Finding], AnswerView]
-View = TypeVar("View", bound=AnswerView)
-
-_VIEWS: dict[type, Maker] = {}
-
-
-def shown(record: type) -> Callable[[type[View]], type[View]]:
-    """Register the view of a type of record."""
-
-    def register(view: type[View]) -> type[View]:
-        _VIEWS[record] = view
-        return view
-
-    return register
-
-
 def has_picture(record: object) -> bool:
     """Return True if the page draws a record of this type, and shows more than sentences and tables."""
-    return type(record) in _views()
+    return description_of(type(record)) is not None
 
 
-def view_of(finding: Finding) -> AnswerView:
-    """Return the view of a finding: that of its type of record, or sentences and tables alone."""
-    return _views().get(type(finding.record), AnswerView)(finding)
-
-
-def _views() -> dict[type, Maker]:
-    # they register themselves
-    from gapwalk.explorer import (
-        cell_views,
-        change_views,
-        family_view,
-        free_views,
-        rattle_views,
-        run_up_view,
-        sweep_view,
-        torus_views,
-    )
-
-    del cell_views, change_views, family_view, free_views, rattle_views, run_up_view, sweep_view, torus_views
-    return _VIEWS
+def drawn_on_paper(whole: Whole) -> dict[str, str]:
+    """Draw a picture of `gapwalk.plot`; return its words, its form and its content: an SVG, or a PNG in base64."""
+    figure = picture_of(whole.record, **whole.options)
+    if whole.form == "svg":
+        content = sheet_bytes(figure, "svg").decode()
+    else:
+        lay_out(figure)
+        with in_style():
+            content = base64.b64encode(png_bytes(figure, _DPI)).decode()
+    return {"text": whole.text, "form": whole.form, "content": content}
 
 
 class Alone(Finding):
@@ -207,44 +199,7 @@ class Alone(Finding):
         return self._record.tables()
 
 
-class Series(NamedTuple):
-    """Points or a line in a picture."""
-
-    #: x, y: Coordinates.
-    x: ArrayLike
-    y: ArrayLike
-    mark: str = "line"  #: ``line``, ``dots``, ``crosses``, ``stars``, or ``area`` down to zero.
-    look: str = "main"  #: Style: a class of the style sheet of the page.
-    text: str = ""  #: Legend; empty for none.
-    of: str = ""  #: Contact; empty for all.
-    axes: tuple[str, ...] = ()  #: Names of the quantities over which it is drawn; empty in a panel of its own.
-
-    @property
-    def plain(self) -> Json:
-        """The series as JSON values."""
-        return {**self._asdict(), "x": numbers(self.x), "y": numbers(self.y), "axes": list(self.axes)}
-
-
-def panel(
-    title: str, over: str, system: System, series: Iterable[Series], of: str = "", *, fitted: bool = False
-) -> Json:
-    """Return a panel of series over a parameter; a fitted one shows their range alone, others also zero."""
-    across = parameter_words(over, system.units)
-    lines = [each.plain for each in series]
-    return {"title": title, "over": over, "across": across, "series": lines, "of": of, "fitted": fitted}
-
-
 def numbers(values: ArrayLike) -> list[float | None]:
     """Return numbers with the digits that a screen can show; None for what is not finite."""
     array = np.asarray(values, dtype=float)
     return [float(f"{value:.{_DIGITS}g}") if np.isfinite(value) else None for value in array.tolist()]
-
-
-def with_unit(words: str, unit: str | None) -> str:
-    """Return the title of an axis."""
-    return f"{words} [{unit}]" if unit else words
-
-
-def unit_of(name: str, system: System) -> str:
-    """Return the unit of a parameter; empty without units."""
-    return system.units.parameter(name) if system.units else ""

@@ -107,7 +107,7 @@ class _Script:
             return [
                 f"record = {result}.finding.record",
                 "print(record.summary())",
-                f"{name} = {entry.answer.script}",
+                f"{name} = {entry.answer.picture.script}",
                 "",
             ]
         if entry.result is None or entry.result.map is None:

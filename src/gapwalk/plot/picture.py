@@ -30,6 +30,7 @@ from matplotlib.textpath import TextToPath
 
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.notebook import Shown
+from gapwalk.picture_parts import description_of
 from gapwalk.plot.style import CARD, DPI, GREY, SizeName, in_style, points, rc, sheet_size, sized
 from gapwalk.studies.export import write_whole
 from gapwalk.studies.result import Result
@@ -243,8 +244,6 @@ _MODULES = {
     "loci": ("Family", "Map"),
     "tolerances": ("Tolerance",),
     "models": ("System",),
-    "rattle_picture": ("RattleBands", "RattleMap"),
-    "threshold_picture": ("Threshold",),
     "scan_picture": ("Scan",),
     "backbone_pictures": ("Backbone", "Backbones"),
     "foretold_picture": ("Foretold",),
@@ -357,6 +356,12 @@ def drawing_of(record: Any, in_axes: bool = False) -> tuple[Drawing, bool]:
     for kind in type(first).__mro__:
         if kind.__name__ in _HOMES and kind.__module__.startswith("gapwalk."):
             import_module(f"gapwalk.plot.{_HOMES[kind.__name__]}")
+        if kind not in _IN_AXES and kind not in _IN_PANELS and (described := description_of(kind)) is not None:
+            from gapwalk.plot.answers import drawing_of_answer  # it draws with this module
+
+            for form, drawings in (("axes", _IN_AXES), ("panels", _IN_PANELS)):
+                if form in described.forms:
+                    drawings[kind] = drawing_of_answer(described, in_axes=form == "axes")
         found = _IN_AXES.get(kind) if in_axes else _IN_PANELS.get(kind, _IN_AXES.get(kind))
         if found is not None:
             if first is not record and not (found.several and all(isinstance(each, kind) for each in record)):

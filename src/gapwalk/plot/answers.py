@@ -1,0 +1,201 @@
+"""Pictures of answers: the description of a record (`gapwalk.picture_parts`), drawn in axes or in panels of a figure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from inspect import Parameter, Signature
+from textwrap import fill
+from typing import Any
+
+from matplotlib.axes import Axes
+
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.model.words import measure_words, parameter_words
+from gapwalk.picture_parts import Description, Panel, Parts, Picture, Series
+from gapwalk.plot import style
+from gapwalk.plot.cells import draw_loci, fill_colors
+from gapwalk.plot.picture import AnyFigure, Drawing, Finish, write_answer, write_legend, write_letters
+from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, VERMILLION, stroke, symbols
+
+# The names are those of the style sheet of the page.
+TINTS = {
+    "one": "#fbe3c4",  # in grey, the second is clearly darker
+    "both": "#f2b98a",
+    "one-wild": "#d9a75c",
+    "both-wild": "#b5602a",
+    "closed": "#e3ebf2",
+    "closed-wild": "#a9bccd",
+    "open": "#ffffff",
+    "open-wild": "#d0d0d0",
+    "none": "#3a3a3a",
+    "undone": "#f4f4f4",
+    "goal": "#fbe3c4",
+    "quiet": "#e4f0e2",
+}
+LOOKS: dict[str, tuple[str, Any, float]] = {
+    "main": (BLACK, "-", 1.4),
+    "rising": (BLUE, "-", 1.4),
+    "falling": (VERMILLION, (0, (4, 2)), 1.4),
+    "other": (GREEN, (0, (1, 1)), 1.4),
+    "measured": (BLACK, "-", 1.0),
+}
+MARKS = {"dots": ("o", 2.6), "crosses": ("x", 4.0)}
+SYMBOLS = {
+    "stars": symbols("*", 11.0, "#f3c55b", BLACK),
+}
+_THIN = 0.57  # width of a line in a panel below, which has dots on it
+_CLOSE = 0.12  # share of the range below which the texts of two lines would touch
+_LINE = 60  # letters in a line of a reason why nothing is drawn
+
+Entries = dict[str, Any]
+
+
+def drawing_of_answer(described: Description, *, in_axes: bool) -> Drawing:
+    """Return the drawing of a described type of record."""
+
+    def draw(record: Any, place: Any, *, title: str = "", **options: Any) -> Finish:
+        picture = described.describe(record, **options)
+        parts, entries = picture.parts(), Entries()
+        if not in_axes:
+            return _draw_panels(picture, parts, place, title)
+        finish = _draw_main(picture, parts, place, entries)
+        if picture.heading and "panels" not in described.forms:
+            place.set_title(picture.heading[0], wrap=True)
+        write_legend(place, list(entries.items()), note=picture.note)
+        return finish
+
+    place = Parameter("place", Parameter.POSITIONAL_OR_KEYWORD)
+    title = [] if in_axes else [Parameter("title", Parameter.KEYWORD_ONLY, default="")]
+    draw.__signature__ = Signature([place.replace(name="record"), place, *described.options, *title])  # type: ignore[attr-defined]
+    return Drawing(draw, described.size)
+
+
+def _draw_panels(picture: Picture, parts: Parts, figure: AnyFigure, title: str) -> Finish:
+    """Draw a picture with its panels below, and a legend of all."""
+    shown = {"main": [None], "below": list(parts.below), "charts": list(parts.charts)}
+    panels = [each for name in picture.panels for each in shown[name] if each is None or each.of in ("", picture.of)]
+    heights = [picture.height if each is None else each.height for each in panels]
+    shares = "charts" not in picture.panels
+    axes = figure.subplots(len(heights), 1, sharex=shares, squeeze=False, height_ratios=heights)[:, 0].tolist()
+    write_answer(figure, title, picture.heading)
+    if len(axes) > 1:
+        write_letters(axes)
+    entries, finish = Entries(), None
+    for ax, each in zip(axes, panels, strict=True):
+        if each is None:
+            finish = _draw_main(picture, parts, ax, entries)
+        else:
+            _draw_panel(picture, parts, ax, each, entries)
+    for ax in axes[:-1] if shares else ():
+        ax.set_xlabel("")
+    write_legend(figure if len(axes) > 1 else axes[0], list(entries.items()), note=picture.note)
+    return finish
+
+
+def _draw_panel(picture: Picture, parts: Parts, ax: Axes, panel: Panel, entries: Entries) -> None:
+    _draw_series(ax, panel.series, entries, _THIN if any(each.mark == "dots" for each in panel.series) else 1.0)
+    _draw_over(picture, parts, ax, (panel.over, ""), entries)
+    ax.set(ylabel=panel.title, xlabel=panel.across or parameter_words(panel.over, picture.system.units))
+    if not panel.fitted:
+        ax.set_ylim(0.0, 1.08 * ax.get_ylim()[1])
+
+
+def _draw_main(picture: Picture, parts: Parts, ax: Axes, entries: Entries) -> Finish:
+    """Draw the curves with what lies over them; return the function that writes texts in the final layout."""
+    assert picture.axes is not None
+    across, up = picture.axes
+    cells = next((each for each in parts.cells if each.of in ("", picture.of)), None)
+    words = [text or words_of(name, picture.system) for name, text in zip(picture.axes, picture.words, strict=True)]
+    if cells is not None:
+        named = [(text, TINTS.get(color, color)) for text, color in cells.entries]
+        fill_colors(ax, cells.codes, [color for _, color in named], cells.within, (words[0], words[1]))
+        entries.update(named)
+    finish = _draw_curves(picture, ax, entries, is_over_cells=cells is not None)
+    _draw_series(ax, [each for each in parts.layers if each.axes == picture.axes], entries)
+    _draw_over(picture, parts, ax, picture.axes, entries)
+    ax.set(xlabel=words[0], ylabel=words[1])
+    ax.set(**{f"{axis}lim": parts.within[name] for axis, name in (("x", across), ("y", up)) if name in parts.within})
+    if up.startswith("half.") and up not in parts.within:
+        ax.set_ylim(bottom=0.0)
+    if picture.empty:
+        ax.grid(False)
+        options = {"ha": "center", "va": "center", "color": GREY, "transform": ax.transAxes}
+        ax.text(0.5, 0.5, fill(picture.empty.replace("$", r"\$"), _LINE), **options)
+    return partial(_write_texts, picture, parts, ax, finish)
+
+
+def words_of(name: str, system: Any) -> str:
+    """Return the label of an axis for a parameter or a measure."""
+    named = name in system.structure.names
+    return parameter_words(name, system.units) if named else measure_words(name, system.units)
+
+
+def _draw_curves(picture: Picture, ax: Axes, entries: Entries, *, is_over_cells: bool) -> Finish | None:
+    """Draw the branches and loci."""
+    assert picture.axes is not None
+    across, up = picture.axes
+    loci = [each.curve for each in picture.curves if not isinstance(each.curve, Branch)]
+    if is_over_cells:
+        entries.update((f"border: {text}", options) for text, options in draw_loci(ax, loci[0], loci) if loci)
+    for each in picture.curves if not is_over_cells else ():
+        if (locus := each.curve) in loci:
+            options = style.locus_options(locus.kind)
+            ax.plot(*locus.values.T[:: 1 if locus.first == across else -1], zorder=3, **options)
+            entries[each.text] = options
+    for each in (each for each in picture.curves if each.look):
+        color, dashes, width = LOOKS[each.look]
+        points = each.curve.points if each.points is None else each.points
+        x, y = [point.value for point in points], [point.measure(up) for point in points]
+        entries[each.text] = stroke(color, width, dashes)
+        ax.plot(x, y, zorder=4, **entries[each.text])
+    return None
+
+
+def _draw_series(ax: Axes, series: Sequence[Series], entries: Entries, width: float = 1.0) -> None:
+    for each in series:
+        color, dashes, own = LOOKS.get(each.look, LOOKS["main"])
+        options = SYMBOLS.get(each.symbol or each.mark)
+        if options is None and each.mark in MARKS:
+            options = symbols(*MARKS[each.mark], color, color)
+        ax.plot(each.x, each.y, zorder=3, **(options or stroke(color, width * own, dashes)))
+        if each.text:
+            entries.setdefault(each.text, options or stroke(color, own, dashes))
+
+
+def _draw_over(picture: Picture, parts: Parts, ax: Axes, axes: tuple[str, str], entries: Entries) -> None:
+    """Draw shades and lines over the whole width or height of a panel."""
+    for each in parts.shades:
+        if each.of in ("", picture.of) and each.over in axes:
+            span = ax.axvspan if each.over == axes[0] else ax.axhspan
+            span(each.low, each.high, color=TINTS[each.tint], linewidth=0, zorder=0)
+            entries.setdefault(each.text, TINTS[each.tint])
+    for each in parts.lines:
+        if each.of in ("", picture.of) and each.over in axes:
+            line = ax.axvline if each.over == axes[0] else ax.axhline
+            line(each.at, **stroke(GREY, 0.8, "-" if each.exact else ":", zorder=1))
+
+
+def _write_texts(picture: Picture, parts: Parts, ax: Axes, finish: Finish | None) -> None:
+    """Write the texts of upright lines above a panel, where they do not touch each other, and those of points."""
+    assert picture.axes is not None
+    if finish is not None:
+        finish()
+    low, high = ax.get_xlim()
+    last = -math.inf
+    options: Any = {"textcoords": "offset points", "ha": "center"}
+    for each in parts.lines:
+        is_named = each.text and each.over == picture.axes[0] and each.of in ("", picture.of)
+        if is_named and (each.at - last) / (high - low) >= _CLOSE:
+            last = each.at
+            text, place = "\n".join(filter(None, (each.text, each.kind))), (each.at, 1.0)
+            above = {"xycoords": ("data", "axes fraction"), "xytext": (0.0, 3.0), "annotation_clip": False}
+            ax.annotate(text, place, va="bottom", fontsize=style.points(7.5), **above, **options)
+    for each in parts.layers:
+        for note, x, y in zip(each.notes, each.x, each.y, strict=False) if each.axes == picture.axes else ():
+            # on the side of the shade
+            is_above = any(shade.over == picture.axes[1] and shade.low >= y for shade in parts.shades)
+            shift = 9.0 if is_above is not bool(ax.yaxis_inverted()) else -9.0
+            side = "bottom" if shift > 0.0 else "top"
+            ax.annotate(note, (x, y), xytext=(0.0, shift), va=side, fontsize="small", **options)
