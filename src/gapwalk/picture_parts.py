@@ -1,7 +1,7 @@
 """What a picture of an answer shows: curves, series, shades, lines, cells and panels, for paper and page alike.
 
-A type of record has one function that returns its `Picture`, registered by `pictured`. `gapwalk.plot.answers` draws it on
-paper, `gapwalk.explorer.answer_view` on the page; both look styles up by the same names.
+A type of record has one function that returns its `Picture`, registered by `pictured`. `gapwalk.plot.answers` draws it
+on paper, `gapwalk.explorer.answer_view` on the page; the names of styles are the same for both.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _SAME = 1e-9  # relative difference up to which two values of a special point ar
 _HOMES: dict[str, str] = {}
 
 
-class Curve(NamedTuple):
+class NamedCurve(NamedTuple):
     """A branch or a locus, of which points can be chosen on the page."""
 
     name: str  #: Name on the page.
@@ -31,12 +31,19 @@ class Curve(NamedTuple):
     text: str = ""  #: Legend on paper.
     points: Sequence[Any] | None = None  #: Points that are drawn on paper; by default all.
     is_earlier: bool = False  #: True if it is that of the system before a change, which is drawn pale.
-    marks: Sequence[Any] = ()  #: Kinds of special points that are marked on paper, of a curve that has a look.
+    marks: Iterable[Any] = ()  #: Kinds of special points that are marked on paper, of a curve that has a look.
+
+    @property
+    def marked(self) -> list[Any]:
+        """Special points that are marked."""
+        return [each for each in self.curve.special_points if each.kind in self.marks]
 
 
-def curves_of_loci(loci: Sequence[Any], text: str) -> list[Curve]:
+def curves_of_loci(loci: Sequence[Any], text: str) -> list[NamedCurve]:
     """Return loci as curves with names such as ``grazing-2``, and a legend that contains their kind."""
-    return [Curve(f"{each.kind.value}-{k}", each, "", text.format(each.kind)) for k, each in enumerate(loci, start=1)]
+    return [
+        NamedCurve(f"{each.kind.value}-{k}", each, "", text.format(each.kind)) for k, each in enumerate(loci, start=1)
+    ]
 
 
 class Series(NamedTuple):
@@ -45,7 +52,9 @@ class Series(NamedTuple):
     #: x, y: Coordinates.
     x: ArrayLike
     y: ArrayLike
-    mark: str = "line"  #: ``line``, ``dots``, ``crosses``, ``stars``, or ``area`` down to zero.
+    mark: str = (
+        "line"  #: ``line``, ``dots``, ``crosses``, ``stars``, ``area`` down to zero, or ``between`` two rows of y.
+    )
     look: str = "main"  #: Style: a class of the style sheet of the page, and a name in `gapwalk.plot.answers`.
     text: str = ""  #: Legend; empty for none.
     of: str = ""  #: Contact; empty for all.
@@ -87,6 +96,8 @@ class Panel(NamedTuple):
     fitted: bool = False  #: True to show the range of the series alone; False to show zero too.
     across: str = ""  #: Quantity across in words, if it is not the parameter.
     height: float = 1.0  #: Height on paper.
+    margin: float | None = None  #: Room beside the series on paper, as a share of their range; by default usual room.
+    logarithmic: Literal["", "x", "y"] = ""  #: Axis on paper that is logarithmic.
 
 
 class Cells(NamedTuple):
@@ -111,6 +122,28 @@ class End(NamedTuple):
     gradient: Callable[[], Any] | None = None
 
 
+class Cloud(NamedTuple):
+    """Values of a special point in many systems."""
+
+    over: str  #: The parameter.
+    kind: str
+    title: str
+    x: ArrayLike  #: Some of the values.
+    quantiles: ArrayLike  #: Their 5 %, 50 % and 95 %.
+    lines: Sequence[str]  #: What they mean, in words.
+    special: Any  #: The special point.
+
+
+class Bar(NamedTuple):
+    """Change of a number, within its limits, in percent."""
+
+    name: str
+    low: float
+    high: float
+    moved: float
+    text: str
+
+
 class Whole(NamedTuple):
     """A picture on paper that the page shows, too."""
 
@@ -132,6 +165,8 @@ class Parts:
     charts: Iterable[Panel] = ()  #: Panels over another quantity.
     ends: Iterable[End] = ()
     within: Mapping[str, tuple[float, float]] = field(default_factory=dict)  #: Ranges of the axes.
+    clouds: Iterable[Cloud] = ()  #: Values of special points, on the page.
+    bars: Iterable[Bar] = ()
     quantities: Sequence[str] = ()  #: Quantities that the axes of the page offer.
     more: Mapping[str, Any] = field(default_factory=dict)  #: Further values of the page.
 
@@ -142,7 +177,7 @@ class Picture:
 
     system: Any  #: The system.
     axes: tuple[str, str] | None = None  #: Quantities across and upwards; None if it has no place in a diagram.
-    curves: Sequence[Curve] = ()  #: Branches first.
+    curves: Sequence[NamedCurve] = ()  #: Branches first.
     parts: Callable[[], Parts] = Parts  #: Computes the rest, when it is drawn.
     sentences: Sequence[str] = ()  #: The answer on the page; by default the first line of the summary.
     heading: Sequence[str] = ()  #: The answer on paper.
@@ -153,8 +188,10 @@ class Picture:
     #: Python text of the curves of a variable ``record``, in their order.
     script: str = "()"
     #: Panels on paper, from the top.
-    panels: tuple[Literal["main", "below", "charts"], ...] = ("main", "below")
+    panels: tuple[Literal["main", "below", "charts", "bars"], ...] = ("main", "below")
     words: tuple[str, str] = ("", "")  #: Words across and upwards on paper, in place of those of the axes.
+    labels: bool = False  #: True if the special points of curves without a look have labels on paper.
+    reach: tuple[float, float] | None = None  #: Range across on paper, if it is not that of all curves.
     height: float = 1.0  #: Height of the main panel on paper.
     note: str = ""  #: Line below the legend on paper.
     empty: str = ""  #: Why nothing is drawn.

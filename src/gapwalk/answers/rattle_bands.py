@@ -51,9 +51,9 @@ from gapwalk.notebook import Shown
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.picture_parts import (
     Cells,
-    Curve,
     End,
     Line,
+    NamedCurve,
     Panel,
     Parts,
     Picture,
@@ -676,7 +676,7 @@ def rattle_picture(found: RattleBands, gap: str | None = None) -> Picture:
     gap, units = _chosen(found.gaps, gap), found.system.units
     moved = moved_by(found.system, gap)[0]
     curves = [
-        Curve(f"{sweep.met}-{number}", stretch.branch, *_look(found, sweep.met), stretch.points)
+        NamedCurve(f"{sweep.met}-{number}", stretch.branch, *_look(found, sweep.met), stretch.points)
         for sweep in found.sweeps
         for number, stretch in enumerate(sweep.stretches, start=1)
     ]

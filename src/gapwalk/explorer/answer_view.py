@@ -6,7 +6,7 @@ A record that is not described (see `gapwalk.picture_parts`) has its sentences a
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -20,7 +20,7 @@ from gapwalk.explorer.axis_quantities import quantity_words
 from gapwalk.explorer.motion_panels import gradient_content
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_words
-from gapwalk.picture_parts import Cells, Description, End, Panel, Parts, Picture, Series, Whole, description_of
+from gapwalk.picture_parts import Cells, Cloud, Description, End, Panel, Parts, Picture, Series, Whole, description_of
 from gapwalk.plot.picture import lay_out, picture_of, png_bytes, sheet_bytes
 from gapwalk.plot.style import in_style
 from gapwalk.studies.study_kind import Finding
@@ -94,7 +94,12 @@ class AnswerView:
                 return {**part._asdict(), "x": numbers(part.x), "y": numbers(part.y), "axes": list(part.axes)}
             case Panel():
                 across = part.across or parameter_words(part.over, self.system.units)
-                return {**part._asdict(), "across": across, "series": [self._json(each) for each in part.series]}
+                lines = [self._json(line) for each in part.series for line in _lines(each)]
+                return {**part._asdict(), "across": across, "series": lines}
+            case Cloud():
+                place = self.picture.place_of(part.special)
+                drawn = {"x": numbers(part.x), "quantiles": numbers(part.quantiles), "place": place, "special": None}
+                return part._asdict() | drawn
             case Cells():
                 every = max(1, int(np.ceil(np.sqrt(part.codes.size / _MOST))))
                 entries = [_entry(*each) for each in part.entries]
@@ -125,6 +130,13 @@ def _asked(finding: Finding, described: Description) -> Json:
     asked = getattr(finding, "asked", None) or getattr(finding, "options", None)
     names = {each.name for each in described.options} & {"measure", "signal"}
     return {name: value for name in names if (value := getattr(asked, name, ""))}
+
+
+def _lines(series: Series) -> Iterator[Series]:
+    """Yield a series as the page draws it: what lies between two lines, as both lines."""
+    for k, y in enumerate(series.y if series.mark == "between" else [series.y]):
+        mark = "line" if series.mark == "between" else series.mark
+        yield series._replace(y=y, mark=mark, text="" if k else series.text)
 
 
 def _entry(text: str, color: str) -> Json:

@@ -1,4 +1,4 @@
-"""Pictures of answers: the description of a record (`gapwalk.picture_parts`), drawn in axes or in panels of a figure."""
+"""Pictures of answers: the description of a record (see `gapwalk.picture_parts`), in axes or in panels of a figure."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from inspect import Parameter, Signature
 from textwrap import fill
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 
 from gapwalk.bifurcation.branch import Branch
+from gapwalk.errors import ModelError
 from gapwalk.model.words import measure_words, parameter_words
-from gapwalk.picture_parts import Description, Panel, Parts, Picture, Series
+from gapwalk.picture_parts import Bar, Description, NamedCurve, Panel, Parts, Picture, Series
 from gapwalk.plot import style
+from gapwalk.plot.branches import draw_branches, line_entries, pieces_of
 from gapwalk.plot.cells import draw_loci, fill_colors
 from gapwalk.plot.picture import AnyFigure, Drawing, Finish, write_answer, write_legend, write_letters
 from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, VERMILLION, stroke, symbols
@@ -40,11 +43,20 @@ LOOKS: dict[str, tuple[str, Any, float]] = {
     "falling": (VERMILLION, (0, (4, 2)), 1.4),
     "other": (GREEN, (0, (1, 1)), 1.4),
     "measured": (BLACK, "-", 1.0),
+    "after": (BLUE, "-", 1.7),
+    "before": (GREY, "-", 1.7),
+    "run": (GREY, "-", 1.0),
+    "middle": (BLUE, "-", 1.6),
+    "most": (BLUE, (0, (4, 2)), 1.2),
+    "largest": (VERMILLION, "-", 1.2),
+    "stable": (BLACK, "-", 1.2),
+    "unstable": (BLACK, (0, (3, 2)), 0.8),
 }
 MARKS = {"dots": ("o", 2.6), "crosses": ("x", 4.0)}
 SYMBOLS = {
     "stars": symbols("*", 11.0, "#f3c55b", BLACK),
 }
+_DASHES = (0, (4, 2))  # of what is unstable
 _THIN = 0.57  # width of a line in a panel below, which has dots on it
 _CLOSE = 0.12  # share of the range below which the texts of two lines would touch
 _LINE = 60  # letters in a line of a reason why nothing is drawn
@@ -74,10 +86,13 @@ def drawing_of_answer(described: Description, *, in_axes: bool) -> Drawing:
 
 def _draw_panels(picture: Picture, parts: Parts, figure: AnyFigure, title: str) -> Finish:
     """Draw a picture with its panels below, and a legend of all."""
-    shown = {"main": [None], "below": list(parts.below), "charts": list(parts.charts)}
-    panels = [each for name in picture.panels for each in shown[name] if each is None or each.of in ("", picture.of)]
-    heights = [picture.height if each is None else each.height for each in panels]
-    shares = "charts" not in picture.panels
+    bars = [list(parts.bars)] if parts.bars else []
+    shown: dict[str, list[Any]] = {"main": [None], "below": [*parts.below], "charts": [*parts.charts], "bars": bars}
+    panels = [each for name in picture.panels for each in shown[name] if getattr(each, "of", "") in ("", picture.of)]
+    if not panels:
+        raise ModelError(picture.empty)
+    heights = [_height(picture, each) for each in panels]
+    shares = {*picture.panels} <= {"main", "below"}
     axes = figure.subplots(len(heights), 1, sharex=shares, squeeze=False, height_ratios=heights)[:, 0].tolist()
     write_answer(figure, title, picture.heading)
     if len(axes) > 1:
@@ -86,6 +101,8 @@ def _draw_panels(picture: Picture, parts: Parts, figure: AnyFigure, title: str) 
     for ax, each in zip(axes, panels, strict=True):
         if each is None:
             finish = _draw_main(picture, parts, ax, entries)
+        elif isinstance(each, list):
+            _draw_bars(ax, each)
         else:
             _draw_panel(picture, parts, ax, each, entries)
     for ax in axes[:-1] if shares else ():
@@ -94,11 +111,43 @@ def _draw_panels(picture: Picture, parts: Parts, figure: AnyFigure, title: str) 
     return finish
 
 
+def _height(picture: Picture, panel: Panel | list[Bar] | None) -> float:
+    if panel is None:
+        return picture.height
+    return 0.45 + 0.26 * len(panel) if isinstance(panel, list) else panel.height
+
+
+def _draw_bars(ax: Axes, bars: Sequence[Bar]) -> None:
+    """Draw changes as bars, over the range of their limits."""
+    rows, low, high = (
+        np.arange(len(bars)),
+        np.array([each.low for each in bars]),
+        np.array([each.high for each in bars]),
+    )
+    ax.barh(rows, high - low, left=low, height=0.72, color="#e9e9e9", zorder=1)
+    ax.barh(rows, [each.moved for each in bars], height=0.44, color=BLUE, zorder=3)
+    ax.axvline(0.0, **stroke(BLACK, 0.8, zorder=4))
+    options: dict[str, Any] = {
+        "textcoords": "offset points",
+        "va": "center",
+        "fontsize": style.points(7.5),
+        "zorder": 5,
+    }
+    for row, each in enumerate(bars):
+        shift, side = (4.0, "left") if each.moved >= 0.0 else (-4.0, "right")
+        ax.annotate(each.text, (each.moved, row), xytext=(shift, 0.0), ha=side, **options)
+    widest = float(np.abs([low, high]).max())
+    ax.set_yticks(rows, [each.name for each in bars])
+    ax.set(xlim=(-1.04 * widest, 1.04 * widest), ylim=(len(bars) - 0.45, -0.55), xlabel="change in %, within limits")
+
+
 def _draw_panel(picture: Picture, parts: Parts, ax: Axes, panel: Panel, entries: Entries) -> None:
     _draw_series(ax, panel.series, entries, _THIN if any(each.mark == "dots" for each in panel.series) else 1.0)
     _draw_over(picture, parts, ax, (panel.over, ""), entries)
     ax.set(ylabel=panel.title, xlabel=panel.across or parameter_words(panel.over, picture.system.units))
-    if not panel.fitted:
+    if panel.margin is not None:
+        ax.margins(x=panel.margin)
+    elif not panel.fitted:
         ax.set_ylim(0.0, 1.08 * ax.get_ylim()[1])
 
 
@@ -136,32 +185,67 @@ def _draw_curves(picture: Picture, ax: Axes, entries: Entries, *, is_over_cells:
     """Draw the branches and loci."""
     assert picture.axes is not None
     across, up = picture.axes
-    loci = [each.curve for each in picture.curves if not isinstance(each.curve, Branch)]
-    if is_over_cells:
-        entries.update((f"border: {text}", options) for text, options in draw_loci(ax, loci[0], loci) if loci)
-    for each in picture.curves if not is_over_cells else ():
-        if (locus := each.curve) in loci:
-            options = style.locus_options(locus.kind)
-            ax.plot(*locus.values.T[:: 1 if locus.first == across else -1], zorder=3, **options)
-            entries[each.text] = options
-    for each in (each for each in picture.curves if each.look):
-        color, dashes, width = LOOKS[each.look]
-        points = each.curve.points if each.points is None else each.points
-        x, y = [point.value for point in points], [point.measure(up) for point in points]
-        entries[each.text] = stroke(color, width, dashes)
-        ax.plot(x, y, zorder=4, **entries[each.text])
-    return None
+    branches = [each for each in picture.curves if isinstance(each.curve, Branch)]
+    loci = [each for each in picture.curves if each not in branches]
+    if is_over_cells and loci:
+        curves = [each.curve for each in loci]
+        entries.update((f"border: {text}", options) for text, options in draw_loci(ax, curves[0], curves))
+    for each in loci if not is_over_cells else ():
+        entries[each.text] = style.locus_options(each.curve.kind)
+        ax.plot(*each.curve.values.T[:: 1 if each.curve.first == across else -1], zorder=3, **entries[each.text])
+    for each in sorted(branches, key=lambda each: not each.is_earlier):
+        if each.points is not None:
+            entries[each.text] = stroke(*_look(each.look))
+            heights = [point.measure(up) for point in each.points]
+            ax.plot([point.value for point in each.points], heights, zorder=4, **entries[each.text])
+        elif each.look:
+            entries[each.text] = stroke(*_look(each.look))
+            _draw_branch(ax, each, up)
+    shaped = [each for each in branches if each.look and each.points is None]
+    if shaped:
+        entries["unstable"] = stroke(BLACK, 0.9, _DASHES)
+    for kind in style.in_order(special.kind for each in shaped for special in each.marked):
+        look = style.symbol_style(kind)
+        entries[look.text] = symbols(look.marker, 6.0, "white", BLACK, 0.6)
+    plain = [each.curve for each in branches if not each.look]
+    if not plain:
+        return None
+    finish = draw_branches(plain, ax, up, labels=picture.labels, legend=False, within=picture.reach)
+    entries.update(line_entries(plain))
+    return finish
+
+
+def _look(name: str) -> tuple[str, float, Any]:
+    """Return the colour, the width and the dashes of a look."""
+    color, dashes, width = LOOKS.get(name, LOOKS["main"])
+    return color, width, dashes
+
+
+def _draw_branch(ax: Axes, named: NamedCurve, up: str) -> None:
+    """Draw a branch in one colour, dashed where it is unstable, with some of its special points."""
+    (color, width, dashes), rank = _look(named.look), 0 if named.is_earlier else 1
+    for piece in pieces_of(named.curve, up):
+        line = (width, dashes) if piece.label == "stable" else (0.9, _DASHES)
+        ax.plot(piece.x, piece.y, **stroke(color, *line, zorder=3 + rank))
+    for special in named.marked:
+        mark = symbols(style.symbol_style(special.kind).marker, 6.0, color, BLACK, 0.6, zorder=6 + rank)
+        ax.plot([special.value], [special.point.measure(up)], **mark)
 
 
 def _draw_series(ax: Axes, series: Sequence[Series], entries: Entries, width: float = 1.0) -> None:
     for each in series:
-        color, dashes, own = LOOKS.get(each.look, LOOKS["main"])
+        color, own, dashes = _look(each.look)
         options = SYMBOLS.get(each.symbol or each.mark)
         if options is None and each.mark in MARKS:
             options = symbols(*MARKS[each.mark], color, color)
-        ax.plot(each.x, each.y, zorder=3, **(options or stroke(color, width * own, dashes)))
+        line = stroke(color, own, dashes)
+        if each.mark == "between":
+            ax.fill_between(np.asarray(each.x), *np.asarray(each.y), color=color, alpha=0.18, linewidth=0, zorder=1)
+            line = stroke(color, 6.0, alpha=0.3)
+        else:
+            ax.plot(each.x, each.y, zorder=3, **(options or stroke(color, width * own, dashes)))
         if each.text:
-            entries.setdefault(each.text, options or stroke(color, own, dashes))
+            entries.setdefault(each.text, options or line)
 
 
 def _draw_over(picture: Picture, parts: Parts, ax: Axes, axes: tuple[str, str], entries: Entries) -> None:
