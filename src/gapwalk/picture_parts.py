@@ -19,7 +19,26 @@ Inches = tuple[float, float]
 _SAME = 1e-9  # relative difference up to which two values of a special point are one
 
 # Modules that describe records of packages below them, imported when such a record is first shown.
-_HOMES: dict[str, str] = {}
+_HOMES = {
+    name: f"gapwalk.{module}"
+    for module, names in (
+        ("answers.free_pictures", ("Backbone", "Backbones", "Foretold", "Rests", "SelfExcited")),
+        ("answers.torus_pictures", ("Torus", "TorusDiagram", "TorusFamily", "Tongue")),
+        ("plot.cells", ("Basins",)),
+        ("explorer.page_pictures", ("BasinShares", "Family", "Regimes", "Sweep")),
+        ("explorer.run_up_view", ("RunUp",)),
+    )
+    for name in names
+}
+
+SECTION = "section."
+"""Prefix of a state at the start of the forcing period: ``section.q1``."""
+
+START = "start."
+"""Prefix of a state from which motions begin: ``start.q1``."""
+
+IN_TURN = ("first", "second", "third", "fourth")
+"""Looks of successive curves."""
 
 
 class NamedCurve(NamedTuple):
@@ -61,6 +80,10 @@ class Series(NamedTuple):
     axes: tuple[str, ...] = ()  #: Names of the quantities over which it is drawn; empty in a panel of its own.
     symbol: str = ""  #: Symbol on paper in place of mark and look, where paper distinguishes more.
     notes: Sequence[str] = ()  #: Text next to each point, on paper.
+    #: A number for each point: paper shows a smooth curve, with corners where this changes.
+    corners: Sequence[int] | None = None
+    #: The branch along which the series lies, and a function of its points: paper shows where it is stable.
+    along: tuple[Any, Callable[[Any], float]] | None = None
 
 
 class Shade(NamedTuple):
@@ -158,6 +181,7 @@ class Parts:
     """What lies over the curves of a picture, below them and beside them."""
 
     layers: Iterable[Series] = ()  #: Series over both axes.
+    paper: Iterable[Series] = ()  #: Further series over both axes, on paper alone.
     shades: Iterable[Shade] = ()
     lines: Iterable[Line] = ()
     cells: Iterable[Cells] = ()
@@ -191,7 +215,9 @@ class Picture:
     panels: tuple[Literal["main", "below", "charts", "bars"], ...] = ("main", "below")
     words: tuple[str, str] = ("", "")  #: Words across and upwards on paper, in place of those of the axes.
     labels: bool = False  #: True if the special points of curves without a look have labels on paper.
-    reach: tuple[float, float] | None = None  #: Range across on paper, if it is not that of all curves.
+    #: Ranges of the axes on paper; None if they are those of the page.
+    reach: Mapping[str, tuple[float | None, float | None]] | None = None
+    logarithmic: Literal["", "x", "y"] = ""  #: Axis on paper that is logarithmic.
     height: float = 1.0  #: Height of the main panel on paper.
     note: str = ""  #: Line below the legend on paper.
     empty: str = ""  #: Why nothing is drawn.
@@ -216,6 +242,7 @@ class Description(NamedTuple):
     size: Inches | Callable[..., Inches]  #: Size on a screen, in inches, or a function of the record that returns it.
     #: Where `gapwalk.plot.answers` draws it: in ``axes``, in the ``panels`` of a figure; on the page alone if nowhere.
     forms: Sequence[str]
+    several: bool = False  #: True if a list of records is one picture, too.
 
     @property
     def options(self) -> list[inspect.Parameter]:
@@ -231,11 +258,12 @@ def pictured(
     *records: type,
     size: Inches | Callable[..., Inches] = (8.0, 4.8),
     forms: Sequence[str] = ("axes", "panels"),
+    several: bool = False,
 ) -> Callable[[D], D]:
     """Register the function that describes the picture of records of these types."""
 
     def register(describe: D) -> D:
-        _KNOWN.update(dict.fromkeys(records, Description(describe, size, forms)))
+        _KNOWN.update(dict.fromkeys(records, Description(describe, size, forms, several)))
         return describe
 
     return register

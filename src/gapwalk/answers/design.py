@@ -713,6 +713,7 @@ def design_picture(found: Design, measure: str = "") -> Picture:
         script="(record.response, *record.isolated, record.response_before)",
         panels=("main", "bars"),
         height=2.6,
+        reach={found.parameter: (min(found.within), max(found.within))},
     )
 
 

@@ -692,6 +692,7 @@ def rattle_picture(found: RattleBands, gap: str | None = None) -> Picture:
         script="[stretch.branch for sweep in record.sweeps for stretch in sweep.stretches]",
         words=("", f"amplitude of {moved}" + (f" [{units.signal(moved)[1]}]" if units else "")),
         height=1.25,
+        reach={found.parameter: found.within, f"half.{moved}": (0.0, None)},
     )
 
 

@@ -82,20 +82,25 @@ class AnswerView:
     def _drawn(self, parts: Parts) -> Json:
         drawn: Json = {"ends": [end for each in parts.ends if (end := self._end(each)) is not None]}
         for each in fields(parts):
-            if each.name not in ("ends", "more", "within", "quantities"):
-                drawn[each.name] = [self._json(item) for item in getattr(parts, each.name)]
+            if each.name not in ("ends", "paper", "more", "within", "quantities"):
+                drawn[each.name] = [self.json_of(item) for item in getattr(parts, each.name)]
         drawn["within"] = {name: list(ends) for name, ends in parts.within.items()}
         drawn["quantities"] = quantity_words(parts.quantities, self.system) if parts.quantities else []
         return {name: value for name, value in drawn.items() if value} | dict(parts.more)
 
-    def _json(self, part: Any) -> Json:
+    def json_of(self, part: Any) -> Json:
+        """Return a part of a picture as JSON values."""
         match part:
             case Series():
-                return {**part._asdict(), "x": numbers(part.x), "y": numbers(part.y), "axes": list(part.axes)}
+                drawn = {"x": numbers(part.x), "y": numbers(part.y), "axes": list(part.axes)}
+                return drawn | {name: getattr(part, name) for name in ("mark", "look", "text", "of")}
             case Panel():
-                across = part.across or parameter_words(part.over, self.system.units)
-                lines = [self._json(line) for each in part.series for line in _lines(each)]
-                return {**part._asdict(), "across": across, "series": lines}
+                across, lines = part.across or parameter_words(part.over, self.system.units), part.series
+                if part.logarithmic:
+                    across, lines = f"{across}, power of ten", [each._replace(x=np.log10(each.x)) for each in lines]
+                drawn = {name: getattr(part, name) for name in ("title", "over", "of", "fitted")}
+                series = [self.json_of(line) for each in lines for line in _lines(each)]
+                return drawn | {"across": across, "series": series}
             case Cloud():
                 place = self.picture.place_of(part.special)
                 drawn = {"x": numbers(part.x), "quantiles": numbers(part.quantiles), "place": place, "special": None}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from inspect import Parameter, Signature
 from textwrap import fill
@@ -11,16 +11,17 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.errors import ModelError
 from gapwalk.model.words import measure_words, parameter_words
-from gapwalk.picture_parts import Bar, Description, NamedCurve, Panel, Parts, Picture, Series
+from gapwalk.picture_parts import Bar, Description, NamedCurve, Panel, Parts, Picture, Series, Shade
 from gapwalk.plot import style
-from gapwalk.plot.branches import draw_branches, line_entries, pieces_of
+from gapwalk.plot.branches import cut, draw_branches, line_entries, pieces_of, smooth_line
 from gapwalk.plot.cells import draw_loci, fill_colors
 from gapwalk.plot.picture import AnyFigure, Drawing, Finish, write_answer, write_legend, write_letters
-from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, VERMILLION, stroke, symbols
+from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION, stroke, symbols
 
 # The names are those of the style sheet of the page.
 TINTS = {
@@ -45,6 +46,12 @@ LOOKS: dict[str, tuple[str, Any, float]] = {
     "measured": (BLACK, "-", 1.0),
     "after": (BLUE, "-", 1.7),
     "before": (GREY, "-", 1.7),
+    "first": (BLUE, "-", 1.8),
+    "second": (VERMILLION, "-", 1.8),
+    "third": (GREEN, "-", 1.8),
+    "fourth": (PURPLE, "-", 1.8),
+    "torus": (BLUE, "-", 1.6),
+    "torus-unstable": (BLUE, (0, (4, 2)), 1.2),
     "run": (GREY, "-", 1.0),
     "middle": (BLUE, "-", 1.6),
     "most": (BLUE, (0, (4, 2)), 1.2),
@@ -55,10 +62,24 @@ LOOKS: dict[str, tuple[str, Any, float]] = {
 MARKS = {"dots": ("o", 2.6), "crosses": ("x", 4.0)}
 SYMBOLS = {
     "stars": symbols("*", 11.0, "#f3c55b", BLACK),
+    "turn": symbols("D", 5.0, "white", BLUE),
+    "fold": symbols("D", 5.0, "white", BLACK),
+    "crossing": symbols("X", 6.0, "white", BLACK),
+    "birth": symbols("o", 6.0, "white", BLACK),
+    "hopf": symbols("o", 6.0, "white", VERMILLION),
+    "border": symbols("|", 9.0, GREEN, GREEN),
+    "doubling": symbols("s", 5.0, "white", VERMILLION),
+    "change": symbols("o", 5.0, "white", VERMILLION),
+    "pair": symbols("*", 8.0, "white", GREEN),
+    "resonance": symbols("|", 9.0, GREY, GREY),
+    "grazing": symbols("v", 5.0, "white", GREY),
+    "tip": symbols("*", 8.0, "white", BLACK),
+    **{f"marker-{number}": symbols(marker, 6.0, width=1.0) for number, marker in enumerate("osD^vPX*<>")},
 }
 _DASHES = (0, (4, 2))  # of what is unstable
 _THIN = 0.57  # width of a line in a panel below, which has dots on it
 _CLOSE = 0.12  # share of the range below which the texts of two lines would touch
+_OFFSET: Any = {"textcoords": "offset points"}
 _LINE = 60  # letters in a line of a reason why nothing is drawn
 
 Entries = dict[str, Any]
@@ -72,7 +93,7 @@ def drawing_of_answer(described: Description, *, in_axes: bool) -> Drawing:
         parts, entries = picture.parts(), Entries()
         if not in_axes:
             return _draw_panels(picture, parts, place, title)
-        finish = _draw_main(picture, parts, place, entries)
+        finish = _draw_main(picture, parts, place, entries, has_values=False)
         if picture.heading and "panels" not in described.forms:
             place.set_title(picture.heading[0], wrap=True)
         write_legend(place, list(entries.items()), note=picture.note)
@@ -81,7 +102,7 @@ def drawing_of_answer(described: Description, *, in_axes: bool) -> Drawing:
     place = Parameter("place", Parameter.POSITIONAL_OR_KEYWORD)
     title = [] if in_axes else [Parameter("title", Parameter.KEYWORD_ONLY, default="")]
     draw.__signature__ = Signature([place.replace(name="record"), place, *described.options, *title])  # type: ignore[attr-defined]
-    return Drawing(draw, described.size)
+    return Drawing(draw, described.size, several=described.several)
 
 
 def _draw_panels(picture: Picture, parts: Parts, figure: AnyFigure, title: str) -> Finish:
@@ -97,18 +118,18 @@ def _draw_panels(picture: Picture, parts: Parts, figure: AnyFigure, title: str) 
     write_answer(figure, title, picture.heading)
     if len(axes) > 1:
         write_letters(axes)
-    entries, finish = Entries(), None
+    entries, finishes = Entries(), list[Callable[[], None]]()
     for ax, each in zip(axes, panels, strict=True):
         if each is None:
-            finish = _draw_main(picture, parts, ax, entries)
+            finishes.append(_draw_main(picture, parts, ax, entries))
         elif isinstance(each, list):
             _draw_bars(ax, each)
         else:
-            _draw_panel(picture, parts, ax, each, entries)
+            finishes.append(_draw_panel(picture, parts, ax, each, entries))
     for ax in axes[:-1] if shares else ():
         ax.set_xlabel("")
     write_legend(figure if len(axes) > 1 else axes[0], list(entries.items()), note=picture.note)
-    return finish
+    return lambda: [finish() for finish in finishes] and None
 
 
 def _height(picture: Picture, panel: Panel | list[Bar] | None) -> float:
@@ -141,38 +162,71 @@ def _draw_bars(ax: Axes, bars: Sequence[Bar]) -> None:
     ax.set(xlim=(-1.04 * widest, 1.04 * widest), ylim=(len(bars) - 0.45, -0.55), xlabel="change in %, within limits")
 
 
-def _draw_panel(picture: Picture, parts: Parts, ax: Axes, panel: Panel, entries: Entries) -> None:
-    _draw_series(ax, panel.series, entries, _THIN if any(each.mark == "dots" for each in panel.series) else 1.0)
+def _draw_panel(picture: Picture, parts: Parts, ax: Axes, panel: Panel, entries: Entries) -> Finish:
+    if panel.logarithmic:
+        ax.set(**{f"{panel.logarithmic}scale": "log"})
+    _draw_series(ax, panel.series, entries)
     _draw_over(picture, parts, ax, (panel.over, ""), entries)
     ax.set(ylabel=panel.title, xlabel=panel.across or parameter_words(panel.over, picture.system.units))
     if panel.margin is not None:
         ax.margins(x=panel.margin)
-    elif not panel.fitted:
+    elif panel.fitted:
+        ax.margins(y=0.12)
+    else:
         ax.set_ylim(0.0, 1.08 * ax.get_ylim()[1])
+    return partial(_write_notes, ax, panel.series, None)
 
 
-def _draw_main(picture: Picture, parts: Parts, ax: Axes, entries: Entries) -> Finish:
+def _draw_main(
+    picture: Picture, parts: Parts, ax: Axes, entries: Entries, *, has_values: bool = True
+) -> Callable[[], None]:
     """Draw the curves with what lies over them; return the function that writes texts in the final layout."""
-    assert picture.axes is not None
+    if picture.axes is None:
+        raise ModelError(picture.empty)
     across, up = picture.axes
+    reach = parts.within if picture.reach is None else picture.reach
     cells = next((each for each in parts.cells if each.of in ("", picture.of)), None)
     words = [text or words_of(name, picture.system) for name, text in zip(picture.axes, picture.words, strict=True)]
     if cells is not None:
         named = [(text, TINTS.get(color, color)) for text, color in cells.entries]
         fill_colors(ax, cells.codes, [color for _, color in named], cells.within, (words[0], words[1]))
         entries.update(named)
-    finish = _draw_curves(picture, ax, entries, is_over_cells=cells is not None)
-    _draw_series(ax, [each for each in parts.layers if each.axes == picture.axes], entries)
+    finish = _draw_curves(picture, ax, entries, is_over_cells=cells is not None, within=reach.get(across))
+    series = [each for each in (*parts.layers, *parts.paper) if each.axes == picture.axes]
+    first = len(ax.lines)
+    _draw_series(ax, series, entries)
+    if finish is not None:
+        _make_room(ax, first, across=across not in reach)
     _draw_over(picture, parts, ax, picture.axes, entries)
-    ax.set(xlabel=words[0], ylabel=words[1])
-    ax.set(**{f"{axis}lim": parts.within[name] for axis, name in (("x", across), ("y", up)) if name in parts.within})
-    if up.startswith("half.") and up not in parts.within:
-        ax.set_ylim(bottom=0.0)
+    room = 72.0 * ax.bbox.height / ax.figure.dpi
+    ax.set(xlabel=words[0], ylabel=picture.words[1] or style.broken(words[1], room))
+    if picture.logarithmic:
+        ax.set(**{f"{picture.logarithmic}scale": "log"})
+    ax.set(**{f"{axis}lim": reach[name] for axis, name in (("x", across), ("y", up)) if name in reach})
     if picture.empty:
         ax.grid(False)
         options = {"ha": "center", "va": "center", "color": GREY, "transform": ax.transAxes}
         ax.text(0.5, 0.5, fill(picture.empty.replace("$", r"\$"), _LINE), **options)
-    return partial(_write_texts, picture, parts, ax, finish)
+
+    def write() -> None:
+        if finish is not None:
+            finish()
+        if has_values:
+            _write_values(picture, parts, ax)
+        _write_notes(ax, series, next((each for each in parts.shades if each.over == up), None))
+
+    return write
+
+
+def _make_room(ax: Axes, first: int, *, across: bool) -> None:
+    """Extend the ranges of axes, which are those of branches, to lines drawn later."""
+    for axis in "xy" if across else "y":
+        low, high = getattr(ax, f"get_{axis}lim")()
+        later = [np.asarray(getattr(line, f"get_{axis}data")(), dtype=float) for line in ax.lines[first:]]
+        values = np.concatenate([*later, [low, high]])
+        least, most = float(np.nanmin(values)), float(np.nanmax(values))
+        room = 0.04 * (most - least)
+        ax.set(**{f"{axis}lim": (least - room * (least < low), most + room * (most > high))})
 
 
 def words_of(name: str, system: Any) -> str:
@@ -181,7 +235,7 @@ def words_of(name: str, system: Any) -> str:
     return parameter_words(name, system.units) if named else measure_words(name, system.units)
 
 
-def _draw_curves(picture: Picture, ax: Axes, entries: Entries, *, is_over_cells: bool) -> Finish | None:
+def _draw_curves(picture: Picture, ax: Axes, entries: Entries, *, is_over_cells: bool, within: Any) -> Finish:
     """Draw the branches and loci."""
     assert picture.axes is not None
     across, up = picture.axes
@@ -191,7 +245,7 @@ def _draw_curves(picture: Picture, ax: Axes, entries: Entries, *, is_over_cells:
         curves = [each.curve for each in loci]
         entries.update((f"border: {text}", options) for text, options in draw_loci(ax, curves[0], curves))
     for each in loci if not is_over_cells else ():
-        entries[each.text] = style.locus_options(each.curve.kind)
+        entries[each.text] = stroke(*_look(each.look)) if each.look else style.locus_options(each.curve.kind)
         ax.plot(*each.curve.values.T[:: 1 if each.curve.first == across else -1], zorder=3, **entries[each.text])
     for each in sorted(branches, key=lambda each: not each.is_earlier):
         if each.points is not None:
@@ -210,7 +264,7 @@ def _draw_curves(picture: Picture, ax: Axes, entries: Entries, *, is_over_cells:
     plain = [each.curve for each in branches if not each.look]
     if not plain:
         return None
-    finish = draw_branches(plain, ax, up, labels=picture.labels, legend=False, within=picture.reach)
+    finish = draw_branches(plain, ax, up, labels=picture.labels, legend=False, within=within)
     entries.update(line_entries(plain))
     return finish
 
@@ -232,20 +286,45 @@ def _draw_branch(ax: Axes, named: NamedCurve, up: str) -> None:
         ax.plot([special.value], [special.point.measure(up)], **mark)
 
 
-def _draw_series(ax: Axes, series: Sequence[Series], entries: Entries, width: float = 1.0) -> None:
+def _draw_series(ax: Axes, series: Sequence[Series], entries: Entries) -> None:
+    dotted = {each.look for each in series if each.mark == "dots"}
     for each in series:
-        color, own, dashes = _look(each.look)
-        options = SYMBOLS.get(each.symbol or each.mark)
-        if options is None and each.mark in MARKS:
-            options = symbols(*MARKS[each.mark], color, color)
-        line = stroke(color, own, dashes)
+        color, width, dashes = _look(each.look)
+        x, y = np.asarray(each.x, dtype=float), np.asarray(each.y, dtype=float)
+        options: Any = stroke(color, width, dashes)
+        if each.along is not None:
+            branch, quantity = each.along
+            for piece in cut(branch, lambda point, quantity=quantity: np.array([quantity(point)])):
+                ax.plot(piece.x, piece.y[:, 0], zorder=3, **style.LINES[piece.label].options())
+            continue
         if each.mark == "between":
-            ax.fill_between(np.asarray(each.x), *np.asarray(each.y), color=color, alpha=0.18, linewidth=0, zorder=1)
-            line = stroke(color, 6.0, alpha=0.3)
-        else:
-            ax.plot(each.x, each.y, zorder=3, **(options or stroke(color, width * own, dashes)))
+            ax.fill_between(x, *y, color=color, alpha=0.18, linewidth=0, zorder=1)
+            options = stroke(color, 6.0, alpha=0.3)
+        elif each.mark == "area":
+            ax.fill_between(x, y, color=color, alpha=0.45)
+        elif each.mark == "region":
+            ax.fill(x, y, color=color, alpha=0.25, linewidth=0, zorder=1)
+        elif each.mark == "line":
+            if each.corners is not None:
+                x, y = _smooth(x, y, np.array(each.corners), is_logarithmic=ax.get_xscale() == "log")
+            ax.plot(x, y, zorder=3, **(stroke(color, _THIN * width, dashes) if each.look in dotted else options))
+        elif each.mark != "none":
+            options = SYMBOLS.get(each.symbol or each.mark) or symbols(*MARKS[each.mark], color, color)
+            ax.plot(x, y, zorder=4 if each.mark in MARKS else 6, **options)
         if each.text:
-            entries.setdefault(each.text, options or line)
+            entries.setdefault(each.text, options)
+
+
+def _smooth(
+    x: NDArray[np.float64], y: NDArray[np.float64], corners: NDArray[Any], *, is_logarithmic: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a smooth curve through points, with corners between points whose numbers differ."""
+    points = np.column_stack((np.log(x) if is_logarithmic else x, y))
+    steps = np.diff(points, axis=0) / (np.ptp(points, axis=0) + np.finfo(float).tiny)
+    along = np.append(0.0, np.cumsum(np.hypot(*steps.T)))
+    parts = np.split(np.arange(len(points)), np.flatnonzero(np.diff(corners)) + 1)
+    curve = np.concatenate([smooth_line(along[part], points[part]) for part in parts])
+    return np.exp(curve[:, 0]) if is_logarithmic else curve[:, 0], curve[:, 1]
 
 
 def _draw_over(picture: Picture, parts: Parts, ax: Axes, axes: tuple[str, str], entries: Entries) -> None:
@@ -261,25 +340,28 @@ def _draw_over(picture: Picture, parts: Parts, ax: Axes, axes: tuple[str, str], 
             line(each.at, **stroke(GREY, 0.8, "-" if each.exact else ":", zorder=1))
 
 
-def _write_texts(picture: Picture, parts: Parts, ax: Axes, finish: Finish | None) -> None:
-    """Write the texts of upright lines above a panel, where they do not touch each other, and those of points."""
-    assert picture.axes is not None
-    if finish is not None:
-        finish()
-    low, high = ax.get_xlim()
-    last = -math.inf
-    options: Any = {"textcoords": "offset points", "ha": "center"}
+def _write_values(picture: Picture, parts: Parts, ax: Axes) -> None:
+    """Write the texts of upright lines above a panel, where they do not touch each other."""
+    (low, high), last = ax.get_xlim(), -math.inf
     for each in parts.lines:
-        is_named = each.text and each.over == picture.axes[0] and each.of in ("", picture.of)
+        is_named = each.text and picture.axes and each.over == picture.axes[0] and each.of in ("", picture.of)
         if is_named and (each.at - last) / (high - low) >= _CLOSE:
             last = each.at
-            text, place = "\n".join(filter(None, (each.text, each.kind))), (each.at, 1.0)
-            above = {"xycoords": ("data", "axes fraction"), "xytext": (0.0, 3.0), "annotation_clip": False}
-            ax.annotate(text, place, va="bottom", fontsize=style.points(7.5), **above, **options)
-    for each in parts.layers:
-        for note, x, y in zip(each.notes, each.x, each.y, strict=False) if each.axes == picture.axes else ():
-            # on the side of the shade
-            is_above = any(shade.over == picture.axes[1] and shade.low >= y for shade in parts.shades)
-            shift = 9.0 if is_above is not bool(ax.yaxis_inverted()) else -9.0
-            side = "bottom" if shift > 0.0 else "top"
-            ax.annotate(note, (x, y), xytext=(0.0, shift), va=side, fontsize="small", **options)
+            text = "\n".join(filter(None, (each.text, each.kind)))
+            options: Any = {
+                "xycoords": ("data", "axes fraction"),
+                "annotation_clip": False,
+                "fontsize": style.points(7.5),
+            }
+            ax.annotate(text, (each.at, 1.0), xytext=(0.0, 3.0), ha="center", va="bottom", **_OFFSET, **options)
+
+
+def _write_notes(ax: Axes, series: Sequence[Series], shade: Shade | None) -> None:
+    """Write the texts of points next to them: above or below, on the side of a shade; without one, above right."""
+    for each in series:
+        for note, x, y in zip(each.notes, np.asarray(each.x), np.asarray(each.y), strict=bool(each.notes)):
+            shift, sides = (4.0, 4.0), {}
+            if shade is not None:
+                is_up = (shade.low >= y) is not bool(ax.yaxis_inverted())  # of matplotlib, it may be NumPy's
+                shift, sides = (0.0, 9.0 if is_up else -9.0), {"ha": "center", "va": "bottom" if is_up else "top"}
+            ax.annotate(note, (x, y), xytext=shift, fontsize="small", **_OFFSET, **sides)

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_rgb
 from numpy.typing import NDArray
 
-from gapwalk.attractors.basins import IMPOSSIBLE, Basins
+from gapwalk.attractors.basins import IMPOSSIBLE, RUNAWAY, UNRESOLVED, Basins
 from gapwalk.attractors.regimes import Regime, Regimes, regime_word
 from gapwalk.attractors.settle import AttractorKind
 from gapwalk.bifurcation.loci import Locus
@@ -19,6 +19,7 @@ from gapwalk.bifurcation.special_point import Kind
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import contact_to_show
 from gapwalk.model.words import coordinate_words, parameter_words, state_words
+from gapwalk.picture_parts import START, Cells, Parts, Picture, Series, pictured
 from gapwalk.plot import style
 from gapwalk.plot.picture import AnyFigure, Finish, Inches, draws, stacked, write_legend
 from gapwalk.studies.sweep_study import Sweep, Way
@@ -42,8 +43,7 @@ class InPlane(Protocol):
 
 # From dark to light and of different hues (Okabe and Ito 2008), so that neighbours also differ in grey.
 FILLS = ("#0b56a4", "#f3c55b", "#8fcdf1", "#d55e00", "#9adbc3", "#7a3b69", "#f0e442", "#cc79a7", "#00664b", "#c9c9c9")
-UNRESOLVED_COLOR, RUNAWAY_COLOR, IMPOSSIBLE_COLOR = "#ffffff", "#3a3a3a", "#c9c9c9"
-_MARKERS = "osD^vPX*<>"
+_OTHERS = ((RUNAWAY, "#3a3a3a"), (UNRESOLVED, "#ffffff"), (IMPOSSIBLE, "#c9c9c9"))
 _STROBES = ("in the plane", "all", "none")
 _IN_PLANE = 1e-6  # distance, relative to the size of the plane, below which a strobe lies in it
 _FORCES = "cividis"  # of peak forces and impacts: perceptually uniform for any colour vision
@@ -72,34 +72,49 @@ def fill_colors(ax: Axes, codes: NDArray[Any], colors: Sequence[str], within: Ra
     _fill(ax, codes, within, words, cmap=ListedColormap(colors), vmin=-0.5, vmax=len(colors) - 0.5)
 
 
-@draws(Basins, size=(6.6, 6.2))
-def draw_basins(found: Basins, ax: Axes, *, strobes: str = "in the plane") -> None:
-    """Draw the basins of attraction: the plane of initial states, each cell in the colour of its attractor."""
+@pictured(Basins, size=(6.6, 6.2), forms=("axes",))
+def basins_picture(found: Basins, *, strobes: str = "in the plane") -> Picture:
+    """Describe the plane of initial states, each cell in the colour of its attractor, with the states of motions."""
     if strobes not in _STROBES:
         raise ModelError(f'strobes is {strobes!r}; write "in the plane", "all" or "none"')
     window, units = found.window, found.system.units
-    fills = [FILLS[index % len(FILLS)] for index in range(len(found.attractors))]
-    words = [f"{coordinate_words(name, units)} at the start" for name in (window.across, window.up)]
-    all_colors = [IMPOSSIBLE_COLOR, RUNAWAY_COLOR, UNRESOLVED_COLOR, *fills]
-    fill_colors(ax, found.labels - IMPOSSIBLE, all_colors, window.within, (words[0], words[1]))
-    share = 100.0 / found.labels.size
-    entries: list[tuple[str, Any]] = [
-        (f"{name} ({share * count:.1f} %)", fill)
-        for (name, count), fill in zip(found.cells.items(), fills, strict=True)
+    across, up = (f"{coordinate_words(name, units)} at the start" for name in (window.across, window.up))
+    shares = [f"{name} {count / found.labels.size:.1%}" for name, count in (*found.cells.items(), *_others(found))]
+    return Picture(
+        found.system,
+        (f"{START}{window.across}", f"{START}{window.up}"),
+        (),
+        partial(_parts_of_basins, found, strobes),
+        sentences=[f"Of {found.labels.size:,} starts: {', '.join(shares)}"],
+        words=(across, up),
+        note=found.check.text,
+    )
+
+
+def _others(found: Basins) -> list[tuple[str, int]]:
+    return [(text, count) for text, count in found.others.items() if count]
+
+
+def _parts_of_basins(found: Basins, strobes: str) -> Parts:
+    axes, share = (f"{START}{found.window.across}", f"{START}{found.window.up}"), 100.0 / found.labels.size
+    entries = [
+        (f"{name} ({share * count:.1f} %)", FILLS[k % len(FILLS)])
+        for k, (name, count) in enumerate(found.cells.items())
     ]
-    for (text, count), color in zip(
-        found.others.items(), (RUNAWAY_COLOR, UNRESOLVED_COLOR, IMPOSSIBLE_COLOR), strict=True
-    ):
+    codes = np.array(found.labels)
+    for (text, count), (label, color) in zip(found.others.items(), _OTHERS, strict=True):
         if count:
+            codes[found.labels == label] = len(entries)
             entries.append((f"{text} ({share * count:.2g} %)", color))
-    for index, states in marked_strobes(found, strobes):
-        marker = style.symbols(_MARKERS[index % len(_MARKERS)], 6.0, width=1.0)
-        ax.plot(*states.T, zorder=4, **marker)
-        entries.append((f"orbit of {found.names[index]}", marker))
-    write_legend(ax, entries, note=found.check.text)
+    orbits = [
+        Series(*states.T, "stars", "worst", f"orbit of {found.names[k]}", axes=axes, symbol=f"marker-{k}")
+        for k, states in _marked_strobes(found, strobes)
+    ]
+    within = dict(zip(axes, found.window.within, strict=True))
+    return Parts(layers=orbits, cells=[Cells(codes, entries, found.window.within)], within=within, quantities=axes)
 
 
-def marked_strobes(found: Basins, which: str) -> Iterator[tuple[int, NDArray[np.float64]]]:
+def _marked_strobes(found: Basins, which: str) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """Yield the attractors with strobes to mark, and the positions of these strobes in the plane."""
     box = found.window.box
     shown = [box.names.index(name) for name in (found.window.across, found.window.up)]

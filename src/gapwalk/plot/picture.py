@@ -244,11 +244,7 @@ _MODULES = {
     "tolerances": ("Tolerance",),
     "models": ("System",),
     "scan_picture": ("Scan",),
-    "backbone_pictures": ("Backbone", "Backbones"),
-    "foretold_picture": ("Foretold",),
-    "self_excited_pictures": ("Rests", "SelfExcited"),
-    "tongue_pictures": ("Tongue",),
-    "torus_pictures": ("Torus", "TorusDiagram", "TorusFamily"),
+    "torus_pictures": ("Torus",),
     "motions": (
         *("Attractor", "Hysteresis", "Modes", "Motion", "Orbit"),
         *("Section", "Settled", "Spectrum", "Waterfall"),
