@@ -19,9 +19,13 @@ Inches = tuple[float, float]
 _SAME = 1e-9  # relative difference up to which two values of a special point are one
 
 # Modules that describe records of packages below them, imported when such a record is first shown.
-_HOMES = {
+HOMES = {
     name: f"gapwalk.{module}"
     for module, names in (
+        ("answers.design", ("Design",)),
+        ("answers.rattle_bands", ("RattleBands", "RattleMap")),
+        ("answers.run_ups", ("RunUps",)),
+        ("answers.threshold", ("Threshold",)),
         ("answers.free_pictures", ("Backbone", "Backbones", "Foretold", "Rests", "SelfExcited")),
         ("answers.torus_pictures", ("Torus", "TorusDiagram", "TorusFamily", "Tongue")),
         ("plot.cells", ("Basins",)),
@@ -271,6 +275,6 @@ def pictured(
 
 def description_of(kind: type) -> Description | None:
     """Return how a type of record is described; None if it is not."""
-    if kind not in _KNOWN and kind.__name__ in _HOMES and kind.__module__.startswith("gapwalk."):
-        import_module(_HOMES[kind.__name__])
+    if kind not in _KNOWN and kind.__name__ in HOMES and kind.__module__.startswith("gapwalk."):
+        import_module(HOMES[kind.__name__])
     return _KNOWN.get(kind)

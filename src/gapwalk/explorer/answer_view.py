@@ -17,7 +17,6 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.errors import GapwalkError
 from gapwalk.explorer.axis_quantities import quantity_words
-from gapwalk.explorer.motion_panels import gradient_content
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_words
 from gapwalk.picture_parts import Cells, Cloud, Description, End, Panel, Parts, Picture, Series, Whole, description_of
@@ -109,11 +108,21 @@ class AnswerView:
                 every = max(1, int(np.ceil(np.sqrt(part.codes.size / _MOST))))
                 entries = [_entry(*each) for each in part.entries]
                 rows = part.codes[::every, ::every].tolist()
-                return {"axes": self.axes, "within": part.within, "rows": rows, "entries": entries, "of": part.of}
+                return {
+                    "axes": list(self.axes or ()),
+                    "within": [list(ends) for ends in part.within],
+                    "rows": rows,
+                    "entries": entries,
+                    "of": part.of,
+                }
         return part._asdict()
 
     def _end(self, end: End) -> Json | None:
         """Return a place that the answer names; None if it is a special point of none of the curves."""
+        from gapwalk.explorer.motion_panels import (
+            gradient_content,  # its panels know the results, and these their answers
+        )
+
         place = {} if end.gradient else self.picture.place_of(end.special)
         if place is None:
             return None

@@ -23,15 +23,8 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from gapwalk.answers.design import Design
-from gapwalk.answers.rattle_bands import RattleBands, RattleMap
 from gapwalk.answers.run_up import RunUp
-from gapwalk.answers.run_ups import RunUps
 from gapwalk.answers.shown_measure import shown_measure
-from gapwalk.answers.threshold import Threshold
-from gapwalk.answers.tolerance import Tolerance
-from gapwalk.attractors.basins import Basins, BasinShares
-from gapwalk.attractors.regimes import Regimes
 from gapwalk.attractors.settle import Settled
 from gapwalk.attractors.spectrum import Sound, Tracked
 from gapwalk.bifurcation.branch import Branch
@@ -59,23 +52,16 @@ from gapwalk.explorer.what_next import at_special, neighbours, stretches
 from gapwalk.explorer.workspace import RECORD, verdict
 from gapwalk.files import open_file
 from gapwalk.flow.motion import force_of
-from gapwalk.free.backbone_curve import Backbone
-from gapwalk.free.backbones import Backbones
-from gapwalk.free.self_excitation import SelfExcited
 from gapwalk.measurement.measured_record import is_run_up, read_run_up
 from gapwalk.model.measured.measured_table import NamedFile
 from gapwalk.model.system import System
 from gapwalk.model.words import full_measure, signal_words
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.studies.export import write_whole
-from gapwalk.studies.family import Family
 from gapwalk.studies.map import Map
 from gapwalk.studies.result import Result
 from gapwalk.studies.settle_study import SettleFinding
 from gapwalk.studies.sweep_study import Sweep, SweepFinding
-from gapwalk.tori.tongue import Tongue
-from gapwalk.tori.torus import Torus
-from gapwalk.tori.torus_family import TorusDiagram, TorusFamily
 
 # A saved page as one HTML file: text, style and modules of the explorer's page, Plotly, and what the page shows.
 
@@ -270,37 +256,6 @@ def _field(request: Request, name: str) -> str:
     return text
 
 
-Found = (
-    Result
-    | Branch
-    | Diagram
-    | Family
-    | Settled
-    | Orbit
-    | RattleBands
-    | RattleMap
-    | Threshold
-    | Design
-    | Tolerance
-    | RunUp
-    | RunUps
-    | Basins
-    | BasinShares
-    | Regimes
-    | Locus
-    | Map
-    | Sweep
-    | TorusDiagram
-    | TorusFamily
-    | Torus
-    | Tongue
-    | Backbones
-    | Backbone
-    | SelfExcited
-)
-"""Records that can be saved."""
-
-
 class Lines(NamedTuple):
     """Lines of the page, the parameters that differ among them, and axes; or a motion; or an answer."""
 
@@ -319,7 +274,7 @@ class Lines(NamedTuple):
         return self.answer.system if self.answer is not None else self.named[0].points[0].orbit.system
 
 
-def lines_of(found: Found) -> Lines:
+def lines_of(found: Any) -> Lines:
     """Return the branches, the motion or the answer of a record."""
     match found:
         case Branch():
@@ -418,7 +373,7 @@ def content_of(
         "loci": locus_lines() if any(line.kind is not None for line in lines.named) else [],
         "answer": blob.packed(answer),
         "pictures": pictures,
-        "heard": _heard(HeardRunUp(lines.answer), answer, blob)
+        "heard": _heard(lines.answer, answer, blob)
         if lines.answer and isinstance(lines.answer.record, RunUp)
         else None,
         "branches": [
@@ -525,7 +480,7 @@ def _note(nodes: Sequence[Sequence[Node]], kept: Sequence[set[int]]) -> str:
 
 
 def save_html(
-    found: Found,
+    found: Any,
     path: str | os.PathLike[str],
     *,
     measure: str | None = None,

@@ -30,6 +30,7 @@ from matplotlib.textpath import TextToPath
 
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.notebook import Shown
+from gapwalk.picture_parts import HOMES as DESCRIBED
 from gapwalk.picture_parts import description_of
 from gapwalk.plot.style import CARD, DPI, GREY, SizeName, in_style, points, rc, sheet_size, sized
 from gapwalk.studies.export import write_whole
@@ -235,7 +236,7 @@ FORMS = ("png", "svg", "pdf")
 # Modules of this package that draw the types of gapwalk, imported when such a record is first drawn.
 _MODULES = {
     "branches": ("Branch",),
-    "cells": ("Basins", "Regimes", "Sweep"),
+    "cells": ("Regimes", "Sweep"),
     "comparisons": ("Alignment", "Contrast", "Fit", "ResultComparison"),
     "diagrams": ("Diagram",),
     "run_up_pictures": ("RunUp",),
@@ -244,7 +245,7 @@ _MODULES = {
     "tolerances": ("Tolerance",),
     "models": ("System",),
     "scan_picture": ("Scan",),
-    "torus_pictures": ("Torus",),
+    "torus_in_space": ("Torus",),
     "motions": (
         *("Attractor", "Hysteresis", "Modes", "Motion", "Orbit"),
         *("Section", "Settled", "Spectrum", "Waterfall"),
@@ -365,8 +366,9 @@ def drawing_of(record: Any, in_axes: bool = False) -> tuple[Drawing, bool]:
             return found, found is _IN_AXES.get(kind)
         if kind in _IN_PANELS:
             raise ModelError(f"a {kind.__name__} is drawn in several panels: give figure=..., not ax=...")
+    known = {*_HOMES, *(name for name, home in DESCRIBED.items() if "explorer" not in home)}
     raise ModelError(
-        f"there is no picture of a {type(first).__name__}; there are pictures of {', '.join(sorted(_HOMES))}"
+        f"there is no picture of a {type(first).__name__}; there are pictures of {', '.join(sorted(known))}"
     )
 
 

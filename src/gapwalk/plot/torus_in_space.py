@@ -1,4 +1,4 @@
-"""Pictures of tori: families over their parameter with rotation numbers; one torus in section and in space."""
+"""Picture of one torus: in the stroboscopic section, and as a surface in space."""
 
 from __future__ import annotations
 
@@ -10,24 +10,11 @@ from mpl_toolkits.mplot3d import Axes3D
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.words import signal_words
 from gapwalk.plot.picture import AnyFigure, Inches, draws, write_heading, write_letters
-from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION, stroke, symbols
+from gapwalk.plot.style import BLACK, BLUE, GREEN, PURPLE, VERMILLION, stroke
 from gapwalk.tori.torus import TURN, Torus, at_phases
-from gapwalk.tori.torus_family import TorusEventKind
 
-_STABLE = stroke(BLUE, 1.6, "-", zorder=4)
-_UNSTABLE = stroke(BLUE, 1.2, (0, (4, 2)), zorder=4)
-_LOCKED = "#f3dfb2"
 _PALE = "#7fbce6"
 _CURVES = (BLUE, VERMILLION, GREEN, PURPLE, BLACK)
-_MARKS = {
-    TorusEventKind.FOLD: symbols("D", 5.0, "white", BLUE),
-    TorusEventKind.DOUBLING: symbols("s", 5.0, "white", VERMILLION),
-    TorusEventKind.CHANGE: symbols("o", 5.0, "white", VERMILLION),
-    TorusEventKind.PAIR: symbols("*", 8.0, "white", GREEN),
-    TorusEventKind.RESONANCE: symbols("|", 9.0, GREY, GREY),
-    TorusEventKind.GRAZING: symbols("v", 5.0, "white", GREY),
-}
-_CLOSE = 0.35  # share of the range around the tori that is shown beside them
 _MOST = 4  # curves that have a panel of their own
 _FINE = 400  # points of a curve
 _ANGLES = 48  # angles of the excitation in a picture in space, per forcing period
