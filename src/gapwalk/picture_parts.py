@@ -28,8 +28,8 @@ HOMES = {
         ("answers.threshold", ("Threshold",)),
         ("answers.free_pictures", ("Backbone", "Backbones", "Foretold", "Rests", "SelfExcited")),
         ("answers.torus_pictures", ("Torus", "TorusDiagram", "TorusFamily", "Tongue")),
-        ("plot.cells", ("Basins",)),
-        ("explorer.page_pictures", ("BasinShares", "Family", "Regimes", "Sweep")),
+        ("plot.cells", ("Basins", "Regimes")),
+        ("explorer.page_pictures", ("BasinShares", "Family", "Sweep")),
         ("explorer.run_up_view", ("RunUp",)),
     )
     for name in names
@@ -62,7 +62,7 @@ class NamedCurve(NamedTuple):
         return [each for each in self.curve.special_points if each.kind in self.marks]
 
 
-def curves_of_loci(loci: Sequence[Any], text: str) -> list[NamedCurve]:
+def curves_of_loci(loci: Iterable[Any], text: str) -> list[NamedCurve]:
     """Return loci as curves with names such as ``grazing-2``, and a legend that contains their kind."""
     return [
         NamedCurve(f"{each.kind.value}-{k}", each, "", text.format(each.kind)) for k, each in enumerate(loci, start=1)

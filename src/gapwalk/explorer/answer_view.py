@@ -106,13 +106,11 @@ class AnswerView:
                 return part._asdict() | drawn
             case Cells():
                 every = max(1, int(np.ceil(np.sqrt(part.codes.size / _MOST))))
-                entries = [_entry(*each) for each in part.entries]
-                rows = part.codes[::every, ::every].tolist()
                 return {
                     "axes": list(self.axes or ()),
                     "within": [list(ends) for ends in part.within],
-                    "rows": rows,
-                    "entries": entries,
+                    "rows": part.codes[::every, ::every].tolist(),
+                    "entries": [_entry(*each) for each in part.entries],
                     "of": part.of,
                 }
         return part._asdict()

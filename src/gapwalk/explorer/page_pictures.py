@@ -1,4 +1,4 @@
-"""Pictures on the page of records whose picture on paper shows other things: shares, regimes, sweeps, families."""
+"""Pictures on the page of records whose picture on paper shows other things: shares, sweeps, families."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ import numpy as np
 
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.attractors.basins import BasinShares
-from gapwalk.attractors.regimes import Regimes
 from gapwalk.model.words import parameter_symbol, parameter_words
-from gapwalk.picture_parts import SECTION, Cells, NamedCurve, Parts, Picture, Series, pictured
-from gapwalk.plot.cells import FILLS, regimes_of
+from gapwalk.picture_parts import SECTION, NamedCurve, Parts, Picture, Series, pictured
+from gapwalk.plot.cells import FILLS
 from gapwalk.studies.family import Family, SpecialPointPath
 from gapwalk.studies.sweep_study import Sweep, Way
 
@@ -34,23 +33,6 @@ def shares_picture(found: BasinShares) -> Picture:
     ]
     said = [f"Of {len(found.labels):,} random starts: {shares}"]
     return Picture(found.system, parts=lambda: Parts(more={"shares": bars}), sentences=said)
-
-
-@pictured(Regimes, forms=())
-def regimes_picture(found: Regimes) -> Picture:
-    """Describe the kind of motion in each cell of the plane of two parameters."""
-    shares = ", ".join(f"{name} {count / found.regimes.size:.1%}" for name, count in found.cells.items())
-    said = [f"Of {found.regimes.size:,} cells: {shares}"]
-    return Picture(found.system, (found.first, found.second), (), partial(_parts_of_regimes, found), sentences=said)
-
-
-def _parts_of_regimes(found: Regimes) -> Parts:
-    entries, codes = list[tuple[str, str]](), np.zeros(found.regimes.shape, dtype=int)
-    for code, (text, color, cells) in enumerate(regimes_of(found)):
-        codes[cells] = code
-        entries.append((text, color))
-    within = dict(zip((found.first, found.second), found.within, strict=True))
-    return Parts(cells=[Cells(codes, entries, found.within)], within=within)
 
 
 _LEVELS = 700  # of the section points at one value: points nearer to each other than a pixel are drawn once

@@ -19,7 +19,7 @@ from gapwalk.model.words import measure_words, parameter_words
 from gapwalk.picture_parts import Bar, Description, NamedCurve, Panel, Parts, Picture, Series, Shade
 from gapwalk.plot import style
 from gapwalk.plot.branches import cut, draw_branches, line_entries, pieces_of, smooth_line
-from gapwalk.plot.cells import draw_loci, fill_colors
+from gapwalk.plot.cells import draw_locus, fill_colors
 from gapwalk.plot.picture import AnyFigure, Drawing, Finish, write_answer, write_legend, write_letters
 from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION, stroke, symbols
 
@@ -241,12 +241,13 @@ def _draw_curves(picture: Picture, ax: Axes, entries: Entries, *, is_over_cells:
     across, up = picture.axes
     branches = [each for each in picture.curves if isinstance(each.curve, Branch)]
     loci = [each for each in picture.curves if each not in branches]
-    if is_over_cells and loci:
-        curves = [each.curve for each in loci]
-        entries.update((f"border: {text}", options) for text, options in draw_loci(ax, curves[0], curves))
-    for each in loci if not is_over_cells else ():
-        entries[each.text] = stroke(*_look(each.look)) if each.look else style.locus_options(each.curve.kind)
-        ax.plot(*each.curve.values.T[:: 1 if each.curve.first == across else -1], zorder=3, **entries[each.text])
+    for each in loci:
+        options = stroke(*_look(each.look)) if each.look else style.locus_options(each.curve.kind)
+        if is_over_cells:
+            options = draw_locus(ax, picture.axes, each.curve)
+        else:
+            ax.plot(*each.curve.values.T[:: 1 if each.curve.first == across else -1], zorder=3, **options)
+        entries.setdefault(each.text, options)
     for each in sorted(branches, key=lambda each: not each.is_earlier):
         if each.points is not None:
             entries[each.text] = stroke(*_look(each.look))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,30 +15,15 @@ from gapwalk.attractors.basins import IMPOSSIBLE, RUNAWAY, UNRESOLVED, Basins
 from gapwalk.attractors.regimes import Regime, Regimes, regime_word
 from gapwalk.attractors.settle import AttractorKind
 from gapwalk.bifurcation.loci import Locus
-from gapwalk.bifurcation.special_point import Kind
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import contact_to_show
 from gapwalk.model.words import coordinate_words, parameter_words, state_words
-from gapwalk.picture_parts import START, Cells, Parts, Picture, Series, pictured
+from gapwalk.picture_parts import START, Cells, Parts, Picture, Series, curves_of_loci, pictured
 from gapwalk.plot import style
-from gapwalk.plot.picture import AnyFigure, Finish, Inches, draws, stacked, write_legend
+from gapwalk.plot.picture import AnyFigure, Finish, Inches, drawing_of, draws, stacked, write_legend
 from gapwalk.studies.sweep_study import Sweep, Way
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
-
-
-class InPlane(Protocol):
-    """A record in the plane of two parameters."""
-
-    @property
-    def first(self) -> str:
-        """Name of the horizontal parameter."""
-        ...
-
-    @property
-    def second(self) -> str:
-        """Name of the vertical parameter."""
-        ...
 
 
 # From dark to light and of different hues (Okabe and Ito 2008), so that neighbours also differ in grey.
@@ -131,18 +116,37 @@ def _marked_strobes(found: Basins, which: str) -> Iterator[tuple[int, NDArray[np
 # ------------------------------------------------------------------------------------------------- maps of regimes
 
 
-@draws(Regimes, size=stacked(1))
-def draw_cells(found: Regimes, ax: Axes, *, loci: Iterable[Locus] = ()) -> None:
-    """Draw the kinds of motion in the plane of two parameters, in one panel; `loci` are as in `draw_regimes`."""
-    codes, entries = np.zeros(found.regimes.shape), []
-    for code, (text, color, cells) in enumerate(regimes_of(found)):
-        codes[cells] = code
-        entries.append((text, color))
-    fill_colors(ax, codes, [color for _, color in entries], found.within, _axes_words(found))
+@pictured(Regimes, size=stacked(1), forms=("axes",))
+def regimes_picture(found: Regimes, *, loci: Iterable[Locus] = ()) -> Picture:
+    """Describe the kinds of motion in the plane of two parameters; `loci` are as in `draw_regimes`."""
     checked, different = found.check.checked, len(found.check.different)
-    note = f"checked with the exact flow: {different} of {checked} cells differed"
-    lines = draw_loci(ax, found, list(loci))
-    write_legend(ax, [*entries, *lines], note=note if checked else "not checked with the exact flow")
+    shares = ", ".join(f"{name} {count / found.regimes.size:.1%}" for name, count in found.cells.items())
+    return Picture(
+        found.system,
+        (found.first, found.second),
+        curves_of_loci(loci, "{}"),
+        partial(_parts_of_regimes, found),
+        sentences=[f"Of {found.regimes.size:,} cells: {shares}"],
+        note=f"checked with the exact flow: {different} of {checked} cells differed"
+        if checked
+        else "not checked with the exact flow",
+    )
+
+
+def _parts_of_regimes(found: Regimes) -> Parts:
+    """Return the cells, of which periodic motions are named first."""
+    codes, entries = np.zeros(found.regimes.shape, dtype=int), list[tuple[str, str]]()
+    kinds = np.unique(np.stack((found.regimes, found.periods), axis=-1).reshape(-1, 2), axis=0)
+    for text, word in style.regime_entries({regime_word(*pair) for pair in kinds.tolist()}).items():
+        m = style.period_of(word)
+        if m is None:
+            cells = found.regimes == next(regime for regime in Regime if regime.text == word)
+        else:
+            cells = found.periods == m if m <= style.NAMED_PERIODS else found.periods > style.NAMED_PERIODS
+        codes[cells] = len(entries)
+        entries.append((text, style.regime_color(word)))
+    within = dict(zip((found.first, found.second), found.within, strict=True))
+    return Parts(cells=[Cells(codes, entries, found.within)], within=within)
 
 
 @draws(Regimes, panels=True, size=lambda found, panels=None, **_: stacked(1 + len(_shown(found, panels))))
@@ -159,7 +163,7 @@ def draw_regimes(
     shown = _shown(found, panels)
     axes = figure.subplots(1 + len(shown), 1, sharex=True, squeeze=False)[:, 0]
     axes[0].set_title(title, wrap=True)
-    draw_cells(found, axes[0], loci=loci)
+    drawing_of(found, in_axes=True)[0].draw(found, axes[0], loci=loci)
     for which, ax in zip(shown, axes[1:], strict=True):
         _draw_forces(found, which, contact, ax)
     for ax in axes[:-1]:
@@ -216,35 +220,17 @@ def _contact_index(found: Regimes, which: str, contact: int | str | None) -> int
     raise ModelError(f"the map has no figures of a contact {contact!r}; contacts are {', '.join(names)}")
 
 
-def regimes_of(found: Regimes) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
-    """Yield the regimes of a map, periodic ones first: text, colour, and the cells with this regime."""
-    kinds = np.unique(np.stack((found.regimes, found.periods), axis=-1).reshape(-1, 2), axis=0)
-    for text, word in style.regime_entries({regime_word(*pair) for pair in kinds.tolist()}).items():
-        m = style.period_of(word)
-        if m is None:
-            cells = found.regimes == next(regime for regime in Regime if regime.text == word)
-        else:
-            cells = found.periods == m if m <= style.NAMED_PERIODS else found.periods > style.NAMED_PERIODS
-        yield text, style.regime_color(word), cells
-
-
-def draw_loci(ax: Axes, found: InPlane, loci: Sequence[Locus]) -> list[tuple[str, dict[str, Any]]]:
-    """Draw loci in black on white, visible on any colour; return their legend entries."""
-    for locus in loci:
-        if (locus.first, locus.second) != (found.first, found.second):
-            raise ModelError(
-                f"a locus is in the plane of {locus.first} and {locus.second}, and the map in that of {found.first} "
-                f"and {found.second}"
-            )
-        x, y = (np.vstack((locus.values, locus.values[:1])) if locus.is_closed else locus.values).T
-        ax.plot(x, y, color="white", linewidth=style.points(2.6), zorder=3)
-        ax.plot(x, y, zorder=4, **_black(locus))
-    firsts = {locus.kind: locus for locus in loci}
-    return [(style.locus_style(kind).text, _black(firsts[kind])) for kind in Kind.with_locus() if kind in firsts]
-
-
-def _black(locus: Locus) -> dict[str, Any]:
-    return style.locus_options(locus.kind) | {"color": style.BLACK, "linewidth": style.points(1.1)}
+def draw_locus(ax: Axes, plane: tuple[str, str], locus: Locus) -> dict[str, Any]:
+    """Draw a locus in black on white, visible on any colour; return the options of its line."""
+    if (locus.first, locus.second) != plane:
+        raise ModelError(
+            f"a locus is in the plane of {locus.first} and {locus.second}, and the map in that of {' and '.join(plane)}"
+        )
+    x, y = (np.vstack((locus.values, locus.values[:1])) if locus.is_closed else locus.values).T
+    options = style.locus_options(locus.kind) | {"color": style.BLACK, "linewidth": style.points(1.1)}
+    ax.plot(x, y, color="white", linewidth=style.points(2.6), zorder=3)
+    ax.plot(x, y, zorder=4, **options)
+    return options
 
 
 # ---------------------------------------------------------------------------------------------------------- sweeps

@@ -352,11 +352,11 @@ def drawing_of(record: Any, in_axes: bool = False) -> tuple[Drawing, bool]:
     for kind in type(first).__mro__:
         if kind.__name__ in _HOMES and kind.__module__.startswith("gapwalk."):
             import_module(f"gapwalk.plot.{_HOMES[kind.__name__]}")
-        if kind not in _IN_AXES and kind not in _IN_PANELS and (described := description_of(kind)) is not None:
+        if (described := description_of(kind)) is not None:
             from gapwalk.plot.answers import drawing_of_answer  # it draws with this module
 
             for form, drawings in (("axes", _IN_AXES), ("panels", _IN_PANELS)):
-                if form in described.forms:
+                if form in described.forms and kind not in drawings:
                     drawings[kind] = drawing_of_answer(described, in_axes=form == "axes")
         found = _IN_AXES.get(kind) if in_axes else _IN_PANELS.get(kind, _IN_AXES.get(kind))
         if found is not None:
