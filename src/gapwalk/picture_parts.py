@@ -7,7 +7,7 @@ on paper, `gapwalk.explorer.answer_view` on the page; the names of styles are th
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any, Literal, NamedTuple, TypeVar
@@ -40,9 +40,6 @@ SECTION = "section."
 
 START = "start."
 """Prefix of a state from which motions begin: ``start.q1``."""
-
-IN_TURN = ("first", "second", "third", "fourth")
-"""Looks of successive curves."""
 
 
 class NamedCurve(NamedTuple):
@@ -88,6 +85,22 @@ class Series(NamedTuple):
     corners: Sequence[int] | None = None
     #: The branch along which the series lies, and a function of its points: paper shows where it is stable.
     along: tuple[Any, Callable[[Any], float]] | None = None
+
+
+def events_of(
+    kinds: Iterable[Any], found: Sequence[tuple[Any, float, float]], axes: tuple[str, ...] = (), faint: Any = None
+) -> Iterator[Series]:
+    """Yield what happens along curves, given by its kind and place: a star for each kind, a cross for a faint one."""
+    for kind in kinds:
+        places = [place for each, *place in found if each is kind]
+        if places:
+            look = ("crosses", "measured") if kind is faint else ("stars", "worst")
+            yield Series(*zip(*places, strict=True), *look, kind.value, axes=axes, symbol=kind.name.lower())
+
+
+def look_of(number: int) -> str:
+    """Return the look of one of several curves."""
+    return ("first", "second", "third", "fourth")[number % 4]
 
 
 class Shade(NamedTuple):

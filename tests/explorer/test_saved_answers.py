@@ -8,7 +8,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.attractors.basins import RUNAWAY, UNRESOLVED
-from gapwalk.explorer.answer_view import Alone, AnswerView
+from gapwalk.explorer.answer_view import AnswerView
 from gapwalk.explorer.saved_page import Blob, content_of, lines_of
 from gapwalk.studies.study_registry import kind_of, kinds
 from tests.explorer.browser import browser, new_page, until
@@ -125,7 +125,7 @@ def test_shares_of_a_box_have_their_limits() -> None:
     system = study.system
     names = system.state_names
     shares = gw.basin_shares(system, {names[0]: (-1.0, 1.0), names[1]: (-1.0, 1.0)}, starts=200)
-    content = AnswerView(Alone(shares)).content()
+    content = AnswerView(shares).content()
     assert [each["share"] for each in content["shares"]] == [each.share for each in shares.shares]
     assert sum(each["share"] for each in content["shares"]) == pytest.approx(1.0)
     assert all(each["low"] <= each["share"] <= each["high"] for each in content["shares"])
@@ -204,7 +204,7 @@ def test_a_family_of_both_kinds_is_drawn_in_two_looks_that_meet(results) -> None
             for number, point in enumerate(family.points)
         ),
     )
-    content = AnswerView(Alone(lost)).content()
+    content = AnswerView(lost).content()
     stable, unstable = (each for each in content["layers"] if each["axes"] == ["frequency", "half.q1"])
     assert (stable["text"], unstable["text"]) == ("torus, stable", "torus, unstable")
     heights = lost.measure("half.q1")
@@ -218,7 +218,7 @@ def test_backbones_lie_over_the_frequency_of_responses() -> None:
     spring = gw.Contact("spring", {"x": 1.0}, (gw.Stage(clearance=0.0, stiffness=0.0, cubic=1.0),))
     duffing = gw.System(["x"], [[1.0]], [[0.1]], contacts=[spring], harmonics=[gw.Harmonic(0.3, {"x": 1.0})])
     line = gw.free.backbone(duffing, 1)
-    content = AnswerView(Alone(line)).content()
+    content = AnswerView(line).content()
     (layer,) = content["layers"]
     assert layer["axes"] == ["frequency", "half.x"] == list(content["axes"])
     np.testing.assert_allclose(layer["y"], line.half("x"), rtol=1e-6)

@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import gapwalk as gw
-from gapwalk.explorer.answer_view import Alone, AnswerView
+from gapwalk.explorer.answer_view import AnswerView
 from tests.explorer.browser import browser, new_page, until
 from tests.toys.gain import Gain, gain
 
@@ -32,7 +32,7 @@ def test_paper_has_its_panels_legend_and_answer(found: Gain) -> None:
 
 
 def test_the_page_has_the_same_values(found: Gain) -> None:
-    content = AnswerView(Alone(found)).content()
+    content = AnswerView(found).content()
     line, star = content["layers"]
     np.testing.assert_allclose(line["y"], found.gains, rtol=1e-6)
     assert star["mark"] == "stars"

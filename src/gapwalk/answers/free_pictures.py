@@ -17,7 +17,7 @@ from gapwalk.free.rest_walk import RestEventKind, Rests
 from gapwalk.free.self_excitation import SelfExcited
 from gapwalk.model.system import System
 from gapwalk.model.words import measure_words, parameter_words, signal_words
-from gapwalk.picture_parts import IN_TURN, NamedCurve, Panel, Parts, Picture, Series, Whole, pictured
+from gapwalk.picture_parts import NamedCurve, Panel, Parts, Picture, Series, Whole, events_of, look_of, pictured
 
 _COORDINATES = 6  # whose amplitudes the page draws
 _ROOM = 2.5  # height of a picture with a response, in its largest amplitude
@@ -93,24 +93,20 @@ def _amplitudes(lines: Sequence[Backbone], coordinate: str) -> Iterator[Series]:
     for number, line in enumerate(lines):
         text = f"backbone of mode {line.mode}" if line.mode else "backbone"
         touches = [point.touches for point in line.points]
-        look = IN_TURN[number % len(IN_TURN)]
+        look = look_of(number)
         yield Series(line.values, line.half(coordinate), "line", look, text, axes=axes, corners=touches)
-    for kind in BackboneEventKind:
-        found = [event for line in lines for event in line.events if event.kind is kind]
-        x, y = [each.value for each in found], [each.point.half[place] for each in found]
-        if found:
-            yield Series(x, y, "stars", "worst", kind.value, axes=axes, symbol=kind.name.lower())
+    events = [(event.kind, event.value, event.point.half[place]) for line in lines for event in line.events]
+    yield from events_of(BackboneEventKind, events, axes)
 
 
 def _energies(lines: Sequence[Backbone]) -> Iterator[Series]:
     """Yield the frequency over the energy."""
     for number, line in enumerate(lines):
         text = f"backbone of mode {line.mode}" if line.mode else "backbone"
-        touches, look = [point.touches for point in line.points], IN_TURN[number % len(IN_TURN)]
+        touches, look = [point.touches for point in line.points], look_of(number)
         yield Series(line.energies, line.values, "line", look, text, corners=touches)
-    for event in (event for line in lines for event in line.events):
-        symbol = event.kind.name.lower()
-        yield Series([event.point.energy], [event.value], "stars", "worst", event.kind.value, symbol=symbol)
+    events = [(event.kind, event.point.energy, event.value) for line in lines for event in line.events]
+    yield from events_of(BackboneEventKind, events)
 
 
 @pictured(Foretold, size=(7.5, 4.6), forms=("axes",))
@@ -131,7 +127,7 @@ def _loads(found: Foretold, coordinate: str, axes: tuple[str, str]) -> Iterator[
     for number, harmonic in enumerate(found.harmonics):
         column = found.amplitudes[:, number]
         if np.isfinite(column).any():
-            y, look = np.where(np.isfinite(column), column, np.nan), IN_TURN[number % len(IN_TURN)]
+            y, look = np.where(np.isfinite(column), column, np.nan), look_of(number)
             yield Series(half, y, "line", look, f"harmonic {harmonic}", axes=axes)
     for joins, symbol, text in ((False, "birth", "an isolated branch is born"), (True, "crossing", "branches join")):
         births = [birth for birth in found.births if bool(birth.joins) is joins]
@@ -171,12 +167,8 @@ def _equilibria(line: Rests, measure: str) -> Iterator[Series]:
         if drawn.any():
             yield Series(values, np.where(drawn, heights, np.nan), "line", look, text, axes=axes)
     place = line.system.coordinates.index(coordinate)
-    for kind in RestEventKind:
-        found = [event for event in line.events if event.kind is kind]
-        if found:
-            x, y = [each.value for each in found], [each.point.position[place] for each in found]
-            mark, look = ("crosses", "measured") if kind is RestEventKind.BORDER else ("stars", "worst")
-            yield Series(x, y, mark, look, kind.value, axes=axes, symbol=kind.name.lower())
+    events = [(event.kind, event.value, event.point.position[place]) for event in line.events]
+    yield from events_of(RestEventKind, events, axes, RestEventKind.BORDER)
 
 
 @pictured(SelfExcited, size=(7.5, 6.4), forms=("panels",))

@@ -10,7 +10,19 @@ from numpy.typing import NDArray
 
 from gapwalk.model.system import System
 from gapwalk.model.words import full_measure
-from gapwalk.picture_parts import IN_TURN, SECTION, NamedCurve, Panel, Parts, Picture, Series, Shade, Whole, pictured
+from gapwalk.picture_parts import (
+    SECTION,
+    NamedCurve,
+    Panel,
+    Parts,
+    Picture,
+    Series,
+    Shade,
+    Whole,
+    events_of,
+    look_of,
+    pictured,
+)
 from gapwalk.tori.tongue import Tongue
 from gapwalk.tori.torus import TURN, Torus, at_phases
 from gapwalk.tori.torus_family import TorusDiagram, TorusEventKind, TorusFamily
@@ -140,18 +152,18 @@ def _lines(family: TorusFamily, heights: NDArray[np.float64], axes: tuple[str, .
 def _rotations(families: Sequence[TorusFamily], labels: bool) -> Iterator[Series]:
     for family in families:
         yield from _lines(family, family.rotations)
-    for kind in TorusEventKind:
-        found = [each for family in families for each in family.events if each.kind is kind]
-        if found:
-            x, y = [each.value for each in found], [each.rotation for each in found]
-            mark, look = ("crosses", "measured") if kind is TorusEventKind.RESONANCE else ("stars", "worst")
-            notes = [str(each.ratio or "") for each in found] if labels else []
-            yield Series(x, y, mark, look, kind.value, symbol=kind.name.lower(), notes=notes)
+    events = [event for family in families for event in family.events]
+    places = [(each.kind, each.value, each.rotation) for each in events]
+    yield from events_of(TorusEventKind, places, faint=TorusEventKind.RESONANCE)
+    named = [each for each in events if labels and each.ratio is not None]
+    if named:
+        x, y = [each.value for each in named], [each.rotation for each in named]
+        yield Series(x, y, "none", notes=[str(each.ratio) for each in named])
 
 
 def _tongue_lines(tongues: Sequence[Tongue]) -> Iterator[Series]:
     for number, tongue in enumerate(tongues):
-        axes, look = (tongue.first, tongue.second), IN_TURN[number % len(IN_TURN)]
+        axes, look = (tongue.first, tongue.second), look_of(number)
         for side in tongue.sides:
             yield Series(*side.values.T, "line", look, f"tongue {tongue.ratio}", axes=axes)
         yield from _tips([tongue])
@@ -171,7 +183,7 @@ def tongue_picture(found: Tongue | Sequence[Tongue], *, labels: bool = True) -> 
     axes = tongues[0].first, tongues[0].second
     curves, regions = list[NamedCurve](), list[Series]()
     for number, tongue in enumerate(tongues):
-        look = IN_TURN[number % len(IN_TURN)]
+        look = look_of(number)
         text = f"folds of period {tongue.period}: locked {tongue.ratio} between them"
         named = zip(("lower", "upper"), tongue.sides, strict=True)
         curves += [NamedCurve(f"{name} side", side, look, text) for name, side in named]
@@ -229,4 +241,4 @@ def _sections(torus: Torus) -> Iterator[Series]:
             closed = at_phases(curve, np.linspace(0.0, TURN, _FINE))
             text = "the curve" if len(torus.sections) == 1 else f"forcing period {number + 1} of {len(torus.sections)}"
             x, y = closed[:, place], closed[:, torus.system.size + place]
-            yield Series(x, y, "line", IN_TURN[number % len(IN_TURN)], text, axes=axes)
+            yield Series(x, y, "line", look_of(number), text, axes=axes)

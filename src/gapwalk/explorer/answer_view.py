@@ -36,12 +36,13 @@ Json = dict[str, Any]
 class AnswerView:
     """Content of the page for one record. Amounts are in the units of the model."""
 
-    def __init__(self, finding: Finding) -> None:
-        self.finding, self.record = finding, finding.record
+    def __init__(self, found: Any) -> None:
+        """Take the finding of a study, or the record of a Python function."""
+        self.finding = found if isinstance(found, Finding) else None
+        self.record = found if self.finding is None else self.finding.record
         described = description_of(type(self.record))
-        self.picture = (
-            Picture(None) if described is None else described.describe(self.record, **_asked(finding, described))
-        )
+        options = {} if described is None else _asked(self.finding, described)
+        self.picture = Picture(None) if described is None else described.describe(self.record, **options)
 
     def curves(self) -> list[tuple[str, Branch | Locus]]:
         """Return its branches and loci with their names; branches come first."""
@@ -60,20 +61,20 @@ class AnswerView:
     def sentences(self) -> list[str]:
         """Return the answer in sentences; of unfinished work without a record, how much is stored."""
         first = [part for part in self._summary()[:1] if isinstance(part, str)]
-        return list(self.picture.sentences) or first or [self.finding.stored]
+        return list(self.picture.sentences) or first or ([] if self.finding is None else [self.finding.stored])
 
     def content(self) -> Json:
         """Return all of it as JSON values."""
-        sentences, picture = self.sentences(), self.picture
+        sentences, picture, finding = self.sentences(), self.picture, self.finding
         rest = [part for part in self._summary() if part not in sentences]
-        notes = (*self.finding.notes, *self.finding.failures)
+        notes = () if finding is None or self.record is None else (*finding.notes, *finding.failures)
         return {
             "sentences": sentences,
             "parts": [_plain(part) for part in rest if part != ""],
-            "notes": [] if self.record is None else list(notes),
+            "notes": list(notes),
             "contacts": list(picture.contacts),
             "axes": self.axes,
-            "complete": self.finding.complete,
+            "complete": getattr(finding or self.record, "complete", True),
             "pictures": [each.text for each in picture.wholes],
             **self._drawn(picture.parts()),
         }
@@ -117,9 +118,7 @@ class AnswerView:
 
     def _end(self, end: End) -> Json | None:
         """Return a place that the answer names; None if it is a special point of none of the curves."""
-        from gapwalk.explorer.motion_panels import (
-            gradient_content,  # its panels know the results, and these their answers
-        )
+        from gapwalk.explorer.motion_panels import gradient_content  # panels know the results, and these their answers
 
         place = {} if end.gradient else self.picture.place_of(end.special)
         if place is None:
@@ -133,11 +132,12 @@ class AnswerView:
             return {**found, "place": end.place, "gradient": {"reason": str(error)}}
 
     def _summary(self) -> Sequence[Any]:
-        parts = () if self.record is None else self.finding.summary()
+        of = self.finding or self.record
+        parts = () if self.record is None else of.summary() if hasattr(of, "summary") else (repr(of),)
         return [part.strip("\n") if isinstance(part, str) else part for part in parts]
 
 
-def _asked(finding: Finding, described: Description) -> Json:
+def _asked(finding: Finding | None, described: Description) -> Json:
     """Return those options of a picture that the study names."""
     asked = getattr(finding, "asked", None) or getattr(finding, "options", None)
     names = {each.name for each in described.options} & {"measure", "signal"}
@@ -145,7 +145,9 @@ def _asked(finding: Finding, described: Description) -> Json:
 
 
 def _lines(series: Series) -> Iterator[Series]:
-    """Yield a series as the page draws it: what lies between two lines, as both lines."""
+    """Yield a series as the page draws it: what lies between two lines, as both lines; nothing of a text alone."""
+    if series.mark == "none":
+        return
     for k, y in enumerate(series.y if series.mark == "between" else [series.y]):
         mark = "line" if series.mark == "between" else series.mark
         yield series._replace(y=y, mark=mark, text="" if k else series.text)
@@ -187,40 +189,6 @@ def drawn_on_paper(whole: Whole) -> dict[str, str]:
         with in_style():
             content = base64.b64encode(png_bytes(figure, _DPI)).decode()
     return {"text": whole.text, "form": whole.form, "content": content}
-
-
-class Alone(Finding):
-    """Record that comes from no study, such as that of a Python function."""
-
-    def __init__(self, record: Any) -> None:
-        self._record = record
-
-    @property
-    def record(self) -> Any:
-        """The record."""
-        return self._record
-
-    @property
-    def complete(self) -> bool:
-        """True unless the record says that something is missing; one that cannot be unfinished does not say."""
-        return getattr(self._record, "complete", True)
-
-    @property
-    def stored(self) -> str:
-        """Nothing: it is in no file."""
-        return ""
-
-    def summary(self) -> Any:
-        """Return the sentences of the record."""
-        return self._record.summary() if hasattr(self._record, "summary") else (repr(self._record),)
-
-    def document(self, points: bool) -> Json:
-        """Return the record as JSON values."""
-        return self._record.to_dict()
-
-    def tables(self) -> Any:
-        """Return its tables."""
-        return self._record.tables()
 
 
 def numbers(values: ArrayLike) -> list[float | None]:

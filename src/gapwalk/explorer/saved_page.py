@@ -32,7 +32,7 @@ from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.bifurcation.loci import Codim2Point, Locus
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
-from gapwalk.explorer.answer_view import Alone, AnswerView, drawn_on_paper, has_picture
+from gapwalk.explorer.answer_view import AnswerView, drawn_on_paper, has_picture
 from gapwalk.explorer.axis_quantities import measure_name, quantity, quantity_words
 from gapwalk.explorer.exploration import Line, answer_lines, line_of
 from gapwalk.explorer.motion_panels import (
@@ -299,7 +299,7 @@ def lines_of(found: Any) -> Lines:
         case Result(finding=finding) if finding is not None and has_picture(finding.record):
             return _answered(AnswerView(finding))
     if has_picture(found):
-        return _answered(AnswerView(Alone(found)))
+        return _answered(AnswerView(found))
     kind = found.options.kind if isinstance(found, Result) else type(found).__name__
     raise ModelError(
         f"an HTML file shows branches, their motions and answers, and a {kind} has none; write --format svg, pdf or "
