@@ -111,15 +111,6 @@ def test_the_cells_of_basins_are_the_labels_of_the_record(results) -> None:
     assert content["sentences"][0].startswith(f"Of {found.labels.size:,} starts: {found.names[0]} ")
 
 
-def test_the_cells_of_regimes_are_those_of_the_record(results) -> None:
-    found = results["regimes"].finding.record
-    (cells,) = AnswerView(results["regimes"].finding).content()["cells"]
-    texts = np.array([entry["text"] for entry in cells["entries"]])[np.array(cells["rows"])]
-    first, second = found.axes
-    for row, column in ((0, 0), (-1, 0), (0, -1), (-1, -1)):
-        assert texts[row, column] == found.at(float(first[column]), float(second[row]))
-
-
 def test_shares_of_a_box_have_their_limits() -> None:
     study = study_of("basins")
     system = study.system
@@ -177,21 +168,6 @@ def test_a_saved_run_up_plays_without_a_server(tmp_path: Path) -> None:
     assert len(values) == len(exact)
     assert np.abs(np.array(values) - (exact - exact.mean())).max() < 1e-4 * np.abs(exact).max()
     assert wrong == []
-
-
-def test_the_tori_of_a_page_are_those_of_the_record(results) -> None:
-    found = results["tori"].finding.record
-    (family,) = found.families
-    view = AnswerView(results["tori"].finding)
-    content = view.content()
-    assert content["axes"] == ("frequency", "half.q1")
-    assert [name for name, _ in view.curves()] == [member.name for member in found.diagram.members]
-    (layer,) = (each for each in content["layers"] if each["axes"] == ["frequency", "half.q1"])
-    np.testing.assert_allclose(layer["x"], family.values, rtol=1e-6)
-    np.testing.assert_allclose(layer["y"], family.measure("half.q1"), rtol=1e-6)
-    (panel,) = content["below"]
-    np.testing.assert_allclose(panel["series"][0]["y"], family.rotations, rtol=1e-6)
-    assert content["within"] == {"frequency": [1.194, 1.198]}
 
 
 def test_a_family_of_both_kinds_is_drawn_in_two_looks_that_meet(results) -> None:
