@@ -92,10 +92,10 @@ def events_of(
 ) -> Iterator[Series]:
     """Yield what happens along curves, given by its kind and place: a star for each kind, a cross for a faint one."""
     for kind in kinds:
-        places = [place for each, *place in found if each is kind]
-        if places:
-            look = ("crosses", "measured") if kind is faint else ("stars", "worst")
-            yield Series(*zip(*places, strict=True), *look, kind.value, axes=axes, symbol=kind.name.lower())
+        x, y = ([place[axis] for place in found if place[0] is kind] for axis in (1, 2))
+        mark, look = ("crosses", "measured") if kind is faint else ("stars", "worst")
+        if x:
+            yield Series(x, y, mark, look, kind.value, axes=axes, symbol=kind.name.lower())
 
 
 def look_of(number: int) -> str:
@@ -146,7 +146,7 @@ class Cells(NamedTuple):
     codes: NDArray[Any]  #: Index of the entry of each cell, shape (rows, columns).
     #: Legend and colour of each code. The colour is a name of a tint, with ``-wild`` if the motion is not periodic.
     entries: Sequence[tuple[str, str]]
-    within: tuple[tuple[float, float], ...]  #: Ranges of both quantities.
+    within: tuple[tuple[float, float], tuple[float, float]]  #: Ranges of both quantities.
     of: str = ""  #: Contact; empty for all.
 
 

@@ -165,7 +165,8 @@ def _tongue_lines(tongues: Sequence[Tongue]) -> Iterator[Series]:
     for number, tongue in enumerate(tongues):
         axes, look = (tongue.first, tongue.second), look_of(number)
         for side in tongue.sides:
-            yield Series(*side.values.T, "line", look, f"tongue {tongue.ratio}", axes=axes)
+            x, y = side.values.T
+            yield Series(x, y, "line", look, f"tongue {tongue.ratio}", axes=axes)
         yield from _tips([tongue])
 
 
@@ -187,9 +188,9 @@ def tongue_picture(found: Tongue | Sequence[Tongue], *, labels: bool = True) -> 
         text = f"folds of period {tongue.period}: locked {tongue.ratio} between them"
         named = zip(("lower", "upper"), tongue.sides, strict=True)
         curves += [NamedCurve(f"{name} side", side, look, text) for name, side in named]
-        regions.append(Series(*_outline(tongue).T, "region", look, axes=axes))
-        top = tongue.sides[0].values[np.argmax(tongue.sides[0].values[:, 1])]
-        regions.append(Series(*top[:, None], "none", look, axes=axes, notes=[str(tongue.ratio)] if labels else []))
+        (x, y), (across, up) = _outline(tongue).T, tongue.sides[0].values[np.argmax(tongue.sides[0].values[:, 1])]
+        note = Series([across], [up], "none", look, axes=axes, notes=[str(tongue.ratio)] if labels else [])
+        regions += [Series(x, y, "region", look, axes=axes), note]
     return Picture(
         tongues[0].sides[0].points[0].orbit.system,
         axes,

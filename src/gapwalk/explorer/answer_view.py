@@ -39,7 +39,7 @@ class AnswerView:
     def __init__(self, found: Any) -> None:
         """Take the finding of a study, or the record of a Python function."""
         self.finding = found if isinstance(found, Finding) else None
-        self.record = found if self.finding is None else self.finding.record
+        self.record: Any = found if self.finding is None else self.finding.record
         described = description_of(type(self.record))
         options = {} if described is None else _asked(self.finding, described)
         self.picture = Picture(None) if described is None else described.describe(self.record, **options)
@@ -148,9 +148,11 @@ def _lines(series: Series) -> Iterator[Series]:
     """Yield a series as the page draws it: what lies between two lines, as both lines; nothing of a text alone."""
     if series.mark == "none":
         return
-    for k, y in enumerate(series.y if series.mark == "between" else [series.y]):
-        mark = "line" if series.mark == "between" else series.mark
-        yield series._replace(y=y, mark=mark, text="" if k else series.text)
+    if series.mark != "between":
+        yield series
+        return
+    for k, y in enumerate(np.asarray(series.y)):
+        yield series._replace(y=y, mark="line", text="" if k else series.text)
 
 
 def _entry(text: str, color: str) -> Json:

@@ -129,7 +129,12 @@ def _draw_panels(picture: Picture, parts: Parts, figure: AnyFigure, title: str) 
     for ax in axes[:-1] if shares else ():
         ax.set_xlabel("")
     write_legend(figure if len(axes) > 1 else axes[0], list(entries.items()), note=picture.note)
-    return lambda: [finish() for finish in finishes] and None
+
+    def write() -> None:
+        for finish in finishes:
+            finish()
+
+    return write
 
 
 def _height(picture: Picture, panel: Panel | list[Bar] | None) -> float:
@@ -162,7 +167,7 @@ def _draw_bars(ax: Axes, bars: Sequence[Bar]) -> None:
     ax.set(xlim=(-1.04 * widest, 1.04 * widest), ylim=(len(bars) - 0.45, -0.55), xlabel="change in %, within limits")
 
 
-def _draw_panel(picture: Picture, parts: Parts, ax: Axes, panel: Panel, entries: Entries) -> Finish:
+def _draw_panel(picture: Picture, parts: Parts, ax: Axes, panel: Panel, entries: Entries) -> Callable[[], None]:
     if panel.logarithmic:
         ax.set(**{f"{panel.logarithmic}scale": "log"})
     _draw_series(ax, panel.series, entries)
@@ -361,7 +366,7 @@ def _write_notes(ax: Axes, series: Sequence[Series], shade: Shade | None) -> Non
     """Write the texts of points next to them: above or below, on the side of a shade; without one, above right."""
     for each in series:
         for note, x, y in zip(each.notes, np.asarray(each.x), np.asarray(each.y), strict=bool(each.notes)):
-            shift, sides = (4.0, 4.0), {}
+            shift, sides = (4.0, 4.0), dict[str, Any]()
             if shade is not None:
                 is_up = (shade.low >= y) is not bool(ax.yaxis_inverted())  # of matplotlib, it may be NumPy's
                 shift, sides = (0.0, 9.0 if is_up else -9.0), {"ha": "center", "va": "bottom" if is_up else "top"}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_rgb
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.attractors.basins import IMPOSSIBLE, RUNAWAY, UNRESOLVED, Basins
 from gapwalk.attractors.regimes import Regime, Regimes, regime_word
@@ -92,14 +92,16 @@ def _parts_of_basins(found: Basins, strobes: str) -> Parts:
             codes[found.labels == label] = len(entries)
             entries.append((f"{text} ({share * count:.2g} %)", color))
     orbits = [
-        Series(*states.T, "stars", "worst", f"orbit of {found.names[k]}", axes=axes, symbol=f"marker-{k}")
+        Series(
+            states[:, 0], states[:, 1], "stars", "worst", f"orbit of {found.names[k]}", axes=axes, symbol=f"marker-{k}"
+        )
         for k, states in _marked_strobes(found, strobes)
     ]
     within = dict(zip(axes, found.window.within, strict=True))
     return Parts(layers=orbits, cells=[Cells(codes, entries, found.window.within)], within=within, quantities=axes)
 
 
-def _marked_strobes(found: Basins, which: str) -> Iterator[tuple[int, NDArray[np.float64]]]:
+def _marked_strobes(found: Basins, which: str) -> Iterator[tuple[int, tuple[ArrayLike, ArrayLike]]]:
     """Yield the attractors with strobes to mark, and the positions of these strobes in the plane."""
     box = found.window.box
     shown = [box.names.index(name) for name in (found.window.across, found.window.up)]
@@ -110,7 +112,7 @@ def _marked_strobes(found: Basins, which: str) -> Iterator[tuple[int, NDArray[np
             distances = np.abs(attractor.strobes - low)[:, fixed] / (high - low).max()
             states = attractor.strobes[(distances <= _IN_PLANE).all(axis=1) | (which == "all")]
             if len(states):
-                yield index, states[:, shown]
+                yield index, (states[:, shown[0]], states[:, shown[1]])
 
 
 # ------------------------------------------------------------------------------------------------- maps of regimes
