@@ -18,22 +18,8 @@ Inches = tuple[float, float]
 
 _SAME = 1e-9  # relative difference up to which two values of a special point are one
 
-# Modules that describe records of packages below them, imported when such a record is first shown.
-HOMES = {
-    name: f"gapwalk.{module}"
-    for module, names in (
-        ("answers.design", ("Design",)),
-        ("answers.rattle_bands", ("RattleBands", "RattleMap")),
-        ("answers.run_ups", ("RunUps",)),
-        ("answers.threshold", ("Threshold",)),
-        ("answers.free_pictures", ("Backbone", "Backbones", "Foretold", "Rests", "SelfExcited")),
-        ("answers.torus_pictures", ("Torus", "TorusDiagram", "TorusFamily", "Tongue")),
-        ("plot.cells", ("Basins", "Regimes")),
-        ("explorer.page_pictures", ("BasinShares", "Family", "Sweep")),
-        ("explorer.run_up_view", ("RunUp",)),
-    )
-    for name in names
-}
+# Modules that describe the records of packages below them, imported when such a record is first shown.
+_HOMES = {"attractors": "plot.cells", "free": "answers.free_pictures", "tori": "answers.torus_pictures"}
 
 SECTION = "section."
 """Prefix of a state at the start of the forcing period: ``section.q1``."""
@@ -288,6 +274,14 @@ def pictured(
 
 def description_of(kind: type) -> Description | None:
     """Return how a type of record is described; None if it is not."""
-    if kind not in _KNOWN and kind.__name__ in HOMES and kind.__module__.startswith("gapwalk."):
-        import_module(HOMES[kind.__name__])
+    package, name = f"{kind.__module__}.".split(".")[:2]
+    if package == "gapwalk" and name in _HOMES:
+        import_module(f"gapwalk.{_HOMES[name]}")
     return _KNOWN.get(kind)
+
+
+def described() -> dict[str, Description]:
+    """Return how types of record are described by the packages that are loaded, by their names."""
+    for home in _HOMES.values():
+        import_module(f"gapwalk.{home}")
+    return {kind.__name__: found for kind, found in _KNOWN.items()}

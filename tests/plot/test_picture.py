@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 import gapwalk as gw
 from gapwalk.bifurcation.detector import Unexplained
 from gapwalk.errors import ModelError
-from gapwalk.picture_parts import HOMES, description_of
 from gapwalk.plot import picture
 from gapwalk.plot.picture import new_sheet, picture_of, write_legend
 from gapwalk.plot.style import UNEXPLAINED, sized, stroke
@@ -121,11 +120,6 @@ def test_every_type_has_its_picture_where_the_registry_says() -> None:
             drawing = picture._IN_AXES.get(kind) or picture._IN_PANELS[kind]
             assert drawing.draw.__module__ == home.__name__
             assert drawing.draw.__doc__
-    for name, module in HOMES.items():
-        home = __import__(module, fromlist=["*"])
-        described = description_of(getattr(home, name))
-        assert described is not None
-        assert described.describe.__doc__
 
 
 def test_a_list_is_one_picture(branch) -> None:

@@ -11,12 +11,13 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.errors import GapwalkError
+from gapwalk.explorer import run_up_view  # it describes run-ups
 from gapwalk.explorer.axis_quantities import quantity_words
+from gapwalk.explorer.page_pictures import Json, numbers
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_words
 from gapwalk.picture_parts import Cells, Cloud, Description, End, Panel, Parts, Picture, Series, Whole, description_of
@@ -25,12 +26,11 @@ from gapwalk.plot.style import in_style
 from gapwalk.studies.study_kind import Finding
 from gapwalk.summary import Table, text_of
 
-_DIGITS = 7  # that a screen can show
+del run_up_view
+
 _ROWS = 60  # of a table
 _DPI = 110  # of pictures of surfaces, whose facets would be megabytes as vectors
 _MOST = 250_000  # cells that a page draws without waiting; of more, every second (third, ...) of a row and a column
-
-Json = dict[str, Any]
 
 
 class AnswerView:
@@ -191,9 +191,3 @@ def drawn_on_paper(whole: Whole) -> dict[str, str]:
         with in_style():
             content = base64.b64encode(png_bytes(figure, _DPI)).decode()
     return {"text": whole.text, "form": whole.form, "content": content}
-
-
-def numbers(values: ArrayLike) -> list[float | None]:
-    """Return numbers with the digits that a screen can show; None for what is not finite."""
-    array = np.asarray(values, dtype=float)
-    return [float(f"{value:.{_DIGITS}g}") if np.isfinite(value) else None for value in array.tolist()]

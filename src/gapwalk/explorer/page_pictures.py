@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.attractors.basins import BasinShares
@@ -14,6 +15,16 @@ from gapwalk.picture_parts import SECTION, NamedCurve, Parts, Picture, Series, p
 from gapwalk.plot.cells import FILLS
 from gapwalk.studies.family import Family, SpecialPointPath
 from gapwalk.studies.sweep_study import Sweep, Way
+
+Json = dict[str, Any]
+
+_DIGITS = 7  # that a screen can show
+
+
+def numbers(values: ArrayLike) -> list[float | None]:
+    """Return numbers with the digits that a screen can show; None for what is not finite."""
+    array = np.asarray(values, dtype=float)
+    return [float(f"{value:.{_DIGITS}g}") if np.isfinite(value) else None for value in array.tolist()]
 
 
 @pictured(BasinShares, forms=())
@@ -130,7 +141,7 @@ def _parts_of_family(found: Family, several: list[SpecialPointPath]) -> Parts:
     return Parts(within={found.parameter: found.within}, more=more)
 
 
-def _rib(path: SpecialPointPath, places: dict[tuple[int, int], int]) -> dict[str, Any]:
+def _rib(path: SpecialPointPath, places: dict[tuple[int, int], int]) -> Json:
     """Return the special points of a path by the indices of their curves; inexact where a connection is a guess."""
     points = [[places[place.member, place.branch], place.special] for place in path.places]
     return {"kind": path.kind.value, "text": path.name, "exact": path.exact, "points": points}

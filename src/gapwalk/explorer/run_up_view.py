@@ -8,18 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import lru_cache, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.answers.run_up import RunUp
 from gapwalk.attractors.spectrum import SECOND, Sound, Tracked, Waterfall, line_name, unit_of
-from gapwalk.explorer.answer_view import AnswerView, Json, numbers
+from gapwalk.explorer.page_pictures import Json, numbers
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.words import line_words, order_words, signal_words
 from gapwalk.picture_parts import Panel, Parts, Picture, Series, pictured
 from gapwalk.studies.run_up_study import RunUpStudy
+
+if TYPE_CHECKING:
+    from gapwalk.explorer.answer_view import AnswerView
 
 _COORDINATES = 6  # whose motion is drawn over a diagram
 _PERIODS = 1500  # of a leg that are drawn; of more, the extremes of several
