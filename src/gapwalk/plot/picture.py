@@ -34,6 +34,7 @@ from gapwalk.picture_parts import described, description_of
 from gapwalk.plot.style import CARD, DPI, GREY, SizeName, in_style, points, rc, sheet_size, sized
 from gapwalk.studies.export import write_whole
 from gapwalk.studies.result import Result
+from gapwalk.studies.study_registry import kind_of, kinds
 from gapwalk.studies.study_registry import kind_of
 from gapwalk.summary import Table, Tree
 
