@@ -35,7 +35,6 @@ from gapwalk.plot.style import CARD, DPI, GREY, SizeName, in_style, points, rc, 
 from gapwalk.studies.export import write_whole
 from gapwalk.studies.result import Result
 from gapwalk.studies.study_registry import kind_of, kinds
-from gapwalk.studies.study_registry import kind_of
 from gapwalk.summary import Table, Tree
 
 # Sheets and windows for pictures, their headings and legends, and their files.
