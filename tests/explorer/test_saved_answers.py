@@ -203,17 +203,3 @@ def test_backbones_lie_over_the_frequency_of_responses() -> None:
     half = line.half("x")
     np.testing.assert_allclose(chart["series"][0]["x"], np.log10(half**2 / 2 + half**4 / 4), atol=1e-5)
     assert content["complete"]
-
-
-def test_self_excited_motions_are_branches_and_equilibria_lines(results) -> None:
-    found = results["self-excited"].finding.record
-    view = AnswerView(results["self-excited"].finding)
-    content = view.content()
-    assert content["sentences"] == ["1 branch of self-excited motions; Hopf point, frequency 1 at damper.mu = 0"]
-    assert [curve for _, curve in view.curves()] == list(found.cycles)
-    stable, unstable, hopf = (each for each in content["layers"] if each["axes"] == ["damper.mu", "max.x"])
-    assert max(x for x, y in zip(stable["x"], stable["y"], strict=True) if y is not None) <= 0.0
-    assert max(unstable["x"]) == 0.4
-    assert hopf["mark"] == "stars"
-    frequencies = content["below"][0]["series"][0]["y"]
-    assert frequencies[-1] == pytest.approx(found.cycles[0].points[-1].orbit.system.frequency, rel=1e-6)

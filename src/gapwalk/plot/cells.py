@@ -92,10 +92,8 @@ def _parts_of_basins(found: Basins, strobes: str) -> Parts:
             codes[found.labels == label] = len(entries)
             entries.append((f"{text} ({share * count:.2g} %)", color))
     orbits = [
-        Series(
-            states[:, 0], states[:, 1], "stars", "worst", f"orbit of {found.names[k]}", axes=axes, symbol=f"marker-{k}"
-        )
-        for k, states in _marked_strobes(found, strobes)
+        Series(*xy, "stars", "worst", f"orbit of {found.names[k]}", axes=axes, symbol=f"marker-{k}")
+        for k, xy in _marked_strobes(found, strobes)
     ]
     within = dict(zip(axes, found.window.within, strict=True))
     return Parts(layers=orbits, cells=[Cells(codes, entries, found.window.within)], within=within, quantities=axes)
