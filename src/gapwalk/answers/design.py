@@ -703,7 +703,7 @@ def design_picture(found: Design, measure: str = "") -> Picture:
         [
             NamedCurve("after", found.response, "after", "after", marks=kinds),
             *(
-                Curve(f"isolated-{k}", each, "after", alike, marks=kinds)
+                NamedCurve(f"isolated-{k}", each, "after", alike, marks=kinds)
                 for k, each in enumerate(found.isolated, start=1)
             ),
             NamedCurve("before", found.response_before, "before", "before", is_earlier=True, marks=kinds),

@@ -60,21 +60,21 @@ LOOKS: dict[str, tuple[str, Any, float]] = {
     "unstable": (BLACK, (0, (3, 2)), 0.8),
 }
 MARKS = {"dots": ("o", 2.6), "crosses": ("x", 4.0)}
-SYMBOLS = {
-    "stars": symbols("*", 11.0, "#f3c55b", BLACK),
-    "turn": symbols("D", 5.0, "white", BLUE),
-    "fold": symbols("D", 5.0, "white", BLACK),
-    "crossing": symbols("X", 6.0, "white", BLACK),
-    "birth": symbols("o", 6.0, "white", BLACK),
-    "hopf": symbols("o", 6.0, "white", VERMILLION),
-    "border": symbols("|", 9.0, GREEN, GREEN),
-    "doubling": symbols("s", 5.0, "white", VERMILLION),
-    "change": symbols("o", 5.0, "white", VERMILLION),
-    "pair": symbols("*", 8.0, "white", GREEN),
-    "resonance": symbols("|", 9.0, GREY, GREY),
-    "grazing": symbols("v", 5.0, "white", GREY),
-    "tip": symbols("*", 8.0, "white", BLACK),
-    **{f"marker-{number}": symbols(marker, 6.0, width=1.0) for number, marker in enumerate("osD^vPX*<>")},
+SYMBOLS: dict[str, Any] = {  # marker, size, face, edge, and width of the edge
+    "stars": ("*", 11.0, "#f3c55b", BLACK),
+    "turn": ("D", 5.0, "white", BLUE),
+    "fold": ("D", 5.0, "white", BLACK),
+    "crossing": ("X", 6.0, "white", BLACK),
+    "birth": ("o", 6.0, "white", BLACK),
+    "hopf": ("o", 6.0, "white", VERMILLION),
+    "border": ("|", 9.0, GREEN, GREEN),
+    "doubling": ("s", 5.0, "white", VERMILLION),
+    "change": ("o", 5.0, "white", VERMILLION),
+    "pair": ("*", 8.0, "white", GREEN),
+    "resonance": ("|", 9.0, GREY, GREY),
+    "grazing": ("v", 5.0, "white", GREY),
+    "tip": ("*", 8.0, "white", BLACK),
+    **{f"marker-{number}": (marker, 6.0, "white", BLACK, 1.0) for number, marker in enumerate("osD^vPX*<>")},
 }
 _DASHES = (0, (4, 2))  # of what is unstable
 _THIN = 0.57  # width of a line in a panel below, which has dots on it
@@ -315,7 +315,7 @@ def _draw_series(ax: Axes, series: Sequence[Series], entries: Entries) -> None:
                 x, y = _smooth(x, y, np.array(each.corners), is_logarithmic=ax.get_xscale() == "log")
             ax.plot(x, y, zorder=3, **(stroke(color, _THIN * width, dashes) if each.look in dotted else options))
         elif each.mark != "none":
-            options = SYMBOLS.get(each.symbol or each.mark) or symbols(*MARKS[each.mark], color, color)
+            options = symbols(*(SYMBOLS.get(each.symbol or each.mark) or (*MARKS[each.mark], color, color)))
             ax.plot(x, y, zorder=4 if each.mark in MARKS else 6, **options)
         if each.text:
             entries.setdefault(each.text, options)
@@ -370,4 +370,5 @@ def _write_notes(ax: Axes, series: Sequence[Series], shade: Shade | None) -> Non
             if shade is not None:
                 is_up = (shade.low >= y) is not bool(ax.yaxis_inverted())  # of matplotlib, it may be NumPy's
                 shift, sides = (0.0, 9.0 if is_up else -9.0), {"ha": "center", "va": "bottom" if is_up else "top"}
-            ax.annotate(note, (x, y), xytext=shift, fontsize="small", **_OFFSET, **sides)
+            color = _look(each.look)[0]
+            ax.annotate(note, (x, y), xytext=shift, fontsize="small", color=color, **_OFFSET, **sides)
