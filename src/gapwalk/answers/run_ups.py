@@ -333,7 +333,9 @@ def _levels(found: RunUps, values: NDArray[np.float64]) -> list[Series]:
     place = np.clip(np.digitize(speeds, edges) - 1, 0, len(edges) - 2)
     groups = [(middle, kept[place == k]) for k, middle in enumerate(0.5 * (edges[1:] + edges[:-1]))]
     x, filled = zip(*((middle, group) for middle, group in groups if len(group)), strict=True)
-    return [Series(x, [np.quantile(each, level) for each in filled], "line", *look) for level, *look in _DRAWN]
+    return [
+        Series(x, [np.quantile(each, level) for each in filled], "line", look, text) for level, look, text in _DRAWN
+    ]
 
 
 def _over_rate(found: RunUps, contact: str, title: str) -> Panel:

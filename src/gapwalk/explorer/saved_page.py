@@ -373,9 +373,7 @@ def content_of(
         "loci": locus_lines() if any(line.kind is not None for line in lines.named) else [],
         "answer": blob.packed(answer),
         "pictures": pictures,
-        "heard": _heard(lines.answer, answer, blob)
-        if lines.answer and isinstance(lines.answer.record, RunUp)
-        else None,
+        "heard": _heard(lines.answer, answer, blob) if answer is not None and "heard" in answer else None,
         "branches": [
             {
                 "name": line.name,

@@ -315,7 +315,8 @@ def _draw_series(ax: Axes, series: Sequence[Series], entries: Entries) -> None:
                 x, y = _smooth(x, y, np.array(each.corners), is_logarithmic=ax.get_xscale() == "log")
             ax.plot(x, y, zorder=3, **(stroke(color, _THIN * width, dashes) if each.look in dotted else options))
         elif each.mark != "none":
-            options = symbols(*(SYMBOLS.get(each.symbol or each.mark) or (*MARKS[each.mark], color, color)))
+            look: Any = SYMBOLS.get(each.symbol or each.mark) or (*MARKS[each.mark], color, color)
+            options = symbols(*look)
             ax.plot(x, y, zorder=4 if each.mark in MARKS else 6, **options)
         if each.text:
             entries.setdefault(each.text, options)
@@ -366,9 +367,10 @@ def _write_notes(ax: Axes, series: Sequence[Series], shade: Shade | None) -> Non
     """Write the texts of points next to them: above or below, on the side of a shade; without one, above right."""
     for each in series:
         for note, x, y in zip(each.notes, np.asarray(each.x), np.asarray(each.y), strict=bool(each.notes)):
-            shift, sides = (4.0, 4.0), dict[str, Any]()
+            place: Any = {"xytext": (4.0, 4.0)}
             if shade is not None:
                 is_up = (shade.low >= y) is not bool(ax.yaxis_inverted())  # of matplotlib, it may be NumPy's
-                shift, sides = (0.0, 9.0 if is_up else -9.0), {"ha": "center", "va": "bottom" if is_up else "top"}
+                shift, side = (9.0, "bottom") if is_up else (-9.0, "top")
+                place = {"xytext": (0.0, shift), "ha": "center", "va": side}
             color = _look(each.look)[0]
-            ax.annotate(note, (x, y), xytext=shift, fontsize="small", color=color, **_OFFSET, **sides)
+            ax.annotate(note, (x, y), fontsize="small", color=color, **_OFFSET, **place)
