@@ -347,9 +347,8 @@ def _over_rate(found: RunUps, contact: str, title: str) -> Panel:
             Series(rates, np.array((low, high)), "between", "most", "5 % to 95 %"),
             Series(rates, middle, "line", "middle", "half of them are below"),
         ]
-    return Panel(
-        title, "", series, contact, across=f"rate of {pace}" + (f" [{units.parameter(pace)}/s]" if units else "")
-    )
+    across = f"rate of {pace}" + (f" [{units.parameter(pace)}/s]" if units else "")
+    return Panel(title, "", series, contact, across=across, margin=0.05)
 
 
 def _slow_forces(branch: Branch, contact: str) -> Iterator[Series]:
