@@ -46,5 +46,5 @@ def test_its_page_opens_alone(found: Gain, tmp_path) -> None:
     with browser() as chrome:
         page = new_page(chrome, offline=True)
         page.goto((tmp_path / "gain.html").as_uri())
-        until(page, "gapwalk?.diagram?.over?.layers.length === 2")
+        until(page, "window.gapwalk?.diagram?.over?.layers.length === 2")
         until(page, "document.querySelectorAll('#below svg').length === 1")
