@@ -29,6 +29,7 @@ ORDER = (
     "bracketed_root",
     "summary",
     "notebook",
+    "picture_parts",
     "model",
     "paper",
     "flow",

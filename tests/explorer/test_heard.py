@@ -11,7 +11,6 @@ from scipy.io import wavfile
 
 from gapwalk.answers.run_up import RunUp
 from gapwalk.attractors.spectrum import SECOND
-from gapwalk.explorer.run_up_view import RunUpView
 from tests.explorer.conftest import STOP, about
 
 TRAIN = """\
@@ -196,5 +195,5 @@ def test_the_view_of_a_short_run_up_says_why_it_has_no_map(client, do, session, 
     shown = heard(client, model, found, signal="x''")
     assert shown["maps"] == []
     assert "shorter than two forcing periods" in shown["why"]
-    assert isinstance(session.exploration(model).entry(found["key"]).answer, RunUpView)
+    assert isinstance(session.exploration(model).entry(found["key"]).answer.record, RunUp)
     assert [each["key"] for each in about(client, model)["results"]] == [found["key"]]

@@ -117,7 +117,7 @@ def test_every_type_has_its_picture_where_the_registry_says() -> None:
         home = __import__(f"gapwalk.plot.{module}", fromlist=["*"])
         for name in names:
             kind = getattr(home, name)
-            drawing = picture._IN_AXES.get(kind) or picture._IN_PANELS[kind]
+            drawing = picture._IN_PANELS.get(kind) or picture._IN_AXES[kind]
             assert drawing.draw.__module__ == home.__name__
             assert drawing.draw.__doc__
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gapwalk.answers.goals import EXACT, MARGIN, AnyGoal, Goal, Need
 from gapwalk.answers.local_response import COARSE, LocalResponse, unstable_spans
+from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.isolated.search import FoundOrbit, search
@@ -23,10 +24,11 @@ from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.bounds import Bounded, Counted, Fraction, Natural, Positive, check_fields
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
-from gapwalk.model.words import parameter_symbol
+from gapwalk.model.words import full_measure, parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.orbit.find import carry, find_orbit
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.picture_parts import Bar, Line, NamedCurve, Parts, Picture, Shade, pictured
 from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
 
 # The least change of some parameters that reaches all goals, found by gradients and proved on the new response.
@@ -660,3 +662,51 @@ def _without(problem: DesignProblem, best: Route, place: int) -> float:
     ways = tuple(way for k, way in enumerate(best.ways) if k != place)
     route = replace(problem, goals=goals).route(ways, 0)
     return route.change if route.is_reached else math.inf
+
+
+@pictured(Design, size=(8.0, 7.2))
+def design_picture(found: Design, measure: str = "") -> Picture:
+    """Describe the responses before and after with the bands of the goals shaded, and the changes as bars."""
+    kinds = {getattr(goal, "kind", None) for goal in found.goals}
+    alike = "isolated branches are drawn like the response after"
+    return Picture(
+        found.system,
+        (found.parameter, full_measure(measure or shown_measure(found.system, found), found.system.coordinates)),
+        [
+            NamedCurve("after", found.response, "after", "after", marks=kinds),
+            *(
+                NamedCurve(f"isolated-{k}", each, "after", alike, marks=kinds)
+                for k, each in enumerate(found.isolated, start=1)
+            ),
+            NamedCurve("before", found.response_before, "before", "before", is_earlier=True, marks=kinds),
+        ],
+        lambda: _parts_of_picture(found),
+        heading=[found.sentence],
+        script="(record.response, *record.isolated, record.response_before)",
+        panels=("main", "bars"),
+        height=2.6,
+        reach={found.parameter: (min(found.within), max(found.within))},
+    )
+
+
+def _parts_of_picture(found: Design) -> Parts:
+    """Return the bands of the goals, and the change of each parameter within its limits."""
+    words: dict[tuple[float, float], list[str]] = {}
+    for goal, judged in zip(found.goals, found.judged, strict=True):
+        if goal.band:
+            words.setdefault(goal.band, []).append(judged.words)
+    ends = dict.fromkeys(end for band in words for end in band)
+    return Parts(
+        shades=[Shade(found.parameter, *band, "goal", "; ".join(texts)) for band, texts in words.items()],
+        lines=[Line(found.parameter, end, f"{end:.6g}") for end in ends],
+        bars=[_bar(each, found.system) for each in found.changes],
+    )
+
+
+def _bar(change: ChangedParameter, system: System) -> Bar:
+    """Return a change and its limits in percent: of its value, or of half its range if that was zero."""
+    size = change.before or 0.5 * (change.high - change.low)
+    low, high, moved = (100.0 * (end - change.before) / size for end in (change.low, change.high, change.after))
+    text = f"{change.before:.4g} → {change.after:.4g}  ({moved:+.2f} %)"
+    # that of a negative number grows to the left
+    return Bar(parameter_symbol(change.name, system.units), min(low, high), max(low, high), moved, text)

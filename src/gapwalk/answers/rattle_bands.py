@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
-from itertools import chain
+from itertools import chain, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ from gapwalk.answers.gap_states import (
     state_of,
     watched,
 )
-from gapwalk.answers.settled_sweep import Sample, SettledSweep, SlowSweepOptions
+from gapwalk.answers.settled_sweep import Direction, Sample, SettledSweep, SlowSweepOptions
 from gapwalk.answers.shown_measure import moved_by
 from gapwalk.answers.tolerance import chance_of
 from gapwalk.attractors.basins import centres
@@ -44,10 +44,24 @@ from gapwalk.bifurcation.loci import Locus, follow_locus
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switch
 from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.errors import FlowError, ModelError, NumericalError
+from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol, told_apart
 from gapwalk.notebook import Shown
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.picture_parts import (
+    Cells,
+    End,
+    Line,
+    NamedCurve,
+    Panel,
+    Parts,
+    Picture,
+    Series,
+    Shade,
+    curves_of_loci,
+    pictured,
+)
 from gapwalk.summary import Rows, SummaryParts, Table, TableRows, Tables, remarks, summarizes
 
 _APART = 1 / 40  # of the range: the least distance of two motions of a stretch whose severity is computed
@@ -644,3 +658,180 @@ def exact_gaps(
     differ = [(gap, code, exact) for gap, code, exact in zip(gaps, codes, found, strict=True) if exact.code != code]
     words = (f"{gap} is {cell_word(code, True)}, but {exact} by the exact flow" for gap, code, exact in differ)
     return [each.code for each in found], "; ".join(words)
+
+
+_TINTS = {GapState.ONE_SIDE: ("one", "rattles on one side"), GapState.BOTH_SIDES: ("both", "on both sides")}
+_CELLS = {
+    GapState.CLOSED: ("closed", "closed (quiet)"),
+    GapState.OPEN: ("open", "open (quiet)"),
+    GapState.ONE_SIDE: ("one", "one side"),
+    GapState.BOTH_SIDES: ("both", "both sides"),
+}
+_SAMPLED = 64  # samples of a forcing period of a motion without period
+
+
+@pictured(RattleBands, size=(8.0, 9.0))
+def rattle_picture(found: RattleBands, gap: str | None = None) -> Picture:
+    """Describe the bands of a gap over the response, and the peak force and the impacts along them."""
+    gap, units = _chosen(found.gaps, gap), found.system.units
+    moved = moved_by(found.system, gap)[0]
+    curves = [
+        NamedCurve(f"{sweep.met}-{number}", stretch.branch, *_look(found, sweep.met), stretch.points)
+        for sweep in found.sweeps
+        for number, stretch in enumerate(sweep.stretches, start=1)
+    ]
+    return Picture(
+        found.system,
+        (found.parameter, f"half.{moved}"),
+        curves,
+        partial(_parts_of_bands, found, moved),
+        sentences=[found.sentence(each) for each in found.gaps],
+        heading=[found.sentence(gap)],
+        contacts=found.gaps,
+        of=gap,
+        script="[stretch.branch for sweep in record.sweeps for stretch in sweep.stretches]",
+        words=("", f"amplitude of {moved}" + (f" [{units.signal(moved)[1]}]" if units else "")),
+        height=1.25,
+        reach={found.parameter: found.within, f"half.{moved}": (0.0, None)},
+    )
+
+
+def _chosen(gaps: Sequence[str], gap: str | None) -> str:
+    name = gaps[0] if gap is None else gap
+    if name not in gaps:
+        raise ModelError(f"gap is {gap!r}; {did_you_mean(name, gaps)}")
+    return name
+
+
+def _look(found: RattleBands, met: str) -> tuple[str, str]:
+    """Return the style and the legend of motions that are met in a way."""
+    if met not in list(Direction):
+        return "other", "other motions"
+    return met, f"{found.parameter.rpartition('.')[2].replace('_', ' ')} {met}"
+
+
+def _parts_of_bands(found: RattleBands, moved: str) -> Parts:
+    over, units = found.parameter, found.system.units
+    bands = [band for gap in found.gaps for band in found.of(gap)]
+    ends = [(band.gap, *pair) for band in bands for pair in (("from", band.low), ("to", band.high))]
+    unit = units.parameter(over) if units else ""
+    return Parts(
+        layers=list(_samples(found, moved)),
+        shades=[each for gap in found.gaps for each in _shades(found, gap)],
+        lines=[Line(over, end.value, f"{end.value:.6g}", end.is_located, gap, end.kind) for gap, _, end in ends],
+        below=[each for gap in found.gaps for each in _severity_panels(found, gap)],
+        ends=[
+            End(
+                f"{word} {end.value:.7g} {unit}".rstrip(),
+                end.kind,
+                end.special,
+                ", ".join(f"{each.name} {each.share:+.2f}" for each in end.movers[:2]),
+                gap,
+            )
+            for gap, word, end in ends
+        ],
+        within={over: found.within},
+    )
+
+
+def _samples(found: RattleBands, moved: str) -> Iterator[Series]:
+    """Yield the amplitudes of the motions that were sampled, because they have no branch."""
+    axes, place = (found.parameter, f"half.{moved}"), found.system.coordinates.index(moved)
+    if any(row.period == 0 for row in found.severities):
+        yield Series([], [], "crosses", "measured", "not periodic, or of long period", axes=axes)
+    for sweep in found.sweeps:
+        for mark, own in (
+            ("dots", [each for each in sweep.samples if each.motion.orbit]),
+            ("crosses", [each for each in sweep.samples if not each.motion.orbit]),
+        ):
+            y = [0.5 * float(np.ptp(each.motion.motion(_WATCHED, _SAMPLED).q[:, place])) for each in own]
+            if own:
+                yield Series([each.value for each in own], y, mark, _look(found, sweep.met)[0], axes=axes)
+
+
+def _shades(found: RattleBands, gap: str) -> Iterator[Shade]:
+    """Yield the spans of each state; where motions of both kinds exist, the worse one shows."""
+    spans = [span for band in found.of(gap) for span in band.spans]
+    values = sorted({end.value for span in spans for end in (span.low, span.high)})
+    before: Shade | None = None
+    for low, high in pairwise(values):
+        states = [span.state for span in spans if span.low.value <= low and high <= span.high.value]
+        tint, text = _TINTS[max(states, key=list(_TINTS).index)] if states else ("", "")
+        if before is not None and before.tint == tint and before.high == low:
+            before = before._replace(high=high)
+            continue
+        if before is not None:
+            yield before
+        before = Shade(found.parameter, low, high, tint, text, gap) if tint else None
+    if before is not None:
+        yield before
+
+
+def _severity_panels(found: RattleBands, gap: str) -> Iterator[Panel]:
+    """Yield the panels of severity: the peak force, or the approach velocity of a rigid stop; and the impacts."""
+    units = found.system.units
+    rows = [row for row in found.severities if row.gap == gap]
+    if all(math.isnan(row.peak) for row in rows if row.state.rattles):
+        title, key = f"approach velocity{f' [{units.state(chr(39))}]' if units else ''}", "approach"
+    else:
+        title, key = ("peak torque [N m]" if units else "peak force"), "peak"
+    worst = [each.severity for each in found.worst if each.severity.gap == gap][:1]
+    stars = [Series([each.value], [getattr(each, key)], "stars", "worst", "worst") for each in worst]
+    yield Panel(title, found.parameter, [*_along(found, rows, key), *stars], gap)
+    many = "impacts per s" if units else "impacts per time"
+    yield Panel(many, found.parameter, list(_along(found, rows, "per_second")), gap, height=0.8)
+
+
+def _along(found: RattleBands, rows: Sequence[Severity], key: str) -> Iterator[Series]:
+    """Yield the series of one figure along the motions met in each way."""
+    for met in dict.fromkeys(row.met for row in rows):
+        own = [row for row in rows if row.met == met]
+        look, text = _look(found, met)
+        for mark, chosen in (
+            ("line", own),
+            ("dots", [row for row in own if row.period]),
+            ("crosses", [row for row in own if not row.period]),
+        ):
+            if chosen:
+                x, y = [row.value for row in chosen], [getattr(row, key) for row in chosen]
+                yield Series(x, y, mark, look, text if mark == "dots" else "")
+
+
+@pictured(RattleMap, size=(8.0, 6.0), forms=("axes",))
+def rattle_map_picture(found: RattleMap, gap: str | None = None) -> Picture:
+    """Describe the state of a gap in the plane of two parameters, with the exact borders over the cells."""
+    gap = _chosen(found.gaps, gap)
+    note = f"checked with the exact flow: {len(found.different)} of {found.checked} cells differed"
+    within = dict(zip((found.first, found.second), found.within, strict=True))
+    return Picture(
+        found.system,
+        (found.first, found.second),
+        curves_of_loci(found.loci, "border: {}"),
+        lambda: Parts(cells=[_cells(found, k, each) for k, each in enumerate(found.gaps)], within=within),
+        sentences=[part for part in found.summary() if isinstance(part, str)][: len(found.gaps)],
+        heading=[f"rattle of {gap}"],
+        contacts=found.gaps,
+        of=gap,
+        script="record.loci",
+        note=note if found.checked else "not checked with the exact flow",
+    )
+
+
+def _cells(found: RattleMap, place: int, gap: str) -> Cells:
+    """Return the cells of a gap."""
+    states, is_periodic = found.codes[..., place], found.periods > 0
+    codes, entries = np.zeros(states.shape, dtype=int), list[tuple[str, str]]()
+    kinds = [(state.code, periodic) for state in GapState for periodic in (True, False)]
+    for code, periodic in [*kinds, (-1, False), (-2, False)]:
+        own = (states == code) & (is_periodic == periodic)
+        if own.any():
+            codes[own] = len(entries)
+            entries.append(_cell_entry(code, periodic))
+    return Cells(codes, entries, found.within, gap)
+
+
+def _cell_entry(code: int, periodic: bool) -> tuple[str, str]:
+    if code < 0:
+        return cell_word(code, True), "none" if code == -1 else "undone"
+    tint, words = _CELLS[list(GapState)[code]]
+    return (words, tint) if periodic else (f"{words}, not periodic", f"{tint}-wild")

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
 
+from gapwalk.answers.goals import peaks
 from gapwalk.answers.run_up import run_batch, start_at
 from gapwalk.answers.speed_course import SpeedCourse
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.ensemble.batch_flow import BatchOptions
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
@@ -22,6 +24,7 @@ from gapwalk.model.bounds import check
 from gapwalk.model.system import System, check_system
 from gapwalk.model.words import parameter_symbol, value_words
 from gapwalk.notebook import Shown
+from gapwalk.picture_parts import Panel, Parts, Picture, Series, pictured
 from gapwalk.summary import SummaryParts, Table, summarizes
 
 LEVELS = (0.05, 0.5, 0.95)
@@ -276,3 +279,87 @@ def starts_of(system: System, courses: Sequence[SpeedCourse], phases: NDArray[np
         states = state[None] if len(angles) == 1 else sample(at_first, state, angles).states
         found[lanes] = states[places.reshape(-1)[1:]]
     return found
+
+
+_COORDINATES = 6  # whose motion is drawn over a diagram
+_SPEEDS = 100  # classes of the speed
+_DRAWN = (
+    (0.5, "middle", "half of them are below"),
+    (0.95, "most", "95 % are below"),
+    (1.0, "largest", "largest of all"),
+)
+
+
+@pictured(RunUps, size=(8.0, 6.6), forms=("panels",))
+def run_ups_picture(found: RunUps, contact: str | None = None, *, branch: Branch | None = None) -> Picture:
+    """Describe the largest forces over the rate, and quantiles of amplitudes and forces over the speed."""
+    system = found.system
+    forces = {name: float(np.nanmax(found.peaks(name), initial=0.0)) for name in found.contacts}
+    contact = contact or max(forces, key=forces.__getitem__, default="")
+    return Picture(
+        system,
+        (system.structure.pace, f"half.{system.coordinates[0]}"),
+        parts=partial(_parts_of_picture, found, dict.fromkeys((*found.touching, *[contact] * bool(contact))), branch),
+        sentences=found.sentences,
+        heading=found.sentences,
+        contacts=found.touching,
+        of=contact,
+        panels=("charts", "below"),
+        empty="" if found.contacts else "these run-ups have no contact, so there is no force to draw",
+    )
+
+
+def _parts_of_picture(found: RunUps, contacts: Iterable[str], branch: Branch | None) -> Parts:
+    system, pace = found.system, found.system.structure.pace
+    layers, below, charts = list[Series](), list[Panel](), list[Panel]()
+    for place, name in enumerate(system.coordinates[:_COORDINATES]):
+        half = 0.5 * (found.high[:, :, place] - found.low[:, :, place])
+        layers += [each._replace(axes=(pace, f"half.{name}")) for each in _levels(found, half)]
+    for name in contacts:
+        force = f"{'torque' if system.units else 'force'} of {name}" + " [N m]" * bool(system.units)
+        levels = _levels(found, found.forces[:, :, found._place(name)])
+        slow = [] if branch is None else list(_slow_forces(branch, name))
+        below.append(Panel(force, pace, [*levels, *slow], name, margin=0.01))
+        charts.append(_over_rate(found, name, f"largest {force}"))
+    ends = (float(found.speeds.min()), float(found.speeds.max()))
+    return Parts(layers=layers, below=below, charts=charts, within={pace: ends})
+
+
+def _levels(found: RunUps, values: NDArray[np.float64]) -> list[Series]:
+    """Return quantiles over all run-ups of values near each speed."""
+    speeds, kept = found.speeds.ravel(), values.ravel()
+    speeds, kept = speeds[np.isfinite(kept)], kept[np.isfinite(kept)]
+    if not len(kept):
+        return []
+    edges = np.linspace(found.speeds.min(), found.speeds.max(), min(found.bins, _SPEEDS) + 1)
+    place = np.clip(np.digitize(speeds, edges) - 1, 0, len(edges) - 2)
+    groups = [(middle, kept[place == k]) for k, middle in enumerate(0.5 * (edges[1:] + edges[:-1]))]
+    x, filled = zip(*((middle, group) for middle, group in groups if len(group)), strict=True)
+    return [
+        Series(x, [np.quantile(each, level) for each in filled], "line", look, text) for level, look, text in _DRAWN
+    ]
+
+
+def _over_rate(found: RunUps, contact: str, title: str) -> Panel:
+    pace, units = found.system.structure.pace, found.system.units
+    rates, (low, middle, high) = found.quantiles(contact)
+    series = [Series(found.rates, found.peaks(contact), "dots", "run", "a run-up")]
+    if len(rates) > 1 and len(found.courses) > 2 * len(rates):
+        series += [
+            Series(rates, np.array((low, high)), "between", "most", "5 % to 95 %"),
+            Series(rates, middle, "line", "middle", "half of them are below"),
+        ]
+    across = f"rate of {pace}" + (f" [{units.parameter(pace)}/s]" if units else "")
+    return Panel(title, "", series, contact, across=across, margin=0.05)
+
+
+def _slow_forces(branch: Branch, contact: str) -> Iterator[Series]:
+    """Yield the largest force along a response, stable and unstable."""
+    signal = f"{contact}.force"  # that of its stages, as along the run-ups
+    forces = np.array([max(peaks(point.orbit, signal)) for point in branch.points])
+    is_stable = np.array([point.stable for point in branch.points])
+    for name, own in (("stable", is_stable), ("unstable", ~is_stable)):
+        joined = own.copy()
+        joined[1:] |= own[:-1]  # up to the first point of the other kind, so that no gap is left
+        if own.any():
+            yield Series(branch.values, np.where(joined, forces, np.nan), "line", name, f"{name} response")

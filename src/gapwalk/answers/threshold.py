@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -40,6 +41,7 @@ from gapwalk.notebook import Shown
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting
+from gapwalk.picture_parts import End, Line, Parts, Picture, Series, Shade, curves_of_loci, pictured
 from gapwalk.summary import Rows, SummaryParts, Tables, remarks, summarizes
 
 # Extremum of a locus: the largest or smallest value of one parameter on a curve of special points.
@@ -643,3 +645,37 @@ class ThresholdSearch:
     def _inside(self, best: Extremum) -> float:
         asked = self.request
         return best.value - asked.way * _BEYOND * abs(asked.to[1] - asked.to[0])
+
+
+@pictured(Threshold)
+def threshold_picture(found: Threshold) -> Picture:
+    """Describe the borders of rattle in the plane of both parameters, the quiet side, and the limit."""
+    return Picture(
+        found.system,
+        (found.over, found.parameter),
+        curves_of_loci(found.loci, "{}: rattle begins or ceases"),
+        partial(_parts_of_picture, found),
+        sentences=[found.sentence],
+        heading=[found.sentence],
+        script="record.loci",
+        empty="" if found.loci else ". ".join((*found.notes, *found.failures)) or "nothing was followed",
+    )
+
+
+def _parts_of_picture(found: Threshold) -> Parts:
+    """Return the quiet side, the limit, and what moves it."""
+    within = {found.over: (found.low, found.high), found.parameter: tuple(sorted((found.begin, found.end)))}
+    if found.limit is None:
+        return Parts(within=within)
+    axes, units, text = (found.over, found.parameter), found.system.units, f"{found.value:.6g} at {found.at:.6g}"
+    low, high = sorted((found.value, found.end))
+    ends = ((found.value, found.parameter), (found.at, found.over))
+    note = " at ".join(f"{value:.6g} {units.parameter(name) if units else ''}".rstrip() for value, name in ends)
+    place = {found.over: found.at, found.parameter: found.value}
+    return Parts(
+        layers=[Series([found.at], [found.value], "stars", "worst", f"limit: {text}", axes=axes, notes=(note,))],
+        shades=[Shade(found.parameter, low, high, "quiet", "nothing rattles")],
+        lines=[Line(found.parameter, found.value)],
+        ends=[End(f"limit: {text}", found.limit.kind.value, place=place, gradient=found.gradient)],
+        within=within,
+    )

@@ -8,10 +8,10 @@ the share of the variance that a polynomial of one parameter explains.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from gapwalk.answers.near_misses import Watch
 from gapwalk.answers.point_fit import Form, Patterns, Walked
 from gapwalk.answers.point_prediction import ENOUGH, TrackedPoint, polynomial
+from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.answers.spread import Spread, Spreads
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.special_point import SpecialPoint
@@ -29,6 +30,7 @@ from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.picture_parts import Cloud, End, Line, NamedCurve, Panel, Parts, Picture, Series, Shade, pictured
 from gapwalk.summary import Rows, SummaryParts, Table, TableRows, Tables, remarks, summarizes
 
 # Records of how the special points of many samples of a system are found.
@@ -496,3 +498,99 @@ def _explained(x: Array, values: Array, degree: int) -> float:
     rest = values - terms @ np.linalg.lstsq(terms, values)[0]
     freedom = len(values) - terms.shape[1]
     return max(0.0, 1.0 - float(rest @ rest) / freedom / float(np.var(values, ddof=1))) if freedom > 0 else np.nan
+
+
+_SAID = 2  # points that the sentences name
+_DOTS = 600  # of the cloud of one point
+BINS = 60  # classes of a distribution, at most
+
+
+@pictured(Tolerance, forms=())
+def tolerance_picture(found: Tolerance, measure: str = "") -> Picture:
+    """Describe the nominal response with the cloud of each special point, and the distributions below."""
+    system = found.branch.system
+    named = found.band is None and found.known.any()
+    said = [f"{_title(found, k)}: {_words(found, k)[1]}" for k in range(len(found.points) if named else 0)]
+    return Picture(
+        system,
+        (found.parameter, measure or shown_measure(system, found)),
+        [NamedCurve(f"P{found.branch.period}-1", found.branch)],
+        partial(_parts_of_picture, found),
+        sentences=said[:_SAID],
+        script="(record.branch,)",
+    )
+
+
+def _title(found: Tolerance, index: int) -> str:
+    return f"{found.points[index].kind} {found.points[index].contact}".rstrip()
+
+
+def _parts_of_picture(found: Tolerance) -> Parts:
+    if not found.known.any():
+        return Parts()
+    over, unit = found.parameter, _unit(found)
+    return Parts(
+        shades=[Shade(over, *found.band, "goal", "band in which no fold should lie")] if found.band else [],
+        lines=[Line(over, value, f"{value:.6g}") for value in found.band or ()],
+        clouds=[_cloud(found, index) for index in range(len(found.points))],
+        ends=[
+            End(f"{each.value:.7g} {unit}".rstrip(), each.kind.value, each, found.words(index))
+            for index, each in enumerate(found.points)
+        ],
+        below=[Panel("distribution", over, list(_distributions(found)))],
+        within={over: reach(found)},
+    )
+
+
+def _unit(found: Tolerance) -> str:
+    units = found.branch.system.units
+    return units.parameter(found.parameter) if units else ""
+
+
+def reach(found: Tolerance) -> tuple[float, float]:
+    """Return the range of a picture: that of the branch, and most of each distribution."""
+    values = found.branch.values
+    ends = [float(values.min()), float(values.max())]
+    some = found.quantiles(0.003, 0.997)
+    if not np.isnan(some).all():
+        ends = [min(ends[0], float(np.nanmin(some))), max(ends[1], float(np.nanmax(some)))]
+    return ends[0], ends[1]
+
+
+def _words(found: Tolerance, index: int) -> list[str]:
+    """Return the quantiles of a point, the probability that it exists or lies in the band, and what matters."""
+    column, unit = found._columns[index], _unit(found)
+    lines = [f"nominal {found.points[index].value:.7g} {unit}".rstrip()]
+    if len(column):
+        low, middle, high = np.quantile(column, (0.05, 0.5, 0.95))
+        where = f"from {low:.6g} to {high:.6g}, half below {middle:.6g} {unit}".rstrip()
+        lines.append(f"in 90 % of the parts that have it {where}")
+    lines.append(f"exists in {found.exists[index]} of all parts")
+    if found.band is not None:
+        lines.append(f"in the band in {found.chances(*found.band)[index]}")
+    return [*lines, f"what matters: {words}"] if (words := found.words(index)) else lines
+
+
+def _cloud(found: Tolerance, index: int) -> Cloud:
+    column, special = found._columns[index], found.points[index]
+    every = max(1, -(-len(column) // _DOTS))
+    quantiles = np.quantile(column, (0.05, 0.5, 0.95)) if len(column) else []
+    words, title = _words(found, index), _title(found, index)
+    return Cloud(found.parameter, special.kind.value, title, column[::every], quantiles, words, special)
+
+
+def _distributions(found: Tolerance) -> Iterator[Series]:
+    """Yield the distribution of each point, the highest of its classes being 1."""
+    seen = set[str]()
+    for index, special in enumerate(found.points):
+        column = found._columns[index]
+        if len(column) < 2 or np.ptp(np.quantile(column, (0.01, 0.99))) == 0.0:
+            continue
+        low, high = np.quantile(column, (0.01, 0.99))
+        wide = 0.5 * (high - low)  # beyond this, single parts lie: they would widen all classes
+        ends = max(low - wide, float(column.min())), min(high + wide, float(column.max()))
+        heights, edges = np.histogram(column, min(BINS, max(5, int(np.sqrt(len(column))))), ends)
+        x, y = np.repeat(edges, 2), np.concatenate(([0.0], np.repeat(heights / heights.max(), 2), [0.0]))
+        text = "" if special.kind.value in seen else f"{special.kind}: distribution"
+        seen.add(special.kind.value)
+        yield Series(x, y, "area", f"kind-{special.kind.value}", text)

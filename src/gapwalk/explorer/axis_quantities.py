@@ -10,15 +10,10 @@ from gapwalk.flow.motion import force_of
 from gapwalk.model.system import System
 from gapwalk.model.words import coordinate_words, measure_words, parameter_words, state_words
 from gapwalk.orbit.orbit import MEASURES, Orbit
+from gapwalk.picture_parts import SECTION, START
 
 MEASURE = "measure:"
 """Prefix of a measure that has the name of a parameter: ``mean.q1`` alone is a mean load."""
-
-SECTION = "section."
-"""Prefix of a state at the start of the forcing period, which a sweep is over: ``section.q1``."""
-
-START = "start."
-"""Prefix of a state from which motions begin, which a plane of basins is over: ``start.q1``."""
 
 PEAK, IMPACTS = "peak.", "impacts."
 """Prefixes of the largest magnitude of the force of a contact, and of its impacts per second: ``peak.stop``."""

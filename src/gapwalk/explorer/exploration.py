@@ -19,7 +19,7 @@ from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.errors import GapwalkError, ModelError, StoreError
-from gapwalk.explorer.answer_view import AnswerView, view_of
+from gapwalk.explorer.answer_view import AnswerView
 from gapwalk.explorer.plan import Action, Compute, Place, plain_action, plan, read_action
 from gapwalk.explorer.progress_stream import Progress
 from gapwalk.explorer.tasks import Task
@@ -130,7 +130,7 @@ class Entry:
         if result is None or result.finding is None or self.settled() is not None:
             return None
         if known is not result:
-            view = view_of(result.finding)
+            view = AnswerView(result.finding)
             self._viewed = result, view
             self._answer_lines = answer_lines(view)
         return view
@@ -157,8 +157,8 @@ def line_of(name: str, curve: Branch | Locus, within: tuple[float, float]) -> Li
 
 def answer_lines(view: AnswerView) -> list[Line]:
     """Return the curves of an answer as lines of the page."""
-    lines = [line_of(*each, _reach(each[1])) for each in view.curves()]
-    return [line._replace(is_earlier=number in view.earlier) for number, line in enumerate(lines)]
+    curves = view.picture.curves
+    return [line_of(each.name, each.curve, _reach(each.curve))._replace(is_earlier=each.is_earlier) for each in curves]
 
 
 def _reach(curve: Branch | Locus) -> tuple[float, float]:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
@@ -15,7 +15,7 @@ from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.attractors.spectrum import second_of
 from gapwalk.continuation.corrector import check_range
 from gapwalk.errors import ModelError
-from gapwalk.explorer.tasks import Task, follow_others, follow_special_point, follow_switch
+from gapwalk.explorer.tasks import FollowUp, Task, follow_others, follow_special_point, follow_switch
 from gapwalk.explorer.workspace import along_words, changed_words, study_title
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.ramp import Ramped
@@ -147,12 +147,32 @@ def plain_action(action: Action) -> dict[str, object]:
 
 def plan(action: Action, shown: Exploration) -> tuple[str, Task]:
     """Return the title of the result of an action, and its task, still without a result file."""
-    return _PLANS[type(action)](action, shown)
+    if isinstance(action, Compute):
+        study = shown.study(action.study, action.values)
+        return study_title(study, action.values), Task(study, Path())
+    found = _PLANS[type(action)](action, shown)
+    base = shown.studies[0].system if shown.studies else None  # titles compare with it; the file may have errors
+    title = found.title + changed_words(found.system, base, found.varied)
+    whole = f"{found.origin.title.partition(': ')[0]}: {title}" if found.origin.title else title
+    study = Study(found.system, found.options, whole, found.origin.text, reduced=found.origin.reduced)
+    return title, Task(study, Path(), found.follow_up)
 
 
-def _compute(action: Compute, shown: Exploration) -> tuple[str, Task]:
-    study = shown.study(action.study, action.values)
-    return study_title(study, action.values), Task(study, Path())
+class _Planned(NamedTuple):
+    """What an action comes to."""
+
+    system: System
+    options: Any  #: Options of the study.
+    title: str  #: Title, still without the values that differ from those of the file.
+    varied: set[str]  #: Parameters that the title names.
+    origin: Study  #: The study of the result from which it starts.
+    follow_up: FollowUp | None = None
+
+
+def _check_bounds(system: System, name: str, *bounds: float) -> None:
+    """Raise a ModelError if the system cannot have one of some values of a parameter."""
+    for bound in bounds:
+        system.at({name: bound})
 
 
 def known_branches(action: Search, shown: Exploration, system: System) -> list[tuple[str, int]]:
@@ -184,19 +204,18 @@ def orbit_at(place: Place, shown: Exploration) -> Orbit:
     return orbit
 
 
-def _walk(action: Walk, shown: Exploration) -> tuple[str, Task]:
+def _walk(action: Walk, shown: Exploration) -> _Planned:
     orbit, origin = orbit_at(action.start, shown), shown.origin(action.start)
     begin = orbit.system[action.parameter]
     check_range(begin, action.to)
-    orbit.system.at({action.parameter: action.to})
+    _check_bounds(orbit.system, action.parameter, action.to)
     options = _from_orbit(ResponseOptions, orbit, origin, action.parameter, begin, action.to)
     period = f"period {orbit.period}, " if orbit.period > 1 else ""
     title = period + along_words(orbit.system, action.parameter, begin, action.to)
-    title += changed_words(orbit.system, _base(shown), {action.parameter})
-    return title, Task(_study_of(orbit.system, options, title, origin), Path())
+    return _Planned(orbit.system, options, title, {action.parameter}, origin)
 
 
-def _switch(action: Switch, shown: Exploration) -> tuple[str, Task]:
+def _switch(action: Switch, shown: Exploration) -> _Planned:
     line, special = shown.special(action.start)
     parameter, orbit, origin = line.parameter, special.orbit, shown.origin(action.start)
     if not special.ways:
@@ -205,21 +224,18 @@ def _switch(action: Switch, shown: Exploration) -> tuple[str, Task]:
             "point (BP)"
         )
     check_range(special.value, (action.low, action.high))
-    for bound in (action.low, action.high):
-        orbit.system.at({parameter: bound})
+    _check_bounds(orbit.system, parameter, action.low, action.high)
     period = orbit.period * special.kind.times
     options = _from_orbit(DiagramStudyOptions, orbit, origin, parameter, action.low, action.high, period=period)
     at = value_words(special.value, parameter, orbit.system.units, 6)
     title = f"period {period} from the {special.kind.value} at {at}"
-    title += changed_words(orbit.system, _base(shown), {parameter})
-    return title, Task(_study_of(orbit.system, options, title, origin), Path(), partial(follow_switch, special))
+    return _Planned(orbit.system, options, title, {parameter}, origin, partial(follow_switch, special))
 
 
-def _search(action: Search, shown: Exploration) -> tuple[str, Task]:
+def _search(action: Search, shown: Exploration) -> _Planned:
     system = shown.base().system if action.start is None else shown.motion(action.start).system
     parameter = action.parameter
-    for bound in (action.low, action.high):
-        system.at({parameter: bound})
+    _check_bounds(system, parameter, action.low, action.high)
     if not action.low < action.high:
         given = f"the range of {parameter} is from {action.low:g} to {action.high:g}"
         raise ModelError(f"{given}; its second value must be the larger one")
@@ -227,8 +243,7 @@ def _search(action: Search, shown: Exploration) -> tuple[str, Task]:
     origin = shown.base() if action.start is None else shown.origin(action.start)
     options = _others_options(action, system, origin)
     title = f"isolated branches, {along_words(system, parameter, action.low, action.high)}"
-    title += changed_words(system, _base(shown), {parameter})
-    return title, Task(_study_of(system, options, title, origin), Path(), partial(follow_others, known))
+    return _Planned(system, options, title, {parameter}, origin, partial(follow_others, known))
 
 
 def _others_options(action: Search, system: System, origin: Study) -> DiagramStudyOptions:
@@ -252,7 +267,7 @@ def _others_options(action: Search, system: System, origin: Study) -> DiagramStu
     return DiagramStudyOptions(*where, measure, method=method, search_values=action.count)
 
 
-def _locus(action: FollowLocus, shown: Exploration) -> tuple[str, Task]:
+def _locus(action: FollowLocus, shown: Exploration) -> _Planned:
     line, special = shown.special(action.start)
     first, second, system = line.parameter, action.second, special.orbit.system
     origin = shown.origin(action.start)
@@ -262,8 +277,7 @@ def _locus(action: FollowLocus, shown: Exploration) -> tuple[str, Task]:
         raise ModelError(f"choose a second parameter other than {first}: the plane of a locus has two")
     second_low, second_high = sorted((action.second_low, action.second_high))
     for name, low, high in ((first, action.low, action.high), (second, second_low, second_high)):
-        for bound in (low, high):
-            system.at({name: bound})
+        _check_bounds(system, name, low, high)
         if not low <= system[name] <= high or low == high:
             given = f"the range of {name} is from {low:g} to {high:g}"
             raise ModelError(f"{given}; it must contain the value of the point, {system[name]:.8g}")
@@ -278,8 +292,8 @@ def _locus(action: FollowLocus, shown: Exploration) -> tuple[str, Task]:
         kinds=(special.kind,),
     )
     at, plane = value_words(special.value, first, system.units, 6), along_words(system, second, second_low, second_high)
-    title = f"{special.kind.value} at {at}, {plane}{changed_words(system, _base(shown), {first, second})}"
-    return title, Task(_study_of(system, options, title, origin), Path(), partial(follow_special_point, special))
+    title = f"{special.kind.value} at {at}, {plane}"
+    return _Planned(system, options, title, {first, second}, origin, partial(follow_special_point, special))
 
 
 def locus_method(orbit: Orbit, origin: Study) -> Method:
@@ -287,12 +301,7 @@ def locus_method(orbit: Orbit, origin: Study) -> Method:
     return method_of(orbit, origin).for_loci()
 
 
-def _base(shown: Exploration) -> System | None:
-    """Return the system of the file, with which titles compare; None while it has errors."""
-    return shown.studies[0].system if shown.studies else None
-
-
-def _settle(action: Settle, shown: Exploration) -> tuple[str, Task]:
+def _settle(action: Settle, shown: Exploration) -> _Planned:
     if action.start is None:
         origin = shown.base()
         system, start = origin.system, "rest"
@@ -301,11 +310,10 @@ def _settle(action: Settle, shown: Exploration) -> tuple[str, Task]:
         system, start = motion.system, tuple(motion.state.tolist())
     system = system.at(dict(action.values))
     options = SettleStudyOptions(signal=system.coordinates[0], start=start)
-    title = f"settled at {pace_words(system)}{changed_words(system, _base(shown), {system.structure.pace})}"
-    return title, Task(_study_of(system, options, title, origin), Path())
+    return _Planned(system, options, f"settled at {pace_words(system)}", {system.structure.pace}, origin)
 
 
-def _run_up(action: RunUp, shown: Exploration) -> tuple[str, Task]:
+def _run_up(action: RunUp, shown: Exploration) -> _Planned:
     origin = shown.base() if action.start is None else shown.origin(action.start)
     system = origin.system if action.start is None else shown.motion(action.start).system
     system = system.at(dict(action.values))
@@ -314,8 +322,7 @@ def _run_up(action: RunUp, shown: Exploration) -> tuple[str, Task]:
     ends = (high, low) if action.way == "down" else (low, high)
     back = " and back" if action.way == "both" else ""
     title = f"run-up, {along_words(system, pace, *ends)}{back} in {options.times[-1] / _second(system):.4g} s"
-    title += changed_words(system, _base(shown), {pace})
-    return title, Task(_study_of(system, options, title, origin), Path())
+    return _Planned(system, options, title, {pace}, origin)
 
 
 def run_up_study(action: RunUp, system: System) -> RunUpStudy:
@@ -324,8 +331,7 @@ def run_up_study(action: RunUp, system: System) -> RunUpStudy:
         given = f"the range of {system.structure.pace} is from {action.low:g} to {action.high:g}"
         raise ModelError(f"{given}; its second value must be the larger one")
     Ramped(system)  # refuses what cannot run up
-    for bound in (action.low, action.high):
-        system.at({system.structure.pace: bound})
+    _check_bounds(system, system.structure.pace, action.low, action.high)
     lasts = action.seconds * _second(system)
     speeds = {"up": (action.low, action.high), "down": (action.high, action.low)}
     course = speeds.get(action.way, (action.low, action.high, action.low))
@@ -354,13 +360,7 @@ def method_of(orbit: Orbit, origin: Study) -> Method:
     return found if found is not None and found.name == orbit.found_by else orbit.method()
 
 
-def _study_of(system: System, options, title: str, origin: Study) -> Study:
-    whole = f"{origin.title.partition(': ')[0]}: {title}" if origin.title else title
-    return Study(system, options, whole, origin.text, reduced=origin.reduced)
-
-
-_PLANS: dict[type[Action], Callable[[Any, Exploration], tuple[str, Task]]] = {
-    Compute: _compute,
+_PLANS: dict[type[Action], Callable[[Any, Exploration], _Planned]] = {
     Walk: _walk,
     Switch: _switch,
     Search: _search,

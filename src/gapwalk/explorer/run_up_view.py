@@ -7,18 +7,22 @@ next to them if there is one. All maps of an answer have one scale of amplitudes
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
-from typing import Any
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.answers.run_up import RunUp
 from gapwalk.attractors.spectrum import SECOND, Sound, Tracked, Waterfall, line_name, unit_of
-from gapwalk.explorer.answer_view import AnswerView, Json, Series, numbers, panel, shown, with_unit
+from gapwalk.explorer.page_pictures import Json, numbers
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.words import line_words, order_words, signal_words
+from gapwalk.picture_parts import Panel, Parts, Picture, Series, pictured
 from gapwalk.studies.run_up_study import RunUpStudy
+
+if TYPE_CHECKING:
+    from gapwalk.explorer.answer_view import AnswerView
 
 _COORDINATES = 6  # whose motion is drawn over a diagram
 _PERIODS = 1500  # of a leg that are drawn; of more, the extremes of several
@@ -32,81 +36,79 @@ _RATE = 48_000  # samples per second
 _WAYS = {True: ("rising", "rising speed"), False: ("falling", "falling speed")}
 
 
-@shown(RunUp)
-class RunUpView(AnswerView):
-    """Half the range of a coordinate in each period over the speed, and below the signal and the contact forces."""
+@pictured(RunUp, forms=())
+def run_up_picture(found: RunUp, signal: str = "") -> Picture:
+    """Describe half the range of a coordinate in each period over the speed, and below the signal and the forces."""
+    signal, names, pace = signal or found.loudest, found.system.coordinates, found.system.structure.pace
+    axes = pace, f"half.{signal if signal in names else names[0]}"
+    return Picture(found.system, axes, (), partial(_parts_of_picture, found, signal, axes), sentences=found.sentences)
 
-    record: RunUp
 
-    @property
-    def axes(self) -> tuple[str, str]:
-        """The speed, and the amplitude of a coordinate."""
-        signal, names = self._signal, self.record.system.coordinates
-        return self.record.system.structure.pace, f"half.{signal if signal in names else names[0]}"
+def _parts_of_picture(run: RunUp, signal: str, axes: tuple[str, str]) -> Parts:
+    """Return the amplitude over the speed for each coordinate, the histories below, and what can be heard."""
+    pace, system = axes[0], run.system
+    below = [Panel(signal_words(signal, system.units), pace, list(_extremes(run, signal)))]
+    for each in run.peaks:
+        if each.force:
+            title = f"force of {each.contact}" + " [N m]" * bool(system.units)
+            star = Series([each.speed], [each.force], "stars", "worst", "largest")
+            below.append(Panel(title, pace, [*_extremes(run, f"{each.contact}.force"), star]))
+    names = dict.fromkeys((axes[1].partition(".")[2], *system.coordinates[:_COORDINATES]))
+    return Parts(
+        layers=[each for name in names for each in _amplitudes(legs(run, name), (pace, f"half.{name}"))],
+        below=below,
+        within={pace: (float(run.speed.min()), float(run.speed.max()))},
+        more={"heard": _heard(run, signal)},
+    )
 
-    @property
-    def _signal(self) -> str:
-        return (self._asked.signal if self._asked else "") or self.record.loudest
 
-    @property
-    def _asked(self) -> RunUpStudy | None:
-        asked = getattr(self.finding, "asked", None)
-        return asked if isinstance(asked, RunUpStudy) else None
+def _amplitudes(tracked: Sequence[Tracked], axes: tuple[str, str], measured: str = "") -> Iterator[Series]:
+    """Yield half the range of each period over the speed, for each way; of a record with its name."""
+    for way in (True, False):
+        parts = [_thinned(*leg.extremes()) for leg in tracked if leg.rises is way]
+        if not parts:
+            continue
+        speed, low, high = (np.concatenate(each) for each in zip(*parts, strict=True))
+        look, words = _WAYS[way]
+        text = f"{measured or 'run-up'}, {words}: each period"
+        mark, look = ("crosses", "measured") if measured else ("dots", look)
+        yield Series(speed, 0.5 * (high - low), mark, look, text, axes=axes)
 
-    def sentences(self) -> list[str]:
-        """Return the largest force of each contact; without any, the course."""
-        return list(self.record.sentences) or super().sentences()
 
-    def drawn(self) -> Json:
-        """Return the amplitude over the speed for each coordinate, the histories below, and what can be heard."""
-        run, pace, system = self.record, self.axes[0], self.record.system
-        names = dict.fromkeys((self.axes[1].partition(".")[2], *system.coordinates[:_COORDINATES]))
-        layers = [each.plain for name in names for each in self._amplitudes(legs(run, name), f"half.{name}")]
-        below = [panel(signal_words(self._signal, system.units), pace, system, self._extremes(self._signal))]
-        for each in run.peaks:
-            if each.force:
-                title = f"force of {each.contact}" + " [N m]" * bool(system.units)
-                star = Series([each.speed], [each.force], "stars", "worst", "largest")
-                below.append(panel(title, pace, system, [*self._extremes(f"{each.contact}.force"), star]))
-        ends = [float(run.speed.min()), float(run.speed.max())]
-        return {"layers": layers, "below": below, "within": {pace: ends}, "heard": self._heard()}
+def _extremes(run: RunUp, signal: str) -> Iterator[Series]:
+    seen: set[bool] = set()
+    for leg in legs(run, signal):
+        speed, low, high = _thinned(*leg.extremes())
+        look, words = _WAYS[leg.rises]
+        text = "" if leg.rises in seen else f"extremes of each period, {words}"
+        seen.add(leg.rises)
+        yield Series(speed, low, "line", look, text)
+        yield Series(speed, high, "line", look)
 
-    def _amplitudes(self, tracked: Sequence[Tracked], measure: str, measured: str = "") -> Iterator[Series]:
-        """Yield half the range of each period over the speed, for each way; of a record with its name."""
-        for way in (True, False):
-            parts = [_thinned(*leg.extremes()) for leg in tracked if leg.rises is way]
-            if not parts:
-                continue
-            speed, low, high = (np.concatenate(each) for each in zip(*parts, strict=True))
-            look, words = _WAYS[way]
-            text = f"{measured or 'run-up'}, {words}: each period"
-            mark, look = ("crosses", "measured") if measured else ("dots", look)
-            yield Series(speed, 0.5 * (high - low), mark, look, text, axes=(self.axes[0], measure))
 
-    def _extremes(self, signal: str) -> Iterator[Series]:
-        seen: set[bool] = set()
-        for leg in legs(self.record, signal):
-            speed, low, high = _thinned(*leg.extremes())
-            look, words = _WAYS[leg.rises]
-            text = "" if leg.rises in seen else f"extremes of each period, {words}"
-            seen.add(leg.rises)
-            yield Series(speed, low, "line", look, text)
-            yield Series(speed, high, "line", look)
+def _heard(run: RunUp, signal: str) -> Json:
+    """Return the signals to listen to, and the speed over the seconds that the sound lasts."""
+    units = run.system.units
+    forces = [f"{each.contact}.force" for each in run.peaks if each.force]
+    others = [name for name in run.signals if name.endswith(("''", ".torque"))]
+    asked = signal if signal.endswith(("''", ".force", ".torque")) else f"{run.loudest}''"
+    names = list(dict.fromkeys((asked, *forces, *others)))[:_SIGNALS]
+    second = 1.0 if units else SECOND
+    return {
+        "signals": [[name, signal_words(name, units)] for name in names],
+        "seconds": numbers(run.course.time / second),
+        "speeds": numbers(run.course.speed),
+        "pitch": float(run.system.structure.frequency * second / PERIOD),
+    }
 
-    def _heard(self) -> Json:
-        """Return the signals to listen to, and the speed over the seconds that the sound lasts."""
-        run, units = self.record, self.record.system.units
-        forces = [f"{each.contact}.force" for each in run.peaks if each.force]
-        others = [name for name in run.signals if name.endswith(("''", ".torque"))]
-        asked = self._signal if self._signal.endswith(("''", ".force", ".torque")) else f"{run.loudest}''"
-        names = list(dict.fromkeys((asked, *forces, *others)))[:_SIGNALS]
-        second = 1.0 if units else SECOND
-        return {
-            "signals": [[name, signal_words(name, units)] for name in names],
-            "seconds": numbers(run.course.time / second),
-            "speeds": numbers(run.course.speed),
-            "pitch": float(run.system.structure.frequency * second / PERIOD),
-        }
+
+class HeardRunUp:
+    """Order maps and sounds of a run-up, over the orders and with the windows that its study asks for."""
+
+    def __init__(self, view: AnswerView) -> None:
+        asked = getattr(view.finding, "asked", None)
+        self.view, self.record = view, view.record
+        self._asked = asked if isinstance(asked, RunUpStudy) else None
 
     def heard(self, signal: str, record: Tracked | None = None, name: str = "") -> Json:
         """Return order maps and the lines of single orders of a signal, with a measured record laid over."""
@@ -119,8 +121,8 @@ class RunUpView(AnswerView):
         if not kept:
             return {"maps": [], "tracks": [], "layers": [], "why": "It is shorter than two forcing periods."}
         top = max(float(found.amplitudes[:, 1:].max()) for *_, found in kept) or 1.0
-        measure = f"half.{signal}"
-        layers = list(self._amplitudes(measured, measure, name)) if signal in system.coordinates else []
+        axes = system.structure.pace, f"half.{signal}"
+        layers = _amplitudes(measured, axes, name) if signal in system.coordinates else ()
         return {
             "maps": [
                 {"text": text, "rises": rises, "measured": of, **_plain_map(found, top)}
@@ -132,7 +134,7 @@ class RunUpView(AnswerView):
             "across": order_words(system.units),
             "turns": float(system.turns or 1),
             "tracks": [self._track(order, kept, signal) for order in _orders(kept)],
-            "layers": [each.plain for each in layers],
+            "layers": [self.view.json_of(each) for each in layers],
             "why": "",
         }
 
@@ -160,7 +162,9 @@ class RunUpView(AnswerView):
             seen.add(text)
         title = f"{line_words(line_name(order, turns=system.turns))} of {signal}"
         title = f"order {title}" if system.turns else title
-        return panel(with_unit(title, unit_of(system, signal)), self.axes[0], system, series)
+        unit = unit_of(system, signal)
+        title = f"{title} [{unit}]" if unit else title
+        return self.view.json_of(Panel(title, system.structure.pace, series))
 
     def sound(self, signal: str, rate: int = _RATE) -> Sound:
         """Return a signal of the run-up as a sound; raise a ModelError if there is no such signal."""

@@ -23,15 +23,8 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from gapwalk.answers.design import Design
-from gapwalk.answers.rattle_bands import RattleBands, RattleMap
 from gapwalk.answers.run_up import RunUp
-from gapwalk.answers.run_ups import RunUps
 from gapwalk.answers.shown_measure import shown_measure
-from gapwalk.answers.threshold import Threshold
-from gapwalk.answers.tolerance import Tolerance
-from gapwalk.attractors.basins import Basins, BasinShares
-from gapwalk.attractors.regimes import Regimes
 from gapwalk.attractors.settle import Settled
 from gapwalk.attractors.spectrum import Sound, Tracked
 from gapwalk.bifurcation.branch import Branch
@@ -39,7 +32,7 @@ from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.bifurcation.loci import Codim2Point, Locus
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
-from gapwalk.explorer.answer_view import Alone, AnswerView, has_picture, view_of
+from gapwalk.explorer.answer_view import AnswerView, drawn_on_paper, has_picture
 from gapwalk.explorer.axis_quantities import measure_name, quantity, quantity_words
 from gapwalk.explorer.exploration import Line, answer_lines, line_of
 from gapwalk.explorer.motion_panels import (
@@ -53,29 +46,22 @@ from gapwalk.explorer.motion_panels import (
     scenes_of,
     special_words,
 )
-from gapwalk.explorer.run_up_view import RunUpView
+from gapwalk.explorer.run_up_view import HeardRunUp
 from gapwalk.explorer.session import Session
 from gapwalk.explorer.what_next import at_special, neighbours, stretches
 from gapwalk.explorer.workspace import RECORD, verdict
 from gapwalk.files import open_file
 from gapwalk.flow.motion import force_of
-from gapwalk.free.backbone_curve import Backbone
-from gapwalk.free.island_births import Backbones
-from gapwalk.free.self_excitation import SelfExcited
 from gapwalk.measurement.measured_record import is_run_up, read_run_up
 from gapwalk.model.measured.measured_table import NamedFile
 from gapwalk.model.system import System
 from gapwalk.model.words import full_measure, signal_words
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.studies.export import write_whole
-from gapwalk.studies.family import Family
 from gapwalk.studies.map import Map
 from gapwalk.studies.result import Result
 from gapwalk.studies.settle_study import SettleFinding
 from gapwalk.studies.sweep_study import Sweep
-from gapwalk.tori.tongue import Tongue
-from gapwalk.tori.torus import Torus
-from gapwalk.tori.torus_family import TorusDiagram, TorusFamily
 
 # A saved page as one HTML file: text, style and modules of the explorer's page, Plotly, and what the page shows.
 
@@ -205,11 +191,11 @@ class HeardRequests:
         view, signal, name = self._view(request), _field(request, "signal"), _field(request, "record")
         return JSONResponse(await self.session.flows.do(lambda: self._heard(view, signal, name)))
 
-    def _heard(self, view: RunUpView, signal: str, name: str) -> dict[str, Any]:
+    def _heard(self, view: HeardRunUp, signal: str, name: str) -> dict[str, Any]:
         record: Tracked | None = None
         if name:
             path = self.session.workspace.path(name, (RECORD,))
-            record = read_run_up(path, view.system, signal)
+            record = read_run_up(path, view.record.system, signal)
         return view.heard(signal, record, name)
 
     async def sound(self, request: Request) -> Response:
@@ -256,11 +242,11 @@ class HeardRequests:
         view, signal = self._view(request), _field(request, "signal")
         return await self.session.flows.do(lambda: view.sound(signal))
 
-    def _view(self, request: Request) -> RunUpView:
+    def _view(self, request: Request) -> HeardRunUp:
         entry = self.session.exploration(_field(request, "file")).entry(_field(request, "result"))
-        if not isinstance(entry.answer, RunUpView):
+        if entry.answer is None or not isinstance(entry.answer.record, RunUp):
             raise ModelError(f"{entry.title} is no run-up; only a run-up is heard over the speed")
-        return entry.answer
+        return HeardRunUp(entry.answer)
 
 
 def _field(request: Request, name: str) -> str:
@@ -268,37 +254,6 @@ def _field(request: Request, name: str) -> str:
     if len(text) > _NAME:
         raise ModelError(f"{name} is longer than {_NAME} letters")
     return text
-
-
-Found = (
-    Result
-    | Branch
-    | Diagram
-    | Family
-    | Settled
-    | Orbit
-    | RattleBands
-    | RattleMap
-    | Threshold
-    | Design
-    | Tolerance
-    | RunUp
-    | RunUps
-    | Basins
-    | BasinShares
-    | Regimes
-    | Locus
-    | Map
-    | Sweep
-    | TorusDiagram
-    | TorusFamily
-    | Torus
-    | Tongue
-    | Backbones
-    | Backbone
-    | SelfExcited
-)
-"""Records that can be saved."""
 
 
 class Lines(NamedTuple):
@@ -319,7 +274,7 @@ class Lines(NamedTuple):
         return self.answer.system if self.answer is not None else self.named[0].points[0].orbit.system
 
 
-def lines_of(found: Found) -> Lines:
+def lines_of(found: Any) -> Lines:
     """Return the branches, the motion or the answer of a record."""
     match found:
         case Branch():
@@ -334,7 +289,7 @@ def lines_of(found: Found) -> Lines:
             sections = [(f"P{each.period}-{number}", each) for number, each in enumerate(found.branches, start=1)]
             return _in_plane([*sections, *zip(found.names, found.loci, strict=True)], found.first, found.second)
         case Sweep():
-            return _answered(view_of(Alone(found)))
+            return _answered(AnswerView(found))
         case Result(finding=None, map=None):
             return _along(found.named)
         case Result(finding=None, map=chart) if chart is not None and chart.loci:
@@ -342,9 +297,9 @@ def lines_of(found: Found) -> Lines:
         case Result(finding=SettleFinding() as finding):
             return lines_of(finding.settled)._replace(verdict=verdict(finding.settled, finding))
         case Result(finding=finding) if finding is not None and has_picture(finding.record):
-            return _answered(view_of(finding))
+            return _answered(AnswerView(finding))
     if has_picture(found):
-        return _answered(view_of(Alone(found)))
+        return _answered(AnswerView(found))
     kind = found.options.kind if isinstance(found, Result) else type(found).__name__
     raise ModelError(
         f"an HTML file shows branches, their motions and answers, and a {kind} has none; write --format svg, pdf or "
@@ -370,7 +325,7 @@ def _in_plane(named: Iterable[tuple[str, Branch | Locus]], first: str, second: s
 def _answered(view: AnswerView) -> Lines:
     lines, system = answer_lines(view), view.system
     names = [name for line in lines for name in (line.parameter, line.second) if name]
-    names = [*(name for name in view.axes or () if name in system.parameters), *names, *view.parameters]
+    names = [*(name for name in view.axes or () if name in system.parameters), *names, *view.picture.parameters]
     return Lines(tuple(lines), tuple(dict.fromkeys(names)), None, view)
 
 
@@ -396,7 +351,7 @@ def content_of(
     if lines.axes is not None:
         x, y = lines.axes
     answer = None if lines.answer is None else lines.answer.content()
-    pictures = [] if lines.answer is None else [each.content() for each in lines.answer.pictures()]
+    pictures = [] if lines.answer is None else [drawn_on_paper(each) for each in lines.answer.picture.wholes]
     if answer is not None and answer["axes"]:
         x, y = answer["axes"]
         layers = [name for layer in answer.get("layers", ()) for name in layer["axes"]]
@@ -418,7 +373,7 @@ def content_of(
         "loci": locus_lines() if any(line.kind is not None for line in lines.named) else [],
         "answer": blob.packed(answer),
         "pictures": pictures,
-        "heard": _heard(lines.answer, answer, blob) if answer and isinstance(lines.answer, RunUpView) else None,
+        "heard": _heard(lines.answer, answer, blob) if answer is not None and "heard" in answer else None,
         "branches": [
             {
                 "name": line.name,
@@ -448,19 +403,21 @@ def content_of(
     }
 
 
-def _heard(view: RunUpView, answer: dict[str, Any], blob: Blob) -> dict[str, Any]:
+def _heard(view: AnswerView | None, answer: dict[str, Any], blob: Blob) -> dict[str, Any]:
     """Return the order maps of the first signals of a run-up, and the sound of the first; leave others out."""
+    assert view is not None
+    run_up = HeardRunUp(view)
     kept = answer["heard"]["signals"][:_MAPS]
     answer["heard"]["signals"] = kept
     seconds = answer["heard"]["seconds"][-1]
     rate = int(min(_RATE, max(_LOWEST_RATE, _SOUND / seconds)))
     sound = None
     if seconds * rate <= _SOUND:
-        found = view.sound(kept[0][0], rate)
+        found = run_up.sound(kept[0][0], rate)
         scale = found.peak / 32767.0 or 1.0
         levels = np.rint((found.values - found.values.mean()) / scale)
         sound = {"of": kept[0][0], "rate": rate, "scale": scale, "levels": blob.exact(levels, "i2")}
-    return {"maps": {name: view.heard(name) for name, _ in kept}, "sound": sound}
+    return {"maps": {name: run_up.heard(name) for name, _ in kept}, "sound": sound}
 
 
 def _next(special: SpecialPoint | Codim2Point, line: Line, named: Sequence[Line], measure: str) -> str:
@@ -521,7 +478,7 @@ def _note(nodes: Sequence[Sequence[Node]], kept: Sequence[set[int]]) -> str:
 
 
 def save_html(
-    found: Found,
+    found: Any,
     path: str | os.PathLike[str],
     *,
     measure: str | None = None,

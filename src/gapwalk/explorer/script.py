@@ -16,6 +16,7 @@ from gapwalk.orbit.method import Method, chosen
 from gapwalk.studies.diagram_study import DiagramOptions, DiagramStudyOptions
 
 _MOST = 100  # results from which one may start
+_WORDS = {"locus": "loci", "settle": "settled", "runup": "run_ups"}  # names of values that are no branches
 
 
 def script_of(exploration: Exploration, entry: Entry) -> str:
@@ -52,28 +53,28 @@ class _Script:
             return self.names[entry.key]
         if len(self.names) >= _MOST:
             raise ModelError(f"this result starts from a chain of more than {_MOST} others; export one of those first")
-        write: Callable[..., str] = getattr(self, f"_{entry.action.do}") if entry.action else self._compute
-        name = write(entry, entry.action)
+        do = "compute" if entry.action is None else entry.action.do
+        number = entry.key.partition("-")[0]
+        name = _WORDS.get(do, "branches") + (number if number.isdigit() else "")
+        write: Callable[..., list[str]] = getattr(self, f"_{do}")
+        lines = write(entry, entry.action, name)  # those of others come before
+        self.lines.append(f"# {_plain(entry.title)}")
+        if entry.state is State.STOPPED:
+            self.lines.append("# (it was stopped; the script computes it to the end)")
+        self.lines += [*lines, ""]
         self.names[entry.key] = name
         return name
 
-    def _compute(self, entry: Entry, action: plan.Compute | None) -> str:
-        name = _name("branches", entry)
+    def _compute(self, entry: Entry, action: plan.Compute | None, name: str) -> list[str]:
         file = Path(self.exploration.name).name
-        self._comment(entry)
         if action is None:
-            self.lines += self._lines_of(entry, name, f"gw.open_result({file!r})")
-        elif self.exploration.file.suffix == RESULT:
-            changed = f"replace(study, system=study.system.at({dict(action.values)!r}))" if action.values else "study"
-            if action.values:
-                self.imports.add("from dataclasses import replace")
-            self.lines += [
-                f"study = gw.open_result({file!r}).study",
-                *self._lines_of(entry, name, f"gw.run({changed})"),
-            ]
-        else:
-            self.lines += [f"study = {self._study(entry, action)}", *self._lines_of(entry, name, "gw.run(study)")]
-        return name
+            return self._lines_of(entry, name, f"gw.open_result({file!r})")
+        if self.exploration.file.suffix != RESULT:
+            return [f"study = {self._study(entry, action)}", *self._lines_of(entry, name, "gw.run(study)")]
+        changed = f"replace(study, system=study.system.at({dict(action.values)!r}))" if action.values else "study"
+        if action.values:
+            self.imports.add("from dataclasses import replace")
+        return [f"study = gw.open_result({file!r}).study", *self._lines_of(entry, name, f"gw.run({changed})")]
 
     def _study(self, entry: Entry, action: plan.Compute) -> str:
         """Return the study of an entry, from the model at the time of its computation."""
@@ -107,40 +108,27 @@ class _Script:
             return [
                 f"record = {result}.finding.record",
                 "print(record.summary())",
-                f"{name} = {entry.answer.script}",
-                "",
+                f"{name} = {entry.answer.picture.script}",
             ]
         if entry.result is None or entry.result.map is None:
-            return [f"{name} = {result}.branches", ""]
-        return [f"chart = {result}.map", f"{name} = (*chart.branches, *chart.loci)", ""]
+            return [f"{name} = {result}.branches"]
+        return [f"chart = {result}.map", f"{name} = (*chart.branches, *chart.loci)"]
 
-    def _walk(self, entry: Entry, action: plan.Walk) -> str:
-        orbit, name = self._motion(action.start), _name("branches", entry)
-        self._comment(entry)
+    def _walk(self, entry: Entry, action: plan.Walk, name: str) -> list[str]:
         # Newton's method from the state, which is on the orbit already, as the walk began
         options = self._method(action.start)
-        self.lines += [
-            f"orbit = {orbit}",
+        return [
+            f"orbit = {self._motion(action.start)}",
             f"orbit = gw.find_orbit(orbit.system, orbit.period, orbit.state{options})",
             f"{name} = (gw.follow(orbit, {action.parameter!r}, {action.to!r}{options}),)",
-            "",
         ]
-        return name
 
-    def _switch(self, entry: Entry, action: plan.Switch) -> str:
-        parent = self.exploration.entry(action.start.result)
+    def _switch(self, entry: Entry, action: plan.Switch, name: str) -> list[str]:
         line, _ = self.exploration.special(action.start)
-        special, name = self._place(action.start), _name("branches", entry)
-        self._comment(entry)
         options, within = self._method(action.start), f"({action.low!r}, {action.high!r})"
-        self.lines += [
-            f"{name} = (gw.follow({special}, {line.parameter!r}, {within}{options}),)",
-            "",
-        ]
-        assert parent.key in self.names
-        return name
+        return [f"{name} = (gw.follow({self._place(action.start)}, {line.parameter!r}, {within}{options}),)"]
 
-    def _search(self, entry: Entry, action: plan.Search) -> str:
+    def _search(self, entry: Entry, action: plan.Search, name: str) -> list[str]:
         system = self._base_system(entry) if action.start is None else f"{self._motion(action.start)}.system"
         study = plan.plan(action, self.exploration)[1].study if entry.result is None else entry.result.study
         options = study.options
@@ -149,35 +137,27 @@ class _Script:
             f"{self.repeat(self.exploration.entry(key))}[{n}]"
             for key, n in plan.known_branches(action, self.exploration, study.system)
         ]
-        name = _name("branches", entry)
-        self._comment(entry)
         changed = {
             field.name: value
             for field in fields(DiagramOptions)
             if (value := getattr(options.limits, field.name)) != field.default
         }
         limits = ", ".join(f"{word}={_gw(value)}" for word, value in changed.items())
-        self.lines += [
+        return [
             f"known = [{', '.join(known)}]",
             f"others = gw.find_others({system}, {action.parameter!r}, {(action.low, action.high)!r}, known=known, "
             f"{limits}, walk={_gw(options.walk)}, method={_gw(options.method)})",
             f"{name} = others.branches",
-            "",
         ]
-        return name
 
-    def _locus(self, entry: Entry, action: plan.FollowLocus) -> str:
+    def _locus(self, entry: Entry, action: plan.FollowLocus, name: str) -> list[str]:
         line, special = self.exploration.special(action.start)
-        place, name = self._place(action.start), _name("loci", entry)
-        self._comment(entry)
         low, high = sorted((action.second_low, action.second_high))
         plane = f"{line.parameter!r}, {action.second!r}, {((action.low, action.high), (low, high))!r}"
         options = _option(plan.locus_method(special.orbit, self.exploration.origin(action.start)))
-        self.lines += [f"{name} = (gw.follow_locus({place}, {plane}{options}),)", ""]
-        return name
+        return [f"{name} = (gw.follow_locus({self._place(action.start)}, {plane}{options}),)"]
 
-    def _settle(self, entry: Entry, action: plan.Settle) -> str:
-        name = _name("settled", entry)
+    def _settle(self, entry: Entry, action: plan.Settle, name: str) -> list[str]:
         if action.start is None:
             system, start = self._base_system(entry), "'rest'"
         else:
@@ -187,12 +167,9 @@ class _Script:
         settled = entry.settled()
         # a motion without period was followed further while its kind was found
         word = "classify" if settled is not None and settled.orbit is None else "settle"
-        self._comment(entry)
-        self.lines += [f"{name} = gw.{word}({system}, {start}{at})", ""]
-        return name
+        return [f"{name} = gw.{word}({system}, {start}{at})"]
 
-    def _runup(self, entry: Entry, action: plan.RunUp) -> str:
-        name = _name("run_ups", entry)
+    def _runup(self, entry: Entry, action: plan.RunUp, name: str) -> list[str]:
         if action.start is None:
             system, own = self._base_system(entry), self.exploration.base().system
         else:
@@ -200,13 +177,10 @@ class _Script:
         if action.values:
             system += f".at({dict(action.values)!r})"
         asked = plan.run_up_study(action, own.at(dict(action.values)))
-        self._comment(entry)
-        self.lines += [
+        return [
             f"course = gw.ask.SpeedCourse({list(asked.times)!r}, {list(asked.speeds)!r})",
             f"{name} = (gw.ask.run_up({system}, course, samples={asked.samples}),)",
-            "",
         ]
-        return name
 
     def _base_system(self, entry: Entry) -> str:
         """Return the system of the opened file at the time when the entry was computed."""
@@ -242,11 +216,6 @@ class _Script:
         """Return the method of an orbit as an argument, if it is not the default."""
         return _option(plan.method_of(plan.orbit_at(place, self.exploration), self.exploration.origin(place)))
 
-    def _comment(self, entry: Entry) -> None:
-        self.lines.append(f"# {_plain(entry.title)}")
-        if entry.state is State.STOPPED:
-            self.lines.append("# (it was stopped; the script computes it to the end)")
-
 
 def _option(method: Method) -> str:
     """Return a method as a further argument; an empty text for the default."""
@@ -256,11 +225,6 @@ def _option(method: Method) -> str:
 def _gw(value: object) -> str:
     """Return a value as Python text, with the names of gapwalk."""
     return f"gw.{value!r}" if is_dataclass(value) else repr(value)
-
-
-def _name(word: str, entry: Entry) -> str:
-    number = entry.key.partition("-")[0]
-    return f"{word}{number}" if number.isdigit() else word
 
 
 def _is_whole(text: str) -> bool:

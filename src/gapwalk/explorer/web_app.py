@@ -32,7 +32,7 @@ from starlette.types import Receive, Scope, Send
 
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.errors import GapwalkError, ModelError
-from gapwalk.explorer.answer_view import AnswerView
+from gapwalk.explorer.answer_view import AnswerView, drawn_on_paper
 from gapwalk.explorer.axis_quantities import MEASURE, quantity
 from gapwalk.explorer.engine import Engine
 from gapwalk.explorer.exploration import Exploration
@@ -347,11 +347,11 @@ class _Api:
 
     async def picture(self, request: Request) -> Response:
         """Return a picture of an answer by its number; a click on a point waits for one picture at most."""
-        pictures, number = self._answer_of(request).pictures(), _count(request, "number")
-        if number >= len(pictures):
-            raise ModelError(f"the answer has {len(pictures)} pictures, none of the number {number}; reload the page")
+        wholes, number = self._answer_of(request).picture.wholes, _count(request, "number")
+        if number >= len(wholes):
+            raise ModelError(f"the answer has {len(wholes)} pictures, none of the number {number}; reload the page")
         found: list[dict[str, str]] = []
-        await self.session.flows.do_behind([lambda: found.append(pictures[number].content())])
+        await self.session.flows.do_behind([lambda: found.append(drawn_on_paper(wholes[number]))])
         return _Json(found[0])
 
     def _answer_of(self, request: Request) -> AnswerView:

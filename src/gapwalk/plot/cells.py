@@ -4,46 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_rgb
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from gapwalk.attractors.basins import IMPOSSIBLE, Basins
+from gapwalk.attractors.basins import IMPOSSIBLE, RUNAWAY, UNRESOLVED, Basins
 from gapwalk.attractors.regimes import Regime, Regimes, regime_word
 from gapwalk.attractors.settle import AttractorKind
 from gapwalk.bifurcation.loci import Locus
-from gapwalk.bifurcation.special_point import Kind
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import contact_to_show
 from gapwalk.model.words import coordinate_words, parameter_words, state_words
+from gapwalk.picture_parts import START, Cells, Parts, Picture, Series, curves_of_loci, pictured
 from gapwalk.plot import style
-from gapwalk.plot.picture import AnyFigure, Finish, Inches, draws, stacked, write_legend
+from gapwalk.plot.picture import AnyFigure, Finish, Inches, drawing_of, draws, stacked, write_legend
 from gapwalk.studies.sweep_study import Sweep, Way
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
 
 
-class InPlane(Protocol):
-    """A record in the plane of two parameters."""
-
-    @property
-    def first(self) -> str:
-        """Name of the horizontal parameter."""
-        ...
-
-    @property
-    def second(self) -> str:
-        """Name of the vertical parameter."""
-        ...
-
-
 # From dark to light and of different hues (Okabe and Ito 2008), so that neighbours also differ in grey.
 FILLS = ("#0b56a4", "#f3c55b", "#8fcdf1", "#d55e00", "#9adbc3", "#7a3b69", "#f0e442", "#cc79a7", "#00664b", "#c9c9c9")
-UNRESOLVED_COLOR, RUNAWAY_COLOR, IMPOSSIBLE_COLOR = "#ffffff", "#3a3a3a", "#c9c9c9"
-_MARKERS = "osD^vPX*<>"
+_OTHERS = ((RUNAWAY, "#3a3a3a"), (UNRESOLVED, "#ffffff"), (IMPOSSIBLE, "#c9c9c9"))
 _STROBES = ("in the plane", "all", "none")
 _IN_PLANE = 1e-6  # distance, relative to the size of the plane, below which a strobe lies in it
 _FORCES = "cividis"  # of peak forces and impacts: perceptually uniform for any colour vision
@@ -72,34 +57,49 @@ def fill_colors(ax: Axes, codes: NDArray[Any], colors: Sequence[str], within: Ra
     _fill(ax, codes, within, words, cmap=ListedColormap(colors), vmin=-0.5, vmax=len(colors) - 0.5)
 
 
-@draws(Basins, size=(6.6, 6.2))
-def draw_basins(found: Basins, ax: Axes, *, strobes: str = "in the plane") -> None:
-    """Draw the basins of attraction: the plane of initial states, each cell in the colour of its attractor."""
+@pictured(Basins, size=(6.6, 6.2), forms=("axes",))
+def basins_picture(found: Basins, *, strobes: str = "in the plane") -> Picture:
+    """Describe the plane of initial states, each cell in the colour of its attractor, with the states of motions."""
     if strobes not in _STROBES:
         raise ModelError(f'strobes is {strobes!r}; write "in the plane", "all" or "none"')
     window, units = found.window, found.system.units
-    fills = [FILLS[index % len(FILLS)] for index in range(len(found.attractors))]
-    words = [f"{coordinate_words(name, units)} at the start" for name in (window.across, window.up)]
-    all_colors = [IMPOSSIBLE_COLOR, RUNAWAY_COLOR, UNRESOLVED_COLOR, *fills]
-    fill_colors(ax, found.labels - IMPOSSIBLE, all_colors, window.within, (words[0], words[1]))
-    share = 100.0 / found.labels.size
-    entries: list[tuple[str, Any]] = [
-        (f"{name} ({share * count:.1f} %)", fill)
-        for (name, count), fill in zip(found.cells.items(), fills, strict=True)
+    across, up = (f"{coordinate_words(name, units)} at the start" for name in (window.across, window.up))
+    shares = [f"{name} {count / found.labels.size:.1%}" for name, count in (*found.cells.items(), *_others(found))]
+    return Picture(
+        found.system,
+        (f"{START}{window.across}", f"{START}{window.up}"),
+        (),
+        partial(_parts_of_basins, found, strobes),
+        sentences=[f"Of {found.labels.size:,} starts: {', '.join(shares)}"],
+        words=(across, up),
+        note=found.check.text,
+    )
+
+
+def _others(found: Basins) -> list[tuple[str, int]]:
+    return [(text, count) for text, count in found.others.items() if count]
+
+
+def _parts_of_basins(found: Basins, strobes: str) -> Parts:
+    axes, share = (f"{START}{found.window.across}", f"{START}{found.window.up}"), 100.0 / found.labels.size
+    entries = [
+        (f"{name} ({share * count:.1f} %)", FILLS[k % len(FILLS)])
+        for k, (name, count) in enumerate(found.cells.items())
     ]
-    for (text, count), color in zip(
-        found.others.items(), (RUNAWAY_COLOR, UNRESOLVED_COLOR, IMPOSSIBLE_COLOR), strict=True
-    ):
+    codes = np.array(found.labels)
+    for (text, count), (label, color) in zip(found.others.items(), _OTHERS, strict=True):
         if count:
+            codes[found.labels == label] = len(entries)
             entries.append((f"{text} ({share * count:.2g} %)", color))
-    for index, states in marked_strobes(found, strobes):
-        marker = style.symbols(_MARKERS[index % len(_MARKERS)], 6.0, width=1.0)
-        ax.plot(*states.T, zorder=4, **marker)
-        entries.append((f"orbit of {found.names[index]}", marker))
-    write_legend(ax, entries, note=found.check.text)
+    orbits = [
+        Series(*xy, "stars", "worst", f"orbit of {found.names[k]}", axes=axes, symbol=f"marker-{k}")
+        for k, xy in _marked_strobes(found, strobes)
+    ]
+    within = dict(zip(axes, found.window.within, strict=True))
+    return Parts(layers=orbits, cells=[Cells(codes, entries, found.window.within)], within=within, quantities=axes)
 
 
-def marked_strobes(found: Basins, which: str) -> Iterator[tuple[int, NDArray[np.float64]]]:
+def _marked_strobes(found: Basins, which: str) -> Iterator[tuple[int, tuple[ArrayLike, ArrayLike]]]:
     """Yield the attractors with strobes to mark, and the positions of these strobes in the plane."""
     box = found.window.box
     shown = [box.names.index(name) for name in (found.window.across, found.window.up)]
@@ -110,24 +110,43 @@ def marked_strobes(found: Basins, which: str) -> Iterator[tuple[int, NDArray[np.
             distances = np.abs(attractor.strobes - low)[:, fixed] / (high - low).max()
             states = attractor.strobes[(distances <= _IN_PLANE).all(axis=1) | (which == "all")]
             if len(states):
-                yield index, states[:, shown]
+                yield index, (states[:, shown[0]], states[:, shown[1]])
 
 
 # ------------------------------------------------------------------------------------------------- maps of regimes
 
 
-@draws(Regimes, size=stacked(1))
-def draw_cells(found: Regimes, ax: Axes, *, loci: Iterable[Locus] = ()) -> None:
-    """Draw the kinds of motion in the plane of two parameters, in one panel; `loci` are as in `draw_regimes`."""
-    codes, entries = np.zeros(found.regimes.shape), []
-    for code, (text, color, cells) in enumerate(regimes_of(found)):
-        codes[cells] = code
-        entries.append((text, color))
-    fill_colors(ax, codes, [color for _, color in entries], found.within, _axes_words(found))
+@pictured(Regimes, size=stacked(1), forms=("axes",))
+def regimes_picture(found: Regimes, *, loci: Iterable[Locus] = ()) -> Picture:
+    """Describe the kinds of motion in the plane of two parameters; `loci` are as in `draw_regimes`."""
     checked, different = found.check.checked, len(found.check.different)
-    note = f"checked with the exact flow: {different} of {checked} cells differed"
-    lines = draw_loci(ax, found, list(loci))
-    write_legend(ax, [*entries, *lines], note=note if checked else "not checked with the exact flow")
+    shares = ", ".join(f"{name} {count / found.regimes.size:.1%}" for name, count in found.cells.items())
+    return Picture(
+        found.system,
+        (found.first, found.second),
+        curves_of_loci(loci, "{}"),
+        partial(_parts_of_regimes, found),
+        sentences=[f"Of {found.regimes.size:,} cells: {shares}"],
+        note=f"checked with the exact flow: {different} of {checked} cells differed"
+        if checked
+        else "not checked with the exact flow",
+    )
+
+
+def _parts_of_regimes(found: Regimes) -> Parts:
+    """Return the cells, of which periodic motions are named first."""
+    codes, entries = np.zeros(found.regimes.shape, dtype=int), list[tuple[str, str]]()
+    kinds = np.unique(np.stack((found.regimes, found.periods), axis=-1).reshape(-1, 2), axis=0)
+    for text, word in style.regime_entries({regime_word(*pair) for pair in kinds.tolist()}).items():
+        m = style.period_of(word)
+        if m is None:
+            cells = found.regimes == next(regime for regime in Regime if regime.text == word)
+        else:
+            cells = found.periods == m if m <= style.NAMED_PERIODS else found.periods > style.NAMED_PERIODS
+        codes[cells] = len(entries)
+        entries.append((text, style.regime_color(word)))
+    within = dict(zip((found.first, found.second), found.within, strict=True))
+    return Parts(cells=[Cells(codes, entries, found.within)], within=within)
 
 
 @draws(Regimes, panels=True, size=lambda found, panels=None, **_: stacked(1 + len(_shown(found, panels))))
@@ -144,7 +163,7 @@ def draw_regimes(
     shown = _shown(found, panels)
     axes = figure.subplots(1 + len(shown), 1, sharex=True, squeeze=False)[:, 0]
     axes[0].set_title(title, wrap=True)
-    draw_cells(found, axes[0], loci=loci)
+    drawing_of(found, in_axes=True)[0].draw(found, axes[0], loci=loci)
     for which, ax in zip(shown, axes[1:], strict=True):
         _draw_forces(found, which, contact, ax)
     for ax in axes[:-1]:
@@ -201,35 +220,17 @@ def _contact_index(found: Regimes, which: str, contact: int | str | None) -> int
     raise ModelError(f"the map has no figures of a contact {contact!r}; contacts are {', '.join(names)}")
 
 
-def regimes_of(found: Regimes) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
-    """Yield the regimes of a map, periodic ones first: text, colour, and the cells with this regime."""
-    kinds = np.unique(np.stack((found.regimes, found.periods), axis=-1).reshape(-1, 2), axis=0)
-    for text, word in style.regime_entries({regime_word(*pair) for pair in kinds.tolist()}).items():
-        m = style.period_of(word)
-        if m is None:
-            cells = found.regimes == next(regime for regime in Regime if regime.text == word)
-        else:
-            cells = found.periods == m if m <= style.NAMED_PERIODS else found.periods > style.NAMED_PERIODS
-        yield text, style.regime_color(word), cells
-
-
-def draw_loci(ax: Axes, found: InPlane, loci: Sequence[Locus]) -> list[tuple[str, dict[str, Any]]]:
-    """Draw loci in black on white, visible on any colour; return their legend entries."""
-    for locus in loci:
-        if (locus.first, locus.second) != (found.first, found.second):
-            raise ModelError(
-                f"a locus is in the plane of {locus.first} and {locus.second}, and the map in that of {found.first} "
-                f"and {found.second}"
-            )
-        x, y = (np.vstack((locus.values, locus.values[:1])) if locus.is_closed else locus.values).T
-        ax.plot(x, y, color="white", linewidth=style.points(2.6), zorder=3)
-        ax.plot(x, y, zorder=4, **_black(locus))
-    firsts = {locus.kind: locus for locus in loci}
-    return [(style.locus_style(kind).text, _black(firsts[kind])) for kind in Kind.with_locus() if kind in firsts]
-
-
-def _black(locus: Locus) -> dict[str, Any]:
-    return style.locus_options(locus.kind) | {"color": style.BLACK, "linewidth": style.points(1.1)}
+def draw_locus(ax: Axes, plane: tuple[str, str], locus: Locus) -> dict[str, Any]:
+    """Draw a locus in black on white, visible on any colour; return the options of its line."""
+    if (locus.first, locus.second) != plane:
+        raise ModelError(
+            f"a locus is in the plane of {locus.first} and {locus.second}, and the map in that of {' and '.join(plane)}"
+        )
+    x, y = (np.vstack((locus.values, locus.values[:1])) if locus.is_closed else locus.values).T
+    options = style.locus_options(locus.kind) | {"color": style.BLACK, "linewidth": style.points(1.1)}
+    ax.plot(x, y, color="white", linewidth=style.points(2.6), zorder=3)
+    ax.plot(x, y, zorder=4, **options)
+    return options
 
 
 # ---------------------------------------------------------------------------------------------------------- sweeps

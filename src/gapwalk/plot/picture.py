@@ -30,9 +30,11 @@ from matplotlib.textpath import TextToPath
 
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.notebook import Shown
+from gapwalk.picture_parts import described, description_of
 from gapwalk.plot.style import CARD, DPI, GREY, SizeName, in_style, points, rc, sheet_size, sized
 from gapwalk.studies.export import write_whole
 from gapwalk.studies.result import Result
+from gapwalk.studies.study_registry import kind_of, kinds
 from gapwalk.summary import Table, Tree
 
 # Sheets and windows for pictures, their headings and legends, and their files.
@@ -229,23 +231,16 @@ FORMS = ("png", "svg", "pdf")
 # Modules of this package that draw the types of gapwalk, imported when such a record is first drawn.
 _MODULES = {
     "branches": ("Branch",),
-    "cells": ("Basins", "Regimes", "Sweep"),
+    "cells": ("Regimes", "Sweep"),
     "comparisons": ("Alignment", "Contrast", "Fit", "ResultComparison"),
     "diagrams": ("Diagram",),
-    "run_up_pictures": ("RunUp", "RunUps"),
-    "designs": ("Design",),
+    "run_up_pictures": ("RunUp",),
     "slip_pictures": ("Energy", "StickSlip"),
     "loci": ("Family", "Map"),
     "tolerances": ("Tolerance",),
     "models": ("System",),
-    "rattle_picture": ("RattleBands", "RattleMap"),
-    "threshold_picture": ("Threshold",),
     "scan_picture": ("Scan",),
-    "backbone_pictures": ("Backbone", "Backbones"),
-    "foretold_picture": ("Foretold",),
-    "self_excited_pictures": ("Rests", "SelfExcited"),
-    "tongue_pictures": ("Tongue",),
-    "torus_pictures": ("Torus", "TorusDiagram", "TorusFamily"),
+    "torus_in_space": ("Torus",),
     "motions": (
         *("Attractor", "Hysteresis", "Modes", "Motion", "Orbit"),
         *("Section", "Settled", "Spectrum", "Waterfall"),
@@ -352,16 +347,25 @@ def drawing_of(record: Any, in_axes: bool = False) -> tuple[Drawing, bool]:
     for kind in type(first).__mro__:
         if kind.__name__ in _HOMES and kind.__module__.startswith("gapwalk."):
             import_module(f"gapwalk.plot.{_HOMES[kind.__name__]}")
+        if (description := description_of(kind)) is not None:
+            from gapwalk.plot.answers import drawing_of_answer  # it draws with this module
+
+            for form, drawings in (("axes", _IN_AXES), ("panels", _IN_PANELS)):
+                if form in description.forms and kind not in drawings:
+                    drawings[kind] = drawing_of_answer(description, in_axes=form == "axes")
         found = _IN_AXES.get(kind) if in_axes else _IN_PANELS.get(kind, _IN_AXES.get(kind))
         if found is not None:
             if first is not record and not (found.several and all(isinstance(each, kind) for each in record)):
-                kinds = ", ".join(dict.fromkeys(type(each).__name__ for each in record))
-                raise ModelError(f"a list of {kinds} has no picture in common; draw them one by one, with ax=...")
+                names = ", ".join(dict.fromkeys(type(each).__name__ for each in record))
+                raise ModelError(f"a list of {names} has no picture in common; draw them one by one, with ax=...")
             return found, found is _IN_AXES.get(kind)
         if kind in _IN_PANELS:
             raise ModelError(f"a {kind.__name__} is drawn in several panels: give figure=..., not ax=...")
+    for name in kinds():  # the modules of all records
+        kind_of(name)
+    known = {*_HOMES, *(name for name, each in described().items() if each.forms)}
     raise ModelError(
-        f"there is no picture of a {type(first).__name__}; there are pictures of {', '.join(sorted(_HOMES))}"
+        f"there is no picture of a {type(first).__name__}; there are pictures of {', '.join(sorted(known))}"
     )
 
 

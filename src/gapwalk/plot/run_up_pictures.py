@@ -9,18 +9,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from gapwalk.answers.goals import peaks
 from gapwalk.answers.run_up import JumpDelay, RunUp
-from gapwalk.answers.run_ups import RunUps
 from gapwalk.attractors.spectrum import Waterfall
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_words, signal_words
 from gapwalk.plot.branches import draw_branches, line_entries
 from gapwalk.plot.motions import fill_waterfall
 from gapwalk.plot.picture import AnyFigure, Finish, Inches, draws, write_answer, write_legend, write_letters
-from gapwalk.plot.style import BLACK, BLUE, GREY, VERMILLION, dots, stroke
+from gapwalk.plot.style import BLUE, GREY, VERMILLION, dots, stroke
 
 _DELAY = "#f9dfcc"
 _THIN = 40_000  # points of a history up to which all are drawn
@@ -121,77 +118,3 @@ def draw_history_over_speed(run: RunUp, ax: Axes, signal: str) -> None:
     if over_speed:
         ax.set_xlim(run.speed.min(), run.speed.max())
     write_legend(ax, entries, "above")
-
-
-@draws(RunUps, panels=True, size=(8.0, 6.6))
-def draw_run_ups(
-    found: RunUps,
-    figure: AnyFigure,
-    contact: str | None = None,
-    *,
-    branch: Branch | None = None,
-    title: str = "",
-) -> None:
-    """Draw the largest force of a contact over the rate, and its envelope over the speed below."""
-    if not found.contacts:
-        raise ModelError("these run-ups have no contact, so there is no force to draw")
-    units, pace = found.system.units, found.system.structure.pace
-    contact = contact or max(found.contacts, key=lambda name: float(np.nanmax(found.peaks(name), initial=0.0)))
-    write_answer(figure, title, found.sentences)
-    upper, lower = figure.subplots(2, 1)
-    write_letters((upper, lower))
-    rates, (low, middle, high) = found.quantiles(contact)
-    upper.plot(found.rates, found.peaks(contact), **dots(2.5, GREY), zorder=2)
-    several = len(found.courses) > 2 * len(rates) and len(rates) > 1
-    if several:
-        upper.fill_between(rates, low, high, color=BLUE, alpha=0.18, linewidth=0, zorder=1)
-        upper.plot(rates, middle, **stroke(BLUE, 1.6), zorder=4)
-    speed_unit = units.parameter(pace) if units else ""
-    upper.set_xlabel(f"rate of {pace}" + (f" [{speed_unit}/s]" if units else ""))
-    force = f"{_force(found.system)} of {contact}" + " [N m]" * bool(units)
-    upper.set_ylabel(f"largest {force}")
-    entries = [("a run-up", dots(2.5, GREY))]
-    if several:
-        entries += [("half of them are below", stroke(BLUE, 1.6)), ("5 % to 95 %", stroke(BLUE, 6.0, alpha=0.3))]
-    write_legend(upper, entries, "above")
-    draw_envelopes(found, lower, contact, branch)
-    lower.set_ylabel(force)
-
-
-def draw_envelopes(found: RunUps, ax: Axes, contact: str, branch: Branch | None = None) -> None:
-    """Draw quantiles, over all run-ups, of the largest force of a contact near each speed, and that of a response."""
-    forces = found.forces[:, :, found.contacts.index(contact)].ravel()
-    speeds, good = found.speeds.ravel(), np.isfinite(found.forces[:, :, found.contacts.index(contact)].ravel())
-    edges = np.linspace(speeds.min(), speeds.max(), min(found.bins, 100) + 1)
-    place = np.clip(np.digitize(speeds, edges) - 1, 0, len(edges) - 2)
-    kept = [forces[good & (place == k)] for k in range(len(edges) - 1)]
-    filled = [k for k, each in enumerate(kept) if len(each)]
-    x = 0.5 * (edges[:-1] + edges[1:])[filled]
-    middle, most, worst = (np.array([np.quantile(kept[k], level) for k in filled]) for level in (0.5, 0.95, 1.0))
-    ax.plot(x, worst, **stroke(VERMILLION, 1.2), zorder=3)
-    ax.plot(x, most, **stroke(BLUE, 1.2, (0, (4, 2))), zorder=4)
-    ax.plot(x, middle, **stroke(BLUE, 1.6), zorder=4)
-    ax.set_xlabel(parameter_words(found.system.structure.pace, found.system.units))
-    ax.margins(x=0.01)
-    entries = [("half of them are below", stroke(BLUE, 1.6)), ("95 %", stroke(BLUE, 1.2, (0, (4, 2))))]
-    entries.append(("largest of all", stroke(VERMILLION, 1.2)))
-    if branch is not None:
-        entries += [(f"{name} response", options) for name, options in _draw_slow_force(ax, branch, contact)]
-    write_legend(ax, entries, "above")
-
-
-def _draw_slow_force(ax: Axes, branch: Branch, contact: str) -> list[tuple[str, dict[str, Any]]]:
-    """Draw the largest force along a response, stable and unstable; return the lines of the legend."""
-    speeds = branch.values
-    signal = f"{contact}.force"  # that of its stages, as along the run-ups
-    forces = np.array([max(peaks(point.orbit, signal)) for point in branch.points])
-    is_stable = np.array([point.stable for point in branch.points])
-    lines = {"stable": stroke(BLACK, 1.2, zorder=5), "unstable": stroke(BLACK, 0.8, (0, (3, 2)), zorder=5)}
-    drawn = []
-    for (name, options), own in zip(lines.items(), (is_stable, ~is_stable), strict=True):
-        joined = own.copy()
-        joined[1:] |= own[:-1]  # up to the first point of the other kind, so that no gap is left
-        if own.any():
-            ax.plot(speeds, np.where(joined, forces, np.nan), **options)
-            drawn.append((name, options))
-    return drawn

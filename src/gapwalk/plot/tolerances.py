@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from gapwalk.answers.shown_measure import shown_measure
-from gapwalk.answers.tolerance import Tolerance
+from gapwalk.answers.tolerance import BINS, Tolerance, reach
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.model.words import parameter_symbol, parameter_words
 from gapwalk.plot import style
@@ -19,7 +19,6 @@ from gapwalk.plot.picture import AnyFigure, Finish, draws, write_answer, write_l
 # From dark to light and of different hues (Okabe and Ito 2008), so that neighbours also differ in grey.
 _FILLS = ("#0b56a4", "#f3c55b", "#8fcdf1", "#d55e00", "#9adbc3", "#7a3b69", "#f0e442", "#cc79a7")
 _REST, _MOST = "#dedede", len(_FILLS)
-_BINS = 60  # classes over the spread of one point
 _WIDE = 0.82  # height of a distribution, as a share of its row
 _NARROW = 0.05  # share of the range below which the widest distribution is a needle
 _SHOWN = 0.003, 0.997  # quantiles between which a distribution is drawn at least
@@ -36,7 +35,7 @@ def draw_tolerance(found: Tolerance, figure: AnyFigure, measure: str = "", *, ti
     halves: Any = figure.subfigures(2, 1, height_ratios=[3.6, 1.6 + 0.5 * rows])
     top, bottom = halves
     ax = top.subplots()
-    low, high = _reach(found)
+    low, high = reach(found)
     measure = measure or shown_measure(found.branch.system, found)
     finish = draw_branches(found.branch, ax, measure, legend="above", within=(low, high))
     left, right = bottom.subplots(1, 2, sharey=True, width_ratios=[2.2, 1.0])
@@ -53,16 +52,6 @@ def draw_tolerance(found: Tolerance, figure: AnyFigure, measure: str = "", *, ti
         text += f": a fold between {symbol} = {between} in {found.chance(*found.band)}"
     write_answer(figure, title or "", [text])
     return finish
-
-
-def _reach(found: Tolerance) -> tuple[float, float]:
-    """Return the range of the picture: that of the branch, and most of each distribution."""
-    values = found.branch.values
-    ends = [float(values.min()), float(values.max())]
-    some = found.quantiles(*_SHOWN)
-    if not np.isnan(some).all():
-        ends = [min(ends[0], float(np.nanmin(some))), max(ends[1], float(np.nanmax(some)))]
-    return ends[0], ends[1]
 
 
 def _is_narrow(found: Tolerance, width: float) -> bool:
@@ -84,7 +73,7 @@ def _draw_distributions(ax: Axes, found: Tolerance, within: tuple[float, float] 
         look = style.symbol_style(special.kind)
         color = style.GREY if special.kind is Kind.GRAZING else look.color
         if len(column) > 1:
-            heights, edges = np.histogram(column, bins=min(_BINS, max(5, int(np.sqrt(len(column))))))
+            heights, edges = np.histogram(column, bins=min(BINS, max(5, int(np.sqrt(len(column))))))
             top = row + 0.4 - _WIDE * heights / heights.max()
             ax.stairs(top, edges, baseline=row + 0.4, fill=True, color=color, alpha=0.45, zorder=2)
             low, middle, high = quantiles[:, row]

@@ -3,8 +3,8 @@
 /** Tints of shades and cells, as variables of the style sheet. */
 const TINTS = { one: "--tint-one", both: "--tint-both", quiet: "--tint-quiet", goal: "--tint-goal", closed: "--tint-closed", open: "--tint-open", none: "--stop", undone: "--page" };
 const LOOKS = {
-  wild: "--below", run: "--below", main: "--accent", middle: "--above", most: "--pair", largest: "--below", worst: "--ink", rising: "--above", falling: "--below", measured: "--ink", other: "--pair",
-  torus: "--pair", "torus-unstable": "--pair", backbone: "--above",
+  run: "--below", main: "--accent", first: "--above", second: "--below", third: "--pair", fourth: "--accent", middle: "--above", most: "--pair", largest: "--below", worst: "--ink", rising: "--above", falling: "--below", measured: "--ink", other: "--pair",
+  torus: "--pair", "torus-unstable": "--pair",
   "kind-fold": "--above", "kind-flip": "--below", "kind-neimark-sacker": "--pair", "kind-grazing": "--stop",
 };
 const MANY = 600; // dots that are drawn small, as in the clouds of a sweep
