@@ -15,11 +15,13 @@ from gapwalk.studies.study_registry import kind_of
 STUB = Path(functions.__file__).with_suffix(".pyi")
 _HEAD = '"""Signatures of the functions of studies; ``python -m tests.release.stubs`` writes this file."""\n'
 
+_OTHERS = "FUNCTIONS: dict[str, str]\n\ndef function_of(kind: type[StudyKind], name: str) -> Callable[..., Any]: ...\n"
+
 
 def text() -> str:
     """Return the stub: a signature for each function, with what its types are imported from."""
     homes: dict[str, str] = {"System": "gapwalk.model.system", "Workers": "gapwalk.parallel.workers"}
-    homes |= {"Report": "gapwalk.studies.runner"}
+    homes |= {"Report": "gapwalk.studies.runner", "StudyKind": "gapwalk.studies.study_kind"}
     lines = []
     for name in sorted(functions.FUNCTIONS):
         signature = inspect.signature(getattr(functions, name))
@@ -29,8 +31,8 @@ def text() -> str:
         homes[record.__name__] = record.__module__
         lines.append(f"def {name}({', '.join([*shown[:place], '*', *shown[place:]])}) -> {record.__name__}: ...\n")
     imports = [f"from {home} import {name}\n" for name, home in homes.items()]
-    head = "import os\nfrom collections.abc import Mapping, Sequence\n"
-    return _formatted(_HEAD + head + "".join(imports) + "".join(lines))
+    head = "import os\nfrom collections.abc import Callable, Mapping, Sequence\nfrom typing import Any\n"
+    return _formatted(_HEAD + head + "".join(imports) + _OTHERS + "".join(lines))
 
 
 def _shown(each: inspect.Parameter, homes: dict[str, str]) -> str:

@@ -32,6 +32,8 @@ class CellWork(Work):
 
     chunk_part: ClassVar[Part]
 
+    asked: Any  # the study; None if the work is not that of a study
+
     def __init__(self, asked: StudyKind | None, resolution: tuple[int, int]) -> None:
         self.asked, self.resolution = asked, resolution
         self.chunks: dict[int, Any] = {}
@@ -40,8 +42,6 @@ class CellWork(Work):
     @property
     def whole_part(self) -> Part:
         """The part of a file that holds the whole record."""
-        assert self.asked is not None
-        assert self.asked.answer is not None
         return self.asked.answer
 
     def begin(self) -> None:

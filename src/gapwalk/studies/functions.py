@@ -59,7 +59,6 @@ SHARED = {
 """Types and descriptions of the keywords that all functions have."""
 _TO = "The values of the parameter between which it goes, from the first to the second."
 _STOPPED = "Interrupted\n    After Ctrl-C; its `found` is the record so far."
-_INDENT = {"initial_indent": "    ", "subsequent_indent": "    "}
 _SECTION = re.compile(r"\n\n(?=\w[\w ]*\n-{3,}\n)")
 
 
@@ -256,11 +255,15 @@ def _docstring(kind: type[StudyKind], keywords: Mapping[str, Keyword], record: t
     by_name = {text.partition("\n")[0]: text.partition("\n")[2].partition("\n")[2] for text in sections}
     words = {"system": "The system.", **{each.name: each.words for each in keywords.values()}}
     words |= {name: text for name, (_, text) in SHARED.items()}
-    parameters = "\n".join(f"{name}\n{fill(text, 120, **_INDENT)}" for name, text in words.items())
+    parameters = "\n".join(f"{name}\n{_indented(text)}" for name, text in words.items())
     returned = f"{record.__name__}\n    {inspect.cleandoc(record.__doc__ or '').partition(chr(10) * 2)[0]}"
     raised = "\n".join(filter(None, (by_name.pop("Raises", ""), _STOPPED)))
     by_name = {"Parameters": parameters, "Returns": returned, "Raises": raised, **by_name}
     return "\n\n".join([head, *(f"{title}\n{'-' * len(title)}\n{text}" for title, text in by_name.items())]) + "\n"
+
+
+def _indented(text: str) -> str:
+    return fill(text, 120, initial_indent="    ", subsequent_indent="    ")
 
 
 def _default(field: Field[Any], hint: Any) -> Any:

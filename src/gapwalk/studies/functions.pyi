@@ -1,7 +1,8 @@
 """Signatures of the functions of studies; ``python -m tests.release.stubs`` writes this file."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from gapwalk.answers.design import Change, Design
 from gapwalk.answers.goals import NoPoint, PeakBelow, Quiet, Resonance
@@ -23,8 +24,12 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.studies.family import Family, MemberParameter
 from gapwalk.studies.map import Map
 from gapwalk.studies.runner import Report
+from gapwalk.studies.study_kind import StudyKind
 from gapwalk.studies.sweep_study import Sweep
 
+FUNCTIONS: dict[str, str]
+
+def function_of(kind: type[StudyKind], name: str) -> Callable[..., Any]: ...
 def basins(
     system: System,
     plane: Mapping[str, tuple[float, float]],

@@ -195,6 +195,7 @@ _ARRAYS = ("regimes", "periods", "exponents", "peak_force", "impacts", "states")
 class RegimeWork(CellWork):
     """Computation of the regimes of all cells of a map."""
 
+    asked: RegimeStudy
     chunk_part = Part("cells", RegimeChunk, numbered=True)
 
     def __init__(self, system: System, asked: RegimeStudy) -> None:
