@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
 from annotated_types import Ge
 from matplotlib.axes import Axes
@@ -18,6 +18,9 @@ from gapwalk.studies import OPEN, Counted, Found, Job, Part, RangeStudy, Surroun
 from gapwalk.studies.study_file import check_study
 from gapwalk.studies.study_kind import Rows
 from gapwalk.studies.tables import check_signal
+
+if TYPE_CHECKING:
+    from typing import Self
 
 
 def _is_a_coordinate(name: str | None, info: ValidationInfo[Surroundings]) -> str | None:
@@ -69,10 +72,12 @@ class AmplitudeStudy(RangeStudy):
         return f"amplitudes of {self.coordinate} over {self.range_words} at {self.count} values"
 
     @classmethod
-    def of_table(cls, values: dict[str, Any], system: gw.System) -> AmplitudeStudy:
+    def of_table(cls, values: dict[str, Any], system: gw.System) -> Self:
         return super().of_table({"coordinate": system.coordinates[0], **values}, system)
 
-    of_call = of_table
+    @classmethod
+    def of_call(cls, values: dict[str, Any], system: gw.System) -> Self:
+        return cls.of_table(values, system)
 
     def do(self, job: Job) -> Generator[Found]:
         values = {k: self.begin + (self.end - self.begin) * k / (self.count - 1) for k in range(self.count)}

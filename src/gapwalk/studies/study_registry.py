@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Counted  # noqa: F401 (kinds of study take it from here)
@@ -11,6 +11,8 @@ from gapwalk.model.registry import Registry
 
 if TYPE_CHECKING:
     from gapwalk.studies.study_kind import StudyKind
+
+K = TypeVar("K", bound="StudyKind")
 
 INLINE = "inline"
 """In ``Annotated``, marks a field whose own fields are keys of the table around it."""
@@ -84,7 +86,7 @@ def kind_of(name: str) -> type[StudyKind]:
     return _KINDS.named(name)
 
 
-def add_kind(kind: type[StudyKind]) -> type[StudyKind]:
+def add_kind(kind: type[K]) -> type[K]:
     """Register a kind of study under its `kind`, also as a decorator; a redefined class replaces the old one.
 
     Parameters
@@ -107,4 +109,5 @@ def add_kind(kind: type[StudyKind]) -> type[StudyKind]:
     >>> gw.studies.add_kind(type(study.options)) is type(study.options)  # as gapwalk has done
     True
     """
-    return _KINDS.add(kind.kind, kind)
+    _KINDS.add(kind.kind, kind)
+    return kind
