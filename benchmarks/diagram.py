@@ -21,7 +21,7 @@ from benchmarks.stopwatch import cpu_seconds, fastest, side_by_side
 from gapwalk import Branch, Orbit, WalkOptions, diagram, find_orbit, follow, paper, search
 from gapwalk.bifurcation.isolated.orbit_catalogue import Lanes
 from gapwalk.continuation import walk as walks
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.flow.flow import PERIOD, Flow
 from gapwalk.orbit.orbit import true_period
 

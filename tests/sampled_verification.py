@@ -7,7 +7,7 @@ import numpy as np
 
 import gapwalk as gw
 from gapwalk.bifurcation.special_point import Kind
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.verification.verification import Spot
 from gapwalk.verification.verify_special_points import Track
 from tests.tiers import in_campaign

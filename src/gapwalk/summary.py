@@ -139,7 +139,7 @@ class Described:
 
         Complex numbers become pairs, and numbers that are not finite become None.
         """
-        from gapwalk.results.plain import plain
+        from gapwalk.results.json_values import plain
 
         return plain(self)
 
@@ -148,7 +148,7 @@ class Described:
 
         Needs xarray (``pip install "gapwalk[data]"``).
         """
-        from gapwalk.results.labelled import to_xarray
+        from gapwalk.results.labelled_tables import to_xarray
 
         return to_xarray(self)
 

@@ -24,7 +24,7 @@ from gapwalk.attractors import (
 from gapwalk.errors import ModelError
 from gapwalk.model import Harmonic, System
 from gapwalk.results.codec import decode, encode
-from gapwalk.results.plain import plain
+from gapwalk.results.json_values import plain
 from tests.attractors.references import figure15, next_strobes, strobes
 from tests.attractors.test_lyapunov import ueda_system
 from tests.systems import linear

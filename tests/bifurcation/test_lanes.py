@@ -8,7 +8,7 @@ import pytest
 from gapwalk import friction, rigid_stop
 from gapwalk.bifurcation.isolated import SearchOptions, search
 from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, exact_orbit, lanes_of, newton_aside, newton_in_lanes
-from gapwalk.bifurcation.isolated.search_chunk import Chunk, search_chunk, spread_starts, state_box
+from gapwalk.bifurcation.isolated.search_starts import Chunk, search_chunk, spread_starts, state_box
 from gapwalk.ensemble.batch_flow import BlockPlan, Blocks
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.model import System
@@ -61,7 +61,7 @@ def test_transients_that_die_away_slowly_settle_on_an_orbit_that_newton_s_method
 
 def test_a_few_starts_are_followed_one_after_the_other():
     """The batch integrator would take longer to compile."""
-    with patch("gapwalk.bifurcation.isolated.search_chunk.lanes_of", side_effect=AssertionError):
+    with patch("gapwalk.bifurcation.isolated.search_starts.lanes_of", side_effect=AssertionError):
         search(linear(), "frequency", [0.8], options=SearchOptions(starts=24, newton_starts=0))
 
 

@@ -15,7 +15,7 @@ from gapwalk.bifurcation.isolated import (
     unseen_share,
 )
 from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, Deflation, exact_orbit, newton_aside
-from gapwalk.bifurcation.isolated.search_chunk import Settler, search_chunk, spread_starts, state_box
+from gapwalk.bifurcation.isolated.search_starts import Settler, search_chunk, spread_starts, state_box
 from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation import EndReason

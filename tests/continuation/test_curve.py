@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from gapwalk.continuation.both_directions import Tracing
 from gapwalk.continuation.corrector import Corrector, Range, Zero
 from gapwalk.continuation.curve import Curve, CurveEvent, CurveTrace, Happens, joined, turn
+from gapwalk.continuation.curve_points import Tracing
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkOptions
 from gapwalk.orbit.orbit_equation import Evaluation
 

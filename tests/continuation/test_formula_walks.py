@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gapwalk as gw
-from gapwalk.bifurcation.isolated.search_chunk import state_box
+from gapwalk.bifurcation.isolated.search_starts import state_box
 from gapwalk.continuation.corrector import Range, linear_growth
 from gapwalk.continuation.walk import EndReason
 from gapwalk.model.contact import force, stop

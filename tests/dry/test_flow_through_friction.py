@@ -13,8 +13,8 @@ import gapwalk as gw
 from gapwalk.errors import NumericalError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.friction_gauge import FrictionGauge
-from gapwalk.flow.lone_friction import LoneFriction
 from gapwalk.flow.motion import DryModes, modes_along
+from gapwalk.flow.single_friction import LoneFriction
 from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
 from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.laws import Coulomb, Hysteretic, Jenkins

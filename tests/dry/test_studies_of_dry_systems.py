@@ -10,7 +10,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.attractors.basins import IMPOSSIBLE
 from gapwalk.attractors.compare_motions import contrast
-from gapwalk.bifurcation.isolated.search_chunk import spread_starts, state_box
+from gapwalk.bifurcation.isolated.search_starts import spread_starts, state_box
 from gapwalk.cli.output import print_json
 from gapwalk.ensemble import BatchOptions, batch_flow_of
 from gapwalk.errors import ModelError, UnfitError

@@ -6,7 +6,7 @@ import numpy as np
 
 from gapwalk import Branch, Diagram, Locus, Map, Orbit, Result
 from gapwalk.bifurcation.isolated import SearchResult
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.results.codec import encode
 

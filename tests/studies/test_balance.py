@@ -14,7 +14,7 @@ from gapwalk.errors import NumericalError, StoreError
 from gapwalk.model.model_source import parse_source
 from gapwalk.model.problems import ModelFileError
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
-from gapwalk.results.plain import plain
+from gapwalk.results.json_values import plain
 from gapwalk.studies import response_study as response
 from gapwalk.studies.export import table_of
 from gapwalk.studies.response_study import ResponseOptions

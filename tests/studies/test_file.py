@@ -23,7 +23,7 @@ from gapwalk.studies.diagram_study import DiagramOptions, DiagramStudyOptions
 from gapwalk.studies.response_study import ResponseOptions
 from gapwalk.studies.study_file import Study, check_studies, check_study, read_studies, read_study
 from gapwalk.studies.study_registry import kind_of, kinds
-from gapwalk.studies.tables import Start
+from gapwalk.studies.study_tables import Start
 from tests.models import read_system
 
 GOOD = """\

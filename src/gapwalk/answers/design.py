@@ -17,7 +17,7 @@ from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.isolated.search import FoundOrbit, search
-from gapwalk.bifurcation.isolated.search_chunk import SearchOptions
+from gapwalk.bifurcation.isolated.search_starts import SearchOptions
 from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError, NumericalError

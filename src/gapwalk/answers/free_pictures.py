@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.free import backbone_curve, rest_walk
 from gapwalk.free.backbone_curve import Backbone

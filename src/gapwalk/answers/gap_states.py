@@ -33,7 +33,7 @@ from gapwalk.attractors.many_motions import ContactFigures, ManyMotions, enough,
 from gapwalk.attractors.regimes import Waited, wait
 from gapwalk.attractors.section import Strobe
 from gapwalk.attractors.settle import SettleOptions, settle
-from gapwalk.bifurcation.isolated.search_chunk import spread_starts, state_box
+from gapwalk.bifurcation.isolated.search_starts import spread_starts, state_box
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switch
 from gapwalk.errors import FlowError, ModelError, NumericalError
 from gapwalk.flow.forces import contact_deflections

@@ -20,7 +20,7 @@ from gapwalk.answers.local_response import LocalResponse, band_points
 from gapwalk.attractors.rattle import largest
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import force_of, quadrature, signal_names, signal_place
 from gapwalk.model.bounds import Positive, check_fields

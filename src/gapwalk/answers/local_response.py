@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import start_branch
 from gapwalk.bifurcation.follow import follow
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, hermite
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason, WalkOptions
 from gapwalk.errors import ConvergenceError
 from gapwalk.model.system import System

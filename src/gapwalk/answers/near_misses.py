@@ -17,7 +17,7 @@ from gapwalk.answers.point_prediction import Regressions, Terms
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.kinds.defining_functions import bounded_product, pair_factors
 from gapwalk.bifurcation.special_point import describe_switch
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.flow.flow import PERIOD
 
 Array = NDArray[np.float64]

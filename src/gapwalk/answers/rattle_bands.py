@@ -39,10 +39,10 @@ from gapwalk.attractors.rattle import Rattle, rattle
 from gapwalk.attractors.regimes import Regime, RegimeOptions, judge, regime_word
 from gapwalk.attractors.settle import SettleOptions, settle
 from gapwalk.bifurcation.follow import walk
-from gapwalk.bifurcation.isolated.search_chunk import spread_starts, state_box
+from gapwalk.bifurcation.isolated.search_starts import spread_starts, state_box
 from gapwalk.bifurcation.loci import Locus, follow_locus
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switch
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import FlowError, ModelError, NumericalError
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System

@@ -23,7 +23,7 @@ from gapwalk.attractors.settle import Settled, SettleOptions, judge_returns, set
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import walk
 from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason, WalkOptions
 from gapwalk.errors import FlowError, NumericalError
 from gapwalk.model.bounds import Bounded, Counted

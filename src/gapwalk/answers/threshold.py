@@ -22,7 +22,7 @@ from gapwalk.answers.gap_states import GapState, gap_state, innermost, judge_gap
 from gapwalk.attractors.settle import SettleOptions, settle
 from gapwalk.bifurcation.branch_start import start_branch
 from gapwalk.bifurcation.branch_tracer import BranchTracer
-from gapwalk.bifurcation.isolated.search_chunk import spread_starts, state_box
+from gapwalk.bifurcation.isolated.search_starts import spread_starts, state_box
 from gapwalk.bifurcation.kinds import Kind
 from gapwalk.bifurcation.loci.follow_locus import equation_of, follow_locus, plane_of
 from gapwalk.bifurcation.loci.gradient import Gradient
@@ -30,8 +30,8 @@ from gapwalk.bifurcation.loci.locus import Locus, LocusPoint
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation
 from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
 from gapwalk.bracketed_root import zero_between_signs
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, powers_of_two
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.ensemble.start import state_at_rest
 from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError
 from gapwalk.model.bounds import Bounded, Counted, Natural

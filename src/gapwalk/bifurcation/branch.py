@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, at_once, words_of
-from gapwalk.continuation.both_directions import BranchPoint, motion_row, point_row
 from gapwalk.continuation.curve import Curve, Measured
+from gapwalk.continuation.curve_points import BranchPoint, motion_row, point_row
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol, told_apart

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, Range, check_range, hermite, scales_of, with_natural_change
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.flow.equations import magnitude
 from gapwalk.orbit.find import find_orbit

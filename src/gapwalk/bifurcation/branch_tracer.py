@@ -41,8 +41,8 @@ from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switc
 from gapwalk.bifurcation.start_of_period import AT_START, pass_start, starts_among_impacts
 from gapwalk.bifurcation.step_interval import EXACT, Zero
 from gapwalk.bifurcation.stiff_graze import coincidence, discontinuity_ahead, graze_ahead, pass_graze
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkOptions, WalkState
 from gapwalk.errors import NumericalError
 from gapwalk.flow.equations import magnitude

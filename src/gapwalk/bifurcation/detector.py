@@ -23,8 +23,8 @@ from gapwalk.bifurcation.kinds.held_stop import held_changes, how_often
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.special_point import VERTEX, Kind, SpecialPoint, describe_switch
 from gapwalk.bifurcation.step_interval import Search
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.floquet import Instability, is_on_border, nearest_to_circle

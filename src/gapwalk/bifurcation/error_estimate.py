@@ -17,8 +17,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, length_of
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.orbit_equation import OrbitEquation, roundings
 

@@ -12,7 +12,7 @@ from gapwalk.bifurcation.branch_tracer import BranchTracer, BranchTracerState, S
 from gapwalk.bifurcation.detector import as_one
 from gapwalk.bifurcation.kinds.user_event import Event, check_events
 from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.continuation.both_directions import BranchPoint, Tracing, TracingState, in_one_direction
+from gapwalk.continuation.curve_points import BranchPoint, Tracing, TracingState, in_one_direction
 from gapwalk.continuation.walk import End, EndReason, WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.notebook import shows_progress

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.orbit_on_branch import Knot, StateSpace
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, powers_of_two
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation
 from gapwalk.orbit.harmonic_balance.kernels import from_real_form, real_form

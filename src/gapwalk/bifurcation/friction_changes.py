@@ -32,7 +32,7 @@ from gapwalk.bifurcation.onset_of_slip import (
     own_phase,
 )
 from gapwalk.bifurcation.step_interval import StepInterval, zero_between
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.friction_gauge import FrictionGauge

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.step_interval import StepInterval, zero_between
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, length_of
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.flow.friction_gauge import FrictionGauge
 from gapwalk.model.coefficients import coefficients_of, layout_of

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.step_interval import StepInterval
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.friction_gauge import Course, FrictionGauge
 from gapwalk.flow.motion import DryModes, modes_along

@@ -18,8 +18,8 @@ from gapwalk.bifurcation.branch_start import BranchStart, lift, start_branch
 from gapwalk.bifurcation.branch_tracer import BranchTracer
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.bifurcation.start_of_period import smooth_between
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, WalkOptions
 from gapwalk.errors import NumericalError
 from gapwalk.flow.equations import magnitude

@@ -25,8 +25,8 @@ from gapwalk.bifurcation.friction_changes import changes_between
 from gapwalk.bifurcation.kinds.sliding import Sliding, describe_friction
 from gapwalk.bifurcation.special_point import KINDS, SpecialPoint
 from gapwalk.bifurcation.stiff_graze import discontinuity_ahead
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, length_of
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.sticking import text_of

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.error_estimate import location_error
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.flow.equations import magnitude
 from gapwalk.flow.event_rule import jumping_switches

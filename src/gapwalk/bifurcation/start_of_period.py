@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.detector import Detector, unexplained
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, length_of
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.flow.flow import PERIOD

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Corrector, hermite, length_of
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import NumericalError
 
 if TYPE_CHECKING:

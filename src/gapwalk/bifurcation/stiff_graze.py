@@ -23,8 +23,8 @@ import numpy as np
 from gapwalk.bifurcation.error_estimate import ROUNDING
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switch
 from gapwalk.bracketed_root import zero_between_signs
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, length_of
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.dry_state import SlipEvent

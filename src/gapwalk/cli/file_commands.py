@@ -38,7 +38,7 @@ def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bo
     from gapwalk.model.model_file import curves_of, has_pace
     from gapwalk.model.model_source import read_source
     from gapwalk.model.modes import dissipation_doubts
-    from gapwalk.results.plain import plain
+    from gapwalk.results.json_values import plain
     from gapwalk.studies.runner import check_work
     from gapwalk.studies.set_values import parse_changes
     from gapwalk.studies.study_file import check_system, check_whole

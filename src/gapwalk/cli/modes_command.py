@@ -18,7 +18,7 @@ from gapwalk.model.modes import Clearances, Modes, find_modes
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
 from gapwalk.model.words import parameter_symbol
-from gapwalk.results.plain import plain
+from gapwalk.results.json_values import plain
 from gapwalk.studies.set_values import parse_changes
 from gapwalk.studies.study_file import check_system
 from gapwalk.summary import Table

@@ -16,7 +16,7 @@ from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.cli.output import console
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.workers import Pace
 from gapwalk.studies.map import Map, MapSection

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from gapwalk.bracketed_root import zero_between_signs
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.spring import springs_of

@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.both_directions import BranchPoint, Tracing, in_one_direction
 from gapwalk.continuation.corrector import Zero, zero_in_step
+from gapwalk.continuation.curve_points import BranchPoint, Tracing, in_one_direction
 from gapwalk.continuation.walk import End, EndReason, Walk
 from gapwalk.notebook import Shown
 from gapwalk.summary import Rows, SummaryParts, Table, row_of, rows_of, summarizes

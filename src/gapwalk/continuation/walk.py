@@ -18,8 +18,8 @@ import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Correction, Corrector, Range, ahead, hermite, length_of
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Positive, check_fields
 

@@ -16,7 +16,7 @@ from gapwalk.attractors.settle import Settled
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusEnd, LocusPoint
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.errors import GapwalkError, ModelError, StoreError
 from gapwalk.explorer.answer_view import AnswerView

@@ -19,7 +19,7 @@ from typing import Any
 
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation import directions, start_branch
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason, Walk, WalkOptions
 from gapwalk.errors import GapwalkError, ModelError, NumericalError
 from gapwalk.explorer.progress_stream import SECONDS

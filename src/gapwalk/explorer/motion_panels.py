@@ -25,7 +25,7 @@ from gapwalk.attractors.spectrum import spectrum
 from gapwalk.bifurcation.loci import Codim2Point, LocusPoint
 from gapwalk.bifurcation.loci.gradient import Gradient, gradient, moving_names
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, at_once, words_of
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.ensemble.start import state_at_rest
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.explorer.axis_quantities import is_at_hand, quantity

@@ -14,7 +14,7 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusPoint
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.studies.map import Map, MapSection
 

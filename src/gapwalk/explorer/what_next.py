@@ -10,7 +10,7 @@ import numpy as np
 
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.explorer.exploration import Exploration, Line
 from gapwalk.explorer.plan import Place, is_same_system

@@ -33,7 +33,7 @@ from gapwalk.flow.dry_state import (
 )
 from gapwalk.flow.equations import EDGE, Equations
 from gapwalk.flow.forces import Angles, Dry, accelerations, is_at_high, stages_of
-from gapwalk.flow.lone_friction import BARELY, LATER, NEAR, ON, PAUSE, SETTLING, STILL, UNSEEN, VALUES, LoneFriction
+from gapwalk.flow.single_friction import BARELY, LATER, NEAR, ON, PAUSE, SETTLING, STILL, UNSEEN, VALUES, LoneFriction
 
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
 _BRIEF = 4e-9  # radians that they must last: two events of one contact are distinct from a quarter of that

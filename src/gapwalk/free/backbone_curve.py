@@ -10,9 +10,9 @@ from typing import Any, ClassVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.both_directions import BranchPoint, Tracing
 from gapwalk.continuation.corrector import Corrector, Zero, check_range, powers_of_two
 from gapwalk.continuation.curve import Curve, CurveEvent, CurveTrace, Happens, crossing, joined, reason_first, turn
+from gapwalk.continuation.curve_points import BranchPoint, Tracing
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkOptions
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.flow.equations import smallness

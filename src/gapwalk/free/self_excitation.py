@@ -14,9 +14,9 @@ from gapwalk.bifurcation.branch_start import BranchStart, directions, start_bran
 from gapwalk.bifurcation.branch_tracer import BranchTracer
 from gapwalk.bifurcation.follow import join
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
-from gapwalk.continuation.both_directions import BranchPoint, Tracing
 from gapwalk.continuation.corrector import Corrector, Range, check_range, powers_of_two
 from gapwalk.continuation.curve import numbered
+from gapwalk.continuation.curve_points import BranchPoint, Tracing
 from gapwalk.continuation.walk import EndReason, WalkOptions
 from gapwalk.errors import ConvergenceError, Interrupted, ModelError, NumericalError
 from gapwalk.flow.equations import magnitude

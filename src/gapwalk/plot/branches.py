@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.special_point import Kind
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.model.words import full_measure, measure_words, parameter_words
 from gapwalk.plot import style
 from gapwalk.plot.picture import WIDE, Finish, draws, open_window, shorten_label, write_legend

@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.words import full_measure, parameter_words, state_words

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switch
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, powers_of_two, unknown_scales
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.spring import Spring, springs_of

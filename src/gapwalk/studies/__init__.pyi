@@ -17,4 +17,4 @@ from .study_kind import StudyKind as StudyKind
 from .study_registry import OPEN as OPEN
 from .study_registry import Counted as Counted
 from .study_registry import add_kind as add_kind
-from .tables import Surroundings as Surroundings
+from .study_tables import Surroundings as Surroundings

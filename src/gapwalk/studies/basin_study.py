@@ -43,7 +43,7 @@ from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.studies.study_registry import Counted, check_integers
-from gapwalk.studies.tables import CELLS, Resolution, Surroundings, check_resolution
+from gapwalk.studies.study_tables import CELLS, Resolution, Surroundings, check_resolution
 from gapwalk.summary import SummaryParts, Table
 
 # Computation of the attractor to which each of many states leads, and of the shares of a box of states.

@@ -9,7 +9,7 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.bifurcation.isolated import SearchResult, unseen_share
 from gapwalk.bifurcation.loci import LocusPoint
-from gapwalk.continuation.both_directions import BranchPoint, point_row
+from gapwalk.continuation.curve_points import BranchPoint, point_row
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import measure_names, parameter_headings
 from gapwalk.studies.options import BranchOptions

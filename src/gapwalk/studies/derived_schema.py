@@ -23,7 +23,7 @@ from gapwalk.model.schema import Number, Part, Text, by_shape, one_of, tagged
 from gapwalk.model.system import System
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.studies.study_registry import INLINE, OPEN, added_kinds, kind_of
-from gapwalk.studies.tables import StudyPart
+from gapwalk.studies.study_tables import StudyPart
 
 _SCALARS: dict[Any, Any] = {
     int: Annotated[int, Key(strict=True)],

@@ -17,13 +17,13 @@ from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind, read_quantity
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit_equation import MAX_PERIOD
-from gapwalk.results.plain import plain
+from gapwalk.results.json_values import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import SEARCH_KEYS, RangeStudy, is_allowed, known_parameter, with_search
 from gapwalk.studies.study_kind import Found, Job, plain_numbers
 from gapwalk.studies.study_registry import INLINE
-from gapwalk.studies.tables import WITH_UNIT, Start, StartOrState, Surroundings
+from gapwalk.studies.study_tables import WITH_UNIT, Start, StartOrState, Surroundings
 
 if TYPE_CHECKING:
     from typing import Self

@@ -32,7 +32,7 @@ from gapwalk.studies.options import SEARCH_KEYS, BranchOptions, search_words, wi
 from gapwalk.studies.runner import call
 from gapwalk.studies.study_kind import Found, Work, found_by
 from gapwalk.studies.study_registry import MAX_VALUES, Counted, check_integers, check_values
-from gapwalk.studies.tables import Start
+from gapwalk.studies.study_tables import Start
 
 if TYPE_CHECKING:
     from typing import Self

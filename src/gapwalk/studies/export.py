@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.model.registry import Registry
-from gapwalk.results.labelled import (
+from gapwalk.results.labelled_tables import (
     Labelled,
     LabelledTable,
     attributes_of,

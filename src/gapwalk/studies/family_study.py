@@ -14,13 +14,13 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from gapwalk.bifurcation.branch_start import directions
 from gapwalk.bifurcation.special_point import Kind
-from gapwalk.continuation.both_directions import point_row
+from gapwalk.continuation.curve_points import point_row
 from gapwalk.errors import ModelError
 from gapwalk.model.schema import Number, Text
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.orbit.orbit import parameter_headings
-from gapwalk.results.plain import plain
+from gapwalk.results.json_values import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies.columns import table_rows
 from gapwalk.studies.family import (
@@ -37,7 +37,7 @@ from gapwalk.studies.options import BranchOptions, kinds_key
 from gapwalk.studies.result import branch_document
 from gapwalk.studies.set_values import leaves_of
 from gapwalk.studies.study_kind import AnswerFinding, Rows
-from gapwalk.studies.tables import Surroundings
+from gapwalk.studies.study_tables import Surroundings
 from gapwalk.summary import SummaryParts, Table
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from gapwalk.answers.tolerance import Tolerance
 from gapwalk.attractors.basins import Basins
 from gapwalk.attractors.regimes import Regimes
 from gapwalk.bifurcation.diagram import Diagram
-from gapwalk.bifurcation.isolated.search_chunk import SearchOptions
+from gapwalk.bifurcation.isolated.search_starts import SearchOptions
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.model.system import System

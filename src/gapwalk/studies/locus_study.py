@@ -18,7 +18,7 @@ from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.map import Which
 from gapwalk.studies.map_study import MapStudyOptions, MapWork
 from gapwalk.studies.options import ParameterRange, RangeStudy, is_allowed, is_another
-from gapwalk.studies.tables import WITH_UNIT, Surroundings, check_inside, check_value
+from gapwalk.studies.study_tables import WITH_UNIT, Surroundings, check_inside, check_value
 
 if TYPE_CHECKING:
     from typing import Self

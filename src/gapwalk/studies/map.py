@@ -13,7 +13,7 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.bifurcation.loci import Codim2, Codim2Point, Locus, LocusEnd, LocusPoint
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
-from gapwalk.continuation.both_directions import method_document, method_values
+from gapwalk.continuation.curve_points import method_document, method_values
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.model.units import Units

@@ -42,7 +42,14 @@ from gapwalk.studies.options import (
     with_search,
 )
 from gapwalk.studies.study_kind import Found, Work
-from gapwalk.studies.tables import PARAMETERS, CountOrValues, Surroundings, check_inside, check_parameters, check_range
+from gapwalk.studies.study_tables import (
+    PARAMETERS,
+    CountOrValues,
+    Surroundings,
+    check_inside,
+    check_parameters,
+    check_range,
+)
 
 if TYPE_CHECKING:
     from typing import Self

@@ -30,7 +30,7 @@ from gapwalk.studies.options import BranchOptions, ParameterRange
 from gapwalk.studies.set_values import leaves_of
 from gapwalk.studies.study_kind import Rows, StudyKind, plain_numbers, values_of
 from gapwalk.studies.study_registry import Counted
-from gapwalk.studies.tables import Start, StartOrState, Surroundings, check_parameter
+from gapwalk.studies.study_tables import Start, StartOrState, Surroundings, check_parameter
 from gapwalk.summary import Described, SummaryParts, Table, remarks, summarizes
 
 # Doubts about the measure that a study shows: one that a rigid stop holds at its clearance shows nothing.

@@ -25,7 +25,7 @@ from gapwalk.orbit.shooting import Shooting
 from gapwalk.studies.derived_schema import key_type, table_schema
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.studies.study_registry import INLINE, OPEN
-from gapwalk.studies.tables import (
+from gapwalk.studies.study_tables import (
     WITH_UNIT,
     CountOrValues,
     Start,

@@ -31,14 +31,14 @@ from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.orbit.find import initial_state
 from gapwalk.parallel.workers import Workers
-from gapwalk.results.plain import plain
+from gapwalk.results.json_values import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellWork, check_until_right
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy, Second
 from gapwalk.studies.study_kind import Found, Job, Work, plain_numbers
 from gapwalk.studies.study_registry import INLINE, OPEN, Counted
-from gapwalk.studies.tables import Resolution, RestOrState, Surroundings
+from gapwalk.studies.study_tables import Resolution, RestOrState, Surroundings
 
 # The work on a map of rattle: chunks of cells by the batch integrator, then the exact borders.
 

@@ -39,7 +39,7 @@ from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import ParameterRange, RangeStudy, Second
 from gapwalk.studies.study_kind import plain_numbers
 from gapwalk.studies.study_registry import INLINE, Counted
-from gapwalk.studies.tables import CELLS, PARAMETERS, Resolution, RestOrState, check_parameters, check_resolution
+from gapwalk.studies.study_tables import CELLS, PARAMETERS, Resolution, RestOrState, check_parameters, check_resolution
 from gapwalk.summary import SummaryParts, Table
 
 

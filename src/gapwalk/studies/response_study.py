@@ -22,7 +22,7 @@ from gapwalk.bifurcation import BranchTracer, BranchTracerState, directions, sta
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.detector import DetectorState
 from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, WalkState
 from gapwalk.errors import NumericalError, StoreError
 from gapwalk.model.system import System

@@ -17,7 +17,7 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram, Origin
 from gapwalk.bifurcation.isolated import SearchResult, coverage
 from gapwalk.bifurcation.special_point import at_once, words_of
-from gapwalk.continuation.both_directions import motion_row, point_row
+from gapwalk.continuation.curve_points import motion_row, point_row
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.errors import StoreError
 from gapwalk.flow.motion import signal_names
@@ -25,7 +25,7 @@ from gapwalk.model.system import System
 from gapwalk.model.words import measure_symbol, parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.results.codec import parameters_of
-from gapwalk.results.plain import plain
+from gapwalk.results.json_values import plain
 from gapwalk.results.result_file import (
     Entry,
     Part,

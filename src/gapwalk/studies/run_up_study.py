@@ -30,7 +30,7 @@ from gapwalk.orbit.orbit import parameter_headings
 from gapwalk.results.result_file import Part
 from gapwalk.studies.study_kind import Finding, Found, Job, Rows, StudyKind, plain_numbers
 from gapwalk.studies.study_registry import check_integers
-from gapwalk.studies.tables import Surroundings
+from gapwalk.studies.study_tables import Surroundings
 from gapwalk.summary import SummaryParts, TableRows, summarizes
 
 if TYPE_CHECKING:

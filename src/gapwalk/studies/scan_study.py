@@ -39,17 +39,17 @@ from gapwalk.attractors.many_motions import (
 from gapwalk.attractors.regimes import Regime, RegimeOptions, judge, regime_word, take_another_look
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import follow
-from gapwalk.bifurcation.isolated.search_chunk import spread_starts, state_box
+from gapwalk.bifurcation.isolated.search_starts import spread_starts, state_box
 from gapwalk.bifurcation.kinds import Kind
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit, initial_state
-from gapwalk.results.plain import plain
+from gapwalk.results.json_values import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.study_kind import Found, Job, StudyKind, plain_numbers
 from gapwalk.studies.study_registry import INLINE, OPEN, Counted
-from gapwalk.studies.tables import Surroundings
+from gapwalk.studies.study_tables import Surroundings
 
 if TYPE_CHECKING:
     from typing import Self

@@ -34,11 +34,11 @@ from gapwalk.model.system import System
 from gapwalk.model.words import line_words, pace_words, signal_words
 from gapwalk.orbit.energy import Energy, EnergyItem, energy
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.results.plain import plain
+from gapwalk.results.json_values import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies.study_kind import Finding, Found, Job, Rows, StudyKind, plain_numbers
 from gapwalk.studies.study_registry import OPEN
-from gapwalk.studies.tables import RestOrState, Surroundings
+from gapwalk.studies.study_tables import RestOrState, Surroundings
 from gapwalk.summary import SummaryParts, Table, TableRows, summarizes
 
 if TYPE_CHECKING:

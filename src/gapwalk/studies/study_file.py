@@ -36,7 +36,7 @@ from gapwalk.studies.set_values import (
 )
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.studies.study_registry import kind_of, kinds
-from gapwalk.studies.tables import StudyPart, Surroundings
+from gapwalk.studies.study_tables import StudyPart, Surroundings
 
 
 @dataclass(frozen=True)

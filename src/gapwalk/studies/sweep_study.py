@@ -18,7 +18,7 @@ from pydantic import AfterValidator, ValidationInfo
 from gapwalk.attractors.many_motions import BatchMotions, enough, motions_of
 from gapwalk.attractors.regimes import Regime, RegimeOptions, judge, regime_word, settle_doubts
 from gapwalk.attractors.settle import has_settled, period_of
-from gapwalk.bifurcation.isolated.search_chunk import spread_starts, state_box, with_extensions
+from gapwalk.bifurcation.isolated.search_starts import spread_starts, state_box, with_extensions
 from gapwalk.ensemble.start import within_stops
 from gapwalk.errors import FlowError, ModelError, WorkError
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
@@ -34,7 +34,7 @@ from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy
 from gapwalk.studies.study_kind import AnswerFinding, Found, Work, plain_numbers
 from gapwalk.studies.study_registry import INLINE, OPEN, Counted, check_integers
-from gapwalk.studies.tables import CountOrStates, Surroundings, check_signal
+from gapwalk.studies.study_tables import CountOrStates, Surroundings, check_signal
 from gapwalk.summary import Rows, SummaryParts, Tables
 
 if TYPE_CHECKING:

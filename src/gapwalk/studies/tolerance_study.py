@@ -52,7 +52,7 @@ from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy
 from gapwalk.studies.study_kind import Found, Job, plain_numbers
 from gapwalk.studies.study_registry import Counted
-from gapwalk.studies.tables import Start, StartOrState, Surroundings
+from gapwalk.studies.study_tables import Start, StartOrState, Surroundings
 
 if TYPE_CHECKING:
     from typing import Self

@@ -10,9 +10,9 @@ from dataclasses import replace
 from typing import Any
 
 from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.continuation.both_directions import Tracing
 from gapwalk.continuation.corrector import check_range
 from gapwalk.continuation.curve import joined
+from gapwalk.continuation.curve_points import Tracing
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from gapwalk.attractors.settle import settle
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, Range, powers_of_two
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.orbit.orbit_equation import Evaluation

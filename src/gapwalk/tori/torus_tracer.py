@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from gapwalk.attractors.section import Strobe
 from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, Range, ahead, hermite, length_of, zero_in_step
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason, Walk, WalkOptions, WalkState
 from gapwalk.errors import GapwalkError, NumericalError
 from gapwalk.orbit.orbit_equation import solve

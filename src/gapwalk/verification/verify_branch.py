@@ -22,8 +22,8 @@ from gapwalk.bifurcation.error_estimate import ErrorEstimator
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switch
 from gapwalk.bifurcation.start_of_period import smooth_between
 from gapwalk.bifurcation.stiff_graze import REACH
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, hermite, length_of
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.errors import NumericalError, VerificationError
 from gapwalk.orbit.orbit import phases

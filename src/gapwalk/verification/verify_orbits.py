@@ -22,7 +22,7 @@ from gapwalk.bifurcation.diagram import Diagram, DiagramBranch, Origin
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.orbit.floquet import is_on_border, multipliers

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, is_one_place
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Corrector, length_of, powers_of_two
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.floquet import is_on_border

@@ -17,7 +17,7 @@ import numpy as np
 import gapwalk as gw
 from gapwalk.attractors import ClassifyOptions, LyapunovOptions, SettleOptions, classify, lyapunov
 from gapwalk.bifurcation.special_point import Kind
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import GapwalkError, Interrupted
 from tests.sampled_verification import verified

@@ -10,7 +10,7 @@ from gapwalk.bifurcation.isolated.search import (
     search,
     unseen_share,
 )
-from gapwalk.bifurcation.isolated.search_chunk import SearchOptions
+from gapwalk.bifurcation.isolated.search_starts import SearchOptions
 
 __all__ = [
     "FoundOrbit",

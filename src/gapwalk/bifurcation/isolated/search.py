@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, exact_orbit
-from gapwalk.bifurcation.isolated.search_chunk import (
+from gapwalk.bifurcation.isolated.search_starts import (
     Catch,
     Chunk,
     SearchOptions,

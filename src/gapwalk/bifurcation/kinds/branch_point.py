@@ -20,8 +20,8 @@ from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator
 from gapwalk.bifurcation.kinds.defining_functions import offsets_from
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, Symbol
 from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, Range, scales_of
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.orbit.method import Method
 

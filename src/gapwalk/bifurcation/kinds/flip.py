@@ -28,8 +28,8 @@ from gapwalk.bifurcation.kinds.defining_functions import (
     smallest_singular_value,
 )
 from gapwalk.bifurcation.special_point import REACH, Kind, SpecialPoint, Symbol
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Corrector, Range, check_range, scales_of
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.equations import magnitude

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.kinds.defining_functions import Criticality, smallest_singular_value
 from gapwalk.bifurcation.special_point import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, Zero
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 
 if TYPE_CHECKING:
     from gapwalk.bifurcation.branch_start import BranchStart

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.error_estimate import ErrorEstimator, location_error
 from gapwalk.bifurcation.special_point import Kind, Symbol, describe_switch
 from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero, zero_between
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import length_of
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator
 from gapwalk.bifurcation.special_point import Kind, Symbol, describe_switch
 from gapwalk.bifurcation.step_interval import EXACT, Search, StepInterval, Zero, zero_between
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import DryModes, Motion, forces_and_accelerations, sample
 from gapwalk.model.coefficients import coefficients_of, layout_of

@@ -14,7 +14,7 @@ from gapwalk.bifurcation.kinds.defining_functions import (
     pair_on_circle,
 )
 from gapwalk.bifurcation.special_point import Kind, Symbol
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 
 
 class NeimarkSacker(Kind):

@@ -23,7 +23,7 @@ from gapwalk.bifurcation.friction_changes import (
 from gapwalk.bifurcation.onset_of_slip import Located, directions_left, never_slips, own_phase, position_of
 from gapwalk.bifurcation.special_point import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, Zero
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.sticking import stick_words, text_of
 

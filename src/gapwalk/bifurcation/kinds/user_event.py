@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from gapwalk.bifurcation.special_point import Kind
-from gapwalk.continuation.both_directions import BranchPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.orbit.orbit import Orbit
 

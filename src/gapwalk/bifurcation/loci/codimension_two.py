@@ -36,8 +36,8 @@ from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, Multiplier
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.bifurcation.step_interval import StepInterval
 from gapwalk.bracketed_root import zero_between_signs
-from gapwalk.continuation.both_directions import BranchPoint
 from gapwalk.continuation.corrector import Correction, Corrector
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.flow.flow import PERIOD
 from gapwalk.orbit.orbit import apart
 

@@ -32,9 +32,9 @@ from gapwalk.bifurcation.loci.locus_equations import (
 )
 from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, ShotPlane
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switch
-from gapwalk.continuation.both_directions import BranchPoint, Tracing
 from gapwalk.continuation.corrector import Correction, Corrector, Range, powers_of_two
 from gapwalk.continuation.curve import joined
+from gapwalk.continuation.curve_points import BranchPoint, Tracing
 from gapwalk.continuation.walk import EndReason, Walk, WalkOptions, WalkState
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.special_point import Kind
-from gapwalk.continuation.both_directions import OrbitOnCurve
 from gapwalk.continuation.curve import Measured
+from gapwalk.continuation.curve_points import OrbitOnCurve
 from gapwalk.continuation.walk import AnyEnd, Reason
 from gapwalk.orbit.orbit import Orbit
 
