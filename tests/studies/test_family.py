@@ -5,7 +5,8 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError
-from gapwalk.studies.family import LIMIT, FamilyOptions, Fate, Place, distance_between, nearest_pairs
+from gapwalk.studies.family import LIMIT, Fate, Place, distance_between, nearest_pairs
+from gapwalk.studies.family_study import FamilyStudy
 from tests.interruption import until_ctrl_c
 from tests.studies.families import second_resonance
 from tests.studies.same import assert_same_branch
@@ -246,7 +247,7 @@ def test_a_name_of_its_own_needs_its_values(values, message) -> None:
 )
 def test_impossible_options_are_refused(given, message) -> None:
     with pytest.raises(ModelError, match=message):
-        FamilyOptions(**given)
+        FamilyStudy("frequency", 1.0, 1.1, "", over=gw.studies.MemberParameter.of({"mean.q3": (0.25, 0.3)}), **given)
 
 
 def test_an_empty_range_is_refused() -> None:

@@ -10,7 +10,6 @@ from gapwalk.errors import StoreError
 from gapwalk.model import ModelFileError
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies.export import export_csv
-from gapwalk.studies.family import FamilyOptions
 from gapwalk.studies.family_study import FamilyStudy
 from gapwalk.studies.study_file import check_study
 from gapwalk.studies.study_kind import StudyKind
@@ -113,7 +112,8 @@ def test_all_keys_are_read() -> None:
     text = MODEL.replace(OVER, "max_period = 2\nkinds = ['flip', 'fold', 'flip']\nexact = false\n" + OVER)
     options = study_of(text).options
     assert isinstance(options, FamilyStudy)
-    assert options.limits == FamilyOptions(2, (gw.Kind.FLIP, gw.Kind.FOLD), exact=False, workers=1)
+    given = options.max_period, options.kinds, options.exact, options.workers
+    assert given == (2, (gw.Kind.FLIP, gw.Kind.FOLD), False, 1)
     same = again(options, StudyKind)
     assert same == options
     assert hash(same) == hash(options)

@@ -10,7 +10,6 @@ from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
-from gapwalk.studies.map import MapOptions
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
 
@@ -104,8 +103,8 @@ def test_the_map_does_not_depend_on_the_number_of_processes(chart):
         ),
         (lambda: bifurcation_map(case("27"), {"mean.q1": (0.1, 0.1), "frequency": (0.2, 0.3)}), "it is empty"),
         (lambda: bifurcation_map(case("27"), {"mean.q1": (0.1, 0.2), "frequency": (-0.2, 0.3)}), "must be > 0"),
-        (lambda: MapOptions(sections=0), "sections is 0; it must be an integer from 1 to 100,000"),
-        (lambda: MapOptions(kinds=(Kind.BRANCH_POINT,)), "they may be fold, flip"),
+        (lambda: islands(sections=0), "sections is 0; it must be an integer from 1 to 100,000"),
+        (lambda: islands(kinds=(Kind.BRANCH_POINT,)), "they may be fold, flip"),
     ],
 )
 def test_bad_requests_are_refused(request_, message):

@@ -5,7 +5,6 @@ import pytest
 import gapwalk as gw
 from gapwalk.model import ModelFileError
 from gapwalk.model.model_source import parse_source
-from gapwalk.studies.map import MapOptions
 from gapwalk.studies.map_study import MapStudyOptions
 from gapwalk.studies.study_file import Study, check_study
 from gapwalk.studies.study_kind import StudyKind
@@ -69,14 +68,16 @@ def test_a_map_has_all_that_its_file_says() -> None:
     assert isinstance(options, MapStudyOptions)
     assert options.second == gw.studies.ParameterRange("frequency", 0.9, 0.4)
     assert options.within == ((0.1, 0.5), (0.4, 0.9))
-    assert options.limits == MapOptions((0.5, 0.6), 1, (gw.Kind.FLIP, gw.Kind.FOLD), 3)
+    given = options.sections, options.max_period, options.kinds, options.workers
+    assert given == ((0.5, 0.6), 1, (gw.Kind.FLIP, gw.Kind.FOLD), 3)
     system = study_of(MAP).system
     assert (system["mean.q1"], system.frequency) == (0.5, 0.9)  # neither has to stand elsewhere in the file
 
 
 def test_what_a_map_does_not_say_has_the_defaults_of_its_options() -> None:
     head, _, _ = MAP.partition("sections")
-    assert study_of(head).options.limits == MapOptions()
+    plain = study_of(head).options
+    assert (plain.sections, plain.max_period, plain.search_values) == (5, 2, 0)
     searched = study_of(MAP + "[study.search]\nvalues = 4\n").options
     assert (searched.search_values, searched.search) == (4, gw.SearchOptions())
 
@@ -84,9 +85,9 @@ def test_what_a_map_does_not_say_has_the_defaults_of_its_options() -> None:
 def test_a_search_has_all_that_its_file_says() -> None:
     search = gw.SearchOptions(starts=5, newton_periods=(1, 3), box=(2.0, 2.0, 1.0, 1.0), seed=7)
     for text in (DIAGRAM, MAP):
-        limits = study_of(text + SEARCH).options.limits
+        limits = study_of(text + SEARCH).options
         assert (limits.search_values, limits.search) == ((0.2, 0.3), search)
-    assert study_of(DIAGRAM).options.limits.search_values == 0
+    assert study_of(DIAGRAM).options.search_values == 0
 
 
 @pytest.mark.parametrize("text", [MAP, MAP + SEARCH, DIAGRAM, DIAGRAM + SEARCH, DIAGRAM + "search = { values = 3 }\n"])

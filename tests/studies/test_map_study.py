@@ -13,7 +13,6 @@ from gapwalk.bifurcation.loci import LocusEndReason
 from gapwalk.errors import Interrupted, ModelError, NumericalError, StoreError
 from gapwalk.results.result_file import ResultFile
 from gapwalk.studies import map_study as charting
-from gapwalk.studies.map import MapOptions
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
 from tests.studies.killing import killed_after
@@ -262,6 +261,6 @@ def test_bad_requests_are_refused() -> None:
     with pytest.raises(ModelError, match=r"a section is requested at 0\.7, outside the range from 0\.2 to 0\.3"):
         gw.run(clutch_map(sections=(0.7,)))
     with pytest.raises(ModelError, match="list each value only once"):
-        MapOptions(sections=(0.2, 0.2))
+        clutch_map(sections=(0.2, 0.2))
     with pytest.raises(ModelError, match="an integer from 1 to 100,000, or values of the second parameter"):
-        MapOptions(sections=())
+        clutch_map(sections=())

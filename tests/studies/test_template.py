@@ -13,10 +13,8 @@ from gapwalk.orbit import Shooting, find_orbit
 from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.paper import case
 from gapwalk.studies.diagram_study import DiagramOptions
-from gapwalk.studies.family import FamilyOptions
 from gapwalk.studies.family_study import FamilyStudy
 from gapwalk.studies.locus_study import LocusStudyOptions
-from gapwalk.studies.map import MapOptions
 from gapwalk.studies.map_study import MapStudyOptions
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.study_file import check_study, read_studies, read_study, template, write_template
@@ -71,7 +69,7 @@ def test_what_the_comments_of_the_template_offer_of_maps_is_right() -> None:
     lines = [line.removeprefix("# ") for line in offered.splitlines() if " = " in line or line.startswith("#  ")]
     study = check_study(parse_source(text.replace('kind = "response"', "\n".join(['kind = "map"', *lines]))))
     assert isinstance(study.options, MapStudyOptions)
-    assert study.options.limits == MapOptions()
+    assert (study.options.sections, study.options.max_period, study.options.search_values) == (5, 2, 0)
     assert study.options.second.parameter == "mean.q1"
 
 
@@ -96,7 +94,7 @@ def test_what_the_comments_of_the_template_offer_of_families_is_right() -> None:
     lines = [line.removeprefix("# ") for line in offered.splitlines() if " = " in line]
     study = check_study(parse_source(text.replace('kind = "response"', "\n".join(['kind = "family"', *lines]))))
     assert isinstance(study.options, FamilyStudy)
-    assert study.options.limits == FamilyOptions()
+    assert (study.options.max_period, study.options.exact) == (None, True)
     assert (study.options.over.name, len(study.options.over.axis)) == ("load", 3)
 
 

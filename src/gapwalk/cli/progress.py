@@ -117,7 +117,7 @@ def _diagram_line(options: StudyKind, title: str, show: bool) -> ProgressLine:
 
 
 def _map_line(options: Any, title: str, show: bool) -> ProgressLine:
-    total = len(options.limits.values(*options.within[1]))
+    total = len(options.values(*options.within[1]))
 
     def words(chart: Map, addition: MapSection | Locus) -> tuple[str, str]:
         points = sum(len(locus.points) for locus in chart.loci)

@@ -6,7 +6,7 @@ A search tries many starts at some values of the parameter; what it finds on no 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -128,6 +128,11 @@ class DiagramStudyOptions(DiagramOptions, BranchOptions):
         """Return the system itself: the range may begin anywhere."""
         orbit = getattr(self, "_orbit", None)
         return system if orbit is None else orbit.system
+
+    @property
+    def limits(self) -> DiagramOptions:
+        """The options without those of the first branch."""
+        return DiagramOptions(**{each.name: getattr(self, each.name) for each in fields(DiagramOptions)})
 
     @classmethod
     def progress_words(cls, count: int, *news: Any) -> str:

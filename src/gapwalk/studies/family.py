@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property, partial
 from itertools import chain, pairwise
@@ -33,7 +33,6 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.diagram_study import DiagramOptions, diagram_from
 from gapwalk.studies.study_kind import AnswerFinding, Found, Work
-from gapwalk.studies.study_registry import Counted, check_integers
 
 if TYPE_CHECKING:
     from gapwalk.studies.family_study import FamilyStudy
@@ -522,27 +521,6 @@ def distance_between(a: SpecialPoint, b: SpecialPoint, within: tuple[float, floa
     orbit, width = b.orbit, within[1] - within[0]
     apart = np.abs(stroboscopic(a.orbit) - orbit.state).max(axis=1).min() / magnitude(orbit.state, orbit.system)
     return float(np.hypot((a.value - b.value) / width, apart))
-
-
-@dataclass(frozen=True, slots=True)
-class FamilyOptions:
-    """Options of a family: the extent of its members, and how their special points are joined."""
-
-    #: Longest period, in forcing periods, of further branches that are followed, as in a diagram; None: only the first
-    #: branch.
-    max_period: Counted | None = None
-    kinds: tuple[Kind, ...] = field(default_factory=Kind.known)  #: Kinds of special points that are joined.
-    #: True to join special points by the exact loci that lead from member to member; otherwise each to the nearest of
-    #: its kind, which is a guess.
-    exact: bool = True
-    #: Number of processes; by default one for each local core. The result does not depend on it.
-    workers: Counted | None = field(default=None, compare=False)
-
-    def __post_init__(self) -> None:
-        check_integers(self, **{name: 1 for name in ("max_period", "workers") if getattr(self, name) is not None})
-        if not self.kinds or not set(self.kinds) <= set(Kind.known()):
-            names = ", ".join(kind.value for kind in Kind.known())
-            raise ModelError(f"kinds is {[str(kind) for kind in self.kinds]}; they may be {names}")
 
 
 MEMBER = Part("member", Member, numbered=True)

@@ -26,7 +26,6 @@ from gapwalk.studies.columns import table_rows
 from gapwalk.studies.family import (
     Connection,
     Family,
-    FamilyOptions,
     FamilyWork,
     Member,
     MemberParameter,
@@ -37,6 +36,7 @@ from gapwalk.studies.options import BranchOptions, kinds_key
 from gapwalk.studies.result import branch_document
 from gapwalk.studies.set_values import leaves_of
 from gapwalk.studies.study_kind import AnswerFinding, Rows
+from gapwalk.studies.study_registry import Counted
 from gapwalk.studies.study_tables import Surroundings
 from gapwalk.summary import SummaryParts, Table
 
@@ -100,7 +100,7 @@ def _makes_a_family(over: dict[str, list[float]], info: ValidationInfo[Surroundi
 
 
 @dataclass(frozen=True)
-class FamilyStudy(FamilyOptions, BranchOptions):
+class FamilyStudy(BranchOptions):
     """A family: the branches over one parameter, for several values of another one.
 
     Between two neighbouring members each special point is followed along its exact locus: to a special point of the
@@ -144,6 +144,21 @@ class FamilyStudy(FamilyOptions, BranchOptions):
     #: Parameters in which members differ. In a table, ``over`` has the parameters with their values, and ``called`` and
     #: ``values`` are keys next to it.
     over: MemberParameter = field(kw_only=True)
+    #: Longest period, in forcing periods, of further branches that are followed, as in a diagram; None: only the first
+    #: branch.
+    max_period: Counted | None = None
+    kinds: tuple[Kind, ...] = field(default_factory=Kind.known)  #: Kinds of special points that are joined.
+    #: True to join special points by the exact loci that lead from member to member; otherwise each to the nearest of
+    #: its kind, which is a guess.
+    exact: bool = True
+    #: Number of processes; by default one for each local core. The result does not depend on it.
+    workers: Counted | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.kinds or not set(self.kinds) <= set(Kind.known()):
+            names = ", ".join(kind.value for kind in Kind.known())
+            raise ModelError(f"kinds is {[str(kind) for kind in self.kinds]}; they may be {names}")
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:

@@ -113,8 +113,7 @@ class LocusStudyOptions(MapStudyOptions):
 
     def work(self, system: System) -> MapWork:
         """Return the work on the loci."""
-        plane = (self.parameter, self.second.parameter, self.within)
-        return MapWork(system, *plane, self, self.start, self.period, self.walk, self.method, self.which)
+        return MapWork(system, self, self.which)
 
     @property
     def which(self) -> Which:

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.bifurcation.loci import Codim2, Codim2Point, Locus, LocusEnd, LocusPoint
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.curve_points import method_document, method_values
@@ -21,51 +18,7 @@ from gapwalk.model.words import full_measure, parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.orbit.orbit import measure_names, parameter_headings
 from gapwalk.studies.columns import measure_values
-from gapwalk.studies.study_registry import MAX_VALUES, Counted, check_integers, check_values
 from gapwalk.summary import SummaryParts, Table, remarks, summarizes
-
-
-@dataclass(frozen=True, slots=True)
-class MapOptions:
-    """Options of a map: its loci, and the sections on which they begin."""
-
-    #: Values of the second parameter at which branches are followed along the first one: their special points are where
-    #: the loci begin. A number of them is spread evenly over the range, its ends included.
-    sections: int | tuple[float, ...] = 5
-    max_period: int = 2  #: Longest period, in forcing periods, of the branches that are followed there.
-    kinds: tuple[Kind, ...] = field(default_factory=Kind.with_locus)  #: Kinds of loci.
-    #: Number of processes; by default one for each local core. The result does not depend on it.
-    workers: Counted | None = field(default=None, compare=False)
-    #: Values of the first parameter on each section at which branches not connected to others are sought; as in
-    #: `DiagramOptions`.
-    search_values: int | tuple[float, ...] = 0
-    search: SearchOptions = SearchOptions()  #: Options of the search.
-
-    def __post_init__(self) -> None:
-        check_values("sections", self.sections, 1, "the second parameter")
-        if isinstance(self.sections, tuple) and len(set(self.sections)) < len(self.sections):
-            raise ModelError(f"sections is {self.sections!r}; list each value only once")
-        check_integers(self, MAX_VALUES, max_period=1)
-        if not self.kinds or not set(self.kinds) <= set(Kind.with_locus()):
-            names = ", ".join(kind.value for kind in Kind.with_locus())
-            raise ModelError(f"kinds is {[str(kind) for kind in self.kinds]}; they may be {names}")
-
-    def values(self, low: float, high: float) -> tuple[float, ...]:
-        """Return the values of the sections between two bounds.
-
-        Parameters
-        ----------
-        low, high
-            The bounds, in the unit of the second parameter.
-        """
-        if isinstance(self.sections, int):
-            count = self.sections
-            return tuple(np.linspace(low, high, count).tolist()) if count > 1 else (0.5 * (low + high),)
-        outside = [value for value in self.sections if not low <= value <= high]
-        if outside:
-            raise ModelError(f"a section is requested at {outside[0]:g}, outside the range from {low:g} to {high:g}")
-        return tuple(float(value) for value in self.sections)
-
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
 """The ranges of both parameters."""

@@ -11,10 +11,12 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
+from annotated_types import Ge, Le
 from pydantic import AfterValidator, ValidationInfo
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import follow
+from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.bifurcation.loci import Locus, follow_locus
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.walk import WalkOptions
@@ -31,7 +33,7 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.diagram_study import DiagramOptions, diagram_from
-from gapwalk.studies.map import Map, MapOptions, MapSection, Ranges, Which
+from gapwalk.studies.map import Map, MapSection, Ranges, Which
 from gapwalk.studies.options import (
     SEARCH_KEYS,
     BranchOptions,
@@ -42,6 +44,7 @@ from gapwalk.studies.options import (
     with_search,
 )
 from gapwalk.studies.study_kind import Found, Work
+from gapwalk.studies.study_registry import MAX_VALUES, Counted, check_values
 from gapwalk.studies.study_tables import (
     PARAMETERS,
     CountOrValues,
@@ -228,7 +231,7 @@ def _lie_in_the_range(sections: Any, info: ValidationInfo[Surroundings]) -> Any:
 
 
 @dataclass(frozen=True)
-class MapStudyOptions(MapOptions, BranchOptions):
+class MapStudyOptions(BranchOptions):
     """A map: all loci of folds, flips, Neimark-Sacker and grazing points that are met in the plane of two parameters.
 
     Branches are followed along the first parameter at several values of the second; each of their special points that
@@ -266,6 +269,43 @@ class MapStudyOptions(MapOptions, BranchOptions):
     }
 
     second: Second = field(kw_only=True)  #: The second parameter.
+    #: Values of the second parameter at which branches are followed along the first one: their special points are where
+    #: the loci begin. A number of them is spread evenly over the range, its ends included.
+    sections: int | tuple[float, ...] = 5
+    #: Longest period, in forcing periods, of the branches that are followed there.
+    max_period: Annotated[int, Ge(1), Le(MAX_VALUES)] = 2
+    kinds: tuple[Kind, ...] = field(default_factory=Kind.with_locus)  #: Kinds of loci.
+    #: Number of processes; by default one for each local core. The result does not depend on it.
+    workers: Counted | None = field(default=None, compare=False)
+    #: Values of the first parameter on each section at which branches not connected to others are sought; as in
+    #: `DiagramOptions`.
+    search_values: int | tuple[float, ...] = 0
+    search: SearchOptions = SearchOptions()  #: Options of the search.
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_values("sections", self.sections, 1, "the second parameter")
+        if isinstance(self.sections, tuple) and len(set(self.sections)) < len(self.sections):
+            raise ModelError(f"sections is {self.sections!r}; list each value only once")
+        if not self.kinds or not set(self.kinds) <= set(Kind.with_locus()):
+            names = ", ".join(kind.value for kind in Kind.with_locus())
+            raise ModelError(f"kinds is {[str(kind) for kind in self.kinds]}; they may be {names}")
+
+    def values(self, low: float, high: float) -> tuple[float, ...]:
+        """Return the values of the sections between two bounds.
+
+        Parameters
+        ----------
+        low, high
+            The bounds, in the unit of the second parameter.
+        """
+        if isinstance(self.sections, int):
+            count = self.sections
+            return tuple(np.linspace(low, high, count).tolist()) if count > 1 else (0.5 * (low + high),)
+        outside = [value for value in self.sections if not low <= value <= high]
+        if outside:
+            raise ModelError(f"a section is requested at {outside[0]:g}, outside the range from {low:g} to {high:g}")
+        return tuple(float(value) for value in self.sections)
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
@@ -308,8 +348,7 @@ class MapStudyOptions(MapOptions, BranchOptions):
 
     def work(self, system: System) -> MapWork:
         """Return the work on the map."""
-        how = (self.start, self.period, self.walk, self.method)
-        return MapWork(system, self.parameter, self.second.parameter, self.within, self, *how)
+        return MapWork(system, self)
 
 
 SECTION = Part("section", MapSection, numbered=True)
@@ -325,25 +364,13 @@ class MapWork(Work):
     section or the locus that was added last.
     """
 
-    def __init__(
-        self,
-        system: System,
-        first: str,
-        second: str,
-        to: Ranges,
-        options: MapOptions,
-        start: str | Sequence[float] = "settle",
-        period: int = 1,
-        walk: WalkOptions | None = None,
-        method: Method | None = None,
-        which: Which | None = None,
-    ) -> None:
+    def __init__(self, system: System, asked: MapStudyOptions, which: Which | None = None) -> None:
+        first, second = asked.parameter, asked.second.parameter
         if first == second:
             raise ModelError(f"a map needs two different parameters, but both are {first!r}")
-        ranges = (check_range(system, first, sorted(to[0])), check_range(system, second, sorted(to[1])))
+        ranges = (check_range(system, first, asked.ends), check_range(system, second, asked.second.ends))
         self.chart = Map(first, second, ranges)
-        self.system, self.options, self.which = system, options, which
-        self.start, self.period, self.walk, self.method = start, period, walk, method
+        self.system, self.asked, self.which = system, asked, which
 
     def take(self, known: Parts) -> None:
         """Read the map of a file; raise a ValueError if it belongs to another study or is inconsistent."""
@@ -408,22 +435,22 @@ class MapWork(Work):
     @property
     def _values(self) -> tuple[float, ...]:
         """Values of the second parameter on all sections."""
-        return self.options.values(*self.chart.within[1])
+        return self.asked.values(*self.chart.within[1])
 
     @property
     def _functions(self) -> tuple[Callable[[System], Any], Callable[[SpecialPoint], Locus | str]]:
         """The functions that follow the branches of a section, and the locus of a special point."""
         first, second, within = self.chart.first, self.chart.second, self.chart.within
         tree = DiagramOptions(
-            max_period=self.options.max_period,
+            max_period=self.asked.max_period,
             workers=1,
-            search_values=self.options.search_values,
-            search=self.options.search,
+            search_values=self.asked.search_values,
+            search=self.asked.search,
         )
-        how = (self.start, self.period, self.walk, self.method, None if self.which else tree)
+        how = (self.asked.start, self.asked.period, self.asked.walk, self.asked.method, None if self.which else tree)
         return (
             partial(_follow_section, first, second, within[0], *how),
-            partial(_follow_special, first, second, within, self.walk, self.method),
+            partial(_follow_special, first, second, within, self.asked.walk, self.asked.method),
         )
 
     def _settle(self, queue: MapQueue) -> Iterator[Found]:
@@ -457,7 +484,7 @@ class MapWork(Work):
             for branch in section.branches
             for special in (branch.special_points if which is None else which.of(branch.special_points))
             # a fold between two points of a branch may lie just beyond the edge
-            if special.kind in self.options.kinds and low <= special.value <= high
+            if special.kind in self.asked.kinds and low <= special.value <= high
         ]
 
     def _has_none(self, which: Which) -> str:

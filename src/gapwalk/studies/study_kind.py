@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, ParamSpec, Protocol, TypeVar
 
 from gapwalk.errors import Interrupted
@@ -112,12 +112,6 @@ class StudyKind:
             The system, from which further defaults may come.
         """
         return cls(**values)
-
-    @property
-    def limits(self) -> Any:
-        """Return the options of the Python function of the same name, if the kind derives from them."""
-        options = next(each for each in type(self).__mro__ if is_dataclass(each) and not issubclass(each, StudyKind))
-        return options(**{field.name: getattr(self, field.name) for field in fields(options)})
 
     @classmethod
     def unused(cls, table: Mapping[str, object]) -> tuple[str, ...]:
