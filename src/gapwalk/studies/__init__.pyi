@@ -1,5 +1,6 @@
 """Public names of `gapwalk.studies`; see `gapwalk.lazy_names`."""
 
+from ..model.bounds import Counted as Counted
 from ..results.result_file import Part as Part
 from .compare import compare_results as compare_results
 from .diagram_study import DiagramStudyOptions as DiagramStudyOptions
@@ -15,6 +16,5 @@ from .study_kind import Found as Found
 from .study_kind import Job as Job
 from .study_kind import StudyKind as StudyKind
 from .study_registry import OPEN as OPEN
-from .study_registry import Counted as Counted
 from .study_registry import add_kind as add_kind
 from .study_tables import Surroundings as Surroundings

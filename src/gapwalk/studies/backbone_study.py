@@ -13,11 +13,11 @@ from gapwalk.errors import ModelError, NumericalError
 from gapwalk.free.backbone_curve import Backbone, BackboneOptions, backbone, check_released
 from gapwalk.free.free_shooting import without_losses
 from gapwalk.free.island_births import Backbones, IslandBirth, check_load, foretell
+from gapwalk.model.bounds import Counted
 from gapwalk.model.system import System
 from gapwalk.results.result_file import Part
 from gapwalk.studies.run_up_study import Speed
 from gapwalk.studies.study_kind import Found, Job, StudyKind, plain_numbers
-from gapwalk.studies.study_registry import Counted
 from gapwalk.summary import row_of
 
 LINE = Part("backbone", tuple[int, Backbone | None, str], numbered=True)

@@ -34,6 +34,7 @@ from gapwalk.attractors.basins import (
 from gapwalk.attractors.many_motions import ExactMotions, enough, has_kernel, motions_of
 from gapwalk.ensemble.start import within_stops
 from gapwalk.errors import ModelError
+from gapwalk.model.bounds import Bounded, Counted, Natural
 from gapwalk.model.system import System
 from gapwalk.model.words import coordinate_words
 from gapwalk.parallel.workers import Workers
@@ -42,7 +43,6 @@ from gapwalk.studies.cell_work import CellWork
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.study_kind import StudyKind
-from gapwalk.studies.study_registry import Counted, check_integers
 from gapwalk.studies.study_tables import CELLS, Resolution, Surroundings, check_resolution
 from gapwalk.summary import SummaryParts, Table
 
@@ -60,26 +60,23 @@ _PILOT = 64  # states that are looked at first: most attractors are found by the
 
 
 @dataclass(frozen=True, slots=True)
-class BasinOptions:
+class BasinOptions(Bounded):
     """Options for the computation of basins."""
 
     #: Largest number of forcing periods of the common run; motions still undecided are classified one by one.
-    longest: int = 3000
-    max_period: int = 64  #: Longest period m of the orbits to be found.
-    tries: int = 48  #: Largest number of motions that are settled and classified one by one, with the exact flow.
+    longest: Counted = 3000
+    max_period: Counted = 64  #: Longest period m of the orbits to be found.
+    tries: Counted = 48  #: Largest number of motions that are settled and classified one by one, with the exact flow.
     #: True to find the label of every cell at a border between basins with the exact flow, and of those within two
     #: cells of a label that was wrong; otherwise those of `check` cells at borders are.
     exact_borders: bool = True
     #: Random cells elsewhere whose label is found again with the exact flow: that many, and with `exact_borders` that
     #: many again, until none of the last ones is wrong.
-    check: int = 1024
+    check: Natural = 1024
     #: Seed of the choice of the states that are examined first, of those that are checked, and of random starts.
-    seed: int = 0
+    seed: Natural = 0
     #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)
-
-    def __post_init__(self) -> None:
-        check_integers(self, longest=1, max_period=1, tries=1, check=0, seed=0)
 
     @property
     def borders(self) -> int | None:

@@ -13,6 +13,7 @@ from gapwalk.answers.design import Change, Design, DesignProblem, LeastChangeOpt
 from gapwalk.answers.goals import AnyGoal, NoPoint, PeakBelow, Quiet, Resonance, peak_signal
 from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.errors import ModelError
+from gapwalk.model.bounds import Natural
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind, read_quantity
 from gapwalk.orbit.find import find_orbit
@@ -205,7 +206,7 @@ class DesignStudy(RangeStudy):
     finding: Annotated[LeastChangeOptions, INLINE] = field(default_factory=LeastChangeOptions)
     #: Number of values in the bands of the goals at which isolated branches of the new design are searched for, or the
     #: values; 0: none.
-    search_values: Annotated[int, Ge(0)] | tuple[float, ...] = 6
+    search_values: Natural | tuple[float, ...] = 6
     search: SearchOptions = SearchOptions()  #: Options of this search.
 
     @classmethod

@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
+from annotated_types import Ge, Le
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import directions, start_branch, switch
@@ -21,6 +22,7 @@ from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
+from gapwalk.model.bounds import Bounded, Counted, check_fields
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import Method
@@ -31,7 +33,7 @@ from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.options import SEARCH_KEYS, BranchOptions, search_words, with_search
 from gapwalk.studies.runner import call
 from gapwalk.studies.study_kind import Found, Work, found_by
-from gapwalk.studies.study_registry import MAX_VALUES, Counted, check_integers, check_values
+from gapwalk.studies.study_registry import MAX_VALUES, check_values
 from gapwalk.studies.study_tables import Start
 
 if TYPE_CHECKING:
@@ -44,13 +46,13 @@ Report = Callable[[Diagram, DiagramBranch], None]
 
 
 @dataclass(frozen=True, slots=True)
-class DiagramOptions:
+class DiagramOptions(Bounded):
     """Options of a diagram: its extent, and the search for isolated branches."""
 
     #: Longest period, in forcing periods, of branches to switch to.
-    max_period: int = 8
+    max_period: Annotated[int, Ge(1), Le(MAX_VALUES)] = 8
     #: Number of branches after which it stops and reports that limit.
-    max_branches: int = 200
+    max_branches: Annotated[int, Ge(1), Le(MAX_VALUES)] = 200
     #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)
     #: Values of the parameter at which branches not connected to others are sought. A number of them is spread evenly
@@ -59,7 +61,7 @@ class DiagramOptions:
     search: SearchOptions = SearchOptions()  #: Options of the search.
 
     def __post_init__(self) -> None:
-        check_integers(self, MAX_VALUES, max_period=1, max_branches=1)
+        check_fields(self)
         check_values("search_values", self.search_values, 0, "the parameter")
 
 

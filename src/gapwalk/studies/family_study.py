@@ -16,6 +16,7 @@ from gapwalk.bifurcation.branch_start import directions
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.curve_points import point_row
 from gapwalk.errors import ModelError
+from gapwalk.model.bounds import Counted
 from gapwalk.model.schema import Number, Text
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
@@ -36,7 +37,6 @@ from gapwalk.studies.options import BranchOptions, kinds_key
 from gapwalk.studies.result import branch_document
 from gapwalk.studies.set_values import leaves_of
 from gapwalk.studies.study_kind import AnswerFinding, Rows
-from gapwalk.studies.study_registry import Counted
 from gapwalk.studies.study_tables import Surroundings
 from gapwalk.summary import SummaryParts, Table
 

@@ -22,6 +22,7 @@ from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.equations import magnitude
+from gapwalk.model.bounds import Counted
 from gapwalk.model.problems import given
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
@@ -44,7 +45,7 @@ from gapwalk.studies.options import (
     with_search,
 )
 from gapwalk.studies.study_kind import Found, Work
-from gapwalk.studies.study_registry import MAX_VALUES, Counted, check_values
+from gapwalk.studies.study_registry import MAX_VALUES, check_values
 from gapwalk.studies.study_tables import (
     PARAMETERS,
     CountOrValues,

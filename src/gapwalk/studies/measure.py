@@ -19,6 +19,7 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.motion import signal_of
 from gapwalk.measurement.fit import Alignment, Estimate, Fit, align, fit
 from gapwalk.measurement.measured_record import FIELDS, Record, read_measurement
+from gapwalk.model.bounds import Counted
 from gapwalk.model.model_file import check_model, in_order, validate
 from gapwalk.model.model_source import Source, read_source
 from gapwalk.model.problems import ModelFileError, Problem, did_you_mean, given
@@ -29,7 +30,6 @@ from gapwalk.studies.derived_schema import given_of, table_schema
 from gapwalk.studies.options import BranchOptions, ParameterRange
 from gapwalk.studies.set_values import leaves_of
 from gapwalk.studies.study_kind import Rows, StudyKind, plain_numbers, values_of
-from gapwalk.studies.study_registry import Counted
 from gapwalk.studies.study_tables import Start, StartOrState, Surroundings, check_parameter
 from gapwalk.summary import Described, SummaryParts, Table, remarks, summarizes
 

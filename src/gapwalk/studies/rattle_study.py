@@ -8,7 +8,7 @@ from functools import partial
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Gt
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
@@ -28,6 +28,7 @@ from gapwalk.attractors.basins import centres
 from gapwalk.attractors.many_motions import finite_rows
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.errors import ModelError
+from gapwalk.model.bounds import Counted, Natural
 from gapwalk.model.system import System
 from gapwalk.orbit.find import initial_state
 from gapwalk.parallel.workers import Workers
@@ -37,7 +38,7 @@ from gapwalk.studies.cell_work import CellWork, check_until_right
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy, Second
 from gapwalk.studies.study_kind import Found, Job, Work, plain_numbers
-from gapwalk.studies.study_registry import INLINE, OPEN, Counted
+from gapwalk.studies.study_registry import INLINE, OPEN
 from gapwalk.studies.study_tables import Resolution, RestOrState, Surroundings
 
 # The work on a map of rattle: chunks of cells by the batch integrator, then the exact borders.
@@ -252,13 +253,13 @@ class RattleStudy(RangeStudy):
     resolution: tuple[int, int] = (48, 32)  #: Columns and rows of cells of a map.
     sweep: Annotated[SlowSweepOptions, INLINE] = field(default_factory=SlowSweepOptions)  #: Options of the slow sweeps.
     #: Values of the parameter at which motions are sought that the sweeps do not meet; 0: none.
-    search: Annotated[int, Ge(0)] = 3
+    search: Natural = 3
     #: Random starts at each of these values, and at the worst motion, where the share that leads there is found.
-    starts: Annotated[int, Ge(0)] = 16
-    seed: Annotated[int, Ge(0)] = 0  #: Seed of these starts.
+    starts: Natural = 16
+    seed: Natural = 0  #: Seed of these starts.
     #: Acceleration to which levels in dB refer, in rad/s^2 or non-dimensional.
     reference: Annotated[float, Gt(0)] = 1.0
-    check: Annotated[int, Ge(0)] = 32  #: Cells of a map whose gaps are observed again with the exact flow.
+    check: Natural = 32  #: Cells of a map whose gaps are observed again with the exact flow.
     #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)
 

@@ -10,7 +10,6 @@ from functools import partial
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
-from annotated_types import Ge
 from numpy.typing import NDArray
 
 from gapwalk.attractors.basins import centres
@@ -28,6 +27,7 @@ from gapwalk.attractors.regimes import (
     regime_word,
     settle_doubts,
 )
+from gapwalk.model.bounds import Counted, Natural
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.orbit.find import initial_state
@@ -38,7 +38,7 @@ from gapwalk.studies.cell_work import CellWork, check_until_right
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import ParameterRange, RangeStudy, Second
 from gapwalk.studies.study_kind import plain_numbers
-from gapwalk.studies.study_registry import INLINE, Counted
+from gapwalk.studies.study_registry import INLINE
 from gapwalk.studies.study_tables import CELLS, PARAMETERS, Resolution, RestOrState, check_parameters, check_resolution
 from gapwalk.summary import SummaryParts, Table
 
@@ -91,8 +91,8 @@ class RegimeStudy(RangeStudy):
     judging: Annotated[RegimeOptions, INLINE] = field(default_factory=RegimeOptions)
     #: Cells that are settled and classified again with the exact flow: those of rare regimes, and of rare contacts,
     #: first. If one differs, it is corrected, and more are checked until none differs.
-    check: Annotated[int, Ge(0)] = 64
-    seed: Annotated[int, Ge(0)] = 0  #: Seed of the choice of those cells.
+    check: Natural = 64
+    seed: Natural = 0  #: Seed of the choice of those cells.
     #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)
 

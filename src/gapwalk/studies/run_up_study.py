@@ -29,7 +29,6 @@ from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import parameter_headings
 from gapwalk.results.result_file import Part
 from gapwalk.studies.study_kind import Finding, Found, Job, Rows, StudyKind, plain_numbers
-from gapwalk.studies.study_registry import check_integers
 from gapwalk.studies.study_tables import Surroundings
 from gapwalk.summary import SummaryParts, TableRows, summarizes
 
@@ -311,32 +310,30 @@ class RunUpStudy(StudyKind):
     #: Change of the speed per second (per unit of time without units), or several. With several rates or starts, the
     #: run-ups are computed by the batch integrator.
     rate: tuple[float, ...] = ()
-    steps: int = 0  #: If not 0: number of rates, evenly spaced from the smallest `rate` to the largest one.
+    #: If not 0: number of rates, evenly spaced from the smallest `rate` to the largest one.
+    steps: Annotated[int, Ge(0), Le(_MOST)] = 0
     hold: Annotated[float, BeforeValidator(_time)] = 0.0  #: Time for which the last speed is held.
     #: times, speeds: Points of a measured trace in place of the ramp; in a table, ``trace`` names a CSV file with
     #: columns of time and speed.
     times: tuple[float, ...] = ()
     speeds: tuple[float, ...] = ()
-    starts: int = 1  #: Number of starts at each rate: angles of the excitation that divide its period evenly.
+    #: Number of starts at each rate: angles of the excitation that divide its period evenly.
+    starts: Annotated[int, Ge(1), Le(_MOST)] = 1
     #: Signal of the table and the picture of a single run-up, as in `RunUp.signal`; by default the coordinate of the
     #: contact with the largest force.
     signal: str = ""
-    samples: int = 512  #: Samples per forcing period of a single run-up.
+    samples: Annotated[int, Ge(16), Le(65_536)] = 512  #: Samples per forcing period of a single run-up.
     #: True to walk the response from the first speed to the last, as a slow sweep meets it: the run-up is laid over it,
     #: with the delay of each jump.
     with_response: bool = False
     #: Highest order of the spectra of `signal` along a single run-up, shown as a waterfall; 0: none.
     orders: Annotated[float, Ge(0.0), Le(1000.0)] = 0.0
-    window: int = 8  #: Length of these spectra in forcing periods.
-    bins: int = 100  #: Equal times into which each of many run-ups is divided.
+    window: Annotated[int, Ge(1), Le(10_000)] = 8  #: Length of these spectra in forcing periods.
+    bins: Annotated[int, Ge(2), Le(10_000)] = 100  #: Equal times into which each of many run-ups is divided.
     error: float = 1e-4  #: Allowed error of many run-ups, as in `gapwalk.analysis.BatchOptions`.
 
     def __post_init__(self) -> None:
-        check_integers(self, steps=0, most=_MOST)
-        check_integers(self, starts=1, most=_MOST)
-        check_integers(self, samples=16, most=65_536)
-        check_integers(self, bins=2, most=10_000)
-        check_integers(self, window=1, most=10_000)
+        super().__post_init__()
         BatchOptions(self.error)
         if self.times:
             SpeedCourse(np.array(self.times), np.array(self.speeds))

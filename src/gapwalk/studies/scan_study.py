@@ -42,13 +42,14 @@ from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.isolated.search_starts import spread_starts, state_box
 from gapwalk.bifurcation.kinds import Kind
 from gapwalk.errors import ModelError, NumericalError
+from gapwalk.model.bounds import Counted, Natural
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit, initial_state
 from gapwalk.results.json_values import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.study_kind import Found, Job, StudyKind, plain_numbers
-from gapwalk.studies.study_registry import INLINE, OPEN, Counted
+from gapwalk.studies.study_registry import INLINE, OPEN
 from gapwalk.studies.study_tables import Surroundings
 
 if TYPE_CHECKING:
@@ -387,7 +388,7 @@ class ScanStudy(StudyKind):
     spread: Annotated[float, Gt(0)] = 0.1  #: Standard deviation of the logarithm of their factors.
     #: Starts of the motions of each variation: rest, and states spread over a box.
     starts: Annotated[int, Ge(1), Le(MAX_VARIATIONS)] = 6
-    seed: Annotated[int, Ge(0)] = 0  #: Seed of the random numbers.
+    seed: Natural = 0  #: Seed of the random numbers.
     #: Criteria that separate kinds of motion.
     judging: Annotated[RegimeOptions, INLINE] = field(default_factory=lambda: RegimeOptions(forces=False))
     check: Count = 3  #: Number of the best variations whose motions are classified again with the exact flow.

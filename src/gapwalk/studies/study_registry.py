@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING, TypeVar
 
 from gapwalk.errors import ModelError
-from gapwalk.model.bounds import Counted  # noqa: F401 (kinds of study take it from here)
 from gapwalk.model.registry import Registry
 
 if TYPE_CHECKING:
@@ -22,15 +21,6 @@ OPEN = "open"
 
 MAX_VALUES = 100_000
 """Largest number of values of a parameter, of periods and of branches."""
-
-
-def check_integers(options: object, most: float = math.inf, **least: int) -> None:
-    """Refuse options that are not integers in their range."""
-    for name, low in least.items():
-        value = getattr(options, name)
-        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= most:
-            allowed = f">= {low}" if most == math.inf else f"from {low} to {most:,}"
-            raise ModelError(f"{name} is {value!r}; it must be an integer {allowed}")
 
 
 def check_values(name: str, values: object, least: int, parameter: str) -> None:

@@ -20,12 +20,13 @@ from pydantic import (
 )
 
 from gapwalk.errors import ModelError
+from gapwalk.model.bounds import Counted
 from gapwalk.model.measured.measured_table import NamedFile
 from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.schema import Part, Text, one_of
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES, has_unit, kind_of, read_quantity
-from gapwalk.studies.study_registry import MAX_VALUES, Counted
+from gapwalk.studies.study_registry import MAX_VALUES
 
 Within = tuple[tuple[float, float], tuple[float, float]]
 """The ranges of two axes."""

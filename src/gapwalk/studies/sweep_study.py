@@ -23,6 +23,7 @@ from gapwalk.ensemble.start import within_stops
 from gapwalk.errors import FlowError, ModelError, WorkError
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.flow.motion import check_state
+from gapwalk.model.bounds import Bounded, Counted, Natural, check_fields
 from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
@@ -33,7 +34,7 @@ from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy
 from gapwalk.studies.study_kind import AnswerFinding, Found, Work, plain_numbers
-from gapwalk.studies.study_registry import INLINE, OPEN, Counted, check_integers
+from gapwalk.studies.study_registry import INLINE, OPEN
 from gapwalk.studies.study_tables import CountOrStates, Surroundings, check_signal
 from gapwalk.summary import Rows, SummaryParts, Tables
 
@@ -68,17 +69,17 @@ class Way(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Patience:
+class Patience(Bounded):
     """Limits on the length of a transient."""
 
     #: shortest, longest: Least and largest number of forcing periods.
-    shortest: int = 48
-    longest: int = 2000
+    shortest: Counted = 48
+    longest: Counted = 2000
     #: Distance from the limiting periodic motion below which it has settled; in half-widths of the box of states.
     tolerance: float = 1e-6
 
     def __post_init__(self) -> None:
-        check_integers(self, shortest=1, longest=1)
+        check_fields(self)
         if self.longest < self.shortest:
             raise ModelError(f"longest is {self.longest}; it must be at least {self.shortest}, the shortest transient")
         if not 1e-12 <= self.tolerance <= 1e-2:
@@ -485,7 +486,7 @@ class SweepStudy(RangeStudy):
     #: Number of starts: the first one is rest, the others are spread over the box of states. Or the states themselves,
     #: one of 2n numbers each, or more with extensions.
     starts: int | tuple[tuple[float, ...], ...] = 1
-    seed: Annotated[int, Ge(0)] = 0  #: Seed of the starts and of the kicks: the same seed gives the same result.
+    seed: Natural = 0  #: Seed of the starts and of the kicks: the same seed gives the same result.
     #: Longest period, in forcing periods, that is distinguished from a motion that is not periodic.
     max_period: Annotated[int, Ge(1)] = 12
     patience: Annotated[Patience, INLINE] = Patience()  #: Limits on the length of the transient at each value.

@@ -43,6 +43,7 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import follow
 from gapwalk.continuation.walk import EndReason, WalkOptions
 from gapwalk.errors import ModelError, NumericalError
+from gapwalk.model.bounds import Counted, Natural
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit_equation import MAX_PERIOD
@@ -51,7 +52,6 @@ from gapwalk.results.result_file import Part
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy
 from gapwalk.studies.study_kind import Found, Job, plain_numbers
-from gapwalk.studies.study_registry import Counted
 from gapwalk.studies.study_tables import Start, StartOrState, Surroundings
 
 if TYPE_CHECKING:
@@ -206,8 +206,8 @@ class ToleranceStudy(RangeStudy):
     band: tuple[float, float] | None = None  #: A band of the parameter in which no jump should lie.
     start: StartOrState = Start.SETTLE  #: Start of the search for the first orbit of the nominal branch.
     samples: Annotated[int, Ge(2), Le(MAX_SAMPLES)] = 1000  #: Number of samples.
-    seed: Annotated[int, Ge(0)] = 0  #: Seed of their random numbers.
-    check: Annotated[int, Ge(0)] = 16  #: Tracked samples whose branches are walked for comparison.
+    seed: Natural = 0  #: Seed of their random numbers.
+    check: Natural = 16  #: Tracked samples whose branches are walked for comparison.
     #: Number m of forcing periods after which the orbits of the branch repeat.
     period: Annotated[int, Ge(1), Le(MAX_PERIOD)] = 1
     walk: WalkOptions = field(default_factory=WalkOptions)  #: Options of the walks.

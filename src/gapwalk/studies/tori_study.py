@@ -15,6 +15,7 @@ from pydantic import AfterValidator, Field
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import GapwalkError, ModelError, NumericalError
+from gapwalk.model.bounds import Counted
 from gapwalk.model.system import System
 from gapwalk.parallel.groups import do_by_groups
 from gapwalk.parallel.workers import Workers
@@ -22,7 +23,7 @@ from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.diagram_study import STATE, DiagramOptions, DiagramStudyOptions, DiagramWork, empty_diagram
 from gapwalk.studies.options import BranchOptions, ParameterRange, is_another
 from gapwalk.studies.study_kind import AnswerFinding, Found, Work, found_by, plain_numbers
-from gapwalk.studies.study_registry import INLINE, Counted
+from gapwalk.studies.study_registry import INLINE
 from gapwalk.summary import row_of
 from gapwalk.tori.second_tone import Tone, two_tones
 from gapwalk.tori.tongue import LockedWindow, Tongue, follow_tongue
@@ -48,8 +49,8 @@ class ToriStudy(BranchOptions):
     kind: ClassVar[str] = "tori"
     reports: ClassVar[str] = "branches and families"
 
-    max_period: Annotated[int, Counted] = 2  #: Longest period, in forcing periods, of branches to switch to.
-    max_branches: Annotated[int, Counted] = 200  #: Number of branches after which it stops.
+    max_period: Counted = 2  #: Longest period, in forcing periods, of branches to switch to.
+    max_branches: Counted = 200  #: Number of branches after which it stops.
     #: Accuracy of the tori. In a table, its keys are among the others.
     tori: Annotated[TorusOptions, INLINE] = field(default_factory=TorusOptions)
     tone: Tone | None = None  #: A second excitation, whose frequency is no multiple of the first one.
