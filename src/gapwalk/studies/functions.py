@@ -82,7 +82,9 @@ def __getattr__(name: str) -> Any:
 
 def record_of(kind: type[StudyKind]) -> type:
     """Return the type of what the function of a study returns."""
-    assert kind.answer is not None
+    if kind.answer is None:
+        what = 'answer: ClassVar[Part | None] = Part("peaks", Peaks)'
+        raise ModelError(f"{kind.__name__} does not say what its function returns; write {what}, say")
     return kind.answer.type
 
 
@@ -133,7 +135,7 @@ def function_of(kind: type[StudyKind], name: str) -> Callable[..., Any]:
 
     Raises
     ------
-    AssertionError
+    ModelError
         If the kind has no `answer`.
 
     Examples
