@@ -58,9 +58,8 @@ class Series(NamedTuple):
     #: x, y: Coordinates.
     x: ArrayLike
     y: ArrayLike
-    mark: str = (
-        "line"  #: ``line``, ``dots``, ``crosses``, ``stars``, ``area`` down to zero, or ``between`` two rows of y.
-    )
+    #: ``line``, ``dots``, ``crosses``, ``stars``, ``area`` down to zero, or ``between`` two rows of y.
+    mark: str = "line"
     look: str = "main"  #: Style: a class of the style sheet of the page, and a name in `gapwalk.plot.answers`.
     text: str = ""  #: Legend; empty for none.
     of: str = ""  #: Contact; empty for all.

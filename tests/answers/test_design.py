@@ -1,7 +1,6 @@
 """Designs against closed forms of the linear oscillator, and the derivatives of goals against designs walked again."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 from scipy.optimize import minimize
 
 import gapwalk as gw
-from gapwalk.answers.design import DesignProblem
+from gapwalk.answers.design import DesignProblem, LeastChangeOptions
 from gapwalk.answers.goals import MARGIN, peaks
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
@@ -124,7 +123,7 @@ def test_a_gear_is_quieted_from_inside_its_band_of_rattle():
         940.0,
         (gw.ask.Change("mean.gear", 1.0),),
         (gw.ask.Quiet("mesh", (945.0, 1010.0)),),
-        quick(margin=0.0).finding,
+        LeastChangeOptions(starts=0, margin=0.0),
     )
     route = problem.route(("closed on the positive side",), 0)
     assert route.is_reached
@@ -148,7 +147,7 @@ def test_a_resonance_is_that_about_rest():
 def test_an_isolated_branch_refuses_a_design():
     # the response of figure 27 has no fold below an amplitude of 0.43, but an isolated branch ends at 0.2614
     system, goal = gw.paper.case("27").at({"harmonic1.amplitude": 0.35}), gw.ask.NoPoint("fold", (0.2, 0.3))
-    options = replace(quick(), search_values=(0.22,), search=gw.SearchOptions(starts=16, newton_starts=16))
+    options = quick(search_values=(0.22,), search=gw.SearchOptions(starts=16, newton_starts=16))
     found = gw.ask.design(system, {"mean.q1": 0.1}, goal, "harmonic1.amplitude", (0.35, 0.18), **options)
     assert found.judged[0].is_reached
     assert not found.is_reached
@@ -211,7 +210,7 @@ def test_a_stopped_design_continues_to_the_same(tmp_path, quiet):
         seen.append(part)
         raise KeyboardInterrupt
 
-    how = {"options": quick(), "output": output}
+    how = {**quick(), "output": output}
     with pytest.raises(Interrupted) as stopped_at:
         gw.ask.design(stopped(), changes, goal, "frequency", (0.7, 1.5), report=stop, **how)
     assert not stopped_at.value.found.complete

@@ -49,7 +49,7 @@ def test_claims_about_points() -> None:
         (lambda: gw.ask.PointClaim("fold", "frequency", 2.0, 1.0), "lower end first"),
         (lambda: gw.ask.PointClaim("fold", "frequency", 1.0, 2.0, over=(1.5, 1.0)), "must cover"),
         (lambda: gw.ask.PointClaim("fold", "frequency", 1.0, 2.0, at={"frequency": 1.0}), "leave it out"),
-        (lambda: ScanStudy(claims=(), spread=0.0), "must be > 0"),
+        (lambda: ScanStudy(claims=(), spread=0.0), "must be a number > 0"),
         (lambda: ScanStudy(claims=(), starts=0), "starts is 0"),
         (lambda: gw.ask.variations(CLUTCH, ["harmonic1.phase"], factors=[2.0]), "write it in listed"),
         (lambda: gw.ask.scan(CLUTCH, []), "there are no claims"),

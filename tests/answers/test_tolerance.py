@@ -1,7 +1,6 @@
 """Tolerances against a campaign of full walks, closed forms of grazing, and the distributions of SciPy."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from gapwalk.errors import Interrupted, ModelError
 from gapwalk.flow.flow import Flow
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.plot.picture import picture_of
-from gapwalk.studies.tolerance_study import ToleranceStudy
+from gapwalk.studies.tolerance_study import ToleranceStudy, _Samples
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 CAMPAIGN, NARROW = DATA / "tolerance_campaign.csv", DATA / "tolerance_narrow.csv"
@@ -115,7 +114,7 @@ def test_a_stopped_study_continues_to_the_same_bits(found, tmp_path):
 
 def test_samples_without_points_that_all_walks_have_are_walked(tmp_path):
     weak = (Spread("harmonic1.amplitude", "uniform", low=0.098, high=0.14), Spread("stop.clearance", sd=0.003))
-    options, file = replace(OPTIONS, seed=10, check=0), tmp_path / "weak.gapwalk"
+    options, file = {**OPTIONS, "seed": 10, "check": 0}, tmp_path / "weak.gapwalk"
     few = tolerance(stopped(), "frequency", (0.5, 1.5), weak, **options, workers=1, output=file)
     touching = (few.samples[:, 0] / few.samples[:, 1]) ** 2 > DAMPING**2 * (1.0 - DAMPING**2 / 4.0)
     assert touching[:15].all()  # these are walked first
@@ -222,7 +221,7 @@ def clutch():
     system = gw.paper.case("13")
     spreads = Spreads(tuple(spread_in_percent(system, sd, [name])[0] for name, sd in PERCENT.items()))
     asked = ToleranceStudy("frequency", 1.9, 0.6, samples=400, spreads=spreads)
-    work = asked.work(system)
+    work = _Samples(asked.work(system))
     return work, gw.follow(gw.find_orbit(work.system), "frequency", 0.6)
 
 
@@ -399,7 +398,7 @@ def test_laws_that_make_no_sense_are_refused(law, text):
 
 def test_values_that_the_model_does_not_allow_are_counted(found):
     wide = (Spread("stop.clearance", sd=0.02), Spread("harmonic1.amplitude", sd=0.002), Spread("mass.x.x", sd=0.5))
-    options = replace(OPTIONS, samples=40, check=0)
+    options = {**OPTIONS, "samples": 40, "check": 0}
     bold = tolerance(stopped(), "frequency", (0.5, 1.5), wide, **options, workers=1)
     refused = bold.samples[:, 2] <= 0.0
     assert np.all(bold.how[refused] == HowFound.REFUSED)

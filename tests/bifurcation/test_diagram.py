@@ -1,6 +1,8 @@
 """The tree of a diagram: cascades that go one way, and ends tied to the points at which they join other branches."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -69,7 +71,8 @@ def walked_to_flip(special: SpecialPoint) -> Branch:
         steps.append(step)
         if any(each.kind is Kind.FLIP for each in step[1]):
             break
-    return join([tracer], [steps])
+    tracing: Any = SimpleNamespace(traces=[tracer], steps=[steps])
+    return join(tracing)
 
 
 @pytest.fixture(scope="module")

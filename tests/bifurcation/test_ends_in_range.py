@@ -16,10 +16,14 @@ def test_a_branch_joins_another_only_in_its_range(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(branch_tracer, "value_between", lambda *_: value)
     monkeypatch.setattr(branch_tracer, "has_parent", lambda *_: True)
     ends: list[Any] = []
+
+    def finish(_: Any, reason: EndReason, *, value: float) -> None:
+        ends.append(SimpleNamespace(reason=reason, value=value))
+
     corrector = SimpleNamespace(scales=[1.0])
     tracer = cast(Any, BranchTracer.__new__(BranchTracer))
     tracer.beginning = SimpleNamespace(within=Range(-0.6, -0.02), equation=None, corrector=corrector, singular=False)
-    tracer.walk = SimpleNamespace(end=None, finish=lambda _, end: ends.append(end))
+    tracer.walk = SimpleNamespace(end=None, finish=finish)
     first, point = (SimpleNamespace(value=each, orbit=SimpleNamespace(period=2)) for each in (-0.04, -0.021))
     tracer.first = None
     step = (point, [])

@@ -176,7 +176,7 @@ def results(tmp_path_factory) -> dict[str, bytes]:
     }
     for name, study in studies.items():
         gw.run(study, folder / name)
-    gw.sweep(*FOLDS, options=sweep_options(steps=4, ways="up"), output=folder / "sweep")
+    gw.sweep(*FOLDS, **sweep_options(steps=4, ways="up"), output=folder / "sweep")
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 

@@ -92,8 +92,8 @@ def test_free_motions_are_refused():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"accuracy": 0.0}, "between 1e-13 and 1e-2"),
-        ({"samples": 4}, "from 9 to 4097"),
+        ({"accuracy": 0.0}, "a number from 1e-13 to 0.01"),
+        ({"samples": 4}, "from 9 to 4,097"),
         ({"samples": 99, "max_samples": 33}, "more than max_samples"),
     ],
 )

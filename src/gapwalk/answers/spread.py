@@ -149,7 +149,7 @@ class Spreads:
 
     Examples
     --------
-    >>> laws = [gw.ask.Spread("stop.clearance", sd=0.02), gw.ask.Spread("stop.stiffness", sd=0.4)]
+    >>> laws = [gw.ask.Spread("stop.clearance", mean=1.0, sd=0.02), gw.ask.Spread("stop.stiffness", mean=20.0, sd=0.4)]
     >>> gw.analysis.Spreads(laws, correlation=[[1.0, 0.5], [0.5, 1.0]]).design(4, seed=0).values.shape
     (4, 2)
     """

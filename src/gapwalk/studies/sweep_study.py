@@ -480,9 +480,8 @@ class SweepStudy(RangeStudy):
     #: ``"up and down"``, ``"up"``, ``"down"``, or ``"again"``: each value begins from the starts. Any of them may be
     #: joined by "and".
     ways: str = "up and down"
-    points: Annotated[int, Ge(2)] = (
-        100  #: Section points at each value: states a forcing period apart, once the transient has settled.
-    )
+    #: Section points at each value: states a forcing period apart, once the transient has settled.
+    points: Annotated[int, Ge(2)] = 100
     #: Number of starts: the first one is rest, the others are spread over the box of states. Or the states themselves,
     #: one of 2n numbers each, or more with extensions.
     starts: int | tuple[tuple[float, ...], ...] = 1
