@@ -93,13 +93,13 @@ def given_of(record: type, part: Part) -> dict[str, Any]:
     own = (getattr(record, "table_types", {}).keys() & type(part).model_fields.keys()) - names
     found = {name: getattr(part, name) for name in own}
     for field, hint in _hints(record):
-        if INLINE in _marks(hint):
+        if INLINE in marks_of(hint):
             inner = given_of(_bare(hint), part)
             found |= {field.name: _bare(hint)(**inner)} if inner else {}
         elif field.name in type(part).model_fields:
             value = getattr(part, field.name)
-            is_given = field.name in part.model_fields_set or value is not _default(field)
-            if is_given and not (value is None and OPEN in _marks(hint)):
+            is_given = field.name in part.model_fields_set or value is not default_of(field)
+            if is_given and not (value is None and OPEN in marks_of(hint)):
                 found[field.name] = value
     return found
 
@@ -177,7 +177,7 @@ def _keys(record: type) -> Iterator[tuple[Field[Any], Any]]:
     rest = []
     plain = {field.name for options in _parts_of(record) if options is not record for field in fields(options)}
     for field, hint in _hints(record):
-        if INLINE in _marks(hint):
+        if INLINE in marks_of(hint):
             rest += _keys(_bare(hint))
         elif field.name in plain:
             rest.append((field, hint))
@@ -199,15 +199,17 @@ def _hints(record: type) -> Iterator[tuple[Field[Any], Any]]:
 
 
 def _key_default(field: Field[Any], hint: Any) -> Any:
-    default = None if OPEN in _marks(hint) else _default(field)
+    default = None if OPEN in marks_of(hint) else default_of(field)
     return ... if default is MISSING else default
 
 
-def _default(field: Field[Any]) -> Any:
+def default_of(field: Field[Any]) -> Any:
+    """Return the default of a field; MISSING if it has none."""
     return field.default_factory() if field.default_factory is not MISSING else field.default
 
 
-def _marks(hint: Any) -> tuple[Any, ...]:
+def marks_of(hint: Any) -> tuple[Any, ...]:
+    """Return the marks of a field, such as `INLINE`."""
     return tuple(mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, str))
 
 

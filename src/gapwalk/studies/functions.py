@@ -23,6 +23,7 @@ from gapwalk.field_docs import field_words
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import check_system
 from gapwalk.notebook import shows_progress
+from gapwalk.studies.derived_schema import default_of, marks_of
 from gapwalk.studies.options import ParameterRange
 from gapwalk.studies.runner import call
 from gapwalk.studies.study_kind import StudyKind
@@ -107,7 +108,7 @@ def keywords_of(kind: type[StudyKind]) -> Iterator[Keyword]:
         if name in kind.call_types:
             yield Keyword(name, *kind.call_types[name])
             continue
-        if INLINE not in _marks(hint):
+        if INLINE not in marks_of(hint):
             yield Keyword(name, _bare(hint), _default(field, hint), words.get(name, ""))
             continue
         inner, options = _bare(hint), _default(field, hint)
@@ -165,10 +166,7 @@ def function_of(kind: type[StudyKind], name: str) -> Callable[..., Any]:
             values = signature.bind(*arguments, **given).arguments
         except TypeError as error:
             raise TypeError(f"{name}(): {error}") from None
-        system, shared = (
-            values.pop("system"),
-            {each: values.pop(each, None) for each in ("workers", "report", "output")},
-        )
+        system, shared = values.pop("system"), {each: values.pop(each, None) for each in SHARED}
         check_system(system, name)
         asked = kind.of_call(_fields(kind, keywords, values), system)
         first = asked.system_of_call(system)
@@ -269,13 +267,8 @@ def _indented(text: str) -> str:
 
 
 def _default(field: Field[Any], hint: Any) -> Any:
-    if field.default_factory is not MISSING:
-        return field.default_factory()
-    return None if field.default is MISSING and OPEN in _marks(hint) else field.default
-
-
-def _marks(hint: Any) -> tuple[Any, ...]:
-    return tuple(mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, str))
+    default = default_of(field)
+    return None if default is MISSING and OPEN in marks_of(hint) else default
 
 
 def _bare(hint: Any) -> Any:
