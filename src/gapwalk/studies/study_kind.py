@@ -9,7 +9,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, ParamSpec, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, ParamSpec, TypeVar
 
 from gapwalk.errors import Interrupted
 from gapwalk.model.bounds import check_fields
@@ -36,7 +36,8 @@ class StudyKind:
       Validators of pydantic in ``Annotated`` may look at the system and at the fields before.
     - `do` does the work part by part with a `Job`, which knows the parts that are done. So one runner
       (`gapwalk.studies.runner`) serves all kinds: it writes each part, reports it once it is safe, and continues
-      stopped runs. The last part is the record, of the type `answer`, which describes itself (`Answer`).
+      stopped runs. The last part is the record, of the type `answer`, which describes itself by
+      `summary`, `tables`, `notes` and `complete`.
     - A line in `gapwalk.studies.study_registry`, or its function `add_kind`, makes it known by its `kind`.
 
     Examples
@@ -343,8 +344,8 @@ register(
 class Finding(ABC):
     """Result of a study of a kind that finds more than, or something other than, branches.
 
-    A kind of study has a subclass, which describes itself: `summary` is what the terminal shows, `document` its JSON
-    values, `tables` the CSV files. A function that draws its `record` is registered with `gapwalk.plot.draws`.
+    Most kinds have an `AnswerFinding`. `summary` is for the terminal, `document` for JSON, `tables` for CSV files. A
+    function that draws its `record` is registered with `gapwalk.plot.draws`.
     """
 
     @property
@@ -400,23 +401,6 @@ class Finding(ABC):
     @abstractmethod
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
         """The tables by name, the most important one first."""
-
-
-class Answer(Protocol):
-    """Record that describes itself, and of which part may be missing."""
-
-    @property
-    def complete(self) -> bool:
-        """True if no work is left."""
-        ...
-
-    def summary(self, *, notes: bool = True) -> SummaryParts:
-        """Return the record in words; with notes and failures or without."""
-        ...
-
-    def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """Return its tables by name."""
-        ...
 
 
 @dataclass(frozen=True)
