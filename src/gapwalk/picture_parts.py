@@ -1,4 +1,4 @@
-"""What a picture of an answer shows: curves, series, shades, lines, cells and panels, for paper and page alike.
+"""The description of the picture of an answer: curves, series, shades, lines, cells and panels, for paper and page.
 
 A type of record has one function that returns its `Picture`, registered by `pictured`. `gapwalk.plot.answers` draws it
 on paper, `gapwalk.explorer.answer_view` on the page; the names of styles are the same for both.
@@ -180,7 +180,7 @@ class Whole(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """What lies over the curves of a picture, below them and beside them."""
+    """The parts of a picture over its curves, below them and beside them."""
 
     layers: Iterable[Series] = ()  #: Series over both axes.
     paper: Iterable[Series] = ()  #: Further series over both axes, on paper alone.

@@ -18,7 +18,7 @@ from gapwalk.summary import Rows, SummaryParts, Table, row_of, rows_of, summariz
 
 @dataclass(frozen=True)
 class Happens:
-    """What may happen along a curve: a zero, with a change of sign, of a function of its points."""
+    """A kind of event along a curve: a zero, with a change of sign, of a function of its points."""
 
     name: str
     function: Callable[[BranchPoint], float]

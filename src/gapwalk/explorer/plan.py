@@ -159,7 +159,7 @@ def plan(action: Action, shown: Exploration) -> tuple[str, Task]:
 
 
 class _Planned(NamedTuple):
-    """What an action comes to."""
+    """The task and the script of an action."""
 
     system: System
     options: Any  #: Options of the study.

@@ -55,9 +55,9 @@ from gapwalk.model.schema import (
     by_shape,
     claim,
     measured,
-    mended,
     number_of,
     tagged,
+    with_placeholders,
 )
 from gapwalk.model.units import QuantityKind, Unit, has_unit
 
@@ -75,7 +75,7 @@ class Element(Part):
             if names.what == "coordinate" and isinstance(table, Mapping):
                 names.taken, taken = taken, names.taken
                 with suppress(ValidationError, ValueError):
-                    handler(mended(table, error, names)).enter(names)
+                    handler(with_placeholders(table, error, names)).enter(names)
                 names.taken |= taken
             raise
         found.enter(names)

@@ -132,7 +132,7 @@ def error_path(error: Any) -> Path:
     return (*(key for key in path[:end] if not (isinstance(key, str) and key.startswith(TAG))), *path[end:])
 
 
-def mended(table: Mapping[str, Any], error: ValidationError, names: Names) -> Any:
+def with_placeholders(table: Mapping[str, Any], error: ValidationError, names: Names) -> Any:
     """Return the table of an element with placeholders for its wrong values, so that it has the same names."""
     found = copy.deepcopy({**table})
     for each in error.errors(include_url=False):

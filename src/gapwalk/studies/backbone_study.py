@@ -23,7 +23,7 @@ from gapwalk.summary import row_of
 LINE = Part("backbone", tuple[int, Backbone | None, str], numbered=True)
 """Number of a start, its backbone, and the reason if there is none."""
 BIRTHS = Part("births", tuple[IslandBirth, ...], numbered=True)
-"""What the backbone of that number foretells."""
+"""The births that the backbone of that number foretells."""
 
 
 @dataclass(frozen=True)
