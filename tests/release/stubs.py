@@ -15,7 +15,11 @@ from gapwalk.studies.study_registry import kind_of
 STUB = Path(functions.__file__).with_suffix(".pyi")
 _HEAD = '"""Signatures of the functions of studies; ``python -m tests.release.stubs`` writes this file."""\n'
 
-_OTHERS = "FUNCTIONS: dict[str, str]\n\ndef function_of(kind: type[StudyKind], name: str) -> Callable[..., Any]: ...\n"
+_OTHERS = """FUNCTIONS: dict[str, str]
+
+def keywords_of(kind: type[StudyKind]) -> Iterator[Any]: ...
+def function_of(kind: type[StudyKind], name: str) -> Callable[..., Any]: ...
+"""
 
 
 def text() -> str:
@@ -31,7 +35,7 @@ def text() -> str:
         homes[record.__name__] = record.__module__
         lines.append(f"def {name}({', '.join([*shown[:place], '*', *shown[place:]])}) -> {record.__name__}: ...\n")
     imports = [f"from {home} import {name}\n" for name, home in homes.items()]
-    head = "import os\nfrom collections.abc import Callable, Mapping, Sequence\nfrom typing import Any\n"
+    head = "import os\nfrom collections.abc import Callable, Iterator, Mapping, Sequence\nfrom typing import Any\n"
     return _formatted(_HEAD + head + "".join(imports) + _OTHERS + "".join(lines))
 
 

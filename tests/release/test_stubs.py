@@ -4,6 +4,7 @@ from dataclasses import fields
 
 import pytest
 
+from gapwalk.studies.functions import FUNCTIONS, keywords_of
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.studies.study_registry import kind_of, kinds
 from tests.release.stubs import STUB, text
@@ -17,3 +18,9 @@ def test_the_stub_is_that_of_the_declarations() -> None:
 def test_no_field_of_a_study_has_the_name_of_a_method(name: str) -> None:
     methods = {name for name in dir(StudyKind) if not name.startswith("_")}
     assert methods.isdisjoint(field.name for field in fields(kind_of(name)))
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_no_two_keywords_of_a_function_have_one_name(name: str) -> None:
+    names = [each.name for each in keywords_of(kind_of(FUNCTIONS[name]))]
+    assert len(set(names)) == len(names)

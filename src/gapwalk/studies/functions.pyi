@@ -1,7 +1,7 @@
 """Signatures of the functions of studies; ``python -m tests.release.stubs`` writes this file."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from gapwalk.answers.design import Change, Design
@@ -29,6 +29,7 @@ from gapwalk.studies.sweep_study import Sweep
 
 FUNCTIONS: dict[str, str]
 
+def keywords_of(kind: type[StudyKind]) -> Iterator[Any]: ...
 def function_of(kind: type[StudyKind], name: str) -> Callable[..., Any]: ...
 def basins(
     system: System,
