@@ -14,7 +14,7 @@ CANDIDATES = $(or $(PYTHON),python3.11 python3 python3.14 python3.13 python3.12 
 TESTS = MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE= $(PY) -m pytest -p no:cacheprovider
 
 .DEFAULT_GOAL := help
-.PHONY: help demo paper docs keys screenshots explore browser quick test tests kernels check lint types bench campaign slow \
+.PHONY: help demo paper docs keys screenshots explore browser quick test tests kernels check lint types platforms bench campaign slow \
   dense ranges alike exactly trials fuzz pythons lock clean
 
 help:  ## show this list
@@ -42,7 +42,7 @@ test: lint browser  ## lint, types and all tests that are not slow (WORKERS=4: t
 tests: kernels
 	$(TESTS) --numprocesses=$(WORKERS) --dist=worksteal
 
-# The kernels of harmonic balance are compiled before: each process of the tests would compile them again.
+# The kernels are compiled before: each process of the tests would compile them again.
 kernels: $(STAMP)
 	@PYTHONDONTWRITEBYTECODE= $(PY) -m gapwalk.orbit.harmonic_balance.compile_kernels
 
@@ -66,6 +66,9 @@ lint: $(STAMP)
 types: $(STAMP)
 	$(PY) -m basedpyright --pythonpath $(PY)
 
+platforms: $(STAMP)  ## look at the types of src as macOS and Windows have them
+	for each in Darwin Windows; do $(PY) -m basedpyright --pythonpath $(PY) --pythonplatform $$each src || exit 1; done
+
 docs: $(STAMP)  ## build the documentation into out/docs; check spelling, links, pictures and words; pack it for gapwalk docs
 	$(VENV)/bin/codespell README.md CONTRIBUTING.md CHANGELOG.md docs src examples reproductions
 	$(PY) -m sphinx --builder html --fail-on-warning --keep-going --doctree-dir out/doctrees docs out/docs
@@ -85,7 +88,7 @@ screenshots: $(STAMP) browser  ## make the pictures of the explorer and of a kep
 bench: $(STAMP)  ## measure the speed, beside the last time (benchmarks/history.jsonl)
 	$(PY) -m benchmarks --record
 
-campaign: slow fuzz dense ranges alike exactly trials  ## all that make test leaves out (hours; each of the seven can be made alone)
+campaign: slow platforms fuzz dense ranges alike exactly trials  ## all that make test leaves out (hours; each of the eight can be made alone)
 
 slow: kernels  ## the tests that are marked as slow (GAPWALK_KILLS=50: kills of each kind of job)
 	$(TESTS) -m slow

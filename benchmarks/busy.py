@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any
 
 from gapwalk.parallel.processes import Processes
+from gapwalk.parallel.shared import Shared
 
 
 class MeasuredProcesses(Processes):
@@ -26,9 +27,9 @@ class MeasuredProcesses(Processes):
         super().__init__(count)
         self.busy: Counter[int] = Counter()
 
-    def begin(self, function: Callable[[Any], Any], piece: Any) -> Future[Any]:
+    def begin(self, function: Shared, piece: Any) -> Future[Any]:
         """Give a piece to an idle process."""
-        inner, outer = super().begin(partial(_measured, function), piece), Future[Any]()
+        inner, outer = super().begin(Shared(partial(_measured, function.function)), piece), Future[Any]()
 
         def finish(future: Future[Any]) -> None:
             if future.cancelled():

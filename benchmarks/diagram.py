@@ -19,7 +19,7 @@ from benchmarks.effort import Effort
 from benchmarks.row import Row, Target
 from benchmarks.stopwatch import cpu_seconds, fastest, side_by_side
 from gapwalk import Branch, Orbit, WalkOptions, diagram, find_orbit, follow, paper, search
-from gapwalk.bifurcation.isolated.orbit_catalogue import Lanes
+from gapwalk.bifurcation.isolated.search_starts import Lanes
 from gapwalk.continuation import walk as walks
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.flow.flow import PERIOD, Flow

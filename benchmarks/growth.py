@@ -1,4 +1,4 @@
-"""How the time of one forcing period, and that of compiling, grow with the degrees of freedom."""
+"""How the time of one forcing period, and that of making flows, grow with the degrees of freedom."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from unittest.mock import patch
 import numpy as np
 
 from benchmarks.chain import ScipyChain, chain
-from benchmarks.compiling import cold_seconds
+from benchmarks.compiling import build_seconds
 from benchmarks.effort import Effort
 from benchmarks.row import Row, Target
 from benchmarks.stopwatch import fastest, side_by_side
@@ -29,7 +29,7 @@ def rows(effort: Effort) -> list[Row]:
 
 
 def measure_chain(size: int, effort: Effort) -> list[Row]:
-    """Measure the time of a period, state alone and with the transition matrix, and of compiling without a cache."""
+    """Measure the time of a period, state alone and with the transition matrix, and of making flows."""
     system, peer = chain(size), ScipyChain(size)
     coefficients, start = coefficients_of(system), np.zeros(2 * size)
     plain, full = flow_of(system), flow_of(system, transition=True)
@@ -64,8 +64,8 @@ def measure_chain(size: int, effort: Effort) -> list[Row]:
     return [
         Row(GROUP, f"{what}: state", state, baseline, "DOP853", counts=counts),
         with_matrix,
-        Row(GROUP, f"{what}: compile the first, cold", cold_seconds(lambda: flow_of(system))),
-        Row(GROUP, f"{what}: compile the second, cold", cold_seconds(lambda: flow_of(system, transition=True))),
+        Row(GROUP, f"{what}: make the first flow", build_seconds(lambda: flow_of(system))),
+        Row(GROUP, f"{what}: make the second flow", build_seconds(lambda: flow_of(system, transition=True))),
     ]
 
 

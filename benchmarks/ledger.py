@@ -20,12 +20,13 @@ from rich.table import Table
 
 from benchmarks.branch import start_with_friction
 from gapwalk import Orbit, find_orbit, follow, paper
-from gapwalk.bifurcation import branch_tracer, friction_changes
+from gapwalk.bifurcation import follow as branch_tracer
+from gapwalk.bifurcation import friction_along_branch as friction_changes
 from gapwalk.bifurcation import special_point as special_point_kind
 from gapwalk.bifurcation.detector import Detector
 from gapwalk.bifurcation.kinds import grazing, sliding
-from gapwalk.bifurcation.kinds.flip import Flip
-from gapwalk.bifurcation.step_interval import Search
+from gapwalk.bifurcation.kinds.critical_multipliers import Flip
+from gapwalk.bifurcation.special_point import Search
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.walk import Walk
 from gapwalk.flow.contact_events import Switchboard, TurningPoints
@@ -38,8 +39,8 @@ _REPEATS = 5
 
 # (part, where it is, its name); a function that is not listed counts for the part that calls it.
 PARTS = (
-    ("heyoka", _Integrator, "_run"),
-    ("heyoka", _Integrator, "_sampled"),
+    ("flow", _Integrator, "_run"),
+    ("flow", _Integrator, "_sampled"),
     ("start of each flow call", _Integrator, "_prepare"),
     ("around each flow call", Flow, "_lend"),
     ("callbacks of contacts", Switchboard, "at_event"),

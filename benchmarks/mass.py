@@ -15,7 +15,7 @@ from benchmarks.simd import STEPS, SimdClutch
 from benchmarks.stopwatch import cpu_seconds, fastest, side_by_side
 from gapwalk import System, paper
 from gapwalk.ensemble import BatchOptions, batch_flow_of
-from gapwalk.ensemble import kernel as kernels
+from gapwalk.ensemble import kernel_source as kernels
 from gapwalk.ensemble.batch_flow import batch_of
 from gapwalk.ensemble.kernel_source import Form, Source
 from gapwalk.flow.flow import flow_of

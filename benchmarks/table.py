@@ -61,7 +61,7 @@ def as_json(rows: Sequence[Row]) -> str:
         "processor": platform.machine(),
         "cores": os.cpu_count(),
         "python": platform.python_version(),
-        **{name: version(name) for name in ("numpy", "scipy", "heyoka", "numba")},
+        **{name: version(name) for name in ("numpy", "scipy", "llvmlite", "numba")},
     }
     return json.dumps({"machine": machine, "rows": [row.as_dict() for row in rows]}, indent=2) + "\n"
 

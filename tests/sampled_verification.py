@@ -8,6 +8,7 @@ import numpy as np
 import gapwalk as gw
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.curve_points import BranchPoint
+from gapwalk.verification import Verification
 from gapwalk.verification.verification import Spot
 from gapwalk.verification.verify_special_points import Track
 from tests.tiers import in_campaign
@@ -16,7 +17,7 @@ SAMPLED = (4, in_campaign(0))
 """Numbers of orbits that are verified: a few in `make test`, all (0) in `make campaign`."""
 
 
-def verified(branch: gw.Branch, sampled: int) -> gw.Verification:
+def verified(branch: gw.Branch, sampled: int) -> Verification:
     """Verify a branch; with `sampled`, all but its orbits, of which so many, and those of its special points."""
     if not sampled:
         return gw.verify(branch)

@@ -19,7 +19,7 @@ from benchmarks.row import Row, Target
 from benchmarks.simd import SimdClutch
 from benchmarks.table import as_json, as_table, cells, duration, notes
 from gapwalk import find_orbit, paper
-from gapwalk.bifurcation.isolated.orbit_catalogue import lanes_of
+from gapwalk.bifurcation.isolated.search_starts import lanes_of
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.parallel.workers import Workers
@@ -54,7 +54,7 @@ def test_the_command_prints_a_table_and_writes_json(tmp_path, capsys):
         assert word in printed
     written = json.loads((tmp_path / "rows.json").read_text(encoding="utf-8"))
     assert len(written["rows"]) == 3
-    assert {"processor", "cores", "python", "heyoka", "scipy"} <= set(written["machine"])
+    assert {"processor", "cores", "python", "llvmlite", "numba", "scipy"} <= set(written["machine"])
 
 
 def test_the_history_shows_what_became_slower(tmp_path, capsys):

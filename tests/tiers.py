@@ -61,7 +61,7 @@ def in_campaign(*values: Any) -> Any:
     return pytest.param(*values, marks=pytest.mark.slow)
 
 
-def some_of(cases: Iterable[str | int], *kept: str | int) -> list[Any]:
+def some_of(cases: Iterable[str | float], *kept: str | float) -> list[Any]:
     """The cases of a broad test, of which `make test` keeps some and `make campaign` runs the others."""
     cases = list(cases)
     assert set(kept) <= set(cases)

@@ -33,11 +33,11 @@ from gapwalk.model.laws import LAWS, law_parameters
 from gapwalk.model.model_tables import system_part
 from gapwalk.model.schema import Part
 from gapwalk.model.units import QuantityKind
-from gapwalk.studies.derived_schema import study_schema, table_schema
-from gapwalk.studies.measure import Measurement as RecordMeasurement
-from gapwalk.studies.measure import SweptMeasurement
-from gapwalk.studies.reduced import ReductionPart
-from gapwalk.studies.study_registry import INLINE, kind_of, kinds
+from gapwalk.studies.measurement_fit import Measurement as RecordMeasurement
+from gapwalk.studies.measurement_fit import SweptMeasurement
+from gapwalk.studies.study_file import ReductionPart
+from gapwalk.studies.study_kind import INLINE, kind_of, kinds
+from gapwalk.studies.study_schema import study_schema, table_schema
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs" / "reference" / "generated"

@@ -19,7 +19,7 @@ PICTURES = GALLERY.parent / "pictures"
 WIDTH = 640.0
 PAGES = tuple(sorted(path.stem for path in GALLERY.glob("*.md") if path.stem != "index"))
 
-_FILE = re.compile(r"literalinclude}? (\.\./\.\./examples/\w+\.toml)")
+_FILE = re.compile(r"literalinclude}? (\.\./[\w./-]+\.toml)")
 _CELL = re.compile(r"```\{code-cell\}\n(.*?)```", re.S)
 
 

@@ -331,7 +331,7 @@ def _figure_document(report: Report, figure: Figure) -> dict[str, Any]:
     }
 
 
-def _loop_document(loop: gw.analysis.Hysteresis) -> dict[str, Any]:
+def _loop_document(loop: Any) -> dict[str, Any]:
     return {"loss": loop.loss, "deflection": loop.deflection.tolist(), "force": loop.force.tolist()}
 
 

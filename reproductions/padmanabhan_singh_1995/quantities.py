@@ -130,7 +130,7 @@ def words(found: Sequence[object]) -> str:
 # Settled motions: histories, force peaks, lines of spectra.
 
 
-def attractor_of(result: gw.Result) -> gw.Attractor:
+def attractor_of(result: gw.Result) -> Any:
     """Return the attractor on which a motion has settled."""
     assert isinstance(result.finding, gw.studies.SettleFinding)
     return result.finding.attractor
@@ -180,14 +180,14 @@ def lines(orbit: gw.Orbit, signal: str) -> Array:
 VISCOUS, IMPACT = "viscous damping", "impact damping"
 
 
-def _loops() -> dict[str, gw.analysis.Hysteresis]:
+def _loops() -> dict[str, Any]:
     """Compute both loops; the damper costs as much per cycle as the impact damping, so that they can be compared.
 
     The paper prints no numbers for them. The clearance is 1, as in its tables, the amplitude twice that, and beta is
     larger than in any of its sets, so that the loop can be seen.
     """
 
-    def loop(law: str, **numbers: float) -> gw.analysis.Hysteresis:
+    def loop(law: str, **numbers: float) -> Any:
         stop = (gw.Stage(clearance=1.0, side=gw.Side.POSITIVE),)
         return gw.analysis.hysteresis(gw.Contact("stop", {"x": 1.0}, stop, None, law, numbers), 2.0)
 

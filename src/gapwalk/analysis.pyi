@@ -1,6 +1,7 @@
 """Public names of `gapwalk.analysis`; see `gapwalk.lazy_names`."""
 
-from .answers.spread import Spreads as Spreads
+from .answers.order_map import order_map as order_map
+from .answers.tolerance import Spreads as Spreads
 from .attractors.compare_motions import contrast as contrast
 from .attractors.lyapunov import LyapunovOptions as LyapunovOptions
 from .attractors.lyapunov import lyapunov as lyapunov
@@ -14,7 +15,6 @@ from .attractors.spectrum import sound as sound
 from .attractors.spectrum import spectrum as spectrum
 from .attractors.spectrum import waterfall as waterfall
 from .bifurcation.loci.gradient import gradients as gradients
-from .flow.hysteresis import Hysteresis as Hysteresis
 from .flow.hysteresis import hysteresis as hysteresis
 from .flow.hysteresis import stick_slip as stick_slip
 from .orbit.energy import energy as energy

@@ -13,9 +13,11 @@ from .answers.scan import PointClaim as PointClaim
 from .answers.scan import Variations as Variations
 from .answers.scan import variations as variations
 from .answers.speed_course import SpeedCourse as SpeedCourse
-from .answers.spread import Spread as Spread
+from .answers.tolerance import Spread as Spread
+from .studies.functions import campbell as campbell
 from .studies.functions import design as design
 from .studies.functions import rattle_bands as rattle_bands
+from .studies.functions import rattle_chance as rattle_chance
 from .studies.functions import scan as scan
 from .studies.functions import threshold as threshold
 from .studies.functions import tolerance as tolerance

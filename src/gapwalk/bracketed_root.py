@@ -33,13 +33,9 @@ def find_root(
     relative: float = _FINEST,
     most: int = 100,
 ) -> Root:
-    """Return the zero of a function between two places where its signs differ.
-
-    Notes
-    -----
-    Brent (1973), Algorithms for Minimization Without Derivatives, chapter 4: inverse interpolation where it shortens
-    the bracket, else bisection.
-    """
+    """Return the zero of a function between two places where its signs differ."""
+    # Brent (1973), Algorithms for Minimization Without Derivatives, chapter 4: inverse interpolation where it shortens
+    # the bracket, else bisection.
     before, here = float(low), float(high)
     at_before, at_here = _value(function, before), _value(function, here)
     if at_before == 0.0:

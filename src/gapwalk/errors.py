@@ -113,7 +113,7 @@ class VerificationError(NumericalError):
     Attributes
     ----------
     verification
-        The `gapwalk.Verification`: the checks, and the places at which some failed.
+        The record of the verification: the checks, and the places at which some failed.
 
     Examples
     --------

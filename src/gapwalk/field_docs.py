@@ -76,10 +76,9 @@ def field_docs(kind: type) -> list[FieldDoc]:
 
 
 def field_words(kind: type) -> dict[str, str]:
-    """Return the words of each field of a record; those of its docstring, and of the nearest class, hold.
-
-    Where a docstring lists several fields together, such as those that are as in a base class, the words of that hold.
-    """
+    """Return the words of each field of a record; those of its docstring, and of the nearest class, hold."""
+    # Where a docstring lists several fields together, such as those that are as in a base class, the words of that
+    # hold.
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         found |= {name: each.words for each in own_field_docs(base) for name in each.names}

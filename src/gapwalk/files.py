@@ -19,10 +19,8 @@ _PIECE = 1 << 20
 
 
 def why_no_file(path: str | os.PathLike[str]) -> str:
-    """Say why a name cannot be that of a file; empty if there is a file or nothing of that name.
-
-    Opening a pipe would wait forever, and a device has no end.
-    """
+    """Say why a name cannot be that of a file; empty if there is a file or nothing of that name."""
+    # Opening a pipe would wait forever, and a device has no end.
     name = os.fspath(path)
     if os.path.isdir(name):
         return "is a folder; name a file in it"
@@ -33,10 +31,8 @@ def why_no_file(path: str | os.PathLike[str]) -> str:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Delay Ctrl-C and SIGTERM until the end of the block, so that its writing is never interrupted.
-
-    Signals without a handler in Python end the process at once, as usual. Other threads are never interrupted.
-    """
+    """Delay Ctrl-C and SIGTERM until the end of the block, so that its writing is never interrupted."""
+    # Signals without a handler in Python end the process at once, as usual. Other threads are never interrupted.
     in_main = threading.current_thread() is threading.main_thread()
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM) if in_main}
     caught: list[int] = []

@@ -1,7 +1,7 @@
 """Public names of `gapwalk.measure`; see `gapwalk.lazy_names`."""
 
-from .answers.measured_points import read_points as read_points
 from .answers.point_fit import fit_points as fit_points
+from .answers.point_fit import read_points as read_points
 from .flow.motion import Signal as Signal
 from .measurement.damping_match import find_impact_damping as find_impact_damping
 from .measurement.damping_match import match_impact_damping as match_impact_damping

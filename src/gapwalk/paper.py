@@ -16,7 +16,6 @@ from gapwalk.model.system import System
 
 __all__ = [
     "DampingReading",
-    "ParameterSet",
     "SlopeReading",
     "case",
     "describe",

@@ -19,13 +19,17 @@ Inches = tuple[float, float]
 _SAME = 1e-9  # relative difference up to which two values of a special point are one
 
 # Modules that describe the records of packages below them, imported when such a record is first shown.
-_HOMES = {"attractors": "plot.cells", "free": "answers.free_pictures", "tori": "answers.torus_pictures"}
+_HOMES = {"attractors": "plot.cells", "free": "answers.curve_pictures", "tori": "answers.curve_pictures"}
 
 SECTION = "section."
 """Prefix of a state at the start of the forcing period: ``section.q1``."""
 
 START = "start."
 """Prefix of a state from which motions begin: ``start.q1``."""
+
+
+NATURAL_FREQUENCY = "natural_frequency"
+"""Quantity upwards of a Campbell diagram."""
 
 
 class NamedCurve(NamedTuple):
@@ -65,7 +69,7 @@ class Series(NamedTuple):
     of: str = ""  #: Contact; empty for all.
     axes: tuple[str, ...] = ()  #: Names of the quantities over which it is drawn; empty in a panel of its own.
     symbol: str = ""  #: Symbol on paper in place of mark and look, where paper distinguishes more.
-    notes: Sequence[str] = ()  #: Text next to each point, on paper.
+    notes: Sequence[str] = ()  #: Text next to each point, on paper; of a line on the page, too.
     #: A number for each point: paper shows a smooth curve, with corners where this changes.
     corners: Sequence[int] | None = None
     #: The branch along which the series lies, and a function of its points: paper shows where it is stable.

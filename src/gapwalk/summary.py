@@ -116,11 +116,9 @@ class Described:
         return SummaryText((repr(self),))
 
     def tables(self) -> Tables:
-        """Return the tables of the record by name.
-
-        A field with several records is a table with a row for each of them. Fields with arrays of one length are the
-        columns of a table, which is named after the first of them.
-        """
+        """Return the tables of the record by name."""
+        # A field with several records is a table with a row for each of them. Fields with arrays of one length are the
+        # columns of a table, which is named after the first of them.
         tables: dict[str, Callable[[], Rows]] = {}
         arrays: dict[int, dict[str, Any]] = {}
         value: Any
@@ -135,19 +133,15 @@ class Described:
         return tables
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the record as plain JSON values.
-
-        Complex numbers become pairs, and numbers that are not finite become None.
-        """
-        from gapwalk.results.json_values import plain
+        """Return the record as plain JSON values."""
+        # Complex numbers become pairs, and numbers that are not finite become None.
+        from gapwalk.results.codec import plain
 
         return plain(self)
 
     def to_xarray(self) -> xarray.DataTree:
-        """Return the tables of the record as labelled arrays, with units as attributes.
-
-        Needs xarray (``pip install "gapwalk[data]"``).
-        """
+        """Return the tables of the record as labelled arrays, with units as attributes."""
+        # Needs xarray (``pip install "gapwalk[data]"``).
         from gapwalk.results.labelled_tables import to_xarray
 
         return to_xarray(self)
@@ -166,10 +160,8 @@ def row_of(record: Any) -> dict[str, Any]:
 
 
 def rows_of(rows: Iterable[Mapping[str, Any]], empty: Sequence[str] = ()) -> Rows:
-    """Yield the rows of a table of numbers, after their headings; `empty` are those of a table without rows.
-
-    A complex number takes two columns, a mapping one for each of its values; a tuple of names is one text.
-    """
+    """Yield the rows of a table of numbers, after their headings; `empty` are those of a table without rows."""
+    # A complex number takes two columns, a mapping one for each of its values; a tuple of names is one text.
     number = -1
     for number, row in enumerate(rows):
         cells = dict(_cells(row))

@@ -27,7 +27,7 @@ def stopped() -> System:
 
 
 def quick(**more) -> dict:
-    return {"starts": 0, "search_values": 0, **more}
+    return {"starts": 0, "search_values": 0, "walk": gw.WalkOptions(largest_step=0.05), **more}
 
 
 @pytest.fixture(scope="module")

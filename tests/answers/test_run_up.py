@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import wofz
 
 import gapwalk as gw
-from gapwalk.answers.speed_course import SpeedCourse
+from gapwalk.answers.run_up import SpeedCourse
 from gapwalk.ensemble.batch_flow import BatchOptions
 
 DAMPING, FORCE, PHASE = 0.05, 0.3, 0.4
@@ -205,10 +205,10 @@ def test_what_cannot_run_up_is_refused_by_name():
     load = [gw.Harmonic(0.1, {"x": 1.0})]
     stiff = {"mass": [1.0], "damping": [0.1], "stiffness": [1.0], "frequency": 1.0}
     course = SpeedCourse.ramp(0.5, 1.0, 0.1)
-    brake = gw.System(["x"], contacts=[gw.friction("brake", {"x": 1.0}, 0.1)], harmonics=load, **stiff)
+    brake = gw.System(["x"], contacts=[gw.friction("brake", {"x": 1.0}, 0.1, static=1.5)], harmonics=load, **stiff)
     wall = gw.System(["x"], contacts=[gw.rigid_stop("wall", {"x": 1.0}, 0.1, restitution=0.7)], harmonics=load, **stiff)
     table = gw.System(["x"], harmonics=[gw.Harmonic(0.1, {"x": 1.0}, over_speed="1 + W**3")], **stiff)
-    for system, word in ((brake, "friction"), (wall, "rigid stop"), (table, "over the speed")):
+    for system, word in ((brake, "at rest the friction of brake"), (wall, "rigid stop"), (table, "over the speed")):
         for compute in (lambda s: gw.ask.run_up(s, course), lambda s: gw.ask.run_ups(s, [course])):
             with pytest.raises(gw.errors.ModelError, match=word):
                 compute(system)

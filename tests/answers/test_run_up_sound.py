@@ -7,7 +7,7 @@ import pytest
 from scipy.io import wavfile
 
 import gapwalk as gw
-from gapwalk.answers.speed_course import SpeedCourse
+from gapwalk.answers.run_up import SpeedCourse
 from gapwalk.attractors.spectrum import SECOND
 from gapwalk.errors import ModelError
 from tests.answers.test_run_up import DAMPING, FORCE, chirped, exact_by_scipy, impacting, linear, train

@@ -10,8 +10,7 @@ from scipy import stats
 import gapwalk as gw
 from gapwalk.answers.point_fit import Form, Met, Patterns, Pool, _attached
 from gapwalk.answers.point_prediction import Guess, Regression, Regressions, Terms, polynomial
-from gapwalk.answers.spread import Spread, Spreads, measured_parts, spread_in_percent
-from gapwalk.answers.tolerance import HowFound, chance_of
+from gapwalk.answers.tolerance import HowFound, Spread, Spreads, chance_of, measured_parts, spread_in_percent
 from gapwalk.answers.tolerance_tracking import Tracker
 from gapwalk.ask import tolerance
 from gapwalk.errors import Interrupted, ModelError
@@ -34,7 +33,7 @@ PERCENT = {
 }
 IDLE = Path(__file__).resolve().parents[2] / "examples" / "idle.toml"
 GAP, LOAD, DAMPING = 1.0, 0.15, 0.1
-OPTIONS = {"samples": 120, "check": 2}
+OPTIONS = {"samples": 120, "check": 2, "walk": gw.WalkOptions(largest_step=0.05)}
 
 
 def stopped(*others: Contact) -> System:

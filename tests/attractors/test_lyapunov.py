@@ -70,8 +70,9 @@ def test_the_sum_where_the_force_jumps():
 
 def test_chaos_of_the_duffing_oscillator_agrees_with_scipy():
     system = ueda_system()
-    found = lyapunov(system, settle(system).state)
-    strobes = Strobe(system).run(settle(system).state, 4000)[::40].T
+    state = settle(system).state
+    found = lyapunov(system, state)
+    strobes = Strobe(system).run(state, 4000)[::40].T
     expected, error = largest_exponent(ueda(0.05, 7.5), 1.0, strobes, 60, steps=40)
     assert abs(found.exponents[0] - expected) < 4 * np.hypot(error, found.errors[0])
     assert found.exponents[0] == pytest.approx(expected, rel=0.06)

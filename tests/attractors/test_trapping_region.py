@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gapwalk.attractors.section import Strobe
-from gapwalk.attractors.trapping_region import trapping_region_of
+from gapwalk.attractors.settle import trapping_region_of
 from gapwalk.orbit import find_orbit
 from gapwalk.orbit.orbit import stroboscopic
 from gapwalk.paper import case

@@ -1,20 +1,22 @@
 """Ends of branches lie in the range that was asked for."""
 
+import importlib
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
-from gapwalk.bifurcation import branch_tracer
-from gapwalk.bifurcation.branch_tracer import BranchTracer
+from gapwalk.bifurcation.follow import BranchTracer
 from gapwalk.continuation.corrector import Range
 from gapwalk.continuation.walk import EndReason
+
+FOLLOW = importlib.import_module("gapwalk.bifurcation.follow")  # the package has a function of that name
 
 
 @pytest.mark.parametrize(("value", "joins"), [(0.01009, False), (-0.03, True)])
 def test_a_branch_joins_another_only_in_its_range(monkeypatch: pytest.MonkeyPatch, value: float, joins: bool) -> None:
-    monkeypatch.setattr(branch_tracer, "value_between", lambda *_: value)
-    monkeypatch.setattr(branch_tracer, "has_parent", lambda *_: True)
+    monkeypatch.setattr(FOLLOW, "value_between", lambda *_: value)
+    monkeypatch.setattr(FOLLOW, "has_parent", lambda *_: True)
     ends: list[Any] = []
 
     def finish(_: Any, reason: EndReason, *, value: float) -> None:

@@ -7,8 +7,17 @@ import pytest
 
 from gapwalk import friction, rigid_stop
 from gapwalk.bifurcation.isolated import SearchOptions, search
-from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, exact_orbit, lanes_of, newton_aside, newton_in_lanes
-from gapwalk.bifurcation.isolated.search_starts import Chunk, search_chunk, spread_starts, state_box
+from gapwalk.bifurcation.isolated.search_starts import (
+    Catalogue,
+    Chunk,
+    exact_orbit,
+    lanes_of,
+    newton_aside,
+    newton_in_lanes,
+    search_chunk,
+    spread_starts,
+    state_box,
+)
 from gapwalk.ensemble.batch_flow import BlockPlan, Blocks
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.model import System

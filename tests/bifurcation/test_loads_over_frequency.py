@@ -5,7 +5,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.bifurcation.loci.balanced_plane import BalancedPlane
-from gapwalk.bifurcation.loci.orbit_plane import ShotPlane
+from gapwalk.bifurcation.loci.locus_equations import ShotPlane
 from gapwalk.loads import Measured, Rectangle, Steady, orders_of
 from gapwalk.model.loads import Harmonic
 from gapwalk.model.measured.measured_table import SpeedTable

@@ -41,7 +41,7 @@ def nearest(branch, kind: Kind, value: float):
     return min(branch.special(kind), key=lambda special: abs(special.value - value))
 
 
-@pytest.mark.parametrize("kind", [in_campaign(Kind.FOLD), Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING])
+@pytest.mark.parametrize("kind", [in_campaign(Kind.FOLD), in_campaign(Kind.FLIP), Kind.NEIMARK_SACKER, Kind.GRAZING])
 def test_loci_pass_through_the_special_points_of_branches_at_other_loads(kind):
     specials, met = response().special(kind), 0
     for special in specials:
@@ -71,21 +71,23 @@ def branch_beside(orbit):
     raise AssertionError("no orbit on either side of the fold")
 
 
-def test_points_are_exact():
-    for kind, index in ((Kind.FOLD, 4), (Kind.FLIP, 4), (Kind.NEIMARK_SACKER, 0), (Kind.GRAZING, 4)):
-        found = locus(kind, index)
-        for point in found.points:
-            multipliers, system = point.orbit.multipliers, point.orbit.system
-            assert point.orbit.residual < 1e-9
-            assert (system["frequency"], system["mean.q1"]) == pytest.approx(point.values, abs=1e-15)
-            if kind is Kind.GRAZING:
-                thetas, depths = np.hstack(point.orbit.turning_depths)
-                touching = np.argmin(np.abs(depths))
-                assert abs(depths[touching]) < 1e-9
-                assert thetas[touching] == pytest.approx(point.angle, abs=1e-4)
-            else:
-                # beside a grazing contact the multipliers are known less well than the orbit
-                assert np.abs(multipliers - np.exp(1j * point.angle)).min() < 1e-5
+@pytest.mark.parametrize(
+    ("kind", "index"),
+    [(Kind.FOLD, 4), (Kind.FLIP, 0), in_campaign(Kind.FLIP, 4), (Kind.NEIMARK_SACKER, 0), (Kind.GRAZING, 4)],
+)
+def test_points_are_exact(kind, index):
+    for point in locus(kind, index).points:
+        multipliers, system = point.orbit.multipliers, point.orbit.system
+        assert point.orbit.residual < 1e-9
+        assert (system["frequency"], system["mean.q1"]) == pytest.approx(point.values, abs=1e-15)
+        if kind is Kind.GRAZING:
+            thetas, depths = np.hstack(point.orbit.turning_depths)
+            touching = np.argmin(np.abs(depths))
+            assert abs(depths[touching]) < 1e-9
+            assert thetas[touching] == pytest.approx(point.angle, abs=1e-4)
+        else:
+            # beside a grazing contact the multipliers are known less well than the orbit
+            assert np.abs(multipliers - np.exp(1j * point.angle)).min() < 1e-5
 
 
 def test_the_linear_motion_first_grazes_on_a_curve_that_is_known_in_closed_form():
@@ -112,13 +114,17 @@ def test_two_folds_meet_at_a_cusp_and_vanish():
     assert folds_beside(-1e-4) == []
 
 
+@once
+def beside_a_sharp_cusp():
+    return follow(find_orbit(case("13").at({"mean.q3": 0.395, "frequency": 0.66}), start="settle"), "frequency", 0.61)
+
+
 @pytest.mark.parametrize("number", [1, 2])
 @pytest.mark.parametrize("walk", [WalkOptions(), WalkOptions(initial_step=0.02, largest_step=0.1)])
 @pytest.mark.parametrize("within", [(0.35, 0.4), (0.385, 0.395)])
 def test_a_sharp_cusp_is_found_from_either_side_whatever_the_steps(number, walk, within):
     """Its speed in the plane is back within 1e-4 of arclength, so rounding leaves a share of it at the cusp itself."""
-    system = case("13").at({"mean.q3": 0.395, "frequency": 0.66})
-    fold = follow(find_orbit(system, start="settle"), "frequency", 0.61).special(Kind.FOLD)[number]
+    fold = beside_a_sharp_cusp().special(Kind.FOLD)[number]
     locus = follow_locus(fold, "frequency", "mean.q3", ((0.61, 0.66), within), walk=walk)
     (cusp,) = locus.codim2(Codim2.CUSP)
     assert cusp.values == pytest.approx((0.6224486162, 0.3896359299), abs=1e-9)
@@ -319,21 +325,25 @@ def test_derivatives_agree_with_differences(kind):
     assert_derivatives_agree(equation, scales, x)
 
 
-def test_a_tracer_goes_on_bit_for_bit_from_its_state():
-    beginning = start_locus(response().special(Kind.FOLD)[4], "frequency", "mean.q1", WIDE)[0]
+@pytest.mark.parametrize(
+    ("plane", "counts"), [(((0.15, 2.0), (0.24, 0.26)), (5, 10, 15)), in_campaign(WIDE, (20, 60, 100))]
+)
+def test_a_tracer_goes_on_bit_for_bit_from_its_state(plane, counts):
+    beginning = start_locus(response().special(Kind.FOLD)[4], "frequency", "mean.q1", plane)[0]
     whole = list(LocusTracer(beginning))
     resume, at = None, 0
-    for count in (20, 60, 100, len(whole) + 1):  # each goes on where the one before was left, and the last to the end
+    for count in (*counts, len(whole) + 1):  # each goes on where the one before was left, and the last to the end
         tracer = LocusTracer(beginning, resume=resume)
         steps = list(itertools.islice(tracer, count - at))
         assert [step.point.values for step in steps] == [step.point.values for step in whole[at:count]]
         assert [len(step.codim2) for step in steps] == [len(step.codim2) for step in whole[at:count]]
         resume, at = pickle.loads(pickle.dumps(tracer.state)), count
+    assert at > counts[-1] < len(whole)
     reported = []
     follow_locus(
-        response().special(Kind.FOLD)[4], "frequency", "mean.q1", WIDE, report=lambda *step: reported.append(step)
+        response().special(Kind.FOLD)[4], "frequency", "mean.q1", plane, report=lambda *step: reported.append(step)
     )
-    assert [point.values for point, _ in reported] == [step.point.values for step in whole]
+    assert [point.values for point, _ in reported[: len(whole)]] == [step.point.values for step in whole]
 
 
 def test_ends_have_reasons():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gapwalk import Balance, Harmonic, Kind, System, WalkOptions, backlash, find_orbit, follow
-from gapwalk.bifurcation.kinds.defining_functions import bounded_product, pair_factors
+from gapwalk.bifurcation.kinds.critical_multipliers import bounded_product, pair_factors
 from gapwalk.orbit.floquet import classify
 
 BIFURCATIONS = (Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.BRANCH_POINT)

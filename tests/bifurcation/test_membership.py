@@ -8,10 +8,10 @@ import pytest
 from gapwalk.bifurcation import Kind, follow, switch, walk_out
 from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
 from gapwalk.continuation import EndReason, WalkOptions
-from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.orbit import Shooting, find_orbit
 from gapwalk.orbit.orbit import stroboscopic
 from gapwalk.paper import case
+from tests.bifurcation.test_special_points import symmetric
 
 FINER = WalkOptions(initial_step=0.001, largest_step=0.004)
 AMPLITUDE = "harmonic1.amplitude"
@@ -140,12 +140,6 @@ def test_branches_walked_with_several_segments(response):
     assert len(inside) > 10
     assert all(curve.holds(point.orbit) for point in inside)
     assert all(single.holds(point.orbit) for point in several.points)
-
-
-def symmetric(frequency: float) -> System:
-    """A symmetric gap: at a pitchfork its symmetric and its asymmetric motions are very close."""
-    gap = Contact("gap", {"x": 1.0}, (Stage(0.5, 4.0),))
-    return System(("x",), [[0.2]], [[0.08]], contacts=[gap], harmonics=[Harmonic(1.0, {"x": 1.0})], frequency=frequency)
 
 
 def test_branches_are_told_apart_close_to_where_they_cross():

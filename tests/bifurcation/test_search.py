@@ -2,20 +2,23 @@
 
 from collections import Counter
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from gapwalk.bifurcation import follow
-from gapwalk.bifurcation.isolated import (
-    SearchOptions,
-    coverage,
-    next_is_new,
-    search,
-    unseen_share,
+from gapwalk.bifurcation.isolated import SearchOptions, coverage, next_is_new, search, unseen_share
+from gapwalk.bifurcation.isolated.search_starts import (
+    Catalogue,
+    Deflation,
+    Settler,
+    exact_orbit,
+    newton_aside,
+    search_chunk,
+    spread_starts,
+    state_box,
 )
-from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, Deflation, exact_orbit, newton_aside
-from gapwalk.bifurcation.isolated.search_starts import Settler, search_chunk, spread_starts, state_box
 from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation import EndReason
@@ -29,8 +32,11 @@ from gapwalk.parallel.workers import local_workers
 from tests.computed import paper_response
 from tests.interruption import until_ctrl_c
 from tests.systems import backlash_oscillator, clutch, linear, viscous_stop
+from tests.tiers import in_campaign, some_of
 
 AMPLITUDE = "harmonic1.amplitude"
+ALL, FEW = (-1.0, *np.linspace(-1.0, 1.0, 11).tolist()), (0.4, 0.5, 0.58)
+"""The least amplitude of the main branch of figure 27, and amplitudes at which isolated ones are searched."""
 QUICK = SearchOptions(starts=32, newton_starts=16, newton_periods=(1, 2, 3))
 
 
@@ -55,37 +61,42 @@ def main_branch(figure: str, parameter: str, low: float, high: float):
 # What must be found
 
 
-@pytest.fixture(scope="module")
-def figure_27():
-    """Every branch of period 1 of figure 27 over the figure's range, with the search that led to them."""
+@cache
+def searched(low: float, *values: float):
+    """Branches of period 1 of figure 27 from an amplitude up to 1, with the search at values that led to them."""
     before = Flow.calls
-    main = main_branch("27", AMPLITUDE, -1.0, 1.0)
-    result = search(case("27"), AMPLITUDE, np.linspace(-1.0, 1.0, 11), known=[main])
+    main = main_branch("27", AMPLITUDE, low, 1.0)
+    result = search(case("27"), AMPLITUDE, values, known=[main])
     new = [found for found in result.new if found.orbit.period == 1]
-    islands = isolated(new, AMPLITUDE, (-1.0, 1.0), known=[main])
+    islands = isolated(new, AMPLITUDE, (low, 1.0), known=[main])
     return main, result, islands, Flow.calls - before
 
 
-def test_the_work_for_figure_27_does_not_grow(figure_27):
+@pytest.fixture
+def figure_27():
+    return searched(*FEW)
+
+
+@pytest.mark.parametrize(("values", "most"), [(FEW, 7_000), in_campaign(ALL, 15_000)])
+def test_the_work_for_figure_27_does_not_grow(values, most):
     """With the default options, from nothing but the model: some seconds, counted in flow calls and not by a clock."""
-    main, _, islands, calls = figure_27
+    main, _, islands, calls = searched(*values)
     special = [each for branch in (main, *islands) for each in branch.special_points]
     grazes = sum(each.kind is Kind.GRAZING for each in special)
     # the rounding of each special point takes 6 calls, at a graze 6 more
-    assert calls < 15_000 + 6 * len(special) + 6 * grazes
+    assert calls < most + 6 * len(special) + 6 * grazes
 
 
-def test_both_isolated_loops_of_figure_27(figure_27):
+@pytest.mark.parametrize("values", [FEW, in_campaign(ALL)])
+def test_both_isolated_loops_of_figure_27(values):
     """And the mirror image of the smaller: a negative amplitude is a phase of 180 degrees, half a period later."""
-    main, _, islands, _ = figure_27
-    assert span(main) == [-1.0, 1.0]
+    main, _, islands, _ = searched(*values)
+    assert span(main) == [values[0], 1.0]
     assert all(branch.closed for branch in islands)
-    mirrored, large, small = sorted((span(branch) for branch in islands), key=lambda ends: ends[0])
-    assert large == pytest.approx([-0.2614, 0.2614], abs=2e-4)
-    assert small == pytest.approx([0.4840, 0.6023], abs=2e-4)
-    assert mirrored == pytest.approx([-0.6023, -0.4840], abs=2e-4)
+    expected = [(-0.6023, -0.4840), (-0.2614, 0.2614), (0.4840, 0.6023)][-1 if values == FEW else 0 :]
+    assert sorted(span(branch) for branch in islands) == [pytest.approx(ends, abs=2e-4) for ends in expected]
     patterns = {point.orbit.pattern for branch in islands for point in branch.points}
-    assert "2+/2-" in patterns
+    assert ("2+/2-" if values == ALL else "2+/1-") in patterns
 
 
 def test_what_lies_on_a_known_branch_is_not_new(figure_27):
@@ -97,7 +108,7 @@ def test_what_lies_on_a_known_branch_is_not_new(figure_27):
     assert all(found.orbit.period == 1 for found in result.found if not found.is_new)
     # with the islands known too, nothing is new at a value between those searched
     everything = [find_branch_along_another_parameter(), main, *islands]
-    again = search(case("27"), AMPLITUDE, [0.1], known=everything, options=QUICK)
+    again = search(case("27"), AMPLITUDE, [0.54], known=everything, options=QUICK)
     assert len(again.found) >= 2
     assert again.new == ()
     assert Counter(found.branch for found in again.found)[1] == 1
@@ -136,8 +147,13 @@ def test_the_islands_of_figure_28_have_grown():
     assert small == pytest.approx([0.4278, 0.6201], abs=2e-4)
 
 
-def test_the_motions_of_period_3_of_figure_15():
-    result = search(case("15"), "frequency", [0.45, 0.8], options=QUICK)
+@pytest.fixture(scope="module")
+def figure_15():
+    return search(case("15"), "frequency", [0.45, 0.8], options=QUICK)
+
+
+def test_the_motions_of_period_3_of_figure_15(figure_15):
+    result = figure_15
     threes = [found for found in result.found if found.orbit.period == 3]
     assert {(found.value, found.orbit.stable) for found in threes} >= {(0.45, True), (0.45, False), (0.8, True)}
     islands = isolated(threes, "frequency", (0.15, 1.9))
@@ -223,11 +239,11 @@ def test_the_search_does_not_depend_on_units():
 # Starts
 
 
-def test_the_box_holds_the_motions_of_the_paper():
-    for figure in ("12", "13", "15", "25"):
-        for point in [point for point in paper_response(figure).points if point.value >= 0.5][::20]:
-            motion = point.orbit.motion(64)
-            assert np.all(np.abs(np.hstack((motion.q, motion.v))).max(axis=0) < state_box(point.orbit.system))
+@pytest.mark.parametrize("figure", some_of(["12", "13", "15", "25"], "13", "15"))
+def test_the_box_holds_the_motions_of_the_paper(figure):
+    for point in [point for point in paper_response(figure).points if point.value >= 0.5][::20]:
+        motion = point.orbit.motion(64)
+        assert np.all(np.abs(np.hstack((motion.q, motion.v))).max(axis=0) < state_box(point.orbit.system))
 
 
 def test_the_box_holds_known_orbits_and_leaves_out_stops_that_are_never_met():
@@ -407,17 +423,17 @@ def test_bounds_on_what_was_missed():
     assert unseen_share(100, confidence=0.99) > unseen_share(100)
 
 
-def test_coverage_in_sentences(figure_27):
-    _, result, *_ = figure_27
+def test_coverage_in_sentences(figure_15):
+    result = figure_15
     sentences = coverage(result)
     text = " ".join(sentences)
     settled = sum(tally.settled for tally in result.tallies)
     hits = sorted(found.hits_settled for found in result.found if found.hits_settled)
     assert sum(hits) == settled
-    assert sentences[0].startswith(f"264 starts at 11 values of harmonic1.amplitude, -1 to 1: {settled} settled on ")
-    assert "An isolated branch narrower than 0.2 in harmonic1.amplitude may lie between two values." in text
+    assert sentences[0].startswith(f"64 starts at 2 values of frequency, 0.45 to 0.8: {settled} settled on ")
+    assert "An isolated branch narrower than 0.35 in frequency may lie between two values." in text
     assert f"per motion number {hits[0]} to {hits[-1]}, with a median of {hits[(len(hits) - 1) // 2]}." in text
-    assert "with 95 % confidence, less than 12 % of the box of starts at any of these values" in text
+    assert "with 95 % confidence, less than 8.9 % of the box of starts at any of these values" in text
     once = sum(found.hits_settled == 1 for found in result.found)
     assert next_is_new(result) == once / settled
     assert f"{once} motion" in text

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import importlib
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import gapwalk as gw
-from gapwalk.bifurcation import branch_tracer
 from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.follow import BranchTracer
 from gapwalk.continuation.walk import EndReason
 from gapwalk.model.contact import Contact, Side, Stage
 from gapwalk.verification.verification import Check
 from tests.computed import once
+
+FOLLOW = importlib.import_module("gapwalk.bifurcation.follow")  # the package has a function of that name
 
 LOAD, DAMPING, STIFFNESS = 0.527, 0.1, 100.0
 RANGE = (0.68, 0.705)
@@ -56,8 +60,8 @@ def test_a_doubled_branch_that_begins_beside_a_graze_is_walked_to_its_other_end(
 
 
 def test_verification_notices_motions_of_a_shorter_period(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(branch_tracer, "has_merged", lambda point: False)
-    monkeypatch.setattr(branch_tracer.BranchTracer, "_until_parent", lambda self, first, step: step)
+    monkeypatch.setattr(FOLLOW, "has_merged", lambda point: False)
+    monkeypatch.setattr(BranchTracer, "_until_parent", lambda self, first, step: step)
     flips = parents()[1].special("flip")
     branch = gw.follow(flips[0], "frequency", RANGE)
     monkeypatch.undo()

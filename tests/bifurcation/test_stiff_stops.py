@@ -10,7 +10,7 @@ import pytest
 from gapwalk.attractors import settle
 from gapwalk.bifurcation import Kind, follow
 from gapwalk.bifurcation.branch_start import start_branch
-from gapwalk.bifurcation.branch_tracer import BranchTracer
+from gapwalk.bifurcation.follow import BranchTracer
 from gapwalk.continuation import EndReason, WalkOptions
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.model.contact import rigid_stop
@@ -112,8 +112,15 @@ def grazing_frequencies():
 
 
 @pytest.mark.parametrize("stiffness", [in_campaign(1e4), 1e6])
-@pytest.mark.parametrize(("law", "damping"), [("elastic", 0.0), ("viscous", 10.0)])
-@pytest.mark.parametrize("side", [Side.POSITIVE, Side.BOTH])
+@pytest.mark.parametrize(
+    ("law", "damping", "side"),
+    [
+        ("elastic", 0.0, Side.BOTH),
+        ("viscous", 10.0, Side.POSITIVE),
+        in_campaign("elastic", 0.0, Side.POSITIVE),
+        in_campaign("viscous", 10.0, Side.BOTH),
+    ],
+)
 def test_special_points_beyond_grazes_are_those_of_the_closed_form_from_both_sides(stiffness, law, damping, side):
     exact = Impacting(stiffness, damping, symmetric=side is Side.BOTH)
     down, up = (walk(oscillator(stiffness, side, law, damping, start), to) for start, to in ((4.0, 0.3), (0.3, 4.0)))
@@ -185,16 +192,19 @@ def test_a_branch_that_begins_within_rounding_of_a_graze_is_not_said_to_join_its
     assert "grazes" in child.ends[-1].detail
 
 
-@pytest.mark.parametrize("deflection", [in_campaign({"a": 1.0}), {"a": 1.0, "b": -1.0}])
-def test_two_masses_with_a_stop_of_steel_have_the_same_special_points_from_both_sides(deflection):
+@pytest.mark.parametrize(
+    ("deflection", "last"),
+    [({"a": 1.0, "b": -1.0}, 1.5), in_campaign({"a": 1.0, "b": -1.0}, 4.0), in_campaign({"a": 1.0}, 4.0)],
+)
+def test_two_masses_with_a_stop_of_steel_have_the_same_special_points_from_both_sides(deflection, last):
     stage = Stage(1.0, 1e6, side=Side.POSITIVE)
     stop = Contact("stop", deflection, (stage,), law="hunt-crossley", impact_damping=0.1)
     stiffness, damping, mass = [[2.0, -1.0], [-1.0, 1.7]], np.diag([0.05, 0.05]), np.diag([1.0, 1.3])
     harmonic = Harmonic(0.3, {"b": 1.0})
-    system = System(["a", "b"], stiffness, damping, mass=mass, contacts=[stop], harmonics=[harmonic], frequency=4.0)
+    system = System(["a", "b"], stiffness, damping, mass=mass, contacts=[stop], harmonics=[harmonic], frequency=last)
     down, up = (
         places(walk(system, 0.3).special_points),
-        places(walk(system.at(frequency=0.3), 4.0).special_points[::-1]),
+        places(walk(system.at(frequency=0.3), last).special_points[::-1]),
     )
     assert [sorted(each.kind for each in place) for place in down] == [
         sorted(each.kind for each in place) for place in up
@@ -321,7 +331,7 @@ def grazing_period(n, spare):
 
 def test_a_graze_beyond_which_touches_are_rounding_is_named_where_the_walk_ends():
     """Touches of 1.5e-13 at most follow the graze of period 6, where the branch turns back."""
-    orbit, force = grazing_period(6, 1.3e-6)
+    orbit, force = grazing_period(6, 1.25e-6)
     branch = follow(orbit, "harmonic1.amplitude", force * (1.0 + 1.5e-6))
     assert branch.ends[-1].reason is EndReason.STEP
     (graze,) = branch.special_points

@@ -14,7 +14,7 @@ from tests.studies.studies import stop_study
 STUDY = 'frequency = 2.0\nstudy = { kind = "response", parameter = "frequency", to = 0.5 }\n'
 ROOT = Path(__file__).resolve().parents[2]
 LATE = ("scipy.integrate", "scipy.optimize", "scipy.interpolate", "scipy.stats", "scipy.signal", "matplotlib", "numba")
-HEAVY = ("heyoka", "numpy", "scipy", "matplotlib", "pydantic", "pandas")
+HEAVY = ("llvmlite", "numba", "numpy", "scipy", "matplotlib", "pydantic", "pandas")
 
 
 @pytest.fixture
@@ -136,7 +136,7 @@ def test_a_bug_is_1_and_says_so(result, monkeypatch, capsys) -> None:
 def test_show_tells_what_a_result_is(result, capsys) -> None:
     assert main(["show", result]) == 0
     text = capsys.readouterr().out
-    for words in ("A stop", "complete", "heyoka", "2 fold, 2 grazing", "the end of the range was reached", "stop +"):
+    for words in ("A stop", "complete", "llvmlite", "2 fold, 2 grazing", "the end of the range was reached", "stop +"):
         assert words in text
     assert main(["show", result, "--json"]) == 0
     document = json.loads(capsys.readouterr().out)

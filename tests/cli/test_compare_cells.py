@@ -2,7 +2,9 @@
 
 import csv
 import json
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -20,26 +22,28 @@ ALONG = 'parameter = "frequency"\nfrom = 0.6\nto = 1.4\n'
 STUDIES = {
     "regimes": f'kind = "regimes"\n{ALONG}{PLANE}check = 0\nworkers = 1\n',
     "rattle": f'kind = "rattle"\n{ALONG}{PLANE}workers = 1\n',
-    "basins": 'kind = "basins"\nplane = { x = [-2.0, 0.9], "x\'" = [-1.0, 1.0] }\nresolution = [4, 3]\n'
+    "basins": 'kind = "basins"\nplane = { x = [-2.0, 0.25], "x\'" = [-1.0, 1.0] }\nresolution = [4, 3]\n'
     "exact_borders = false\ncheck = 0\nworkers = 1\n",
 }
 COLUMN = {"regimes": "regime", "rattle": "state.stop", "basins": "leads.to"}
 
 
 @pytest.fixture(scope="module")
-def maps(tmp_path_factory) -> Path:
-    """The folder of a small map of each kind, over clearances of 1 and of 0.3."""
+def made(tmp_path_factory) -> Callable[[str, str], Path]:
+    """The result of a small map of a kind, with its tables, over a clearance of 1 (a) or of 0.3 (b)."""
     folder = tmp_path_factory.mktemp("maps")
-    for kind, study in STUDIES.items():
-        for name, clearance in (("a", "1.0"), ("b", "0.3")):
-            text = models.STOP.replace("clearance = 1.0", f"clearance = {clearance}").replace("x = [-2.0, 0.9]", "")
-            study = study.replace("0.9]", "0.25]")  # within the stop in both
-            (folder / f"{kind}-{name}.toml").write_text(f"{text}\n[study]\n{study}")
-            save_tables(
-                gw.run(gw.read_study(folder / f"{kind}-{name}.toml"), file := folder / f"{kind}-{name}.gapwalk"),
-                file.with_suffix(""),
-            )
-    return folder
+
+    @cache
+    def make(kind: str, name: str) -> Path:
+        text = models.STOP.replace("x = [-2.0, 0.9]", "")
+        if name == "b":
+            text = text.replace("clearance = 1.0", "clearance = 0.3")
+        path = folder / f"{kind}-{name}.gapwalk"
+        path.with_suffix(".toml").write_text(f"{text}\n[study]\n{STUDIES[kind]}")
+        save_tables(gw.run(gw.read_study(path.with_suffix(".toml")), path), path.with_suffix(""))
+        return path
+
+    return make
 
 
 def labels(path: Path, column: str) -> dict[tuple[str, str], str]:
@@ -50,8 +54,8 @@ def labels(path: Path, column: str) -> dict[tuple[str, str], str]:
 
 
 @pytest.mark.parametrize("kind", STUDIES)
-def test_cells_that_differ_are_counted_and_named(kind, maps, capsys) -> None:
-    a, b = (maps / f"{kind}-{name}.gapwalk" for name in "ab")
+def test_cells_that_differ_are_counted_and_named(kind, made, capsys) -> None:
+    a, b = (made(kind, name) for name in "ab")
     capsys.readouterr()
     assert main(["compare", str(a), str(a)]) == 0
     assert "0 of 12 cells differ: they agree within a share of 0.001" in capsys.readouterr().out
@@ -73,16 +77,17 @@ def test_cells_that_differ_are_counted_and_named(kind, maps, capsys) -> None:
     assert "stop.clearance is 1 in the first and 0.3 in the second" in out
 
 
-def test_maps_that_cannot_be_compared_are_refused_in_a_sentence(maps, capsys) -> None:
-    regimes, rattle = (str(maps / f"{kind}-a.gapwalk") for kind in ("regimes", "rattle"))
+def test_maps_that_cannot_be_compared_are_refused_in_a_sentence(made, capsys) -> None:
+    path = made("regimes", "a")
+    regimes, rattle = str(path), str(made("rattle", "a"))
     assert main(["compare", regimes, rattle]) == 2
     assert (
         "the first result is of the kind regimes, the second result is of the kind rattle;" in capsys.readouterr().err
     )
-    text = (maps / "regimes-a.toml").read_text().replace("[4, 3]", "[4, 4]")
-    (maps / "fine.toml").write_text(text)
-    gw.run(gw.read_study(maps / "fine.toml"), maps / "fine.gapwalk")
-    assert main(["compare", regimes, str(maps / "fine.gapwalk")]) == 2
+    fine = path.with_name("fine.toml")
+    fine.write_text(path.with_suffix(".toml").read_text().replace("[4, 3]", "[4, 4]"))
+    gw.run(gw.read_study(fine), fine.with_suffix(".gapwalk"))
+    assert main(["compare", regimes, str(fine.with_suffix(".gapwalk"))]) == 2
     error = capsys.readouterr().err
     assert "(3), the second" in error
     assert "compare maps over the same cells" in error
@@ -90,8 +95,8 @@ def test_maps_that_cannot_be_compared_are_refused_in_a_sentence(maps, capsys) ->
     assert "leave --output out" in capsys.readouterr().err
 
 
-def test_a_map_whose_axes_are_reversed_or_exchanged_has_the_same_cells(maps) -> None:
-    result = gw.open_result(maps / "regimes-a.gapwalk")
+def test_a_map_whose_axes_are_reversed_or_exchanged_has_the_same_cells(made) -> None:
+    result = gw.open_result(made("regimes", "a"))
     chart = result.finding.record
     marked = replace(chart, regimes=chart.regimes.copy())
     marked.regimes[0, 3] = 2  # one chaotic cell, in a corner
@@ -116,9 +121,9 @@ def test_a_map_whose_axes_are_reversed_or_exchanged_has_the_same_cells(maps) -> 
     assert found.place == pytest.approx((1.3, 0.05 + 0.35 / 6))
 
 
-def test_basins_of_one_motion_are_the_same_whatever_their_letters(maps) -> None:
+def test_basins_of_one_motion_are_the_same_whatever_their_letters(made) -> None:
     """Letters follow the sizes of basins: those of two mirrored motions may be exchanged."""
-    result = gw.open_result(maps / "basins-a.gapwalk")
+    result = gw.open_result(made("basins", "a"))
     basins = result.finding.record
     one = basins.attractors[0]
     other = replace(one, strobes=-one.strobes)
@@ -133,4 +138,4 @@ def test_basins_of_one_motion_are_the_same_whatever_their_letters(maps) -> None:
     assert found.counts == {"leads to": 6}
     assert {each.labels for each in found.differences} == {("period 1b", "period 1a")}
     with pytest.raises(ModelError, match="compare two maps of one kind"):
-        compare_cells(both[0], gw.open_result(maps / "regimes-a.gapwalk"))
+        compare_cells(both[0], gw.open_result(made("regimes", "a")))

@@ -17,7 +17,7 @@ from gapwalk.cli.progress import progress_of
 from gapwalk.errors import StoreError
 from tests.interruption import until_ctrl_c
 from tests.models import CLUTCH
-from tests.studies.diagrams import clutch_diagram, islands
+from tests.studies.diagrams import clutch_diagram, islands_file
 from tests.studies.same import assert_same_result
 from tests.waiting import until
 
@@ -103,9 +103,10 @@ def test_what_is_complete_is_not_computed_again_and_nothing_is_lost(clutch, undi
 
 
 def test_one_study_may_have_a_name_of_its_own_for_the_result(clutch, capsys) -> None:
-    assert main(["run", str(clutch), "--study", "loop", "--output", "x.gapwalk", "--quiet"]) == 0
+    few = ["--set", "study.loop.max_period=1", "--quiet"]
+    assert main(["run", str(clutch), "--study", "loop", "--output", "x.gapwalk", *few]) == 0
     assert set(os.listdir()) == {"clutch.toml"} | files_of("x")
-    assert main(["run", str(clutch), "--output", "y.gapwalk", "--set", "study.loop.max_period=1", "--quiet"]) == 0
+    assert main(["run", str(clutch), "--output", "y.gapwalk", *few]) == 0
     assert {"y-loop.gapwalk", "y-curve.gapwalk"} <= set(os.listdir())
     assert gw.open_result("y-loop.gapwalk").names == ("P1-1",)
     assert capsys.readouterr().out == ""
@@ -175,7 +176,7 @@ def test_show_has_the_tree_and_on_request_the_special_points(loop, capsys) -> No
 
 def test_show_tells_what_a_search_has_found(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
-    gw.run(islands(), "x.gapwalk")
+    Path("x.gapwalk").write_bytes(islands_file())
     assert main(["show", "x.gapwalk"]) == 0
     text = " ".join(capsys.readouterr().out.replace("│", "").split())  # as one line
     places = [text.index(f"── {name} ") for name in ("P3-1", "P1-1", "P2-1", "P3-2")]

@@ -10,7 +10,7 @@ import pytest
 from gapwalk.cli import foreseen
 from gapwalk.cli.foreseen import foresee, foreseen_modules
 from gapwalk.parallel import processes
-from gapwalk.studies.study_registry import kind_of, kinds
+from gapwalk.studies.study_kind import kind_of, kinds
 
 OWN = [name for name in kinds() if kind_of(name).__module__.startswith("gapwalk.")]
 

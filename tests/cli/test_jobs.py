@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 import gapwalk as gw
-from gapwalk.attractors.settle import AttractorKind, identify
+from gapwalk.attractors.settle import Attractor, AttractorKind, identify
 from gapwalk.cli import main
 from gapwalk.cli.progress import ProgressLine, progress_of
 from gapwalk.parallel.workers import Pace
@@ -140,7 +140,7 @@ def test_a_motion_that_cannot_be_told_is_3(tmp_path, monkeypatch, capsys) -> Non
     monkeypatch.chdir(tmp_path)
     Path("x.toml").write_text(MODELS["settle"])
 
-    def doubt(settled, options) -> gw.Attractor:
+    def doubt(settled, options) -> Attractor:
         return replace(identify(settled, options), kind=AttractorKind.UNDECIDED, evidence=("nobody knows",))
 
     monkeypatch.setattr("gapwalk.studies.settle_study.identify", doubt)

@@ -13,7 +13,7 @@ import pytest
 from gapwalk.cli import main
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import ModelFileError
-from gapwalk.studies.measure import read_measured_model
+from gapwalk.studies.measurement_fit import read_measured_model
 from gapwalk.studies.study_file import read_study
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -123,7 +123,7 @@ def test_what_the_record_does_not_determine_is_a_failure(files, capsys) -> None:
     ("words", "told"),
     [
         (["none.toml", "rattle.csv"], "none.toml: there is no such file"),
-        (["rattle.toml", "none.csv"], "none.csv cannot be read: No such file"),
+        (["rattle.toml", "none.csv"], "none.csv: it cannot be read: No such file"),
         (["rattle.toml", "rattle.toml"], "there is no column 'time' for time"),
         (
             ["rattle.toml", "rattle.csv", "--fit", "mean.q2"],

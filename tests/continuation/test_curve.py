@@ -10,8 +10,7 @@ import pytest
 
 from gapwalk.continuation.corrector import Corrector, Range, Zero
 from gapwalk.continuation.curve import Curve, CurveEvent, CurveTrace, Happens, joined, turn
-from gapwalk.continuation.curve_points import Tracing
-from gapwalk.continuation.walk import End, EndReason, Walk, WalkOptions
+from gapwalk.continuation.walk import End, EndReason, Tracing, Walk, WalkOptions
 from gapwalk.orbit.orbit_equation import Evaluation
 
 

@@ -35,12 +35,7 @@ def train(firing: float) -> gw.train.Train:
         ],
         gears=[
             parts.Gear(
-                "mesh",
-                ("hub", "loose"),
-                1.0,
-                clearance="0.1 deg",
-                stiffness="1e4 N m/rad",
-                impact_damping="0.01 s/rad",
+                "mesh", ("hub", "loose"), 1.0, clearance="0.1 deg", stiffness="1e4 N m/rad", impact_damping="0.01 s/rad"
             )
         ],
         mean={"flywheel": "5 N m"},
@@ -96,7 +91,7 @@ def test_a_bearing_that_only_drags_rattles_as_in_the_limit_of_a_soft_one():
         assert one.value == pytest.approx(other.value, rel=1e-7)
 
 
-@pytest.mark.parametrize(("firing", "speed"), [(2.0, 1100.0), (8.0, 990.0)])
+@pytest.mark.parametrize(("firing", "speed"), [(2.0, 1100.0), (7.0, 990.0)])
 def test_a_gear_that_only_drags_and_lies_free_in_its_mesh_is_said_to_float(firing: float, speed: float):
     branch = gw.follow(gw.find_orbit(with_drag_alone(firing), speed=speed), "speed", 900.0)
     end = branch.ends[-1]

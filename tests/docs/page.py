@@ -27,19 +27,20 @@ class Block:
     line: int
 
 
-def blocks_of(page: Path) -> Iterator[Block]:
-    """The cells and commands of a page, in their order."""
+def blocks_of(page: Path, until: str = "") -> Iterator[Block]:
+    """The cells and commands of a page, in their order, to its end or to a text."""
     text = page.read_text(encoding="utf-8")
+    text = text[: text.index(until)] if until else text
     for match in _BLOCK.finditer(text):
         kind = match["directive"] or match["language"]
         if kind in ("code-cell", "python", "console"):
             yield Block(kind, match["text"], text.count("\n", 0, match.start("text")) + 1)
 
 
-def run_page(page: Path) -> None:
-    """Run a page in the present folder; an AssertionError where a command prints something else."""
+def run_page(page: Path, until: str = "") -> None:
+    """Run a page, to its end or to a text, in the present folder; AssertionError if a command prints something else."""
     names: dict[str, Any] = {}
-    for block in blocks_of(page):
+    for block in blocks_of(page, until):
         if block.kind == "console":
             _run_commands(block, page)
         else:

@@ -6,8 +6,8 @@ import pytest
 
 from docs._ext.file_reference import Key, all_keys, command_page, docstring_words
 from gapwalk.cli.commands import app
-from gapwalk.studies.derived_schema import all_keys as keys_of_studies
-from gapwalk.studies.study_registry import kind_of, kinds
+from gapwalk.studies.study_kind import kind_of, kinds
+from gapwalk.studies.study_schema import all_keys as keys_of_studies
 
 KEY_PAGES = all_keys()
 ROWS = [key for keys in KEY_PAGES.values() for key in keys]

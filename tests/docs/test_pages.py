@@ -13,7 +13,7 @@ import gapwalk
 from docs._ext.links import problems
 from tests.docs.page import blocks_of, run_page
 from tests.release.names import namespaces
-from tests.tiers import some_of
+from tests.tiers import in_campaign
 
 DOCS = Path(__file__).parents[2] / "docs"
 ELSEWHERE = {
@@ -21,6 +21,7 @@ ELSEWHERE = {
 }  # for machines that are not here; tests/studies/test_cluster.py does the same with a local one
 PAGES = [page for page in sorted(DOCS.rglob("*.md")) if any(blocks_of(page)) and page.name not in ELSEWHERE]
 
+TEMPLATES = "src/gapwalk/studies/templates"
 NAMES = [page.relative_to(DOCS).as_posix() for page in PAGES]
 # `make docs` runs them too
 LONG = {
@@ -43,12 +44,22 @@ LONG = {
         "belt",
         "impact-damper",
         "windows",
+        "crankshaft",  # tests/model/loads/test_cylinder.py has its numbers
     )
-} | {"howto/nothing-missing.md", "howto/loads.md", "howto/pictures.md", "reference/examples.md"}
+} | {"howto/nothing-missing.md", "howto/loads.md", "howto/pictures.md", "howto/export.md", "reference/examples.md"}
+PARTS = {
+    "gallery/bilinear.md": "If the excitation doubles",
+    "howto/two-gaps.md": "Their parameters are called",
+    "howto/why-stopped.md": "## Friction and rigid stops",
+    "tutorial/first-system.md": "## Follow the other branches",
+}
+"""Where `make test` ends on a long page."""
+CASES = [(name, "") for name in NAMES if name not in LONG | PARTS.keys()] + [*PARTS.items()]
+WHOLE = [in_campaign(name, "") for name in sorted(LONG | PARTS.keys())]
 
 
-@pytest.mark.parametrize("name", some_of(NAMES, *(name for name in NAMES if name not in LONG)))
-def test_a_page_does_what_it_says(name, tmp_path, monkeypatch) -> None:
+@pytest.mark.parametrize(("name", "until"), CASES + WHOLE)
+def test_a_page_does_what_it_says(name, until, tmp_path, monkeypatch) -> None:
     page = DOCS / name
     folder, examples = tmp_path / "docs" / Path(name).parent, tmp_path / "examples"
     for there in (folder, examples):
@@ -56,9 +67,11 @@ def test_a_page_does_what_it_says(name, tmp_path, monkeypatch) -> None:
     for source, there in ((page.parent, folder), (DOCS.parent / "examples", examples)):
         for file in (*source.glob("*.toml"), *source.glob("*.csv")):
             shutil.copy(file, there)
+    shutil.copytree(DOCS / "howto", tmp_path / "docs" / "howto", dirs_exist_ok=True)
+    shutil.copytree(DOCS.parent / TEMPLATES, tmp_path / TEMPLATES)
     monkeypatch.chdir(folder)
     try:
-        run_page(page)
+        run_page(page, until)
     finally:
         plt.close("all")
 
@@ -113,7 +126,8 @@ def test_the_reference_has_every_public_name() -> None:
 
 
 def test_pages_are_found() -> None:
-    assert {"tutorial/first-system.md", "howto/two-gaps.md", *LONG} <= {*NAMES}
+    assert {*LONG, *PARTS} <= {*NAMES}
+    assert all(until in (DOCS / name).read_text(encoding="utf-8") for name, until in PARTS.items())
     assert sum(name.startswith("gallery/") for name in NAMES) >= 8
     kinds = [block.kind for page in PAGES for block in blocks_of(page)]
     assert kinds.count("console") >= 4

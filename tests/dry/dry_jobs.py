@@ -39,9 +39,9 @@ acts_on = { x = 1.0 }
 """
 OVER = 'parameter = "frequency"\nfrom = 0.6\n'
 STUDIES = {
-    "response": f'kind = "response"\n{OVER}to = 0.64\n[study.walk]\nlargest_step = 0.05\n',
+    "response": f'kind = "response"\n{OVER}to = 0.63\n[study.walk]\nlargest_step = 0.05\n',
     "settle": 'kind = "settle"\nsignal = "y"\n',
-    "sweep": f'kind = "sweep"\n{OVER}to = 0.62\nsteps = 25\npoints = 13\nways = "up"\nworkers = 1\n',
+    "sweep": f'kind = "sweep"\n{OVER}to = 0.61\nsteps = 13\npoints = 13\nways = "up"\nworkers = 1\n',
 }
 
 

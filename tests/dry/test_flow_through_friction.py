@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 import gapwalk as gw
 from gapwalk.errors import NumericalError
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.flow.friction_gauge import FrictionGauge
 from gapwalk.flow.motion import DryModes, modes_along
 from gapwalk.flow.single_friction import LoneFriction
 from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
@@ -20,6 +19,7 @@ from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.laws import Coulomb, Hysteretic, Jenkins
 from gapwalk.model.loads import Harmonic
 from gapwalk.model.system import System
+from gapwalk.orbit.sticking import FrictionGauge
 from tests.dry import closed_forms
 from tests.dry.event_reference import Reference
 from tests.tiers import in_campaign

@@ -7,8 +7,8 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.continuation.walk import EndReason
-from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import Arc
+from gapwalk.flow.friction_state import SlipEvent
 from gapwalk.model.coefficients import layout_of
 from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.laws import Hysteretic

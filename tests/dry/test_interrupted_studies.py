@@ -58,10 +58,10 @@ def test_ctrl_c_within_a_walk_leaves_the_flow_usable() -> None:
 def test_two_processes_find_the_same_as_one() -> None:
     up = undisturbed("sweep").finding
     assert up is not None
-    options = {"steps": 25, "points": 13, "ways": "up and down", "workers": 1}
-    alone = gw.sweep(study_of("sweep").system, "frequency", (0.6, 0.62), **options)
+    options = {"steps": 13, "points": 13, "ways": "up and down", "workers": 1}
+    alone = gw.sweep(study_of("sweep").system, "frequency", (0.6, 0.61), **options)
     with local_workers(2) as workers:
-        found = gw.sweep(study_of("sweep").system, "frequency", (0.6, 0.62), **{**options, "workers": workers})
+        found = gw.sweep(study_of("sweep").system, "frequency", (0.6, 0.61), **{**options, "workers": workers})
     np.testing.assert_array_equal(found.sections, alone.sections)
     np.testing.assert_array_equal(found.sections[0], up.record.sections[0])
 

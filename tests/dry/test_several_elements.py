@@ -7,12 +7,13 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.bifurcation.special_point import Kind
-from gapwalk.bifurcation.stiff_graze import coincidence
+from gapwalk.bifurcation.steps_over_corners import coincidence
 from gapwalk.continuation.walk import EndReason
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
 from tests.bifurcation.alike.kinds import friction
 from tests.dry.several_elements import several_elements
+from tests.tiers import in_campaign
 
 ELEMENTS = {"a": (0.2248, 4.706), "b": (0.2816, 2.589), "c": (0.2948, 2.195)}
 
@@ -34,7 +35,7 @@ def first():
     return gw.find_orbit(iwan)
 
 
-@pytest.mark.parametrize("step", [None, 0.05])
+@pytest.mark.parametrize("step", [in_campaign(None), 0.05])
 def test_elements_that_never_slip_are_pushed_along_together_whatever_the_steps(first, step):
     """Right: where an element slips both ways, its force is at both bounds; until then another one keeps its place."""
     walk = gw.WalkOptions() if step is None else gw.WalkOptions(largest_step=step)
@@ -66,7 +67,7 @@ def test_positions_are_those_of_a_slow_sweep(first):
     assert sliders[0.999][1] > 0.15 + first.state[0] - first.state[4]  # c has been pushed far
 
 
-@pytest.mark.parametrize("angle", [0.0, 1.0, 4.0])
+@pytest.mark.parametrize("angle", [in_campaign(0.0), 1.0, in_campaign(4.0)])
 def test_beyond_the_end_of_slip_an_element_is_pushed_along(angle):
     """Right: it ends where the motion is as wide as both bounds; then the force stays at the upper one, as in a sweep.
 
@@ -92,12 +93,15 @@ def test_beyond_the_end_of_slip_an_element_is_pushed_along(angle):
     assert last.state == pytest.approx(state, abs=2e-3)
 
 
-def test_elements_that_turn_back_at_a_corner_keep_the_positions_that_they_have_there():
+@pytest.mark.parametrize("ends", [(1.544, 1.5455), in_campaign((1.5, 1.546))])
+def test_elements_that_turn_back_at_a_corner_keep_the_positions_that_they_have_there(ends):
     """An onset of slip beyond it was off by a hundred times its stated error, by another step over the corner."""
     machine, found = friction(100), []
     for each in (machine, machine.begun_at(4.0)):
-        start = gw.find_orbit(each.system.at(frequency=1.5))
-        found.append([point for point in gw.follow(start, "frequency", 1.546).special_points if point.contact == "b -"])
+        start = gw.find_orbit(each.system.at(frequency=ends[0]))
+        found.append(
+            [point for point in gw.follow(start, "frequency", ends[1]).special_points if point.contact == "b -"]
+        )
     ((ours,), (theirs,)) = found
     assert abs(ours.value - theirs.value) <= ours.uncertainty + theirs.uncertainty < 1e-9
 

@@ -13,7 +13,7 @@ import gapwalk as gw
 from gapwalk.flow.flow import flow_of
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.contact import Contact, Side, Stage, friction
-from gapwalk.verification.dry_dop853 import DryRound, carry
+from gapwalk.verification.friction_dop853 import DryRound, carry
 from tests.bifurcation.alike.kinds import friction as friction_machine
 from tests.dry.event_reference import Reference
 from tests.sampled_verification import verified
@@ -154,9 +154,7 @@ def _linear(frequency: float, phase: float, theta: np.ndarray) -> np.ndarray:
     return np.array([sum(((1j * order) ** power * wave).real for order, wave in lines) for power in range(3)])
 
 
-@pytest.mark.parametrize(
-    ("phase", "sampled"), [(0.5, 4), (2.0, 4), *(in_campaign(phase, 0) for phase in (0.5, 2.0, 4.0))]
-)
+@pytest.mark.parametrize(("phase", "sampled"), [(2.0, 4), *(in_campaign(phase, 0) for phase in (0.5, 2.0, 4.0))])
 def test_a_branch_goes_on_where_both_sides_of_a_stop_graze_at_once(phase: float, sampled: int) -> None:
     """The linear response touches both sides of a rigid stop at once; beyond, it strikes both of them."""
 

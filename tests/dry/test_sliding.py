@@ -9,19 +9,19 @@ import pytest
 from scipy.optimize import brentq, fsolve
 
 import gapwalk as gw
-from gapwalk.bifurcation.friction_changes import changes_between
+from gapwalk.bifurcation.friction_along_branch import changes_between
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.walk import EndReason
-from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import flow_of
+from gapwalk.flow.friction_state import SlipEvent
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.contact import friction
 from gapwalk.orbit.sticking import FrictionPhase, friction_phases, text_of
-from gapwalk.verification.dry_dop853 import carry
+from gapwalk.verification.friction_dop853 import carry
 from tests.dry.trials.random_systems import random_system
 from tests.flow.dry_systems import clutch
 from tests.sampled_verification import verified
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, some_of
 
 K, C, SPRING, LIMIT, W = 1.0, 0.1, 0.5, 0.3, 0.8
 LONG = gw.WalkOptions(largest_step=0.1)
@@ -45,13 +45,7 @@ def sliding(branch):
     return [each for each in branch.special_points if each.kind in SLIDING]
 
 
-SLIDING = (
-    Kind.CROSSING_SLIDING,
-    Kind.SWITCHING_SLIDING,
-    Kind.GRAZING_SLIDING,
-    Kind.ADDING_SLIDING,
-    Kind.SLIP_ONSET,
-)
+SLIDING = (Kind.CROSSING_SLIDING, Kind.SWITCHING_SLIDING, Kind.GRAZING_SLIDING, Kind.ADDING_SLIDING, Kind.SLIP_ONSET)
 
 
 def test_a_mass_at_rest_begins_to_slip_where_the_load_equals_the_limit():
@@ -205,7 +199,9 @@ def test_den_hartogs_boundary_is_a_locus_of_crossing_sliding():
         assert point.values[1] == pytest.approx(den_hartog(point.values[0]), abs=1e-10)
 
 
-@pytest.mark.parametrize("kind", [Kind.GRAZING_SLIDING, Kind.SWITCHING_SLIDING, Kind.ADDING_SLIDING])
+@pytest.mark.parametrize(
+    "kind", some_of([Kind.GRAZING_SLIDING, Kind.SWITCHING_SLIDING, Kind.ADDING_SLIDING], Kind.SWITCHING_SLIDING)
+)
 def test_loci_of_the_clutch_agree_with_walks_at_other_limits(walked, kind):
     special = next(each for each in sliding(walked) if each.kind is kind)
     near = special.value - 0.01, special.value + 0.01
@@ -335,9 +331,9 @@ def test_friction_whose_normal_force_vanishes_may_slip_in_one_direction_only() -
     """It is let go of where the contact that presses opens, so it need not slip back to end where it began."""
     system = random_system(38)
     assert system.structure.contacts[1].law.host == "normal0"
-    start = gw.find_orbit(system.at(frequency=0.945))
-    there = gw.follow(start, "frequency", 0.955, walk=LONG)
-    back = gw.follow(there.points[-1].orbit, "frequency", 0.945, walk=LONG)
+    start = gw.find_orbit(system.at(frequency=0.948))
+    there = gw.follow(start, "frequency", 0.952, walk=LONG)
+    back = gw.follow(there.points[-1].orbit, "frequency", 0.948, walk=LONG)
     assert [text_of(point.orbit.friction[1]) for point in (there.points[0], there.points[-1])] == ["-0+0", "+0"]
     assert 1 not in there.points[-1].orbit.stuck
     (one,), (other,) = sliding(there), sliding(back)

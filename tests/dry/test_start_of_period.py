@@ -9,7 +9,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.bifurcation.orbit_on_branch import Curve
-from gapwalk.bifurcation.start_of_period import smooth_between
+from gapwalk.bifurcation.steps_over_corners import smooth_between
 from gapwalk.continuation.walk import EndReason
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.contact import Contact, Side, Stage, friction

@@ -16,7 +16,6 @@ from gapwalk.ensemble import BatchOptions, batch_flow_of
 from gapwalk.errors import ModelError, UnfitError
 
 BRAKE = gw.friction("brake", {"x": 1.0}, 0.3)
-SPRUNG = gw.friction("brake", {"x": 1.0}, 0.3, stiffness=5.0)
 WALL = gw.rigid_stop("wall", {"x": 1.0}, 1.0, 0.6)
 
 

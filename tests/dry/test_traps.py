@@ -70,7 +70,7 @@ def sums(multipliers: np.ndarray) -> list[complex]:
 
 
 @pytest.mark.parametrize(
-    "system", [jenkins(0.3), coulomb(0.8, frequency=0.3), in_campaign(chain(0.1, 2.0)), chain(0.1, None)]
+    "system", [jenkins(0.3), coulomb(0.8, frequency=0.3), *map(in_campaign, [chain(0.1, 2.0), chain(0.1, None)])]
 )
 def test_where_friction_slips_a_multiplier_is_exactly_0_if_it_forgets_and_the_others_are_those_of_another_code(system):
     orbit = gw.find_orbit(system)

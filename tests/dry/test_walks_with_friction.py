@@ -14,8 +14,8 @@ from gapwalk.bifurcation.detector import unexplained_of
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.walk import EndReason
-from gapwalk.flow.dry_switches import DrySwitches
 from gapwalk.flow.flow import Flow, flow_of
+from gapwalk.flow.friction_switches import DrySwitches
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.contact import Contact, Side, Stage
 from gapwalk.model.loads import Harmonic
@@ -50,7 +50,7 @@ def test_the_clutch_with_friction_has_the_points_of_another_program() -> None:
     assert not places(branch, "neimark-sacker")
 
 
-@pytest.mark.parametrize(("phase", "first"), [(1.0, 0.7), (2.5, 2.0)])
+@pytest.mark.parametrize(("phase", "first"), [(1.0, 0.7), in_campaign(2.5, 2.0)])
 def test_the_points_do_not_depend_on_where_the_section_is(phase: float, first: float) -> None:
     """At the first phase a corner of grazing-sliding ends the steps; at the second the section falls into stick."""
     branch = gw.follow(gw.find_orbit(clutch(0.02, phase=phase), frequency=first), "frequency", 0.3)
@@ -111,7 +111,7 @@ def test_margins_cost_no_integration_of_their_own() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stiffness", [None, 10.0])
+@pytest.mark.parametrize("stiffness", [None, in_campaign(10.0)])
 def test_the_diagram_of_the_clutch_with_friction_is_closed(stiffness: float | None) -> None:
     start = gw.find_orbit(clutch(0.02, stiffness=stiffness))
     diagram = gw.diagram(start.system, "frequency", (2.0, 0.15), start=start)
@@ -148,7 +148,7 @@ def test_a_walk_passes_the_graze_of_a_rigid_stop(amplitudes: tuple[float, float]
     assert places(branch, "fold") == pytest.approx([closed_forms.one_impact_fold()], abs=1e-11)
 
 
-@pytest.mark.parametrize(("amplitude", "damping"), [(1.0, 0.2), (0.2, 0.02)])
+@pytest.mark.parametrize(("amplitude", "damping"), [in_campaign(1.0, 0.2), (0.2, 0.02)])
 def test_a_walk_passes_the_graze_of_a_rigid_stop_in_both_directions(amplitude: float, damping: float) -> None:
     """Towards the graze the impacts become ever softer; the motion beyond is the linear one, whose amplitude is 1."""
     wall = Contact("wall", {"x": 1.0}, [Stage(1.0, side=Side.POSITIVE)], law="rigid", restitution=0.8)

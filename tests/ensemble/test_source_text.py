@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gapwalk.ensemble.source_text import FUNCTIONS, Sheet, Switch, Term, clipped, floor, smooth_step
+from gapwalk.ensemble.force_source import FUNCTIONS, Sheet, Switch, Term, clipped, floor, smooth_step
 from gapwalk.model.laws.formula import NUMPY_FUNCTIONS, formula_of
 
 

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import pytest
 from starlette.testclient import TestClient
 
-from gapwalk.explorer.session import Session
+from gapwalk.explorer.server_state import Session
 from gapwalk.explorer.web_app import application
 from tests import models
 from tests.waiting import until

@@ -13,7 +13,7 @@ from pathlib import Path
 import uvicorn
 
 from gapwalk.explorer.engine import Engine
-from gapwalk.explorer.session import Session
+from gapwalk.explorer.server_state import Session
 from gapwalk.explorer.web_app import _listen, _Server, _workspace, application
 from tests.waiting import PATIENCE
 

@@ -14,7 +14,7 @@ from tests.waiting import until
 SERVER = """
 import sys, time
 from pathlib import Path
-from gapwalk.explorer.session import Session
+from gapwalk.explorer.server_state import Session
 
 session = Session(Path(sys.argv[1]))
 entry = session.act("long.toml", {"do": "compute"})

@@ -256,7 +256,9 @@ def test_a_locus_of_sliding_has_a_line_of_its_own_on_the_closed_form(page) -> No
     page.click("#locus")
     until(page, "gapwalk.page.results[1]?.state === 'done' && gapwalk.curves.hasLoci")
     assert page.locator("#legend .of-plane:visible").all_inner_texts() == ["locus of crossing-sliding"]
-    ratio, limit = (np.array(page.evaluate(f"[...gapwalk.curves.subject()[0].{axis}]")) for axis in "xy")
+    # both axes at once: the curve may still grow
+    curve = page.evaluate("(({ x, y }) => ({ x: [...x], y: [...y] }))(gapwalk.curves.subject()[0])")
+    ratio, limit = np.array(curve["x"]), np.array(curve["y"])
     assert len(ratio) > 3
     # Den Hartog (1931): without stops as long as the friction is below this share of the force
     forced = 1.0 / (1.0 - ratio**2)

@@ -140,7 +140,7 @@ def test_a_measured_record_lies_over_the_run_up(client, do, session, train) -> N
     inside = slice(2, -2)
     assert np.abs(near / np.array(own["y"]) - 1.0)[inside].max() < 0.02
     place = {"file": train, "result": found["key"], "signal": "shaft.torque"}
-    for name, words in (("../x.csv", "outside"), ("other.csv", "no column"), (train, "not a CSV file")):
+    for name, words in (("../x.csv", "outside"), ("other.csv", "no column"), (train, "not a file of measured data")):
         refused = client.get("/api/heard", params={**place, "record": name})
         assert refused.status_code == 400
         assert words in refused.json()["error"]

@@ -1,5 +1,6 @@
 """The page plays a run-up while a line moves over its pictures; sounds of motions have their true pitch and level."""
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -101,6 +102,22 @@ def test_the_map_has_colours_over_orders_and_frequencies_in_both_schemes(played)
         "old => document.querySelector('#heard-picture image')?.getAttribute('href') !== old", arg=shown[2]
     )
     page.emulate_media(color_scheme="light")
+
+
+def test_the_pointer_reads_speed_order_frequency_and_level(played) -> None:
+    """In the middle of the frame: half the orders, and the frequency that belongs to the speed read."""
+    page = played
+    page.select_option("#heard-over", "orders")
+    frame = page.locator("#heard-picture .frame").bounding_box()
+    page.mouse.move(frame["x"] + frame["width"] / 2, frame["y"] + frame["height"] / 2)
+    text = page.text_content("#heard-picture .read")
+    found = re.fullmatch(r"([\d.]+), order ([\d.]+), ([\d.]+) Hz: (below -60 dB|[\d.e-]+ .*, -?[\d.]+ dB)", text)
+    assert found, text
+    speed, order, hertz = map(float, found.groups()[:3])
+    pitch = page.evaluate("gapwalk.answer.heard.content.pitch / gapwalk.answer.heard.found.turns")
+    assert hertz == pytest.approx(order * pitch * speed, rel=0.02)
+    page.mouse.move(5, 5)
+    assert page.text_content("#heard-picture .read") == ""
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (1920, 1080), (390, 844)])

@@ -134,7 +134,7 @@ def test_the_process_that_computes_starts_before_the_server_is_loaded() -> None:
         "import sys\n"
         "from gapwalk.explorer.engine import Engine\n"
         "with Engine():\n"
-        "    print({'numpy', 'heyoka', 'starlette', 'pydantic'} & {*sys.modules})\n"
+        "    print({'numpy', 'llvmlite', 'starlette', 'pydantic'} & {*sys.modules})\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"

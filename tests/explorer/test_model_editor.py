@@ -12,7 +12,7 @@ from gapwalk.errors import ModelError
 from gapwalk.explorer import live_response
 from gapwalk.explorer.live_response import Asked, LiveResponses, answers, response
 from gapwalk.explorer.model_editor import checked_text, numbers_of, save_text, start_text, starts, text_of
-from gapwalk.explorer.workspace import Workspace
+from gapwalk.explorer.workspace_folder import Workspace
 from gapwalk.model.model_file import check_model
 from gapwalk.model.model_source import parse_source, value_spans
 from gapwalk.studies import read_studies

@@ -9,8 +9,8 @@ import pytest
 from starlette.testclient import TestClient
 
 import gapwalk as gw
-from gapwalk.explorer.exploration import Exploration
 from gapwalk.explorer.motion_panels import labels
+from gapwalk.explorer.opened_file import Exploration
 from gapwalk.explorer.web_app import application
 from tests.explorer.conftest import CLUTCH, ORIGIN, STOP, wait
 from tests.explorer.test_web_app import amplitude, unpacked

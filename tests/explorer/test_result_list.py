@@ -8,9 +8,9 @@ import pytest
 import gapwalk as gw
 from gapwalk.attractors.rotation import Rotation
 from gapwalk.attractors.settle import AttractorKind
-from gapwalk.explorer.exploration import Exploration
+from gapwalk.explorer.opened_file import Exploration, deleted, listed
 from gapwalk.explorer.saved_page import Blob, content_of, lines_of
-from gapwalk.explorer.workspace import deleted, listed, study_title, verdict
+from gapwalk.explorer.workspace_folder import study_title, verdict
 from gapwalk.studies.settle_study import SettleFinding
 from tests.explorer.conftest import CLUTCH, STOP, about
 

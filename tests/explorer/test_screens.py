@@ -10,7 +10,9 @@ from playwright.sync_api import Page
 from tests.explorer.browser import boxes, nameless, opened, overlap, tree_of, until, watched
 from tests.explorer.machines import MACHINES
 from tests.explorer.serving import serving
+from tests.tiers import in_campaign
 
+OTHERS = [name for name in MACHINES if name != "five"]
 SIZES = [(1280, 720), (3840, 2160), (390, 844)]
 SHOWN = "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size === 1"
 PANELS = ("history", "phase", "loop", "spectrum", "section", "multipliers")
@@ -41,9 +43,11 @@ def shown(page: Page, name: str) -> None:
         until(page, "Boolean(gapwalk.motion.details)")
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize(("width", "height"), SIZES)
-@pytest.mark.parametrize("name", list(MACHINES))
+@pytest.mark.parametrize(
+    ("name", "scheme"),
+    [*((name, "light") for name in MACHINES), ("five", "dark"), *(in_campaign(name, "dark") for name in OTHERS)],
+)
 def test_no_labels_meet_on_any_screen(page, name, width, height, scheme) -> None:
     page.emulate_media(color_scheme=scheme)
     page.set_viewport_size({"width": width, "height": height})

@@ -1,10 +1,14 @@
+import runpy
 import subprocess
 import sys
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.explorer.conftest import CLUTCH, STOP
+from tests.studies.same import assert_same_branch
 
 
 @pytest.fixture
@@ -14,7 +18,20 @@ def clutch(session) -> str:
     return name
 
 
-def test_the_script_gives_the_same_points(client, do, session, clutch) -> None:
+@pytest.fixture
+def run(session, monkeypatch) -> Callable[[str], dict[str, Any]]:
+    """Runs a script in the workspace and returns its names."""
+
+    def names_of(script: str) -> dict[str, Any]:
+        monkeypatch.chdir(session.workspace.root)
+        path = session.workspace.root / "script.py"
+        path.write_text(script)
+        return runpy.run_path(path.name)
+
+    return names_of
+
+
+def test_the_script_gives_the_same_points(client, do, run, session, clutch) -> None:
     first = do(clutch, do="compute", values={"harmonic1.amplitude": 0.24})
     query = {"file": clutch, "result": first["key"], "branch": 0, "x": "frequency", "y": "half.q1"}
     special = client.get("/api/curve", params=query).json()["special"]
@@ -25,13 +42,8 @@ def test_the_script_gives_the_same_points(client, do, session, clutch) -> None:
     walked = do(clutch, do="walk", start={"result": child["key"], "point": 4}, parameter="stage2.clearance", to=0.98)
     assert walked["state"] == "done"
     script = client.get("/api/export/script", params={"file": clutch, "result": walked["key"]}).text
-    path = session.workspace.root / "repeat.py"
-    path.write_text(f"{script}\nimport numpy as np\nnp.save('states.npy', [p.orbit.state for p in branch.points])\n")
-    run = subprocess.run([sys.executable, path.name], cwd=path.parent, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr + script
-    entry = session.exploration(clutch).entry(walked["key"])
-    (branch,) = entry.result.branches
-    np.testing.assert_array_equal(np.load(path.with_name("states.npy")), [point.orbit.state for point in branch.points])
+    (branch,) = session.exploration(clutch).entry(walked["key"]).result.branches
+    assert_same_branch(run(script)["branch"], branch)
 
 
 def test_a_script_settles_too(client, do, session, model) -> None:
@@ -44,7 +56,7 @@ def test_a_script_settles_too(client, do, session, model) -> None:
     assert "Settled(period 1, settled" in run.stdout
 
 
-def test_a_script_goes_on_from_a_motion_without_period(client, do, session, model) -> None:
+def test_a_script_goes_on_from_a_motion_without_period(client, do, run, session, model) -> None:
     undamped = STOP.replace("damping = [0.05]", "damping = [0.0]").replace("clearance = 1.0", "clearance = 9.0")
     (session.workspace.root / model).write_text(undamped, encoding="utf-8")  # its free vibration never ends
     first = do(model, do="settle", values={"frequency": 0.6})
@@ -52,40 +64,28 @@ def test_a_script_goes_on_from_a_motion_without_period(client, do, session, mode
     assert entry.settled().orbit is None
     second = do(model, do="settle", start={"result": first["key"]}, values={"stop.clearance": 0.2})
     script = client.get("/api/export/script", params={"file": model, "result": second["key"]}).text
-    path = session.workspace.root / "go_on.py"
-    save = "np.save('go_on.npy', [settled01.state, settled02.state])"
-    path.write_text(f"{script}\nimport numpy as np\n{save}\n")
-    run = subprocess.run([sys.executable, path.name], cwd=path.parent, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr + script
+    names = run(script)
     states = [session.exploration(model).entry(each["key"]).settled().state for each in (first, second)]
-    np.testing.assert_allclose(np.load(path.with_name("go_on.npy")), states, rtol=1e-12)
+    np.testing.assert_allclose([names[name].state for name in ("settled01", "settled02")], states, rtol=1e-12)
 
 
-def test_a_script_repeats_the_model_that_it_was_even_after_the_file_was_edited(client, do, session, clutch) -> None:
+def test_a_script_repeats_the_model_that_it_was_after_the_file_was_edited(client, do, run, session, clutch) -> None:
     file = session.workspace.root / clutch
     first = do(clutch, do="compute", values={"stage2.clearance": 0.5, "mean.q1": 0.3})
     assert "stage2.clearance = 0.5" in first["title"]
     file.write_text(CLUTCH.read_text(encoding="utf-8").replace("0.25", "0.26"), encoding="utf-8")
     script = client.get("/api/export/script", params={"file": clutch, "result": first["key"]}).text
-    path = session.workspace.root / "edited.py"
-    path.write_text(f"{script}\nimport numpy as np\nnp.save('edited.npy', [p.orbit.state for p in branch.points])\n")
-    run = subprocess.run([sys.executable, path.name], cwd=path.parent, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr + script
     (branch,) = session.exploration(clutch).entry(first["key"]).result.branches
     assert branch.points[0].orbit.system["stage2.clearance"] == 0.5
-    np.testing.assert_array_equal(np.load(path.with_name("edited.npy")), [point.orbit.state for point in branch.points])
+    assert_same_branch(run(script)["branch"], branch)
 
 
-def test_a_script_of_a_model_with_matrices_beside_it_takes_it_from_the_result(client, do, session) -> None:
+def test_a_script_of_a_model_with_matrices_beside_it_takes_it_from_the_result(client, do, run, session) -> None:
     matrix = session.workspace.root / "k.mtx"
     matrix.write_text("%%MatrixMarket matrix array real general\n1 1\n1.0\n")
     (session.workspace.root / "beside.toml").write_text(STOP.replace("stiffness = [1.0]", 'stiffness = "k.mtx"'))
     first = do("beside.toml", do="compute")
     matrix.write_text("%%MatrixMarket matrix array real general\n1 1\n1.5\n")
     script = client.get("/api/export/script", params={"file": "beside.toml", "result": first["key"]}).text
-    path = session.workspace.root / "beside.py"
-    path.write_text(f"{script}\nimport numpy as np\nnp.save('beside.npy', [p.orbit.state for p in branch.points])\n")
-    run = subprocess.run([sys.executable, path.name], cwd=path.parent, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr + script
     (branch,) = session.exploration("beside.toml").entry(first["key"]).result.branches
-    np.testing.assert_array_equal(np.load(path.with_name("beside.npy")), [point.orbit.state for point in branch.points])
+    assert_same_branch(run(script)["branch"], branch)

@@ -14,11 +14,10 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.explorer.exploration import Exploration
 from gapwalk.explorer.motion_panels import Flows, Quantities, SupersededError
+from gapwalk.explorer.opened_file import Exploration, listed
 from gapwalk.explorer.progress_stream import Events
-from gapwalk.explorer.session import Session
-from gapwalk.explorer.workspace import listed
+from gapwalk.explorer.server_state import Session
 from tests.explorer.conftest import CLUTCH, STOP, about, run_apart, wait
 
 JSON = {"content-type": "application/json"}

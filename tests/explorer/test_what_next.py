@@ -8,8 +8,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.attractors.section import strobe
-from gapwalk.explorer.axis_quantities import contact_quantities, quantity, quantity_words
-from gapwalk.explorer.exploration import Line
+from gapwalk.explorer.diagram_lines import Line, contact_quantities, quantity, quantity_words
 from gapwalk.explorer.motion_panels import special_words
 from gapwalk.explorer.what_next import Stretch, at_point, at_special
 from tests import models

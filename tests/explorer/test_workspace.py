@@ -4,7 +4,7 @@ import os
 import pytest
 
 from gapwalk.errors import ModelError, StoreError
-from gapwalk.explorer.workspace import Workspace, read_records, write_record
+from gapwalk.explorer.workspace_folder import Workspace, read_records, write_record
 
 
 @pytest.fixture

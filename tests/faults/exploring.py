@@ -6,7 +6,7 @@ from pathlib import Path
 
 from starlette.testclient import TestClient
 
-from gapwalk.explorer.session import Session
+from gapwalk.explorer.server_state import Session
 from gapwalk.explorer.web_app import application
 from tests.explorer.conftest import ORIGIN, STOP
 

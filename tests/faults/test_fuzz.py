@@ -25,7 +25,7 @@ from starlette.testclient import TestClient
 
 import gapwalk as gw
 from gapwalk.errors import GapwalkError, StoreError
-from gapwalk.explorer.session import Session
+from gapwalk.explorer.server_state import Session
 from gapwalk.explorer.web_app import application
 from gapwalk.model.model_source import Source, parse_source
 from gapwalk.model.units import QuantityKind, read_quantity

@@ -21,6 +21,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.results.result_file import lock
+from gapwalk.studies.sweep_study import Sweep
 from tests.studies import diagrams, jobs, studies, sweeps
 from tests.studies.same import assert_same_branch, assert_same_result
 
@@ -41,7 +42,7 @@ def _points(path: Path) -> int:
     return len(gw.open_result(path).branches[0].points) - 1
 
 
-def _parts(path: Path) -> Mapping[tuple[str, int], tuple[str, bytes]]:
+def parts_of(path: Path) -> Mapping[tuple[str, int], tuple[str, bytes]]:
     with closing(sqlite3.connect(path)) as connection:
         rows = connection.execute("SELECT name, number, head, arrays FROM part WHERE name NOT IN ('versions', 'seal')")
         return {row[:2]: row[2:] for row in rows}
@@ -73,11 +74,11 @@ def _same_finding(kind: str) -> Callable[[Path], None]:
     @cache
     def undisturbed(again: Path) -> Mapping[tuple[str, int], tuple[str, bytes]]:
         jobs_alone = f"from tests.studies.jobs import main; main({kind!r}, {str(again)!r})"
-        subprocess.run([sys.executable, "-c", jobs_alone], cwd=ROOT, env=_environment(), check=True)
-        return _parts(again)
+        subprocess.run([sys.executable, "-c", jobs_alone], cwd=ROOT, env=environment(), check=True)
+        return parts_of(again)
 
     def check(path: Path) -> None:
-        assert _parts(path) == undisturbed(path.parents[1] / "undisturbed.gapwalk")  # byte for byte
+        assert parts_of(path) == undisturbed(path.parents[1] / "undisturbed.gapwalk")  # byte for byte
 
     return check
 
@@ -89,7 +90,7 @@ def _same_sweep(path: Path) -> None:
 
 
 @cache
-def _undisturbed_sweep() -> gw.Sweep:
+def _undisturbed_sweep() -> Sweep:
     return gw.sweep(*sweeps.FOLDS, **sweeps.options(workers=2))
 
 
@@ -108,7 +109,7 @@ JOBS = {
     **{
         kind: Job(
             f"from tests.studies.jobs import main; main({kind!r}, {{path!r}})",
-            lambda path: len(_parts(path)) - 1,  # the request is no part of the work
+            lambda path: len(parts_of(path)) - 1,  # the request is no part of the work
             _same_finding(kind),
         )
         for kind in ("basins", "regimes")
@@ -134,7 +135,7 @@ def test_no_kill_loses_anything(tmp_path, kind, monkeypatch) -> None:
             kills += was_killed
             complete = "complete" in lines
             path = _last_result(folder) if kind == "explorer" else path
-            _assert_nothing_is_left(path)
+            assert_nothing_is_left(path)
             if kind in ("walk", "explorer") and path.exists():
                 reported = max((int(line) for line in lines if line.isdigit()), default=0)
                 assert job.stored(path) >= reported
@@ -147,7 +148,7 @@ def test_no_kill_loses_anything(tmp_path, kind, monkeypatch) -> None:
     print(f"{kind}: {kills} kills, {rounds} times to the end")
 
 
-def _environment() -> dict[str, str]:
+def environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT}", "MPLBACKEND": "Agg"}
 
 
@@ -159,7 +160,7 @@ def _run_and_kill(code: str, may_kill: bool) -> tuple[list[str], bool]:
         stderr=subprocess.DEVNULL,
         text=True,
         cwd=ROOT,
-        env=_environment(),
+        env=environment(),
         start_new_session=True,
     )
     assert program.stdout is not None
@@ -177,11 +178,11 @@ def _run_and_kill(code: str, may_kill: bool) -> tuple[list[str], bool]:
             program.kill()
     program.stdout.close()
     assert program.wait() == (-signal.SIGKILL if was_killed else 0)
-    _assert_group_ends(program.pid)
+    assert_group_ends(program.pid)
     return lines, was_killed
 
 
-def _assert_group_ends(group: int) -> None:
+def assert_group_ends(group: int) -> None:
     """No worker outlives the program that it worked for."""
     for _ in range(600):
         try:
@@ -192,7 +193,7 @@ def _assert_group_ends(group: int) -> None:
     raise AssertionError("processes are left over")
 
 
-def _assert_nothing_is_left(path: Path) -> None:
+def assert_nothing_is_left(path: Path) -> None:
     """Nobody holds the file."""
     if path.parent.is_dir():
         with lock(path):

@@ -21,6 +21,7 @@ from tests.cli.conftest import MODEL
 from tests.studies.same import assert_same_branch, assert_same_result
 from tests.studies.studies import long_result, long_study, stop_study
 from tests.studies.sweeps import FOLDS, options
+from tests.tiers import some_of
 from tests.waiting import children, ticks, until
 
 LONG = '[study]\nkind = "{kind}"\nparameter = "frequency"\nfrom = 0.7\nto = 1.9\n'
@@ -32,14 +33,14 @@ FULL = """
 import resource, sys
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError
-from tests.studies.studies import long_study
+from tests.studies.studies import stop_study
 reported = 0
 def report(*_):
     global reported
     reported += 1
-resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))
+resource.setrlimit(resource.RLIMIT_FSIZE, (80_000, 80_000))
 try:
-    gw.run(long_study(), sys.argv[1], report=report)
+    gw.run(stop_study(0.005), sys.argv[1], report=report)
 except StoreError as error:
     print(reported, error)
 """
@@ -58,8 +59,8 @@ def test_a_walk_whose_disk_is_full_keeps_what_it_reported_and_goes_on(tmp_path) 
     assert "all that was reported is in the file" in message
     assert os.listdir(tmp_path) == [path.name]
     assert len(gw.open_result(path).branches[0].points) >= int(reported)
-    resumed = gw.run(long_study(), path, resume=True)
-    assert_same_branch(resumed.branches[0], long_result().branches[0])
+    resumed = gw.run(stop_study(0.005), path, resume=True)
+    assert_same_branch(resumed.branches[0], gw.run(stop_study(0.005)).branches[0])
     assert os.listdir(tmp_path) == [path.name]
 
 
@@ -197,7 +198,7 @@ def test_a_file_that_is_gone_is_not_told_as_a_full_disk(tmp_path, code) -> None:
         raise error
 
 
-@pytest.mark.parametrize("kind", ["response", "diagram"])
+@pytest.mark.parametrize("kind", some_of(["response", "diagram"], "response"))
 def test_sigterm_keeps_what_was_found_and_says_how_to_go_on(tmp_path, kind) -> None:
     text = MODEL.partition("[study]")[0] + LONG.format(kind=kind) + ("workers = 2\n" if kind == "diagram" else "")
     (tmp_path / "long.toml").write_text(text + SMALL_STEPS)

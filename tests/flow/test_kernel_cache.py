@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gapwalk.ensemble import BatchOptions, batch_flow_of, kernel
-from gapwalk.ensemble.kernel import kernel_file
+from gapwalk.ensemble import BatchOptions, batch_flow_of
+from gapwalk.ensemble import kernel_source as kernel
+from gapwalk.ensemble.kernel_source import kernel_file
 from tests.systems import clutch
 
 STATES = np.array([[0.5, 0.1, 1.0, -0.2], [-2.0, 0.0, 0.3, 0.4]])
@@ -87,7 +88,7 @@ def test_a_folder_that_cannot_be_made_is_done_without(tmp_path: Path, monkeypatc
 
 
 def test_only_so_many_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gapwalk.ensemble.kernel._MOST", 2)
+    monkeypatch.setattr("gapwalk.ensemble.kernel_source._MOST", 2)
     files = []
     for number in range(4):
         file = kernel_file(f"text {number}", folder=tmp_path / "kernels")

@@ -126,3 +126,19 @@ def test_modes_wait_while_all_that_moves_them_is_held(held: str) -> None:
         ends.append(flow_of(moved).integrate(coefficients_of(moved), np.zeros(4), 0.0, 8.0 * math.pi))
     assert len(ends[0].slips) == len(ends[1].slips) > 8
     np.testing.assert_allclose(ends[0].state, ends[1].state, atol=1e-5)
+
+
+def test_a_motion_is_found_from_rest_beside_a_place_without_a_slope() -> None:
+    """A shaft in a clearance all around: the circle of the form of its force that has a slope at the centre."""
+    law, other = "k*max(sqrt(a*a+b*b)-g,0)*C/sqrt(a*a+b*b)", "k*(1 - g/sqrt(max(a**2 + b**2, g**2)))*C"
+    states = []
+    for formula in (law, other):
+        forces = [
+            gw.force(f"b{name}", {"a": {"x": 1.0}, "b": {"y": 1.0}}, formula.replace("C", name),
+                     acts_on={coordinate: 1.0}, k=20.0, g=0.3)
+            for name, coordinate in (("a", "x"), ("b", "y"))
+        ]  # fmt: skip
+        turning = [gw.Harmonic(0.5, {"x": 1.0}, name="h"), gw.Harmonic(0.5, {"y": 1.0}, phase=1.5, name="v")]
+        system = gw.System(["x", "y"], np.eye(2), 0.1 * np.eye(2), contacts=forces, harmonics=turning, frequency=0.7)
+        states.append(gw.find_orbit(system).state)
+    assert states[0] == pytest.approx(states[1], rel=1e-9)

@@ -15,7 +15,8 @@ from gapwalk.model.coefficients import coefficients_of, varying
 from gapwalk.model.contact import Contact, Side, Stage
 from gapwalk.model.loads import Harmonic
 from gapwalk.model.system import System
-from tests.sampled_verification import SAMPLED, verified
+from tests.sampled_verification import verified
+from tests.tiers import in_campaign
 
 
 def chain(size: int, seed: int = 0, *, law: str = "hunt-crossley", damping: float = 0.05, **numbers: float) -> System:
@@ -145,10 +146,10 @@ def test_what_is_not_linear_keeps_its_series() -> None:
     assert flow_of(linear, "frequency", transition=True).is_linear
 
 
-@pytest.mark.parametrize("sampled", SAMPLED)
-def test_a_branch_of_a_long_chain_is_verified(sampled: int) -> None:
+@pytest.mark.parametrize(("walk", "sampled"), [(gw.WalkOptions(largest_step=0.1), 2), in_campaign(gw.WalkOptions(), 0)])
+def test_a_branch_of_a_long_chain_is_verified(walk: gw.WalkOptions, sampled: int) -> None:
     system = chain(10, 1)
-    branch = gw.follow(gw.find_orbit(system), "frequency", 0.7)
+    branch = gw.follow(gw.find_orbit(system), "frequency", 0.7, walk=walk)
     assert flow_of(system, "frequency", transition=True).is_linear
     assert branch.special_points
     assert verified(branch, sampled).ok

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from gapwalk import find_orbit, integrate, paper
-from gapwalk.ensemble import BatchOptions, batch_flow_of, kernel
+from gapwalk.ensemble import BatchOptions, batch_flow_of
 from gapwalk.ensemble import force_source as chunks
+from gapwalk.ensemble import kernel_source as kernel
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model import Contact, Harmonic, Stage, System

@@ -77,7 +77,7 @@ def test_no_two_signals_have_one_name() -> None:
         histories = [motion.signal(name) for name in names]
         for place, name in enumerate(names):
             same = [names[k] for k, other in enumerate(histories) if np.array_equal(other, histories[place])]
-            assert same == [name]
+            assert {each.replace(".acceleration", "''") for each in same} == {name.replace(".acceleration", "''")}
     assert system.units is not None
     assert system.units.signal("clutch.force")[1] == "N m"
 

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 import gapwalk as gw
 from gapwalk.errors import ConvergenceError, ModelError
-from gapwalk.free.rest_walk import BORDER, CROSSING, Rests
+from gapwalk.free.equilibrium_walk import BORDER, CROSSING, Rests
 
 
 def kinds(rests: Rests) -> list[str]:

@@ -15,6 +15,7 @@ from gapwalk.free.free_shooting import FreeOrbit
 from gapwalk.free.self_excitation import SelfExcited, _exact, _shortest
 from gapwalk.orbit.orbit import sensitivity
 from gapwalk.verification import Ledger, verify_branches
+from tests.tiers import in_campaign
 
 VAN_DER_POL = 6.6632868593231301896996820305  # its period at mu = 1
 
@@ -79,7 +80,8 @@ def test_verification_passes_and_finds_a_fault(found):
     assert not gw.verify(moved_rest).ok
 
 
-def test_motions_end_at_the_second_hopf_point():
+@pytest.mark.parametrize("is_verified", [False, in_campaign(True)])
+def test_motions_end_at_the_second_hopf_point(is_verified):
     """Damping ``x^2 - p (1 - p)``: motions of amplitude ``2 sqrt(p (1 - p))`` at first order, between p = 0 and 1."""
     damper = gw.force("damper", {"x": 1.0}, "(x*x - p*(1 - p))*v", p=0.5)
     found = gw.free.self_excited(gw.System(["x"], [1.0], contacts=[damper]), "damper.p", (-0.5, 1.5))
@@ -87,7 +89,7 @@ def test_motions_end_at_the_second_hopf_point():
     (cycle,) = found.cycles  # the second Hopf point is its end
     assert cycle.ends[-1].reason is EndReason.AT_REST
     assert cycle.ends[-1].detail == "near damper.p = 1"
-    assert gw.verify(found).ok
+    assert not is_verified or gw.verify(found).ok
 
 
 def test_a_subcritical_hopf_point_and_the_fold():
@@ -309,7 +311,7 @@ def _leaving(cubic: float) -> float:
     return float(brentq(work, 0.5, 4.0, xtol=1e-13))
 
 
-@pytest.mark.parametrize(("cubic", "unit"), [(0.0, 1.0), (1.0, 1.0), (0.3, 1e3), (0.0, 1e-6)])
+@pytest.mark.parametrize(("cubic", "unit"), [(0.0, 1.0), in_campaign(1.0, 1.0), (0.3, 1e3), in_campaign(0.0, 1e-6)])
 def test_motions_leave_a_centre_where_small_damping_does_no_work(cubic: float, unit: float) -> None:
     law = "mu*((x/u)**2 - 1)*v + c*(x/u)**2*x"
     damper = gw.force("damper", {"x": 1.0}, law, mu=-0.5, c=cubic, u=unit)

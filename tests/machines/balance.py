@@ -141,16 +141,6 @@ def order_one(coordinate=0):
     return of
 
 
-def rms_of_coefficients(coordinate=0):
-    """Half the sum of squares of all coefficients, and its root: NLvib's rms, in which the mean counts half."""
-
-    def of(balance, x):
-        q = x[:-1].reshape(-1, len(balance.mass))[:, coordinate]
-        return np.sqrt(q @ q / 2)
-
-    return of
-
-
 def geometric_force(q):
     """See `equations.geometric`."""
     one, two = 1.13**2, 4.0

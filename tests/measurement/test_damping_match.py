@@ -20,12 +20,7 @@ def held(mean: float = 2.0, load: float = 0.1, frequency: float = 0.8) -> System
         "stop", {"x": 1.0}, (Stage(0.5, 1.0, side=Side.POSITIVE),), None, "hunt-crossley", {"impact_damping": 0.1}
     )
     return System(
-        ("x",),
-        [[0.0]],
-        contacts=[stop],
-        mean={"x": mean},
-        harmonics=[Harmonic(load, {"x": 1.0})],
-        frequency=frequency,
+        ("x",), [[0.0]], contacts=[stop], mean={"x": mean}, harmonics=[Harmonic(load, {"x": 1.0})], frequency=frequency
     )
 
 

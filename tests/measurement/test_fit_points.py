@@ -10,7 +10,7 @@ import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import ModelFileError
-from gapwalk.studies.measure import read_measured_model
+from gapwalk.studies.measurement_fit import read_measured_model
 from tests.models import CLUTCH
 from tests.systems import clutch
 

@@ -9,7 +9,8 @@ from scipy.io import savemat
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.measurement.measured_record import MAX_SAMPLES, mat_variables
+from gapwalk.measurement.measured_record import MAX_SAMPLES
+from gapwalk.model.channels.channel_file import open_channels
 
 TIME = np.arange(40) * 0.1
 
@@ -92,12 +93,10 @@ def test_files_that_are_no_records_are_refused(tmp_path) -> None:
     with pytest.raises(ModelError, match="not UTF-8 text"):
         gw.measure.read_measurement(tmp_path / "x.csv")
     for content, told in (
-        (b"MATLAB 5.0 MAT-file" + b"\x01" * 300, "not a MAT file of version 5 to 7"),
-        (
-            b"MATLAB 7.3 MAT-file, by" + b" " * 300,
-            r"of version 7.3, which cannot be read; save it with save\(..., '-v7'\)",
-        ),
-        (b" " * 126 + b"IM" + b"\x0e\x00\x00\x00\x10\x00\x00\x00", "a damaged MAT file"),
+        (b"MATLAB 5.0 MAT-file" + b"\x01" * 300, r"its name ends in \.mat, as that of a MAT file .* as a text file"),
+        (b"MATLAB 7.3 MAT-file, by" + b" " * 300, "it is an HDF5 file that cannot be read"),
+        (b" " * 126 + b"IM" + b"\x0e\x00\x00\x00\x10\x00\x00\x00", "a MAT file .* that cannot be read"),
+        (b"time,acceleration\n1,2\n", r"it begins as a text file \('time,acceleration'\); give it the ending \.csv"),
     ):
         (tmp_path / "x.mat").write_bytes(content)
         with pytest.raises(ModelError, match=told):
@@ -109,12 +108,12 @@ def test_files_that_are_no_records_are_refused(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("value", "told"),
     [
-        (np.ones((5, 8)), r"of class double and shape \(5, 8\); it must be a vector of real numbers"),
+        (np.ones((5, 8)), r"of class double and shape \(5, 8\), and no vector of real numbers"),
         (np.ones(40) + 1j, "of class complex double"),
         ("words", "of class char"),
         ({"x": 1.0}, "of class struct"),
         (np.zeros(MAX_SAMPLES + 1, dtype=np.int8), "has 200,001 samples; give at most 200,000"),
-        (np.ones(39), "acceleration has 39 samples, but time has 40"),
+        (np.ones(39), "time has 40 samples, but acceleration has 39 samples"),
     ],
 )
 def test_a_mat_file_with_something_else_is_refused_before_it_is_unpacked(tmp_path, value, told) -> None:
@@ -131,11 +130,12 @@ def test_numbers_of_every_class_are_those_that_scipy_wrote(tmp_path, compressed)
     written = {f"a_{kind}_{'x' * place}": np.arange(3 + place).astype(kind) for place, kind in enumerate(kinds)}
     path = tmp_path / "r.mat"
     savemat(path, {**written, "text": "words", "cell": np.array([1, "a"], dtype=object)}, do_compression=compressed)
-    found = mat_variables(path.read_bytes())
-    assert set(found) == {*written, "text", "cell"}
-    for name, values in written.items():
-        np.testing.assert_array_equal(found[name].values(), values)
-        assert (found[name].shape, found[name].is_complex) == ((1, len(values)), False)
+    with open_channels(path, "") as file:
+        names = [head.name for head in file.heads]
+        assert set(names) == {*written, "text", "cell"}
+        for name, values in written.items():
+            assert file.heads[names.index(name)].count == len(values)
+            np.testing.assert_array_equal(file.read(names.index(name)), values)
 
 
 @pytest.mark.parametrize("compressed", [True, False])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.answers.speed_course import SpeedCourse
+from gapwalk.answers.run_up import SpeedCourse
 from gapwalk.attractors.spectrum import Waterfall
 from gapwalk.errors import ModelError
 from gapwalk.measure import read_run_up

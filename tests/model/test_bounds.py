@@ -38,13 +38,7 @@ def checked_records() -> list[type]:
     for info in pkgutil.walk_packages(gapwalk.__path__, "gapwalk."):
         if info.name.split(".")[1] not in APART:
             for each in vars(importlib.import_module(info.name)).values():
-                check_ = getattr(getattr(each, "__post_init__", None), "__code__", None)
-                if (
-                    isinstance(each, type)
-                    and dataclasses.is_dataclass(each)
-                    and check_
-                    and "check_fields" in check_.co_names
-                ):
+                if isinstance(each, type) and dataclasses.is_dataclass(each) and _checks(each):
                     found[each.__qualname__] = each
     return [*found.values()]
 

@@ -179,6 +179,9 @@ def test_a_value_that_feeds_energy_in_is_refused_later_too(name: str, value: flo
         system.at({name: value})
 
 
+PRESSED = BRAKE + 'coefficient = 0.3\nnormal = "stop"\n'
+RIGID = STOP + 'clearance = 0.5\nstiffness = "rigid"\n'
+HARD, SPRINGY = STAGE.format(0.5, '"rigid"'), STAGE.format(0.5, 3.0)
 MISTAKES = [
     (BRAKE, '"brake" has no limit; write limit = ..., the force in slip'),
     (BRAKE + "limit = -1.0\n", '"brake".limit is -1.0; it must be >= 0'),
@@ -202,19 +205,10 @@ MISTAKES = [
         "'stp', which is no contact with a clearance; did you mean stop",
     ),
     (BRAKE + 'coefficient = 0.3\nnormal = "brake"\n', "which is friction itself"),
-    (
-        BRAKE + 'coefficient = 0.3\nnormal = "stop"\n' + SOFT + "viscous_damping = 0.1\n",
-        "may pull as the contact opens",
-    ),
-    (BRAKE + 'coefficient = 0.3\nnormal = "stop"\n' + SOFT + "cubic = -0.1\n", "may pull, for its cubic"),
-    (BRAKE + 'coefficient = 0.3\nnormal = "stop"\n' + SOFT + 'law = "piecewise"\npreload = -0.1\n', "for its preload"),
-    (
-        BRAKE
-        + 'coefficient = 0.3\nnormal = "stop"\n'
-        + STOP
-        + 'clearance = 0.5\nstiffness = "rigid"\nrestitution = 0.5\n',
-        "which is rigid: its force is a reaction",
-    ),
+    (PRESSED + SOFT + "viscous_damping = 0.1\n", "may pull as the contact opens"),
+    (PRESSED + SOFT + "cubic = -0.1\n", "may pull, for its cubic"),
+    (PRESSED + SOFT + 'law = "piecewise"\npreload = -0.1\n', "for its preload"),
+    (PRESSED + RIGID + "restitution = 0.5\n", "which is rigid: its force is a reaction"),
     (
         BRAKE + 'coefficient = 0.3\nnormal = "wind"\n[[force]]\nname = "wind"\nlaw = "k*x"\nk = 1.0\n'
         "deflection = { x = 1.0 }\n",
@@ -237,55 +231,33 @@ MISTAKES = [
     (SOFT + "hysteresis = 0.1\nhysteresis_stiffness = 0.0\n", "stiffness is 0; it must be > 0"),
     (SOFT + "friction = 0.2\n", "write hysteresis = ..., the limit of friction beside these springs"),
     (STOP + 'clearance = 0.5\nlaw = "rigid"\nrestitution = 0.8\nhysteresis = 0.2\n', "leave hysteresis out"),
-    (STOP + 'clearance = 0.5\nstiffness = "rigid"\n', "restitution is missing beside the stiffness"),
+    (RIGID, "restitution is missing beside the stiffness"),
     (STOP + 'clearance = 0.5\nlaw = "rigid"\n', "restitution is missing"),
-    (STOP + 'clearance = 0.5\nstiffness = "rigid"\nrestitution = 1.2\n', "it must lie between 0 and 1"),
-    (
-        STOP + 'clearance = 0.5\nstiffness = "rigid"\nrestitution = -0.2\n',
-        '"stop".restitution is -0.2; it must be >= 0',
-    ),
+    (RIGID + "restitution = 1.2\n", "it must lie between 0 and 1"),
+    (RIGID + "restitution = -0.2\n", '"stop".restitution is -0.2; it must be >= 0'),
     (STOP + 'stiffness = "rigid"\nrestitution = 0.2\n', '"stop".clearance is missing'),
     (STOP + 'clearance = 0.5\nstiffness = "stiff"\nrestitution = 0.2\n', 'or "rigid" for a rigid stop'),
     (STOP + 'clearance = 0.0\nstiffness = "rigid"\nrestitution = 0.2\n', "so that stop locks its deflection"),
     (SOFT + "restitution = 0.2\n", 'the contact is rigid; write stiffness = "rigid", or leave those out'),
+    (RIGID + "restitution = 0.8\ncubic = 1.0\n", "cubic is 1.0, but the stage is rigid"),
+    (RIGID + 'restitution = 0.8\nlaw = "viscous"\nviscous_damping = 0.1\n', 'restitution is 0.8, but law is "viscous"'),
+    (RIGID + "restitution = 0.8\nforce = { x = -1.0 }\n", "an impact would feed energy in"),
+    (STOP + SPRINGY + "restitution = 0.5\n", "the stage is a spring"),
+    (STOP + HARD + STAGE.format(1.0, 3.0), "restitution is missing"),
+    (STOP + HARD + "restitution = 1.5\n", "it must be <= 1"),
+    (STOP + HARD + "restitution = 0.5\nhysteresis = 0.1\n", "leave it out"),
     (
-        STOP + 'clearance = 0.5\nstiffness = "rigid"\nrestitution = 0.8\ncubic = 1.0\n',
-        "cubic is 1.0, but the stage is rigid",
-    ),
-    (
-        STOP + 'clearance = 0.5\nstiffness = "rigid"\nrestitution = 0.8\nlaw = "viscous"\nviscous_damping = 0.1\n',
-        'restitution is 0.8, but law is "viscous"',
-    ),
-    (
-        STOP + 'clearance = 0.5\nstiffness = "rigid"\nrestitution = 0.8\nforce = { x = -1.0 }\n',
-        "an impact would feed energy in",
-    ),
-    (STOP + STAGE.format(0.5, 3.0) + "restitution = 0.5\n", "the stage is a spring"),
-    (STOP + STAGE.format(0.5, '"rigid"') + STAGE.format(1.0, 3.0), "restitution is missing"),
-    (STOP + STAGE.format(0.5, '"rigid"') + "restitution = 1.5\n", "it must be <= 1"),
-    (STOP + STAGE.format(0.5, '"rigid"') + "restitution = 0.5\nhysteresis = 0.1\n", "leave it out"),
-    (
-        STOP + STAGE.format(0.5, '"rigid"') + "restitution = 0.5\n" + STAGE.format(1.0, 3.0),
+        STOP + HARD + "restitution = 0.5\n" + STAGE.format(1.0, 3.0),
         "the stage beyond the rigid one on the positive side is never reached",
     ),
     (
-        STOP
-        + STAGE.format(0.5, '"rigid"')
-        + 'side = "positive"\nrestitution = 0.5\n'
-        + STAGE.format(0.5, '"rigid"')
-        + 'side = "negative"\nrestitution = 0.6\n',
+        STOP + HARD + 'side = "positive"\nrestitution = 0.5\n' + HARD + 'side = "negative"\nrestitution = 0.6\n',
         "its rigid stages have the restitutions 0.5 and 0.6; write two contacts, one for each side",
     ),
-    (
-        STOP + STAGE.format(0.5, 3.0) + "hysteresis = 0.1\nhysteresis_stiffness = 0.5\n",
-        "write it above the tables of the stages",
-    ),
-    (STOP + "restitution = 0.8\n" + STAGE.format(0.5, 3.0), "restitution is 0.8, but a stage has a stiffness"),
+    (STOP + SPRINGY + "hysteresis = 0.1\nhysteresis_stiffness = 0.5\n", "write it above the tables of the stages"),
+    (STOP + "restitution = 0.8\n" + SPRINGY, "restitution is 0.8, but a stage has a stiffness"),
     (SOFT + "hysteresis = 0.1\n" + BRAKE.replace("brake", "stop_friction") + "limit = 0.1\n", "is taken already"),
-    (
-        BRAKE.replace("brake", "a") + "limit = 0.1\n" + SOFT.replace('"stop"', '"a"') + "\n",
-        "is taken already",
-    ),
+    (BRAKE.replace("brake", "a") + "limit = 0.1\n" + SOFT.replace('"stop"', '"a"') + "\n", "is taken already"),
 ]
 
 

@@ -6,8 +6,10 @@ from scipy.linalg import eigvalsh
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
+from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.modes import dissipation_doubts
 from tests.gyroscopic import eigenvalues, gyroscopic_system
+from tests.results.again import again
 
 ROTOR = [[0.02, 1.0], [-1.0, 0.02]]
 
@@ -166,3 +168,69 @@ def test_what_turns_and_is_held_keeps_its_gyroscopic_terms() -> None:
     rest = gw.System(["b", "c"], STIFFNESS[1:, 1:], turning[1:, 1:], MASS[1:, 1:])
     np.testing.assert_allclose(stuck.frequencies, eigenvalues(rest), atol=1e-6)
     assert np.abs(stuck.shapes[0]).max() == 0.0
+
+
+DISC = {"mass": np.diag([0.2, 0.2]), "gyroscopic": [[0.0, 0.12], [-0.12, 0.0]]}
+
+
+@pytest.mark.parametrize("pace", [0.3, 1.0, 4.0])
+def test_whirls_of_a_disc_that_tilts_are_those_of_the_closed_form(pace: float) -> None:
+    """I phi'' - i W Ip phi' + k phi = 0 with phi = x + i y: forward and backward whirl, at each speed."""
+    system = gw.System(["x", "y"], np.diag([1.5, 1.5]), frequency=pace, **DISC)
+    root = np.sqrt((0.12 * pace) ** 2 + 4.0 * 0.2 * 1.5)
+    expected = sorted((root + sign * 0.12 * pace) / 0.4 for sign in (-1.0, 1.0))
+    np.testing.assert_allclose(gw.find_modes(system, "open").frequencies, expected, rtol=1e-12)
+
+
+def test_unbalance_is_largest_at_the_critical_speed_of_the_closed_form() -> None:
+    """Forward whirl meets the speed where W**2 (I - Ip) = k; backward whirl is not excited by unbalance."""
+    around = [gw.Harmonic(0.01, {"x": 1.0}, name="h"), gw.Harmonic(0.01, {"y": 1.0}, phase=-np.pi / 2, name="v")]
+    damping = np.diag([0.002, 0.002])
+    system = gw.System(["x", "y"], np.diag([1.5, 1.5]), damping, harmonics=around, frequency=4.0, **DISC)
+    branch = gw.follow(gw.find_orbit(system), "frequency", to=5.0)
+    curve = {point.orbit.system.frequency: point.orbit.extremes[0, 0] for point in branch.points}
+    paces = np.array([*curve])
+    expected = 0.01 / np.abs(1.5 - paces**2 * (0.2 - 0.12) + 0.002j * paces)  # of the forward whirl alone
+    np.testing.assert_allclose([*curve.values()], expected, rtol=1e-9)
+    assert paces[np.argmax([*curve.values()])] == pytest.approx(np.sqrt(1.5 / 0.08), rel=2e-3)
+
+
+def test_what_grows_with_the_frequency_is_stored_continued_and_differentiated() -> None:
+    """The same equations by matrices and by formulas of W; each number and the frequency have exact slopes."""
+    loads = [gw.Harmonic(0.3, {"x": 1.0})]
+    matrices = {"centrifugal": np.diag([0.2, 0.0]), **DISC}
+    made = gw.System(["x", "y"], np.diag([1.5, 1.8]), np.diag([0.1, 0.1]), harmonics=loads, **matrices)
+    forces = [
+        gw.force("gx", {"y": 1.0}, "g*W*v", acts_on={"x": 1.0}, g=0.12),
+        gw.force("gy", {"x": 1.0}, "-g*W*v", acts_on={"y": 1.0}, g=0.12),
+        gw.force("c", {"x": 1.0}, "h*W**2*x", h=0.2),
+    ]
+    formulas = gw.System(
+        ["x", "y"], np.diag([1.5, 1.8]), np.diag([0.1, 0.1]), DISC["mass"], forces, harmonics=loads,
+        over_speed={"c.h": "1 + W - W"},
+    )  # fmt: skip
+    for pace in (0.7, 2.0):
+        first, second = (gw.find_orbit(each.at(frequency=pace)).state for each in (made, formulas))
+        np.testing.assert_allclose(first, second, atol=1e-12)
+    assert again(made) == made
+    assert again(formulas) == formulas
+    assert forces[0].law.title == "g*W*v"
+    for system in (made, formulas):
+        for name in ("frequency", "stiffness.x.x", "gyroscopic.x.y" if system is made else "c.h"):
+            line, value = ParameterLine(system, name), system[name]
+            slopes = [line.coefficients(value + step)[0] for step in (1e-6, -1e-6)]
+            np.testing.assert_allclose(line.coefficients(value)[1], (slopes[0] - slopes[1]) / 2e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"gyroscopic": [[0.0]]}, "gyroscopic"),
+        ({"over_speed": {"stiffness.x.z": "W"}}, "there is no parameter 'stiffness.x.z'"),
+        ({"over_speed": {"stiffness.x.x": "1 + a*W"}}, "a is unknown in it; its names are W"),
+        ({"over_speed": {"stiffness.x.x": "abs(W - 1)"}}, "which has a kink"),
+    ],
+)
+def test_a_mistake_of_what_grows_is_told(changes, message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        gw.System(["x", "y"], np.eye(2), **changes)

@@ -35,10 +35,10 @@ def settled(force, frequency: float, periods: int = 60) -> np.ndarray:
 def test_a_gap_beside_the_zero_position_is_counted_from_its_middle() -> None:
     with pytest.raises(ModelFileError, match="take the stiffness matrix times this position from the mean load"):
         plain('[[contact]]\nname = "c"\ndeflection = { x = 1.0 }\nside = "positive"\nclearance = -0.15\nstiffness = 50')
-    with pytest.raises(ModelError, match=r"For a gap from 0\.15 to 0\.35 write clearance"):
+    with pytest.raises(ModelError, match=r"for one from 0\.15 to 0\.35 write clearance"):
         gw.System(["x"], [[1.0]], contacts=[gw.Contact("c", {"x": 1.0}, [gw.Stage(-0.15, 50.0)])])
     system = plain('[[contact]]\nname = "c"\ndeflection = { x = 1.0 }\nclearance = 0.1\nstiffness = 50', mean=-0.25)
-    with pytest.raises(ModelError, match=r"For a gap from 0\.15 to 0\.35"):
+    with pytest.raises(ModelError, match=r"for one from 0\.15 to 0\.35"):
         system.at({"c.clearance": -0.15})
 
     def force(t: float, x: float) -> float:

@@ -12,7 +12,7 @@ import gapwalk as gw
 from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.cli import main
 from gapwalk.errors import ModelError
-from gapwalk.explorer.plan import method_of
+from gapwalk.explorer.request_tasks import method_of
 from gapwalk.orbit import Method, Orbit, ShootingEquation, register
 from gapwalk.orbit.method import METHODS, chosen
 from gapwalk.studies.response_study import ResponseOptions
@@ -141,10 +141,7 @@ def test_a_model_file_and_the_command_line_know_its_name(tmp_path, monkeypatch, 
 
 
 def test_an_exploration_goes_on_as_an_orbit_was_found(branch):
-    orbit, options = (
-        branch.points[3].orbit,
-        ResponseOptions("frequency", 0.85, 0.6, "half.q1", method=Relay(3)),
-    )
+    orbit, options = (branch.points[3].orbit, ResponseOptions("frequency", 0.85, 0.6, "half.q1", method=Relay(3)))
     assert method_of(orbit, gw.Study(clutch(), options)) == Relay(3)
     assert method_of(orbit, gw.Study(clutch(), replace(options, method=gw.Balance()))) == Relay()
     assert method_of(gw.find_orbit(clutch(frequency=0.85)), gw.Study(clutch(), options)) == gw.Shooting()

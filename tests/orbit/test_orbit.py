@@ -101,10 +101,7 @@ def test_multipliers_do_not_depend_on_the_number_of_segments(frequency):
 
 
 @settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(
-    system=random_systems(laws=("elastic", "viscous", "hunt-crossley")),
-    segments=st.integers(2, 5),
-)
+@given(system=random_systems(laws=("elastic", "viscous", "hunt-crossley")), segments=st.integers(2, 5))
 def test_random_systems_have_orbits_that_close(system, segments):
     try:
         orbit = find_orbit(system)

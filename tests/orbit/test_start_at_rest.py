@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 import gapwalk as gw
-from gapwalk.ensemble.start import state_at_rest
+from gapwalk.ensemble.batch_flow import state_at_rest
 from gapwalk.flow.motion import integrate
 
 GAP, DRAG, BASE, BOUNCE = 0.1, 0.02, 0.75, 0.7

@@ -9,15 +9,15 @@ from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError
 from gapwalk.orbit.orbit import stroboscopic
 from gapwalk.plot import draw, save
-from gapwalk.plot.diagrams import births_of, crowded_range
+from gapwalk.plot.branches import births_of, crowded_range
 from gapwalk.plot.picture import picture_of
 from gapwalk.plot.style import period_color
-from tests.studies.diagrams import clutch_diagram
+from tests.studies.diagrams import clutch_loop
 
 
 @pytest.fixture(scope="module")
 def result() -> gw.Result:
-    return gw.run(clutch_diagram())
+    return clutch_loop()
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +115,7 @@ def test_a_crowd_is_enlarged_by_itself(result) -> None:
 
 
 def test_many_loops_have_no_names(result, monkeypatch) -> None:
-    monkeypatch.setattr("gapwalk.plot.diagrams._NAMED", 0)
+    monkeypatch.setattr("gapwalk.plot.branches._NAMED", 0)
     assert [text.get_text() for text in picture_of(result).axes[1].texts] == ["b"]
 
 

@@ -7,12 +7,13 @@ import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.plot.branches import pieces_of
 from gapwalk.plot.picture import picture_of
+from gapwalk.studies.branch_family import Family
 from tests.studies.families import second_resonance
 from tests.systems import clutch
 
 
 @pytest.fixture(scope="module")
-def family() -> gw.Family:
+def family() -> Family:
     return second_resonance()
 
 
@@ -56,7 +57,7 @@ def test_the_legend_tells_what_there_is() -> None:
 
 
 def test_a_family_without_branches_has_no_picture(family) -> None:
-    empty = gw.Family(family.system, family.parameter, family.within, family.over)
+    empty = Family(family.system, family.parameter, family.within, family.over)
     with pytest.raises(ModelError, match="there is nothing to draw"):
         picture_of(empty)
     with pytest.raises(ModelError, match="q9"):

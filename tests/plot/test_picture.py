@@ -14,13 +14,14 @@ from matplotlib.figure import Figure
 
 import gapwalk as gw
 from gapwalk.bifurcation.detector import Unexplained
+from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError
 from gapwalk.plot import picture
 from gapwalk.plot.picture import begin, new_sheet, picture_of, write_legend
 from gapwalk.plot.style import UNEXPLAINED, sized, stroke
 from gapwalk.studies.settle_study import SettleStudyOptions
-from tests.studies.diagrams import clutch_diagram
-from tests.studies.maps import clutch_map
+from tests.studies.diagrams import clutch_loop
+from tests.studies.maps import resonance
 from tests.studies.studies import stop_study
 
 
@@ -98,7 +99,7 @@ def test_no_empty_window_stays_open_after_an_error(branch) -> None:
     with pytest.raises(ModelError, match="no measure"):
         branch.plot("loudness.x")
     with pytest.raises(ModelError, match="nothing to draw"):
-        gw.plot.draw(gw.Diagram("frequency", (0.1, 0.2)))
+        gw.plot.draw(Diagram("frequency", (0.1, 0.2)))
     assert plt.get_fignums() == before
 
 
@@ -140,7 +141,7 @@ def test_panels_of_your_own_are_laid_out_once(branch) -> None:
 
 
 def test_a_diagram_shows_its_states_in_axes_of_your_own() -> None:
-    diagram = gw.run(clutch_diagram()).diagram
+    diagram = clutch_loop().diagram
     ax = Figure(layout="constrained").add_subplot()
     assert diagram.plot("q3", ax=ax, within=(0.68, 0.69)) is ax
     assert ax.get_ylabel() == "q3(0), once every forcing period"
@@ -152,7 +153,7 @@ def test_a_diagram_shows_its_states_in_axes_of_your_own() -> None:
 
 
 def test_a_diagram_has_question_marks_where_something_was_missed() -> None:
-    diagram = gw.run(clutch_diagram()).diagram
+    diagram = clutch_loop().diagram
     member = next(member for member in diagram.members if member.period == 2)
     marked = replace(member, branch=unexplained(member.branch, 5))
     figure = picture_of(replace(diagram, members=tuple(marked if each is member else each for each in diagram.members)))
@@ -165,7 +166,7 @@ def test_a_diagram_has_question_marks_where_something_was_missed() -> None:
 
 
 def test_a_map_has_question_marks_on_its_sections() -> None:
-    chart = gw.run(clutch_map()).map
+    chart = resonance().map
     first, *others = chart.sections
     branch = first.branches[0]
     section = replace(first, branches=(unexplained(branch, 3), *first.branches[1:]))
@@ -192,9 +193,10 @@ def test_the_style_can_be_used_for_other_pictures() -> None:
         assert mpl.rcParams["svg.hashsalt"] == "gapwalk"
 
 
-def test_nothing_is_loaded_before_something_is_drawn() -> None:
+def test_nothing_is_loaded_before_something_is_drawn_and_files_need_no_pyplot(tmp_path) -> None:
     program = (
         "import sys, gapwalk as gw; gw.plot; assert 'matplotlib' not in sys.modules; "
-        "gw.plot.draw; assert 'matplotlib.pyplot' not in sys.modules"
+        "from tests.studies.studies import run, stop_study; save = gw.plot.save; result = run(stop_study(end=0.8)); "
+        f"save(result, {str(tmp_path / 'a.png')!r}); assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", program], check=True, cwd=Path(__file__).parents[2])

@@ -6,12 +6,13 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
 import gapwalk as gw
-from tests.studies.diagrams import clutch_diagram
+from gapwalk.bifurcation.diagram import Diagram
+from tests.studies.diagrams import clutch_loop
 
 
 @pytest.fixture(scope="module")
 def result() -> gw.Result:
-    return gw.run(clutch_diagram())
+    return clutch_loop()
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +125,7 @@ def test_states_that_there_are_not_are_refused(diagram) -> None:
     with pytest.raises(gw.errors.ModelError, match="no coordinate 'q2'"):
         gw.plot.draw(diagram, "q2", ax=Figure().add_subplot())
     with pytest.raises(gw.errors.ModelError, match="no branches yet"):
-        gw.plot.draw(gw.Diagram("frequency", (0.1, 1.0)), ax=Figure().add_subplot())
+        gw.plot.draw(Diagram("frequency", (0.1, 1.0)), ax=Figure().add_subplot())
 
 
 def test_a_range_without_motions_is_empty_axes(diagram) -> None:

@@ -7,15 +7,14 @@ import pytest
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 
-import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.plot import draw
 from gapwalk.plot.picture import picture_of
-from gapwalk.studies.sweep_study import Lane, Way
+from gapwalk.studies.sweep_study import Lane, Sweep, Way
 from tests.systems import clutch
 
 
-def sweep_of(regimes: list[list[str]], points: int = 20, ways=(Way.UP, Way.DOWN)) -> gw.Sweep:
+def sweep_of(regimes: list[list[str]], points: int = 20, ways=(Way.UP, Way.DOWN)) -> Sweep:
     """A sweep with made-up section points."""
     shape = len(regimes), len(regimes[0])
     sections = np.random.default_rng(1).normal(size=(*shape, points, 4))
@@ -24,7 +23,7 @@ def sweep_of(regimes: list[list[str]], points: int = 20, ways=(Way.UP, Way.DOWN)
     lanes = tuple(Lane(way, start, np.zeros(4)) for way, start in zip([*ways] * max(starts), starts, strict=False))
     values = np.linspace(0.2, 1.2, shape[1])
     counts = np.full(shape, 48)
-    return gw.Sweep(clutch(), "frequency", values, lanes, sections, counts, counts > 0, np.array(regimes, "<U16"), True)
+    return Sweep(clutch(), "frequency", values, lanes, sections, counts, counts > 0, np.array(regimes, "<U16"), True)
 
 
 def texts(ax) -> list[str]:

@@ -9,6 +9,7 @@ from gapwalk import Balance, Branch, Harmonic, Kind, System, WalkOptions, backla
 from gapwalk.errors import ModelError
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from tests.reduction.chains import rod, stiffness_of
+from tests.tiers import in_campaign
 
 METHOD = Balance(8, error=1.0)
 WALK = WalkOptions(largest_step=0.05)
@@ -110,7 +111,8 @@ def test_the_estimate_holds_for_shooting_too() -> None:
     assert 1e-3 < np.abs(x - y).max() / size <= check.error
 
 
-def test_a_branch_by_shooting_along_a_load_is_checked() -> None:
+@pytest.mark.parametrize("walk", [WALK, in_campaign(WalkOptions())])
+def test_a_branch_by_shooting_along_a_load_is_checked(walk: WalkOptions) -> None:
     """The fold over the amplitude; the reduced system is walked by shooting, the full one by balance."""
     names = tuple(f"q{index}" for index in range(10))
     full = System(
@@ -123,8 +125,9 @@ def test_a_branch_by_shooting_along_a_load_is_checked() -> None:
     )
     method = Balance(15, error=1.0)
     reduction = reduce(full, modes=5, up_to=0.4)
-    ours = follow(find_orbit(reduction.system, start="rest"), "harmonic1.amplitude", to=0.25)
-    theirs = follow(find_orbit(full, start="rest", method=method), "harmonic1.amplitude", to=0.25, method=method)
+    ours = follow(find_orbit(reduction.system, start="rest"), "harmonic1.amplitude", to=0.25, walk=walk)
+    start = find_orbit(full, start="rest", method=method)
+    theirs = follow(start, "harmonic1.amplitude", to=0.25, method=method, walk=walk)
     check = reduction.check(ours)
     for kind in (Kind.FOLD, Kind.GRAZING):
         found = [each for each in check.special if each.special.kind is kind]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gapwalk.studies import functions
-from gapwalk.studies.study_registry import kind_of
+from gapwalk.studies.study_kind import kind_of
 
 STUB = Path(functions.__file__).with_suffix(".pyi")
 _HEAD = '"""Signatures of the functions of studies; ``python -m tests.release.stubs`` writes this file."""\n'

@@ -5,8 +5,7 @@ from dataclasses import fields
 import pytest
 
 from gapwalk.studies.functions import FUNCTIONS, keywords_of
-from gapwalk.studies.study_kind import StudyKind
-from gapwalk.studies.study_registry import kind_of, kinds
+from gapwalk.studies.study_kind import StudyKind, kind_of, kinds
 from tests.release.stubs import STUB, text
 
 

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.results.codec import Packed, column_of, decode, encode
-from gapwalk.results.json_values import plain
+from gapwalk.results.codec import Packed, column_of, decode, encode, plain
 from tests.results.again import again
 from tests.studies.same import assert_same_branch
 from tests.systems import clutch

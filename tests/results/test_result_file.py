@@ -15,7 +15,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import StoreError
 from gapwalk.results.result_file import SCHEMA, Part, Parts, ResultFile, lock, reading
-from gapwalk.studies import study_registry
+from gapwalk.studies import study_kind as study_registry
 from gapwalk.studies.result import REQUEST, VERSIONS, Call, NoFile, claimed, request_file
 from gapwalk.studies.study_kind import StudyKind, Work
 from tests.results.tampering import change, change_sealed
@@ -84,7 +84,7 @@ def test_what_is_written_is_read_while_it_is_written_and_later(path) -> None:
         assert list(file.known(NUMBERS)) == [(1, ()), (3, (3.0, 0.1))]
         assert gw.open_result(path) == 3.1
     with reading(path) as parts:
-        assert parts.one(VERSIONS).keys() == {"gapwalk", "heyoka", "numpy", "python"}
+        assert parts.one(VERSIONS).keys() == {"gapwalk", "llvmlite", "numba", "numpy", "python"}
         assert parts.one(REQUEST) == CALL
         assert parts.one(STATE) == {"count": 2}
     with call_file(CALL, path) as file:

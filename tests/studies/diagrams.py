@@ -2,9 +2,12 @@
 
 import sys
 from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from gapwalk import SearchOptions, Study, run
+from gapwalk import Result, SearchOptions, Study, run
 from gapwalk.studies import DiagramStudyOptions
+from tests.computed import once
 from tests.systems import clutch
 
 
@@ -40,6 +43,20 @@ def islands(workers: int | None = 1) -> Study:
         search=SearchOptions(starts=12, newton_starts=2, newton_periods=(1, 3), patience=100),
     )
     return Study(system, options, "Islands", "title = 'Islands'\n", name="islands")
+
+
+@once
+def clutch_loop() -> Result:
+    """What `clutch_diagram` comes to where nothing interrupts it."""
+    return run(clutch_diagram())
+
+
+@once
+def islands_file() -> bytes:
+    """The result file of `islands` where nothing interrupts it."""
+    with TemporaryDirectory() as folder:
+        run(islands(), path := Path(folder) / "islands.gapwalk")
+        return path.read_bytes()
 
 
 def main(path: str, workers: str, study: Callable[[int], Study] = many_branches) -> None:

@@ -5,6 +5,7 @@ import time
 
 import gapwalk as gw
 from gapwalk.model.model_source import parse_source
+from gapwalk.studies.branch_family import Family
 from gapwalk.studies.study_file import check_study
 from tests.models import CLUTCH
 from tests.systems import clutch
@@ -26,7 +27,7 @@ def study_of(text: str = MODEL) -> gw.Study:
     return check_study(parse_source(text, "m.toml"))
 
 
-def second_resonance(loads=(0.25, 0.35, 0.5), system: gw.System | None = None, **more) -> gw.Family:
+def second_resonance(loads=(0.25, 0.35, 0.5), system: gw.System | None = None, **more) -> Family:
     """The same by the function."""
     given = {"workers": 1} | more
     return gw.family(system or clutch(), "frequency", (1.4, 1.1), {"mean.q3": loads}, **given)

@@ -1,14 +1,16 @@
 """Studies without branches that are done in a moment: their model files, with one process each."""
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import gapwalk as gw
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies import basin_study as basin_job
+from gapwalk.studies import rattle_chance, run_up_study
 from gapwalk.studies import regime_study as regime_job
-from gapwalk.studies import run_up_study
 from gapwalk.studies import scan_study as scan_work
 from gapwalk.studies.study_file import Study, check_study
+from tests.computed import once
 from tests.models import CLUTCH, STOP
 
 HEAD = (
@@ -35,6 +37,7 @@ REGIMES = HEAD + (
 RUN_UP = (
     HEAD + 'kind = "run-up"\nfrom = 0.4\nto = 0.6\nrate = [0.002, 0.004]\nstarts = 3\nbins = 10\nwith_response = true\n'
 )
+CAMPBELL = HEAD + 'kind = "campbell"\nparameter = "frequency"\nfrom = 0.1\nto = 0.6\norders = [1, 2]\n'
 GEAR = """
 title = "A mass between two stops"
 coordinates = ["x"]
@@ -73,6 +76,10 @@ check = 1
 workers = 1
 spread = [{ parameter = "stop.clearance", sd = "5 %" }]
 """
+)
+RATTLE_CHANCE = GEAR + (
+    'kind = "rattle-chance"\nvalues = [1.0, 1.4]\nsamples = 14\nstarts = 2\nworkers = 1\n'
+    'spread = [{ parameter = "mean.x", sd = "60 %" }]\n'
 )
 DESIGN = (
     STOP
@@ -138,12 +145,14 @@ SCAN = HEAD + (
 MODELS = {
     "scan": SCAN,
     "run-up": RUN_UP,
+    "campbell": CAMPBELL,
     "rattle": RATTLE,
     "backbone": BACKBONE,
     "self-excited": SELF_EXCITED,
     "tori": TORI,
     "threshold": THRESHOLD,
     "tolerance": TOLERANCE,
+    "rattle-chance": RATTLE_CHANCE,
     "design": DESIGN,
     "settle": SETTLE,
     "sweep": SWEEP,
@@ -151,12 +160,26 @@ MODELS = {
     "regimes": REGIMES,
 }
 
-SMALL = ((scan_work, "CHUNK", 3), (run_up_study, "CHUNK", 4), (regime_job, "ROWS", 3), (basin_job, "CHUNK", 4096))
+SMALL = (
+    (scan_work, "CHUNK", 3),
+    (run_up_study, "CHUNK", 4),
+    (regime_job, "ROWS", 3),
+    (basin_job, "CHUNK", 4096),
+    (rattle_chance, "CHUNK", 4),
+)
 """What makes chunks of so few cells that each job has some."""
 
 
 def study_of(kind: str) -> Study:
     return check_study(parse_source(MODELS[kind]))
+
+
+@once
+def result_file(kind: str) -> bytes:
+    """The result file of a study that nothing interrupts."""
+    with TemporaryDirectory() as folder:
+        gw.run(study_of(kind), path := Path(folder) / f"{kind}.gapwalk")
+        return path.read_bytes()
 
 
 def main(kind: str, path: str) -> None:

@@ -3,9 +3,10 @@
 import sys
 import time
 
-from gapwalk import Balance, Kind, Study, WalkOptions, run
+from gapwalk import Balance, Kind, Result, Study, WalkOptions, run
 from gapwalk.studies import ParameterRange
 from gapwalk.studies.map_study import MapStudyOptions
+from tests.computed import once
 from tests.systems import clutch
 
 KINDS = (Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING)
@@ -18,6 +19,12 @@ def clutch_map(workers: int | None = 1, kinds: tuple[Kind, ...] = KINDS, **more)
     options = MapStudyOptions("frequency", 1.4, 1.1, "half.q1", second=second, kinds=kinds, workers=workers, **given)
     system = clutch(frequency=1.4).at({"mean.q1": 0.2})
     return Study(system, options, "Second resonance", "title = 'Second resonance'\n", name="resonance")
+
+
+@once
+def resonance() -> Result:
+    """What `clutch_map` comes to where nothing interrupts it."""
+    return run(clutch_map())
 
 
 def balanced_map(workers: int | None = 1, **more) -> Study:

@@ -4,11 +4,14 @@ import json
 
 import numpy as np
 
-from gapwalk import Branch, Diagram, Locus, Map, Orbit, Result
+from gapwalk import Branch, Orbit, Result
+from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.bifurcation.isolated import SearchResult
+from gapwalk.bifurcation.loci import Locus
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.results.codec import encode
+from gapwalk.studies.bifurcation_map import Map
 
 
 def assert_same_result(one: Result, other: Result) -> None:

@@ -14,7 +14,7 @@ from gapwalk.errors import NumericalError, StoreError
 from gapwalk.model.model_source import parse_source
 from gapwalk.model.problems import ModelFileError
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
-from gapwalk.results.json_values import plain
+from gapwalk.results.codec import plain
 from gapwalk.studies import response_study as response
 from gapwalk.studies.export import table_of
 from gapwalk.studies.response_study import ResponseOptions
@@ -25,7 +25,7 @@ from tests.interruption import until_ctrl_c
 from tests.results.again import again
 from tests.results.tampering import change_sealed
 from tests.studies.balances import balanced, growing_study
-from tests.studies.diagrams import clutch_diagram, islands
+from tests.studies.diagrams import clutch_diagram, clutch_loop, islands, islands_file
 from tests.studies.killing import killed_after
 from tests.studies.same import assert_same_result
 from tests.studies.studies import stop_study
@@ -218,7 +218,7 @@ def test_a_start_that_needs_more_harmonics_is_refused() -> None:
 
 @pytest.fixture(scope="module")
 def shot_diagram() -> gw.Result:
-    return gw.run(clutch_diagram())
+    return clutch_loop()
 
 
 def test_a_diagram_has_the_same_tree_by_both_methods(shot_diagram) -> None:
@@ -254,9 +254,17 @@ def test_a_diagram_that_is_interrupted_comes_to_the_same_result(tmp_path) -> Non
     assert all(isinstance(point.orbit, BalancedOrbit) for b in gw.open_result(path).branches for point in b.points)
 
 
-def test_a_search_leads_to_balanced_branches_each_of_them_once(tmp_path) -> None:
+@pytest.fixture
+def shot(tmp_path) -> gw.Result:
+    """The islands by shooting."""
+    path = tmp_path / "shot.gapwalk"
+    path.write_bytes(islands_file())
+    return gw.open_result(path)
+
+
+def test_a_search_leads_to_balanced_branches_each_of_them_once(tmp_path, shot) -> None:
     study, path = balanced(islands(), gw.Balance(error=3e-3)), tmp_path / "islands.gapwalk"
-    result, shot = gw.run(study, path), gw.run(islands())
+    result = gw.run(study, path)
     assert sorted(member.period for member in result.diagram.members) == sorted(
         member.period for member in shot.diagram.members
     )

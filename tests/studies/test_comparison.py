@@ -8,8 +8,8 @@ import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.studies.compare import comparison_document
 from gapwalk.studies.response_study import ResponseOptions
-from tests.studies.diagrams import clutch_diagram
-from tests.studies.maps import clutch_map
+from tests.studies.diagrams import clutch_loop
+from tests.studies.maps import resonance
 from tests.studies.studies import stop_study
 
 
@@ -20,7 +20,7 @@ def stop() -> gw.Result:
 
 @pytest.fixture(scope="module")
 def tree() -> gw.Result:
-    return gw.run(clutch_diagram())
+    return clutch_loop()
 
 
 def test_a_result_agrees_with_itself_and_with_finer_steps(stop) -> None:
@@ -91,7 +91,7 @@ def test_the_branches_of_diagrams_are_paired_by_where_they_run(tree) -> None:
 
 
 def test_maps_are_compared_by_their_loci_and_sections() -> None:
-    chart = gw.run(clutch_map())
+    chart = resonance()
     comparison = gw.studies.compare_results(chart, chart)
     assert comparison.within(1e-4)
     assert comparison.parameters == ("frequency", chart.map.second)

@@ -14,13 +14,12 @@ from gapwalk.bifurcation.isolated import coverage
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.studies import diagram_study as growing
-from gapwalk.studies.columns import COVERAGE, coverage_rows
-from gapwalk.studies.derived_schema import table_schema
 from gapwalk.studies.diagram_study import DiagramOptions
-from gapwalk.studies.options import SearchTable
+from gapwalk.studies.options import COVERAGE, SearchTable, coverage_rows
 from gapwalk.studies.result import result_document
+from gapwalk.studies.study_schema import table_schema
 from tests.interruption import until_ctrl_c
-from tests.studies.diagrams import islands
+from tests.studies.diagrams import islands, islands_file
 from tests.studies.killing import killed_after
 from tests.studies.same import assert_same_result
 from tests.tiers import some_of
@@ -34,8 +33,10 @@ def path(tmp_path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def undisturbed() -> gw.Result:
-    return gw.run(islands())
+def undisturbed(tmp_path_factory) -> gw.Result:
+    path = tmp_path_factory.mktemp("undisturbed") / "islands.gapwalk"
+    path.write_bytes(islands_file())
+    return gw.open_result(path)
 
 
 def test_what_hangs_together_with_nothing_is_found(undisturbed) -> None:
@@ -49,8 +50,8 @@ def test_what_hangs_together_with_nothing_is_found(undisturbed) -> None:
     assert not undisturbed.failures
 
 
-def test_what_is_loaded_is_what_was_found(path, undisturbed) -> None:
-    returned = gw.run(islands(), path)
+def test_what_several_processes_store_is_what_one_found(path, undisturbed) -> None:
+    returned = gw.run(islands(workers=2), path)
     assert_same_result(returned, undisturbed)
     loaded = gw.open_result(path).diagram.search
     for found, expected in zip(loaded.found, undisturbed.diagram.search.found, strict=True):
@@ -95,10 +96,6 @@ def test_a_search_that_is_stopped_keeps_what_it_has_and_is_resumed(path, monkeyp
     assert part.search.new
     assert part.notes[0] == "The search was stopped before its end."
     assert_same_result(gw.run(islands(), path, resume=True), undisturbed)
-
-
-def test_the_number_of_workers_changes_nothing(path, undisturbed) -> None:
-    assert_same_result(gw.run(islands(workers=2), path), undisturbed)
 
 
 @pytest.mark.slow

@@ -5,17 +5,21 @@ import signal
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import gapwalk as gw
+from gapwalk.bifurcation.diagram import Cascade, Diagram, Origin
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError, StoreError
+from gapwalk.orbit.orbit import is_same
 from gapwalk.results import result_file as file
 from gapwalk.studies import diagram_study as growing
 from gapwalk.studies.response_study import ResponseOptions
+from tests.bifurcation.test_special_points import symmetric
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
-from tests.studies.diagrams import clutch_diagram
+from tests.studies.diagrams import clutch_diagram, clutch_loop
 from tests.studies.same import assert_same_branch, assert_same_result
 from tests.studies.studies import stop_study
 
@@ -29,24 +33,48 @@ def path(tmp_path) -> Path:
 
 @pytest.fixture(scope="module")
 def undisturbed() -> gw.Result:
-    return gw.run(clutch_diagram())
+    return clutch_loop()
 
 
 def test_a_study_is_the_diagram_of_its_system(undisturbed) -> None:
     found = gw.diagram(clutch_diagram().system, "frequency", (0.6, 0.85), max_period=4, workers=1)
+    tree = undisturbed.diagram
     assert undisturbed.complete
-    assert undisturbed.diagram.complete
-    assert undisturbed.diagram.within == (0.6, 0.85)
+    assert tree.complete
+    assert tree.within == (0.6, 0.85)
     assert undisturbed.names == ("P1-1", "P2-1", "P4-1")
-    assert undisturbed.branches == undisturbed.diagram.branches
+    assert undisturbed.branches == tree.branches
     for a, b in zip(found.branches, undisturbed.branches, strict=True):
         assert_same_branch(a, b)
-    loop = undisturbed.diagram["P2-1"]
-    assert (loop.begins.parent, loop.joins.parent) == ("P1-1", "P1-1")
-    assert undisturbed.diagram.attached("P1-1", loop.begins.special) == (loop,)
-    assert "P2-1" in repr(undisturbed.diagram["P4-1"].begins)
+    main, loop, quad = tree.members
+    flips = [i for i, special in enumerate(main.branch.special_points) if special.kind is gw.Kind.FLIP]
+    assert (loop.begins, loop.joins) == (Origin("P1-1", flips[0]), Origin("P1-1", flips[1]))
+    assert loop.branch.ends[-1].reason is EndReason.JOINED
+    assert loop.branch.ends[-1].value == main.branch.special_points[flips[1]].value
+    assert "P1-1, at its flip" in str(loop.branch.ends[-1])
+    assert quad.begins.parent == quad.joins.parent == "P2-1"
+    assert (tree.children("P1-1"), tree.attached("P1-1", loop.begins.special)) == ((loop,), (loop,))
+    assert tree["P4-1"] is quad
+    assert "1 of period 1, 1 of period 2, 1 of period 4" in repr(tree)
+    assert "P2-1" in repr(quad.begins)
     with pytest.raises(KeyError, match="P8-1"):
-        undisturbed.diagram["P8-1"]
+        tree["P8-1"]
+
+
+def test_both_halves_of_a_broken_symmetry_are_branches() -> None:
+    tree = gw.diagram(symmetric(1.2), "frequency", (0.6, 1.2), max_period=1, workers=1)
+    first, one, other, *_ = tree.members
+    assert (first.name, one.begins.parent) == ("P1-1", "P1-1")
+    assert one.begins == other.begins
+    means = [member.branch.points[5].measure("mean.x") for member in (one, other)]
+    assert means[0] * means[1] < 0
+    assert not is_same(one.branch.points[3].orbit, other.branch.points[3].orbit)
+
+
+def test_ratios_of_a_cascade() -> None:
+    values = np.cumsum([0.0, *(4.669 ** -np.arange(4.0))])  # intervals that shrink by Feigenbaum's number
+    assert Cascade(("P1-1",), tuple(values)).ratios == pytest.approx([4.669] * 3)
+    assert Diagram("frequency", (0.6, 0.85)).cascades == ()
 
 
 def test_the_number_of_workers_changes_nothing(path, undisturbed) -> None:
@@ -192,8 +220,12 @@ def test_a_study_that_makes_no_sense(path) -> None:
     study = clutch_diagram()
     with pytest.raises(ModelError, match="the range is empty"):
         gw.run(replace(study, options=replace(study.options, end=0.85)), path)
-    with pytest.raises(ModelError, match="max_period is 0"):
+    with pytest.raises(ModelError, match="max_period is 0; it must be an integer from 1 to 100,000"):
         gw.run(clutch_diagram(max_period=0), path)
+    with pytest.raises(ModelError, match=r"max_branches is 1\.5"):
+        clutch_diagram(max_branches=1.5).options.limits  # noqa: B018
+    with pytest.raises(ModelError, match="outside the range"):
+        gw.diagram(study.system.at(frequency=1.9), "frequency", (0.6, 0.85))
     assert not list(path.parent.iterdir())
 
 

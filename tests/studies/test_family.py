@@ -5,8 +5,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError
-from gapwalk.studies.family import LIMIT, Fate, Place, distance_between, nearest_pairs
-from gapwalk.studies.family_study import FamilyStudy
+from gapwalk.studies.branch_family import LIMIT, Family, Fate, Place, distance_between, nearest_pairs
 from tests.interruption import until_ctrl_c
 from tests.studies.families import second_resonance
 from tests.studies.same import assert_same_branch
@@ -19,7 +18,7 @@ ONE = {"workers": 1}
 
 
 @pytest.fixture(scope="module")
-def family() -> gw.Family:
+def family() -> Family:
     return second_resonance()
 
 
@@ -31,7 +30,7 @@ def count(kind: str, system: gw.System, begin: float, end: float) -> int:
     return len(response(system, begin, end).special(gw.Kind.named(kind)))
 
 
-def places(family: gw.Family, name: str) -> list[float]:
+def places(family: Family, name: str) -> list[float]:
     return [family.special(place).value for place in family[name].places]
 
 
@@ -202,28 +201,6 @@ def test_balanced_members_are_joined_by_exact_loci_too() -> None:
 
 
 @pytest.mark.parametrize(
-    ("over", "message"),
-    [
-        ({}, "over names no parameter"),
-        ({"mean.q3": (0.25,)}, "has 1 values of mean.q3; a family needs at least two"),
-        ({"mean.q3": (0.25, 0.25)}, "they must rise, or fall"),
-        ({"mean.q3": (0.25, 0.3, 0.28)}, "they must rise, or fall"),
-        ({"mean.q3": (0.25, np.nan)}, "must be finite"),
-        ({"mean.q3": (0.25, 0.3), "mean.q1": (0.25,)}, "has 1 values of mean.q1 and 2 of mean.q3"),
-        ({"frequency": (0.25, 0.3)}, "has frequency, along which each member is walked"),
-        ({"mean.q9": (0.25, 0.3)}, "there is no parameter 'mean.q9'"),
-        (
-            {"stage2.clearance": (0.25, -0.3)},
-            "at stage2.clearance = 0.25: .*it must be >= 0|at stage2.clearance = -0.3",
-        ),
-    ],
-)
-def test_impossible_families_are_refused(over, message) -> None:
-    with pytest.raises(ModelError, match=message):
-        gw.family(clutch(), "frequency", (1.4, 1.1), over, **ONE)
-
-
-@pytest.mark.parametrize(
     ("values", "message"),
     [
         ({"called": "Kb"}, "called and values belong together"),
@@ -237,22 +214,19 @@ def test_a_name_of_its_own_needs_its_values(values, message) -> None:
         gw.studies.MemberParameter.of({"mean.q3": (0.25, 0.3)}, **values)
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"max_period": 0}, "max_period is 0"),
-        ({"workers": 1.5}, "workers is 1.5"),
-        ({"kinds": ()}, "they may be fold, flip"),
-    ],
-)
-def test_impossible_options_are_refused(given, message) -> None:
-    with pytest.raises(ModelError, match=message):
-        FamilyStudy("frequency", 1.0, 1.1, "", over=gw.studies.MemberParameter.of({"mean.q3": (0.25, 0.3)}), **given)
-
-
-def test_an_empty_range_is_refused() -> None:
+def test_impossible_families_are_refused() -> None:
+    """What is refused in a file too is tested there."""
+    for over, message in (
+        ({}, "over names no parameter"),
+        ({"mean.q3": (0.25, np.nan)}, "must be finite"),
+        ({"frequency": (0.25, 0.3)}, "has frequency, along which each member is walked"),
+    ):
+        with pytest.raises(ModelError, match=message):
+            gw.family(clutch(), "frequency", (1.4, 1.1), over, **ONE)
+    with pytest.raises(ModelError, match="they may be fold, flip"):
+        gw.family(clutch(), "frequency", (1.4, 1.1), {"mean.q3": LOADS}, kinds=())
     with pytest.raises(ModelError):
-        gw.family(clutch(), "frequency", (1.4, 1.4), {"mean.q3": LOADS})
+        gw.family(clutch(), "frequency", (1.4, 1.4), {"mean.q3": LOADS}, **ONE)
 
 
 def test_a_stopped_family_goes_on_to_the_same_result(family, tmp_path) -> None:

@@ -3,8 +3,8 @@
 from types import SimpleNamespace
 from typing import Any, cast
 
-from gapwalk.studies import family as family_joining
-from gapwalk.studies.family import FamilyWork, Member
+from gapwalk.studies import branch_family as family_joining
+from gapwalk.studies.branch_family import FamilyWork, Member
 
 EMPTY = 2  # the member without branches
 

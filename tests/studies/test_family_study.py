@@ -9,6 +9,7 @@ import gapwalk as gw
 from gapwalk.errors import StoreError
 from gapwalk.model import ModelFileError
 from gapwalk.model.model_source import parse_source
+from gapwalk.studies.branch_family import Family
 from gapwalk.studies.export import export_csv
 from gapwalk.studies.family_study import FamilyStudy
 from gapwalk.studies.study_file import check_study
@@ -30,7 +31,7 @@ def problems_of(text: str, changes=None):
     return [(problem.path, problem.message) for problem in error.value.problems]
 
 
-def assert_same_family(one: gw.Family, other: gw.Family) -> None:
+def assert_same_family(one: Family, other: Family) -> None:
     assert one.point_paths == other.point_paths
     assert one.connections == other.connections
     assert [member.value for member in one.members] == [member.value for member in other.members]

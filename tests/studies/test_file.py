@@ -17,13 +17,12 @@ from gapwalk.errors import ModelError
 from gapwalk.model import ModelFileError
 from gapwalk.model.model_source import parse_source
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.studies import derived_schema
-from gapwalk.studies.derived_schema import all_keys, keys_of
+from gapwalk.studies import study_schema as derived_schema
 from gapwalk.studies.diagram_study import DiagramOptions, DiagramStudyOptions
 from gapwalk.studies.response_study import ResponseOptions
 from gapwalk.studies.study_file import Study, check_studies, check_study, read_studies, read_study
-from gapwalk.studies.study_registry import kind_of, kinds
-from gapwalk.studies.study_tables import Start
+from gapwalk.studies.study_kind import kind_of, kinds
+from gapwalk.studies.study_schema import Start, all_keys, keys_of
 from tests.models import read_system
 
 GOOD = """\
@@ -120,47 +119,37 @@ def test_any_parameter_can_be_walked() -> None:
 
 
 # What is written in place of what; the line, the path, and parts of the message of the one problem that it makes.
+# More is in tests/data/bad_input.toml.
 BAD = [
-    ('kind = "response"', "", 19, "study.kind", ['is missing; it must be one of "response"']),
     ('kind = "response"', 'kind = "respons"', 20, "study.kind", ['is "respons"', "did you mean response?"]),
-    ('kind = "response"', "kind = 1", 20, "study.kind", ['is 1; it must be one of "response"']),
     ('parameter = "frequency"', "", 19, "study.parameter", ["is missing", 'parameter = "frequency"']),
     ('= "frequency"', '= "stage2.clearence"', 21, "study.parameter", ["no parameter", "'stage2.clearance'"]),
-    ('= "frequency"', "= 3", 21, "study.parameter", ["is 3; it must be a text in quotes"]),
-    ("to = 0.15", "", 19, "study.to", ["is missing", "ends"]),
     ("to = 0.15", "to = 2", 23, "study.to", ["is 2, where the walk begins"]),
     ("to = 0.15", "to = 0", 23, "study.to", ["is not allowed: frequency is 0.0; it must be > 0"]),
     ("from = 2.0", "from = -2.0", 22, "study.from", ["frequency is -2.0; it must be > 0"]),
     ("from = 2.0", 'from = "2.0"', 22, "study.from", ["a number, without quotes"]),
-    ("to = 0.15", "to = inf", 23, "study.to", ["a finite number"]),
-    ("from = 2.0", "from = nan", 22, "study.from", ["a finite number"]),
     ("from = 2.0\nto = 0.15", "to = 0.5", 22, "study.to", ["is 0.5, where the walk begins"]),
     ('"frequency"\nfrom = 2.0\nto = 0.15', '"stage2.clearance"\nto = -1', 22, "study.to", ["stage2.clearance is -1.0"]),
     ('"frequency"\nfrom = 2.0\nto = 0.15', '"mass.q1.q1"\nto = 0', 22, "study.to", ["mass is singular"]),
     ("from = 2.0", "form = 2.0", 22, "study.form", ["did you mean from"]),
     ("from = 2.0", "begin = 2.0", 22, "study.begin", ["is not a key here"]),
-    ("period = 2", "period = 0", 24, "study.period", ["is 0; it must be >= 1"]),
     ("period = 2", "period = 2.0", 24, "study.period", ["is 2.0; it must be an integer"]),
     ("period = 2", 'verify = "true"', 24, "study.verify", ['is "true"; it must be true or false, without quotes']),
     ("period = 2", "verify = 1", 24, "study.verify", ["is 1; it must be true or false"]),
-    ("period = 2", "period = true", 24, "study.period", ["is true; it must be an integer"]),
     ("start = [0.1, 0.2, 0.3, 0.4]", "start = [0.1, 0.2]", 25, "study.start", ["2 numbers; it must have 4"]),
     ("start = [0.1, 0.2, 0.3, 0.4]", 'start = [0, 0, 0, "0"]', 25, "study.start[3]", ['is "0"; it must be a number']),
     ("start = [0.1, 0.2, 0.3, 0.4]", 'start = "settel"', 25, "study.start", ["did you mean settle?"]),
     ("start = [0.1, 0.2, 0.3, 0.4]", "start = 3", 25, "study.start", ["is 3", '"rest", "settle", or the state']),
     ('"max.q3"', '"peak.q3"', 26, "study.measure", ['is "peak.q3"; it must be one of max, min, half, mean, rms']),
-    ('"max.q3"', '"max"', 26, "study.measure", ["a dot and a coordinate"]),
-    ('"max.q3"', '"max.q2"', 26, "study.measure", ["q2 is no coordinate", "q1"]),
-    ("segments = 4", "segments = 0", 33, "study.shooting.segments", ["it must be >= 1"]),
+    ('"max.q3"', '"max"', 26, "study.measure", ["a dot and a signal"]),
+    ('"max.q3"', '"max.q2"', 26, "study.measure", ["there is no signal q2", "q1"]),
     ("segments = 4", "segments = 4.0", 33, "study.shooting.segments", ["it must be an integer"]),
     ("segments = 4", "tolerance = 1.0", 33, "study.shooting.tolerance", ["is 1.0; it must be <= 0.001"]),
     ("segments = 4", "tolerance = -1e-9", 33, "study.shooting.tolerance", ["is -1e-09; it must be >= 1e-14"]),
     ("initial_step = 0.01", "initial_stepp = 0.01", 29, "study.walk.initial_stepp", ["did you mean initial_step"]),
     ("initial_step = 0.01", "initial_step = 0", 29, "study.walk.initial_step", ["is 0; it must be > 0"]),
-    ("initial_step = 0.01", "smallest_step = 9.0", 28, "study.walk", ["smallest_step <= largest_step"]),
     ("max_points = 500", "max_points = 1", 30, "study.walk.max_points", ["is 1; it must be >= 2"]),
     ('measure = "max.q3"', "segments = 3", 26, "study.segments", ["it belongs in shooting"]),
-    ("[study.walk]\ninitial_step = 0.01\nmax_points = 500", "walk = 3", 28, "study.walk", ["is 3; it must be a table"]),
     ("frequency = 0.5", "frequency = 0.5\nstudy2 = 3", 7, "study2", ["did you mean study?"]),
 ]  # fmt: skip
 
@@ -453,12 +442,23 @@ CHANGES = st.dictionaries(
 )
 
 
-@settings(deadline=None, max_examples=400)
-@given(mutations(), CHANGES)
-def test_no_file_raises_anything_but_a_model_error(text: str, changes) -> None:
+def raises_nothing_else(text: str, changes) -> None:
     try:
         studies = several(text, changes)
     except ModelError:
         return
     for study in studies:
         assert study.options.begin == study.system[study.options.parameter]
+
+
+@settings(max_examples=150)
+@given(mutations(), CHANGES)
+def test_no_file_raises_anything_but_a_model_error(text: str, changes) -> None:
+    raises_nothing_else(text, changes)
+
+
+@pytest.mark.slow
+@settings(max_examples=400)
+@given(mutations(), CHANGES)
+def test_none_of_more_files_raises_anything_but_a_model_error(text: str, changes) -> None:
+    raises_nothing_else(text, changes)

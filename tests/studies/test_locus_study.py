@@ -15,11 +15,10 @@ from gapwalk.cli import progress as lines
 from gapwalk.errors import ModelError
 from gapwalk.model.model_source import parse_source
 from gapwalk.model.problems import ModelFileError
+from gapwalk.studies.bifurcation_map import Map, Which
 from gapwalk.studies.locus_study import LocusStudyOptions
-from gapwalk.studies.map import Which
-from gapwalk.studies.study_file import check_study
+from gapwalk.studies.study_file import check_study, without_units
 from gapwalk.studies.study_kind import StudyKind
-from gapwalk.studies.without_units import without_units
 from tests.results.again import again
 
 SYSTEM = """\
@@ -61,7 +60,7 @@ def options_in(text: str = STUDY, changes=None) -> LocusStudyOptions:
     return options
 
 
-def map_of(result: gw.Result) -> gw.Map:
+def map_of(result: gw.Result) -> Map:
     assert result.map is not None
     return result.map
 

@@ -11,8 +11,6 @@ from gapwalk.errors import ModelError
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
 
-pytestmark = pytest.mark.usefixtures("kept_processes")
-
 PLANE = {"harmonic1.amplitude": (-0.1, 0.8), "frequency": (0.23, 0.28)}
 
 
@@ -84,13 +82,6 @@ def test_cusps_are_marked(chart):
     assert len(cusps) >= 3
     assert "loci: 4 of fold" in repr(chart)
     assert chart.complete
-
-
-def test_the_map_does_not_depend_on_the_number_of_processes(chart):
-    other = islands(workers=2)
-    assert len(other.loci) == len(chart.loci)
-    for a, b in zip(chart.loci, other.loci, strict=True):
-        assert np.array_equal(a.values, b.values)
 
 
 @pytest.mark.parametrize(

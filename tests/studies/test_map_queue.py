@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gapwalk.parallel.groups import Outcome
+from gapwalk.parallel.workers import Outcome
 from gapwalk.studies import map_study as map_queue
 from gapwalk.studies.map_study import MapQueue
 

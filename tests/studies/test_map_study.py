@@ -16,7 +16,7 @@ from gapwalk.studies import map_study as charting
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
 from tests.studies.killing import killed_after
-from tests.studies.maps import clutch_map
+from tests.studies.maps import clutch_map, resonance
 from tests.studies.same import assert_same_branch, assert_same_map, assert_same_result
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
@@ -29,7 +29,7 @@ def path(tmp_path) -> Path:
 
 @pytest.fixture(scope="module")
 def undisturbed() -> gw.Result:
-    return gw.run(clutch_map())
+    return resonance()
 
 
 def test_a_study_is_the_map_of_its_system(undisturbed) -> None:
@@ -229,8 +229,16 @@ def test_sections_may_stand_anywhere_and_be_searched(undisturbed) -> None:
         assert ends == pytest.approx(expected, abs=1e-9)
 
 
-def test_a_result_of_another_plane_is_not_resumed(path) -> None:
+@pytest.fixture(scope="module")
+def flips(tmp_path_factory) -> bytes:
+    """The file of the map with its flips only."""
+    path = tmp_path_factory.mktemp("flips") / "x.gapwalk"
     gw.run(clutch_map(kinds=(gw.Kind.FLIP,)), path)
+    return path.read_bytes()
+
+
+def test_a_result_of_another_plane_is_not_resumed(path, flips) -> None:
+    path.write_bytes(flips)
     with pytest.raises(StoreError, match="kinds is"):
         gw.run(clutch_map(), path, resume=True)
 
@@ -250,8 +258,8 @@ def test_a_result_of_another_plane_is_not_resumed(path) -> None:
         ("UPDATE part SET head = replace(head, '\"frequency\"', '\"mean.x\"') WHERE name = 'map'", "does not belong"),
     ],
 )
-def test_a_damaged_file_is_named(path, change, message) -> None:
-    gw.run(clutch_map(kinds=(gw.Kind.FLIP,)), path)
+def test_a_damaged_file_is_named(path, change, message, flips) -> None:
+    path.write_bytes(flips)
     change_sealed(path, change)
     with pytest.raises(StoreError, match=rf"resonance\.gapwalk is damaged: .*{message}"):
         gw.open_result(path)

@@ -6,10 +6,14 @@ import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 
+import gapwalk as gw
+from gapwalk.parallel import processes
 from gapwalk.parallel.processes import undisturbed
 from gapwalk.parallel.threads import THREAD_VARIABLES
+from tests.systems import clutch
 
 
 def test_threads_that_start_processes_take_turns(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -54,3 +58,22 @@ def test_processes_begin_with_what_their_work_needs() -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == ["[] True False"] * 2
+
+
+def test_processes_that_are_spawned_find_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on Windows and macOS, where no server forks them."""
+    monkeypatch.setattr(processes, "METHOD", "spawn")
+
+    def found(workers: int) -> np.ndarray:
+        options = {"steps": 2, "points": 14, "shortest": 16, "longest": 40}
+        return gw.sweep(clutch(), "frequency", (0.6, 0.7), workers=workers, **options).sections
+
+    with gw.parallel.local_workers(2) as pool:
+        states = dict(pool.each(end_of_motion, [0.5, 0.6, 0.7]))
+    assert states == {index: end_of_motion(frequency) for index, frequency in enumerate([0.5, 0.6, 0.7])}
+    np.testing.assert_array_equal(found(2), found(1))
+
+
+def end_of_motion(frequency: float) -> bytes:
+    """Where a motion ends, bit for bit."""
+    return gw.integrate(clutch(frequency=frequency), np.array([1.2, 0.1, 0.0, 0.0]), periods=2).q[-1].tobytes()

@@ -115,7 +115,7 @@ def test_each_study_keeps_what_it_names(tmp_path: Path) -> None:
         ("modes = 1", "error = 2.0", "reduction.error", "1"),
         ("modes = 1", 'keep = ["q99"]', "reduction", "'q99', which is not a coordinate"),
         ("[reduction]\nmodes = 1", "", "", ""),
-        ('"half.q9"', '"half.z"', "study.measure", "z is no coordinate"),
+        ('"half.q9"', '"half.z"', "study.measure", "there is no signal z"),
         ('"frequency"\n', '"stiffness.q6.q6"\n', "study", "contains what the other coordinates give"),
         (
             'stiffness = "rod.mtx"',

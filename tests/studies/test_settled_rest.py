@@ -7,7 +7,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.answers.gap_states import GapState, gap_state
-from gapwalk.explorer.workspace import verdict
+from gapwalk.explorer.workspace_folder import verdict
 
 
 def two_parts(

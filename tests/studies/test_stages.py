@@ -3,8 +3,7 @@
 import pytest
 
 from gapwalk.errors import WorkError
-from gapwalk.parallel.groups import do_in_stages
-from gapwalk.parallel.workers import Workers, local_workers
+from gapwalk.parallel.workers import Workers, do_in_stages, local_workers
 from tests.studies.pieces import die
 
 

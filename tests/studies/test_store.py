@@ -54,7 +54,7 @@ def test_what_is_loaded_is_what_was_found(path) -> None:
     loaded = gw.open_result(path)
     assert loaded.complete
     assert loaded.title == "A stop"
-    assert set(loaded.versions) == {"gapwalk", "heyoka", "numpy", "python"}
+    assert set(loaded.versions) == {"gapwalk", "llvmlite", "numba", "numpy", "python"}
     assert_same_result(returned, loaded)
     assert_same_branch(followed, loaded.branches[0])
     with reading(path) as parts:

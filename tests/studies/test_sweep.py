@@ -19,7 +19,7 @@ from gapwalk.parallel.workers import Pace, local_workers
 from gapwalk.results.result_file import lock, reading
 from gapwalk.studies import sweep_study as segments
 from gapwalk.studies.result import REQUEST, load_result, request_file
-from gapwalk.studies.sweep_study import BLOCK, STRETCH, SweepSegment, SweepStudy, Way
+from gapwalk.studies.sweep_study import BLOCK, STRETCH, Sweep, SweepSegment, SweepStudy, Way
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
 from tests.studies.sweeps import FOLDS, options
@@ -43,11 +43,11 @@ def light(**changes) -> gw.System:
 
 
 @pytest.fixture(scope="module")
-def hysteresis() -> gw.Sweep:
+def hysteresis() -> Sweep:
     return gw.sweep(*FOLDS, **options())
 
 
-def assert_same(a: gw.Sweep, b: gw.Sweep) -> None:
+def assert_same(a: Sweep, b: Sweep) -> None:
     for name in ("values", "sections", "transients", "settled", "regimes"):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
     assert (a.complete, a.notes, str(a)) == (b.complete, b.notes, str(b))
@@ -247,7 +247,7 @@ def test_what_is_asked_of_a_sweep_is_found(hysteresis) -> None:
     assert stretches_are_whole(hysteresis)
 
 
-def stretches_are_whole(found: gw.Sweep) -> bool:
+def stretches_are_whole(found: Sweep) -> bool:
     return BLOCK < len(found.values) < 3 * BLOCK and found.lanes[0].way is Way.UP
 
 
@@ -341,3 +341,20 @@ def test_a_mass_that_rests_on_a_rigid_stop_is_not_kicked_through_it():
     pressed, lifts = (gw.settle(system.at({"a.amplitude": share * unit})).motion(64) for share in (0.4, 2.0))
     assert np.abs(pressed.states[:, 0]).max() <= 1e-12 * unit
     assert lifts.states[:, 0].min() < -0.1 * unit
+
+
+def test_a_sweep_begins_within_rigid_stops_that_are_carried_away():
+    """A prescribed displacement carries the position 0 beyond both stops, at each value by another way."""
+    gap = gw.rigid_stop("gap", {"x": 1.0}, 0.01, restitution=0.3, side="both")
+    system = gw.System(
+        ["x"],
+        mass=[1.0],
+        damping=[0.5],
+        stiffness=[0.0],
+        contacts=[gap],
+        harmonics=[gw.Harmonic(0.1, varies="gap.deflection", name="sway")],
+        frequency=1.0,
+    )
+    found = gw.sweep(system, "sway.amplitude", (0.1, 0.5), **options(steps=3, starts=2, ways="up and down"))
+    assert not found.notes
+    assert {band.regime for lane in range(len(found.lanes)) for band in found.bands(lane)} == {"period 1"}

@@ -13,7 +13,7 @@ from gapwalk.model.problems import ModelFileError
 from gapwalk.orbit.shooting import ShootingEquation
 from gapwalk.studies.export import export_csv
 from gapwalk.studies.result import result_document
-from gapwalk.studies.without_units import without_units
+from gapwalk.studies.study_file import without_units
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "drivetrain.toml"
 
@@ -68,7 +68,7 @@ def test_values_of_studies_have_units() -> None:
             {"clutch.stage2.clearance": 2.0, "hub.inertia": "5 kg"},
             [
                 'clutch.stage2.clearance is 2.0, a number without a unit; write an angle such as "2.0 deg"',
-                'hub.inertia is "5 kg": kg is the unit of something else; an inertia is expected, as in "5 kg m^2"',
+                'hub.inertia is "5 kg": kg is the unit of a mass; an inertia is expected, as in "5 kg m^2"',
             ],
         ),
         ({"study.load.set": {"speed": 1500}}, ['study "load".set.speed is 1500, a number without a unit']),

@@ -5,8 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from gapwalk.parallel.groups import Outcome, _GroupQueue, do_by_groups
-from gapwalk.parallel.workers import local_workers
+from gapwalk.parallel.workers import Outcome, _GroupQueue, do_by_groups, local_workers
 from tests.studies.pieces import die_at_three, fail_at_three, slow_double
 
 ENDS = {0: {1}, 2: {3}, 4: {6}, 5: set(), 7: {8, 9}}  # what each of the pieces makes superfluous

@@ -4,16 +4,7 @@ import numpy as np
 import pytest
 
 from gapwalk.attractors.lyapunov import birkhoff_weights
-from gapwalk.tori.torus import (
-    TURN,
-    at_phases,
-    of_quasi_periodic,
-    phases,
-    resampled,
-    rotation_matrices,
-    tail,
-    tangents,
-)
+from gapwalk.tori.torus import TURN, at_phases, of_quasi_periodic, phases, resampled, rotation_matrices, tail, tangents
 
 
 def curve(psi):

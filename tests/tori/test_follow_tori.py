@@ -1,7 +1,6 @@
 """Families of tori, against closed forms and the Neimark-Sacker points of branches."""
 
 import math
-from functools import cache
 from typing import Any, cast
 
 import numpy as np
@@ -106,7 +105,7 @@ def test_a_kept_rotation_number_in_closed_form():
     assert "is kept by tone.frequency" in str(family.summary())
 
 
-@cache
+@pytest.fixture(scope="module")
 def kept():
     """A torus of figure 13, and the family that keeps its rotation number."""
     torus = gw.tori.find_torus(gw.settle(gw.paper.case("13"), frequency=0.672))
@@ -114,8 +113,8 @@ def kept():
     return torus, family
 
 
-def test_a_kept_rotation_number_as_by_families_in_which_it_varies():
-    case, (torus, curve) = gw.paper.case("13"), kept()
+def test_a_kept_rotation_number_as_by_families_in_which_it_varies(kept):
+    case, (torus, curve) = gw.paper.case("13"), kept
     first, second = curve.points[0], curve.second_values[0]
     assert first.value == pytest.approx(0.6719)
     assert abs(second - 0.25) > 1e-4
@@ -126,8 +125,8 @@ def test_a_kept_rotation_number_as_by_families_in_which_it_varies():
     assert family.points[-1].torus.rotation == pytest.approx(torus.rotation, abs=1e-9)
 
 
-def test_tori_of_a_kept_rotation_number_shrink_to_an_orbit_whose_critical_multipliers_turn_by_it():
-    torus, curve = kept()
+def test_tori_of_a_kept_rotation_number_shrink_to_an_orbit_whose_critical_multipliers_turn_by_it(kept):
+    torus, curve = kept
     end = curve.ends[1]
     assert end.reason is TorusEndReason.SHRINKS
     system = curve.points[-1].torus.system

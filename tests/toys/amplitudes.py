@@ -17,7 +17,7 @@ from gapwalk import Study
 from gapwalk.studies import OPEN, Counted, Found, Job, Part, RangeStudy, Surroundings, add_kind
 from gapwalk.studies.study_file import check_study
 from gapwalk.studies.study_kind import Rows
-from gapwalk.studies.study_tables import check_signal
+from gapwalk.studies.study_schema import check_signal
 
 if TYPE_CHECKING:
     from typing import Self

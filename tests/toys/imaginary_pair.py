@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from gapwalk.special_points import Criticality, Kind, Symbol, register
+from gapwalk import Kind
+from gapwalk.special_points import Criticality, Symbol, register
 
 
 class ImaginaryPair(Kind):

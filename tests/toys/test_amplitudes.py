@@ -9,7 +9,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import ModelError, StoreError
-from gapwalk.explorer.exploration import Entry
+from gapwalk.explorer.opened_file import Entry
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies.functions import function_of
 from gapwalk.studies.study_file import check_study

@@ -56,37 +56,43 @@ def exact(stiffness: float, order: int) -> float:
     return 4.0 * math.sqrt(stiffness - 0.01) / order
 
 
-def commands(folder: Path, *calls: tuple[str, ...]) -> str:
-    """What the command line prints in calls, one after the other, in a process that knows the toy; each succeeds."""
-    program = "import sys, tests.toys.imaginary_pair\nfrom gapwalk.cli import main\n" + "".join(
-        f"if main({[*words]!r}): sys.exit({' '.join(words)!r} + ' failed')\n" for words in calls
-    )
+def in_process(folder: Path, *lines: str, knows: bool = True) -> str:
+    """What a program prints, in a process that knows the toy from its beginning or not; it succeeds."""
     root = Path(__file__).resolve().parents[2]
-    script = f"import sys\nsys.path.insert(0, {str(root)!r})\n{program}"
-    done = subprocess.run([sys.executable, "-c", script], cwd=folder, capture_output=True, text=True, check=False)
+    head = f"import sys\nsys.path.insert(0, {str(root)!r})\n" + "import tests.toys.imaginary_pair\n" * knows
+    call = [sys.executable, "-c", head + "\n".join(lines)]
+    done = subprocess.run(call, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
 
+def commands(folder: Path, *calls: tuple[str, ...]) -> str:
+    """What the command line prints in calls, one after the other, in one process; each succeeds."""
+    lines = (f"if main({[*words]!r}): sys.exit({' '.join(words)!r} + ' failed')" for words in calls)
+    return in_process(folder, "from gapwalk.cli import main", *lines)
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
+    """A folder with the model and the results of its studies."""
     folder = tmp_path_factory.mktemp("toy")
     (folder / "toy.toml").write_text(MODEL)
-    commands(folder, ("run", "toy.toml", "--quiet"))
+    in_process(
+        folder,
+        "import gapwalk as gw",
+        "for study in gw.studies.read_studies('toy.toml'): assert gw.run(study, f'toy-{study.name}.gapwalk').complete",
+    )
     return folder
 
 
-def document(folder: Path, name: str) -> dict:
-    return json.loads(commands(folder, ("show", name, "--json")))
-
-
-@pytest.mark.parametrize("name", ["toy-response.gapwalk", "toy-balanced.gapwalk"])
-def test_it_is_located_stored_and_shown(folder: Path, name: str) -> None:
-    points = document(folder, name)["special_points"]
-    assert [point["kind"] for point in points] == ["imaginary-pair"] * 2
-    for point, order in zip(points, (3, 5), strict=True):
-        assert abs(point["parameter"] - exact(1.0, order)) < 1e-11
-        assert point["uncertainty"] < 1e-11
+def test_it_is_located_stored_and_shown(folder: Path) -> None:
+    shown = commands(folder, *(("show", f"toy-{name}.gapwalk", "--json") for name in ("response", "balanced")))
+    for document in shown.replace("}\n{", "}\n\0{").split("\0"):
+        points = json.loads(document)["special_points"]
+        assert [point["kind"] for point in points] == ["imaginary-pair"] * 2
+        for point, order in zip(points, (3, 5), strict=True):
+            assert abs(point["parameter"] - exact(1.0, order)) < 1e-11
+            assert point["uncertainty"] < 1e-11
 
 
 def test_it_is_followed_in_two_parameters(folder: Path) -> None:
@@ -125,23 +131,14 @@ def test_a_process_that_does_not_know_it_says_so(folder: Path) -> None:
 
 
 def test_it_may_be_registered_after_all_of_gapwalk_is_loaded(folder: Path) -> None:
-    late = """
-from gapwalk.cli import main
-main(["run", "map.toml", "--study", "response", "--quiet"])
-import tests.toys.imaginary_pair
-sys.exit(main(["run", "toy.toml", "--study", "locus", "--output", "late.gapwalk"]))
-"""
     (folder / "map.toml").write_text(MODEL.replace("imaginary-pair", "fold"))
-    root = Path(__file__).resolve().parents[2]
-    done = subprocess.run(
-        [sys.executable, "-c", f"import sys\nsys.path.insert(0, {str(root)!r})\n{late}"],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
+    late = (
+        "from gapwalk.cli import main",
+        "main(['run', 'map.toml', '--study', 'response', '--quiet'])",
+        "import tests.toys.imaginary_pair",
+        "sys.exit(main(['run', 'toy.toml', '--study', 'locus', '--output', 'late.gapwalk']))",
     )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "1 of imaginary-pair" in done.stdout
+    assert "1 of imaginary-pair" in in_process(folder, *late, knows=False)
     assert (folder / "late.png").stat().st_size > 1000
 
 

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from gapwalk.loads import Line, Load, Parameter, register
+from gapwalk.laws import Parameter
+from gapwalk.loads import Line, Load, register
 
 
 @dataclass(frozen=True)

@@ -21,26 +21,12 @@ BEGIN, END = "<!-- compared -->\n", "<!-- end -->"
 
 @dataclass(frozen=True)
 class Line:
-    """A line of the table.
+    """A line of the table."""
 
-    Parameters
-    ----------
-    what
-        The quantity.
-    source
-        Where its value is from.
-    reference
-        That value.
-    bound
-        Largest difference relative to it; for a printed value, what its digits and its method allow.
-    compute
-        Computes it.
-    """
-
-    what: str
-    source: str
-    reference: float
-    bound: float
+    what: str  #: The quantity.
+    source: str  #: Where its value is from.
+    reference: float  #: That value.
+    bound: float  #: Largest difference relative to it; for a printed value, what its digits and its method allow.
     compute: Callable[[], float]
 
     @property

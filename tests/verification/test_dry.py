@@ -13,9 +13,8 @@ from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.laws import Jenkins
 from gapwalk.model.laws.friction import Hysteretic
 from gapwalk.verification import Check, confirm, verify_orbits
-from gapwalk.verification.dry_dop853 import DryRound, _Motion, carry
-from gapwalk.verification.dry_equations import Change, Key, mismatch
-from gapwalk.verification.guard_samples import brackets
+from gapwalk.verification.friction_dop853 import DryRound, _Motion, brackets, carry
+from gapwalk.verification.friction_equations import Change, Key, mismatch
 from tests.dry.trials.random_systems import random_system
 
 PASSES = ("contact", 0)

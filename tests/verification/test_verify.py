@@ -16,27 +16,32 @@ from gapwalk.cli import main
 from gapwalk.errors import VerificationError
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.results.result_file import reading
+from gapwalk.studies.bifurcation_map import Map
 from gapwalk.studies.map_study import MapStudyOptions
 from gapwalk.studies.response_study import MOMENT, START, Moment, ResponseOptions
 from gapwalk.studies.result import request_file
-from gapwalk.verification import Check
+from gapwalk.verification import Check, Verification
 from gapwalk.verification.dop853 import carry
 from gapwalk.verification.independent_equations import Equations
 from tests.independent import acceleration, integrate
 from tests.results.again import again
+from tests.sampled_verification import verified
 from tests.systems import clutch, linear, viscous_stop
+
+LONG = gw.WalkOptions(largest_step=0.04)
+"""Longer steps than by default: what is verified again after each change has fewer points."""
 
 
 @pytest.fixture(scope="module")
 def branch():
     """Of the clutch: a grazing point, flips, a fold and a second sheet."""
-    return gw.follow(gw.find_orbit(clutch(frequency=0.85)), "frequency", to=0.6)
+    return gw.follow(gw.find_orbit(clutch(frequency=0.85)), "frequency", to=0.6, walk=LONG)
 
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
     """The same as a study with its file."""
-    options = ResponseOptions("frequency", 0.85, 0.6, "half.q1")
+    options = ResponseOptions("frequency", 0.85, 0.6, "half.q1", walk=LONG)
     path = tmp_path_factory.mktemp("verify") / "clutch.gapwalk"
     gw.run(gw.Study(clutch(frequency=0.85), options), path)
     return path
@@ -88,7 +93,7 @@ def test_follow_raises_where_a_check_fails(monkeypatch):
     )
     with pytest.raises(VerificationError, match=r"points 0 to 1.*something has changed") as error:
         gw.follow(gw.find_orbit(clutch(frequency=0.85)), "frequency", to=0.84, verify=True)
-    assert isinstance(error.value.verification, gw.Verification)
+    assert isinstance(error.value.verification, Verification)
 
 
 @pytest.mark.parametrize("system", [clutch(), viscous_stop(), linear()])
@@ -141,7 +146,7 @@ def test_a_dropped_special_point_is_found(branch):
     for kind in ("fold", "flip", "grazing"):
         index = place(branch, kind)
         special = branch.special_points[index]
-        found = gw.verify(with_special(branch, index, None))
+        found = verified(with_special(branch, index, None), 2)
         assert {check for check, _ in failed(found)} == {"counts"}, kind
         (breach,) = found.breaches
         first = int(breach.spot.item.split()[1])
@@ -156,7 +161,7 @@ def test_a_special_point_that_was_moved_is_found(branch):
     x[:-1] *= beside.state / special.orbit.state
     x[-1] *= (special.value + 1e-6) / special.value
     moved = replace(special.point, value=special.value + 1e-6, orbit=beside, x=x, memo={})
-    found = gw.verify(with_special(branch, index, replace(special, point=moved)))
+    found = verified(with_special(branch, index, replace(special, point=moved)), 2)
     assert failed(found) == {("location", f"special point {index} (flip)")}
     assert "1e-06 away" in found.breaches[0].detail
 
@@ -177,7 +182,7 @@ def test_what_could_not_be_located_a_second_time_is_told(branch):
 def test_the_wrong_kind_is_found(branch):
     index = place(branch, "grazing")
     special = replace(branch.special_points[index], kind=gw.Kind.FLIP, contact="")
-    found = gw.verify(with_special(branch, index, special))
+    found = verified(with_special(branch, index, special), 2)
     assert ("sides", f"special point {index} (flip)") in failed(found)
 
 
@@ -217,7 +222,7 @@ def test_a_missing_contact_event_is_found(branch):
 def test_balanced_branches_verify_with_their_truncation():
     system = clutch(frequency=1.0)
     method = gw.Balance(20)
-    found = gw.follow(gw.find_orbit(system, method=method), "frequency", to=0.75, method=method)
+    found = gw.follow(gw.find_orbit(system, method=method), "frequency", to=0.75, method=method, walk=LONG)
     verification = gw.verify(found)
     assert verification.ok, verification.words
     assert {"lines", "truth", "location"} <= {summary.check.word for summary in verification.summaries}
@@ -230,7 +235,7 @@ def test_balanced_branches_verify_with_their_truncation():
 
 
 def test_where_branches_are_attached_is_verified():
-    tree = gw.diagram(clutch(frequency=0.85), "frequency", (0.64, 0.85), max_period=2, workers=1)
+    tree = gw.diagram(clutch(frequency=0.85), "frequency", (0.64, 0.85), max_period=2, workers=1, walk=LONG)
     found = gw.verify(tree)
     assert found.ok, found.words
     assert found.worst("tree").size < 1e-8
@@ -304,10 +309,10 @@ def test_the_command_has_an_exit_code_of_its_own_for_faults(result, tmp_path, ca
         rewrite(path, broken)
         assert main(["verify", str(path)]) == 5
         assert words in capsys.readouterr().out
-        assert main(["verify", str(path), "--json"]) == 5
-        document = json.loads(capsys.readouterr().out)
-        assert document["ok"] is False
-        assert document["breaches"]
+    assert main(["verify", str(path), "--json"]) == 5
+    document = json.loads(capsys.readouterr().out)
+    assert document["ok"] is False
+    assert document["breaches"]
 
 
 def test_a_result_without_branches_says_what_can_be_verified(tmp_path, capsys):
@@ -338,7 +343,7 @@ def test_a_study_verifies_itself_and_keeps_what_it_found(tmp_path):
 def test_loci_are_shot_again():
     flip = gw.follow(gw.find_orbit(clutch(frequency=0.85)), "frequency", to=0.75).special("flip")[0]
     locus = gw.follow_locus(flip, "frequency", "stage2.clearance", ((0.7, 0.9), (0.9, 1.1)))
-    chart = gw.Map("frequency", "stage2.clearance", ((0.7, 0.9), (0.9, 1.1)), (locus,))
+    chart = Map("frequency", "stage2.clearance", ((0.7, 0.9), (0.9, 1.1)), (locus,))
     found = gw.verify(chart)
     assert found.ok, found.words
     assert found.worst("condition").size < 1e-7

@@ -8,11 +8,12 @@ from itertools import pairwise
 import pytest
 
 import gapwalk as gw
-from gapwalk.bifurcation.error_estimate import ErrorEstimator
+from gapwalk.bifurcation.special_point import ErrorEstimator
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.verification.verify_special_points import Examination, Track
 from tests.dry.trials.random_systems import random_system
 from tests.sampled_verification import SAMPLED, verified
+from tests.tiers import in_campaign
 
 
 def steel(side: Side, law: str, damping: float) -> System:
@@ -25,11 +26,7 @@ def steel(side: Side, law: str, damping: float) -> System:
 
 @pytest.mark.parametrize(
     ("side", "law", "damping"),
-    [
-        (Side.POSITIVE, "elastic", 0.0),
-        (Side.POSITIVE, "hunt-crossley", 0.1),
-        (Side.BOTH, "viscous", 10.0),
-    ],
+    [in_campaign(Side.POSITIVE, "elastic", 0.0), (Side.POSITIVE, "hunt-crossley", 0.1), (Side.BOTH, "viscous", 10.0)],
 )
 def test_a_walk_at_a_stiff_stop_passes_and_is_looked_at_closely(side, law, damping) -> None:
     """A contact lasts a thousandth of a period and is integrated as exactly as the motion between."""

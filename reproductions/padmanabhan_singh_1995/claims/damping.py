@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +50,7 @@ def _never_pulls() -> tuple[bool, str]:
     return least >= 0.0, f"least force {least:.3g}; {_size(loop)}"
 
 
-def _size(loop: gw.analysis.Hysteresis) -> str:
+def _size(loop: Any) -> str:
     return f"the greatest force is {loop.force.max():.3g}, the loss {loop.loss:.3g} per cycle with both laws"
 
 

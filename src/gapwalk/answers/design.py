@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.goals import EXACT, MARGIN, AnyGoal, Goal, Need
-from gapwalk.answers.local_response import COARSE, LocalResponse, unstable_spans
+from gapwalk.answers.goals import COARSE, EXACT, MARGIN, AnyGoal, Goal, LocalResponse, Need, unstable_spans
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import follow
@@ -22,13 +21,15 @@ from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.bounds import Bounded, Counted, Fraction, Natural, Positive, check_fields
+from gapwalk.model.measures import full_measure
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
-from gapwalk.model.words import full_measure, parameter_symbol
+from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.orbit.find import carry, find_orbit
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.picture_parts import Bar, Line, NamedCurve, Parts, Picture, Shade, pictured
+from gapwalk.pieces import workers_around
 from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
 
 # The least change of some parameters that reaches all goals, found by gradients and proved on the new response.
@@ -118,6 +119,25 @@ class LeastChangeOptions(Bounded):
     margin: Fraction = MARGIN  #: Safety margin: as a share of the width of a band, or of a limit.
     seed: Natural = 0  #: Seed of the further starts.
     walk: WalkOptions = COARSE  #: Options of the walks.
+
+
+class Searched(NamedTuple):
+    """A route that was searched for with some least change known, and where it would have been given up for another."""
+
+    route: Route
+    is_given_up: bool  #: True if it was given up.
+    begun: float  #: Size of the first change.
+    #: Size and missing margin after each step, and the route if it was given up there.
+    steps: tuple[tuple[float, float, Route], ...]
+
+    def for_known(self, known: float) -> Route | None:
+        """Return the route with another least change known; None if it must be searched for again."""
+        is_near = self.begun < known  # a further start begins beyond, and comes nearer first
+        for size, missing, given_up in self.steps:
+            if is_near and missing > 0.0 and size > _HOPELESS * known:
+                return given_up
+            is_near = is_near or size < known
+        return None if self.is_given_up else self.route
 
 
 class _Judged(NamedTuple):
@@ -223,39 +243,39 @@ class DesignProblem:
 
     def route(self, ways: tuple[str, ...], start: int, known: float = math.inf) -> Route:
         """Search for the least change in one way."""
+        return self.searched((ways, start, known)).route
+
+    def searched(self, piece: tuple[tuple[str, ...], int, float]) -> Searched:
+        """Search for the least change in one way; a piece of work for any process."""
+        ways, start, known = piece
         u = self.starts()[start - 1] if start else np.zeros(len(self.changes))
-        search = _Search(self, ways, known)
+        search, begun = _Search(self, ways, known), self.size(u)
+
+        def told(steps: int, found: _Judged, *, is_given_up: bool) -> Route:
+            worst = min(found.needs, key=lambda need: need.margin, default=None)
+            words = worst.words if worst is not None else ""
+            if is_given_up:
+                words += f"; given up, {_HOPELESS:g} times beyond the least change known"
+            is_missing = found.missing > max(_DONE * self.options.margin, EXACT)
+            missing = found.missing if is_missing else 0.0
+            return Route(ways, start, self._values(found.u), self.size(found.u), missing, steps, words)
+
         try:
             found = search.run(u)
+            route = told(search.steps, found, is_given_up=search.is_given_up)
         except (NumericalError, ModelError) as error:
-            return Route(ways, start, self._values(u), self.size(u), math.inf, search.steps, str(error))
-        worst = min(found.needs, key=lambda need: need.margin, default=None)
-        is_missing = found.missing > max(_DONE * self.options.margin, EXACT)
-        words = worst.words if worst is not None else ""
-        if search.is_given_up:
-            words += f"; given up, {_HOPELESS:g} times beyond the least change known"
-        missing = found.missing if is_missing else 0.0
-        return Route(ways, start, self._values(found.u), self.size(found.u), missing, search.steps, words)
-
-    def next_route(self, found: Sequence[Route]) -> tuple[tuple[str, ...], int] | None:
-        """Return ways and start of the route after those that were found; None after the last.
-
-        First come all ways from the present design, then the two best of them from further starts.
-        """
-        ways, many = self.ways(), len(found)
-        if many < len(ways):
-            return ways[many], 0
-        best = sorted(found[: len(ways)], key=lambda route: (route.missing, route.change))[:2]
-        number, place = divmod(many - len(ways), len(best))
-        return (best[place].ways, number + 1) if number < self.options.starts else None
+            route = Route(ways, start, self._values(u), begun, math.inf, search.steps, str(error))
+        steps = [(self.size(now.u), now.missing, told(steps, now, is_given_up=True)) for steps, now in search.trace]
+        return Searched(route, search.is_given_up, begun, tuple(steps))
 
     def routes(self, found: Sequence[Route] = ()) -> Iterator[Route]:
         """Yield the routes after those that were found."""
-        all_found = list(found)
-        while (following := self.next_route(all_found)) is not None:
-            known = min((route.change for route in all_found if route.is_reached), default=math.inf)
-            all_found.append(self.route(*following, known))
-            yield all_found[-1]
+        queue = _RouteQueue(self, list(found))
+        for number, searched in workers_around().each(self.searched, queue):
+            ways, start, known = queue[number]
+            route = searched.for_known(known)
+            queue.found.append(route or self.route(ways, start, known))
+            yield queue.found[-1]
 
     def relative(self, values: Sequence[float]) -> NDArray[np.float64]:
         """Return the relative changes of some values of the parameters."""
@@ -271,12 +291,37 @@ def _covers(band: tuple[float, float] | None, other: tuple[float, float] | None)
     return band is not None and other is not None and band[0] <= other[0] and other[1] <= band[1]
 
 
+class _RouteQueue(Sequence[tuple[tuple[str, ...], int, float]]):
+    """Ways, start, and the least change known, of the routes after those that were found; some are known later."""
+
+    def __init__(self, problem: DesignProblem, found: list[Route]) -> None:
+        self.found, self._first, self._ways = found, len(found), problem.ways()
+        self._starts = problem.options.starts
+
+    def __len__(self) -> int:
+        many = len(self._ways)
+        if len(self.found) >= many:
+            many += min(many, 2) * self._starts
+        return many - self._first
+
+    def __getitem__(self, number: Any) -> Any:
+        # First come all ways from the present design, then the two best of them from further starts.
+        place, many = self._first + number, len(self._ways)
+        known = min((route.change for route in self.found[:place] if route.is_reached), default=math.inf)
+        if place < many:
+            return self._ways[place], 0, known
+        best = sorted(self.found[:many], key=lambda route: (route.missing, route.change))[:2]
+        start, which = divmod(place - many, len(best))
+        return best[which].ways, start + 1, known
+
+
 class _Search:
     """Sequential quadratic programming for one way of reaching the goals."""
 
     def __init__(self, problem: DesignProblem, ways: tuple[str, ...], known: float = math.inf) -> None:
         self.problem, self.ways, self.known, self.steps, self.is_given_up = problem, ways, known, 0, False
         self.weights, self.bounds = problem.weights, problem.bounds
+        self.trace: list[tuple[int, _Judged]] = []  # the steps so far, and the design that was best then
 
     def run(self, u: NDArray[np.float64]) -> _Judged:
         """Return the best design that was found."""
@@ -304,6 +349,7 @@ class _Search:
                 radius = 0.4 * size
             if gained > _ACCEPTED * predicted:
                 now = trial
+            self.trace.append((self.steps, _Judged(now.u, {}, now.needs)))
             if is_near and now.missing > 0.0 and self.problem.size(now.u) > _HOPELESS * self.known:
                 self.is_given_up = True
                 break
@@ -324,11 +370,9 @@ class _Search:
         return _Judged(u, {structure: each.lead for structure, each in responses.items()}, needs)
 
     def posed(self, goal: Goal) -> System:
-        """Return the system on whose response a goal is judged.
-
-        Where gaps are to be quiet over the band of the goal, it is the one whose gaps keep their states: the motion
-        that is looked for is the same, and it is judged without the rattle that the design is to remove.
-        """
+        """Return the system on whose response a goal is judged."""
+        # Where gaps are to be quiet over the band of the goal, it is the one whose gaps keep their states: the motion
+        # that is looked for is the same, and it is judged without the rattle that the design is to remove.
         system = self.problem.lead.system
         for other, way in zip(self.problem.goals, self.ways, strict=True):
             if other is goal or _covers(other.band, goal.band):
@@ -353,12 +397,10 @@ class _Search:
         return 0.5 * float(np.sum(self.weights * u**2)) + penalty * missing
 
     def quadratic(self, now: _Judged, radius: float, penalty: float) -> tuple[NDArray[np.float64], float]:
-        """Return the step that is best for linearised margins, and the largest margin that it leaves missing.
-
-        The unknowns are the step d and the slack s >= 0:
-
-            minimise 1/2 w (u + d)^2 + penalty s   with   margins + slopes d + s >= 0   inside the trust region
-        """
+        """Return the step that is best for linearised margins, and the largest margin that it leaves missing."""
+        # The unknowns are the step d and the slack s >= 0:
+        #
+        #     minimise 1/2 w (u + d)^2 + penalty s   with   margins + slopes d + s >= 0   inside the trust region
         from scipy.optimize import minimize  # imported late: it takes long
 
         count, low, high = len(now.u), *self.bounds.T

@@ -11,45 +11,303 @@ is smooth where the gap would rattle, so that its response shows how far a desig
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from annotated_types import Ge
 from numpy.typing import NDArray
 
-from gapwalk.answers.settled_sweep import (
-    Direction,
-    Sample,
-    SettledSweep,
-    SlowSweepOptions,
-    Stretch,
-    stable_stretch,
-    start_of,
-)
+from gapwalk.attractors.lane_settling import LANE_ERROR, LaneMotion, settle_lanes, starts_at
 from gapwalk.attractors.many_motions import ContactFigures, ManyMotions, enough, finite_rows, motions_of
 from gapwalk.attractors.regimes import Waited, wait
 from gapwalk.attractors.section import Strobe
-from gapwalk.attractors.settle import SettleOptions, settle
+from gapwalk.attractors.settle import Settled, SettleOptions, judge_returns, settle
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.follow import walk
 from gapwalk.bifurcation.isolated.search_starts import spread_starts, state_box
-from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switch
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint
+from gapwalk.continuation.curve_points import BranchPoint
+from gapwalk.continuation.walk import EndReason, WalkOptions
+from gapwalk.ensemble.lanes import prefers_lanes
 from gapwalk.errors import FlowError, ModelError, NumericalError
 from gapwalk.flow.forces import contact_deflections
-from gapwalk.flow.motion import Motion
+from gapwalk.flow.motion import Motion, acceleration_names, accelerations_at
+from gapwalk.model.bounds import Bounded, Counted
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.laws import Law, Stages
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
-from gapwalk.orbit.orbit import Orbit, is_same
+from gapwalk.orbit.orbit import Orbit, describe_switch, is_same
+
+# Settled motions met by a slow sweep of one parameter, followed as branches where they are periodic.
+#
+# A slow sweep stays on a stable motion until it ends or loses its stability: at a fold it jumps, at a flip or a
+# Neimark-Sacker point another motion leaves, at a graze of a stiff stop either may happen. Up to there the branch is
+# walked, which locates the point exactly. Just beyond it a transient is followed until it has settled, from the last
+# state of the branch; so the sweep continues where a machine would. Motions that are not periodic, or of a long
+# period, are sampled at even steps of the parameter until a periodic motion is found again.
+
+_BEYOND = 0.02  # share of a step beyond a loss of stability at which the transient begins
+_FIRST, _LONGEST_SETTLED = 48, 8  # forcing periods before the first look at a transient, and longest period of a sample
+_KEPT = 4  # states of a sampled motion that are stored
+_STUCK = 8  # walks in succession that may fail to leave their first point
+
+
+class Direction(StrEnum):
+    """Direction in which a sweep changes the parameter."""
+
+    UP = "rising"
+    DOWN = "falling"
+
+    @property
+    def sign(self) -> int:
+        """1 for a rising parameter, -1 for a falling one."""
+        return 1 if self is Direction.UP else -1
+
+
+class SweepBy(StrEnum):
+    """How the motions of a slow sweep are followed."""
+
+    CHOSEN = "chosen"
+    """By curves, or by steps if more than one gap moves with more than three coordinates."""
+    CURVES = "curves"
+    """By continuation."""
+    STEPS = "steps"
+    """By equal steps in time, settled at each value."""
+
+
+@dataclass(frozen=True, slots=True)
+class SlowSweepOptions(Bounded):
+    """Options of a slow sweep."""
+
+    steps: Annotated[int, Ge(2)] = 100  #: Steps of the range at which motions without a branch are sampled.
+    #: Longest period, in forcing periods, of motions that are followed as branches; longer ones are sampled.
+    longest: Counted = 2
+    patience: Annotated[int, Ge(16)] = 300  #: The most forcing periods in which a sampled motion may become periodic.
+    #: How motions are followed: ``"curves"`` by continuation, with the exact ends of bands; ``"steps"`` settled at each
+    #: step by many motions at once, for systems whose gaps interact; ``"chosen"`` by the size of the system.
+    by: SweepBy = SweepBy.CHOSEN
+    walk: WalkOptions = WalkOptions()  #: Options of the walks.
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """Stable periodic motions over a stretch of the parameter."""
+
+    branch: Branch  #: The branch, in the direction of the sweep; its last point may lie beyond the loss of stability.
+    #: begin, end: Values of the parameter between which it is stable, in the direction of the sweep.
+    begin: float
+    end: float
+    lost: SpecialPoint | None  #: Special point at which it loses its stability; None if it does not.
+    why: str  #: Reason why it ends, in words.
+
+    @property
+    def points(self) -> tuple[BranchPoint, ...]:
+        """Its stable points, in the direction of the sweep."""
+        limit = math.inf if self.lost is None else self.lost.point.arclength
+        return tuple(point for point in self.branch.points if point.stable and point.arclength <= limit)
+
+    @property
+    def special_points(self) -> tuple[SpecialPoint, ...]:
+        """Special points on it; the loss of stability is not among them."""
+        limit = math.inf if self.lost is None else self.lost.point.arclength
+        return tuple(point for point in self.branch.special_points if point.point.arclength < limit)
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """A settled motion at one value of the parameter."""
+
+    value: float  #: Value of the parameter.
+    motion: Settled  #: The motion, with its orbit if it is periodic.
+
+
+@dataclass(frozen=True, eq=False)
+class SettledSweep:
+    """The motions met by a slow sweep."""
+
+    parameter: str  #: Name of the parameter.
+    within: tuple[float, float]  #: Its range, the smaller end first.
+    direction: Direction  #: Direction of the sweep.
+    #: stretches, samples: Periodic motions that were followed, and motions that were sampled; both in the order of the
+    #: sweep.
+    stretches: tuple[Stretch, ...]
+    samples: tuple[Sample, ...]
+    notes: tuple[str, ...] = ()  #: Failures, in sentences.
+    name: str = ""  #: How the motions are met if not by a sweep; empty for a sweep.
+    #: lanes, contacts: Motions settled by equal steps, in the order of the sweep, in place of stretches and samples;
+    #: and the names of the contacts of their figures.
+    lanes: tuple[LaneMotion, ...] = ()
+    contacts: tuple[str, ...] = ()
+
+    @property
+    def met(self) -> str:
+        """How the motions are met: ``rising``, ``falling``, or otherwise."""
+        return self.name or str(self.direction)
+
+    @property
+    def pieces(self) -> list[Stretch | Sample]:
+        """Stretches and samples in the order of the sweep."""
+        both: list[Stretch | Sample] = [*self.stretches, *self.samples]
+        return sorted(both, key=lambda piece: self.direction.sign * start_of(piece))
+
+
+def lane_states(motion: LaneMotion, contacts: Sequence[str], gaps: Sequence[str]) -> list[GapState]:
+    """Return the state of each gap in a motion settled by equal steps."""
+    places = [contacts.index(gap) for gap in gaps]
+    codes = state_codes(np.nan_to_num(motion.sides[places]), motion.closed[places])
+    return [list(GapState)[code] for code in codes.tolist()]
+
+
+def start_of(piece: Stretch | Sample) -> float:
+    """Return the value of the parameter at which a piece of a sweep begins."""
+    return piece.begin if isinstance(piece, Stretch) else piece.value
+
+
+def settled_sweep(
+    system: System,
+    parameter: str,
+    within: tuple[float, float],
+    direction: Direction,
+    start: str | tuple[float, ...] = "rest",
+    options: SlowSweepOptions | None = None,
+) -> SettledSweep:
+    """Follow the settled motion over a range of a parameter that changes slowly in one direction."""
+    options = options or SlowSweepOptions()
+    low, high = within
+    sweep = _SlowSweep(system, parameter, (min(low, high), max(low, high)), direction, options)
+    sweep.run(start)
+    return SettledSweep(
+        parameter, sweep.within, direction, tuple(sweep.stretches), tuple(sweep.samples), tuple(sweep.notes)
+    )
+
+
+def stable_stretch(
+    orbit: Orbit, parameter: str, to: float, options: WalkOptions, begin: float | None = None
+) -> tuple[Stretch, NDArray[np.float64]]:
+    """Follow a stable orbit until it loses its stability or reaches a value of the parameter."""
+    steps = walk(orbit, parameter, to, walk=options)
+    lost: SpecialPoint | None = None
+    for point in steps:
+        lost = next((each for each in steps.special_points if not each.before.total and each.after.total), None)
+        if lost is not None or not point.stable:
+            break
+    branch = steps.branch
+    last = branch.points[-1]
+    first = orbit.system[parameter] if begin is None else begin
+    if lost is not None:
+        return Stretch(branch, first, lost.value, lost, str(lost.kind)), last.orbit.state
+    if not last.stable:  # the point where it was lost could not be located
+        values = [point.value for point in branch.points[-2:]]
+        return Stretch(branch, first, float(np.mean(values)), None, "a loss of stability"), last.orbit.state
+    return Stretch(branch, first, branch.ends[-1].value, None, branch.ends[-1].reason_words), last.orbit.state
+
+
+class _SlowSweep:
+    """A sweep that is being computed."""
+
+    def __init__(
+        self,
+        system: System,
+        parameter: str,
+        within: tuple[float, float],
+        direction: Direction,
+        options: SlowSweepOptions,
+    ) -> None:
+        self.system, self.parameter, self.within, self.options = system, parameter, within, options
+        self.direction = direction
+        self.sign = direction.sign
+        self.begin, self.end = within if self.sign > 0 else within[::-1]
+        self.step = (within[1] - within[0]) / options.steps
+        self.stretches: list[Stretch] = []
+        self.samples: list[Sample] = []
+        self.notes: list[str] = []
+
+    def run(self, start: str | tuple[float, ...]) -> None:
+        """Follow the motion from one end of the range to the other."""
+        settled = settle(self.system, start, at={self.parameter: self.begin})
+        state, value, fails = settled.state, self.begin, 0
+        while True:
+            orbit = settled.orbit
+            if orbit is not None and orbit.period <= self.options.longest and fails < _STUCK:
+                before, after = value, self._followed(orbit)
+                if after is not None:
+                    (value, state), fails = after, 0 if abs(after[0] - before) > _BEYOND * self.step else fails + 1
+                    ahead = value + self.sign * _BEYOND * self.step
+                else:
+                    ahead = self._sampled(value, settled)
+            else:
+                ahead, fails = self._sampled(value, settled), 0
+            if self._is_past(value) or self._is_past(ahead):
+                return
+            value = ahead
+            try:
+                settled = self._settled(self.system.at({self.parameter: value}), state)
+            except FlowError as error:
+                self.notes.append(f"{self.parameter} = {value:.8g}: {error}")
+                return
+            state = settled.state
+
+    def _settled(self, system: System, state: NDArray[np.float64]) -> Settled:
+        """Follow a transient until its returns shrink towards an orbit, which is then found, or to the end of patience.
+
+        Newton's method is called only where returns shrink: in chaos it would be called at every chance return.
+        """
+        strobe, scales, longest = Strobe(system), system.state_scales(), max(_LONGEST_SETTLED, self.options.longest)
+        states, length = state[None, :], max(_FIRST, 3 * longest + 1)
+        while True:
+            states = np.vstack((states, strobe.run(states[-1], length - (len(states) - 1))))
+            tail = states[-min(len(states), length // 2 + 3 * longest) :] / scales
+            size = max(float(np.abs(tail).max()), np.finfo(float).tiny)
+            period = int(judge_returns(tail[:, None] / size, longest).periods[0])
+            if period:
+                settled = settle(system, states[-1], SettleOptions(max_periods=8 * _FIRST, max_period=max(period, 1)))
+                if settled.orbit is not None:
+                    return replace(settled, periods=settled.periods + length)
+            if length >= self.options.patience:
+                why = f"it did not become periodic within {length} forcing periods"
+                return Settled(system, states, length, False, None, float("inf"), (why,))
+            length = min(length + length // 2, self.options.patience)
+
+    def _is_past(self, value: float) -> bool:
+        return (value - self.end) * self.sign >= 0.0
+
+    def _sampled(self, value: float, settled: Settled) -> float:
+        """Keep a motion as a sample, and return the next value to look at."""
+        self.samples.append(Sample(value, replace(settled, strobes=settled.strobes[-_KEPT:].copy())))
+        return value + self.sign * self.step
+
+    def _followed(self, orbit: Orbit) -> tuple[float, NDArray[np.float64]] | None:
+        """Follow an orbit; return the value and the state where the stretch ends, None if that fails."""
+        value = orbit.system[self.parameter]
+        # a motion settled just beyond a loss of stability is there from the very point on
+        previous = self.stretches[-1].end if self.stretches else value
+        begin = previous if abs(value - previous) <= 1.5 * _BEYOND * self.step else value
+        try:
+            stretch, state = stable_stretch(orbit, self.parameter, self.end, self.options.walk, begin)
+        except NumericalError as error:
+            self.notes.append(f"{self.parameter} = {value:.8g}: {error}")
+            return None
+        if not stretch.points or (stretch.end - begin) * self.sign <= 0.0:
+            return None
+        if stretch.branch.ends[-1].reason is EndReason.FAILED:
+            self.notes.append(f"{self.parameter} = {stretch.end:.8g}: {stretch.why}")
+        self.stretches.append(stretch)
+        return stretch.end, state
+
 
 WATCHED = 16
 """Forcing periods over which the gaps of many motions are observed; a multiple of most periods."""
 _TRANSIENT = 16  # forcing periods after which fewer steps may do: random starts close gaps at great velocities
 _LONGEST = 8  # longest period that is distinguished from motions without period
+_ABREAST = 32  # motions that are followed at once by equal steps
 _RESTS = 1e-9  # share of a clearance by which a deflection that rests on the breakpoint may miss it
 
 
@@ -86,10 +344,8 @@ def known_gaps(system: System) -> tuple[str, ...]:
 
 
 def usual_gaps(system: System) -> tuple[str, ...]:
-    """Return the gaps in which parts may rattle: all gaps, or, in a drive train, those of links that can part.
-
-    A link with a spring that acts always, such as a clutch damper with stages, cannot part.
-    """
+    """Return the gaps in which parts may rattle: all gaps, or, in a drive train, those of links that can part."""
+    # A link with a spring that acts always, such as a clutch damper with stages, cannot part.
     known, assembly = known_gaps(system), system.structure.assembly
     if isinstance(assembly, TrainAssembly):
         loose = {link.name for link in assembly.form.links if not link.always}
@@ -132,10 +388,8 @@ def gap_state(motion: Orbit | Motion, gap: str) -> GapState:
 
 
 def state_codes(impacts: NDArray[np.float64], is_closed: NDArray[np.bool_]) -> NDArray[np.int_]:
-    """Return the states of a gap in many motions, as codes (`GapState.code`).
-
-    Shapes: `impacts` (count, 2); `is_closed` (count,), bool.
-    """
+    """Return the states of a gap in many motions, as codes (`GapState.code`)."""
+    # Shapes: `impacts` (count, 2); `is_closed` (count,), bool.
     hits = (impacts > 0.0).sum(axis=1)
     quiet = np.where(is_closed, GapState.CLOSED.code, GapState.OPEN.code)
     parted = np.where(hits == 1, GapState.ONE_SIDE.code, GapState.BOTH_SIDES.code)
@@ -160,6 +414,8 @@ class GapVerdicts(NamedTuple):
     states: NDArray[np.float64]  #: shape (count, state_size): Last states of the motions.
     error: float  #: Error of the integrator over a forcing period of settled motions, relative to their size.
     waited: int  #: Largest number of forcing periods of the transients, before the gaps were observed.
+    #: shape (count, gaps): Root mean square acceleration behind each gap; None unless it was made by equal steps.
+    rms: NDArray[np.float64] | None = None
 
 
 def judge_gaps(
@@ -169,10 +425,10 @@ def judge_gaps(
     gaps: Sequence[str],
     patience: int,
 ) -> GapVerdicts:
-    """Follow motions until they are periodic or patience ends, and return what their gaps do then.
-
-    Shapes: `states` (count, state_size).
-    """
+    """Follow motions until they are periodic or patience ends, and return what their gaps do then."""
+    # Shapes: `states` (count, state_size).
+    if prefers_lanes(system):
+        return _judge_by_lanes(system, states, values or {}, gaps)
     pace, places = system.structure.pace, [contact_place(system, gap) for gap in gaps]
     paces = (values or {}).get(pace, np.full(len(states), system[pace]))
     scales = np.array([system.state_scales(1.0, system.structure.frequency * each) for each in paces.tolist()])
@@ -195,6 +451,27 @@ def judge_gaps(
     peaks[:, [system.structure.contacts[place].law.rebounds for place in places]] = np.nan  # no part of the batch
     periods, length = np.maximum(waited.periods, 0), _TRANSIENT + waited.longest
     return GapVerdicts(codes, periods, peaks, found.states, error, length)
+
+
+def _judge_by_lanes(
+    system: System, states: NDArray[np.float64], values: Mapping[str, NDArray[np.float64]], gaps: Sequence[str]
+) -> GapVerdicts:
+    """Do the same by equal steps, with their rules for the end of a transient."""
+    names, known = [form.name for form in system.structure.equations.contacts], acceleration_names(system)
+    places = [names.index(gap) for gap in gaps]
+    behind = [[known.index(each) for each in accelerations_at(system, gap)] for gap in gaps]
+    count, waited = len(states), 0
+    codes, periods = np.full((count, len(gaps)), -1), np.zeros(count, dtype=int)
+    (peaks, rms), ends = np.full((2, count, len(gaps)), np.nan), np.full(states.shape, np.nan)
+    for start, motion in settle_lanes(starts_at(system, states, values), width=_ABREAST):
+        waited = max(waited, motion.waited)
+        if not motion.diverged:
+            k = start.key
+            codes[k] = [state.code for state in lane_states(motion, names, gaps)]
+            periods[k], peaks[k], ends[k] = motion.period, motion.peak[places], motion.state
+            rms[k] = [motion.rms[own].max() for own in behind]
+    peaks[codes == GapState.OPEN.code] = 0.0
+    return GapVerdicts(codes, periods, peaks, ends, LANE_ERROR, waited, rms)
 
 
 def contact_place(system: System, gap: str) -> int:
@@ -306,8 +583,8 @@ class BandEnd:
 
     @property
     def is_located(self) -> bool:
-        """True if it is a special point of a branch."""
-        return self.special is not None
+        """True if it is a special point of a branch, or of the response with held flanks."""
+        return self.special is not None or self.kind == str(Kind.GRAZING)
 
     @property
     def is_jump(self) -> bool:
@@ -369,8 +646,26 @@ def state_of(motion: Orbit | Sample, gap: str) -> GapState:
     return gap_state(Motion.of(settled.system, np.zeros(1), settled.state[None], watched.contacts), gap)
 
 
+def _spans_of_lanes(sweep: SettledSweep, gap: str) -> list[GapSpan]:
+    motions = [motion for motion in sweep.lanes if not motion.diverged]
+    states = [lane_states(motion, sweep.contacts, [gap])[0] for motion in motions]
+    if not motions:
+        return []
+    ends, kept = [BandEnd(motions[0].value, RANGE)], [states[0]]
+    for (one, before), (other, after) in pairwise(zip(motions, states, strict=True)):
+        if after is not before:
+            ends.append(BandEnd(0.5 * (one.value + other.value), BETWEEN, 0.5 * abs(other.value - one.value)))
+            kept.append(after)
+    ends.append(BandEnd(motions[-1].value, RANGE))
+    if sweep.direction is Direction.DOWN:
+        ends, kept = ends[::-1], kept[::-1]
+    return [GapSpan(low, high, state) for (low, high), state in zip(pairwise(ends), kept, strict=True)]
+
+
 def spans_of(sweep: SettledSweep, gap: str) -> list[GapSpan]:
     """Return the spans of a gap along a sweep, in the order of the parameter."""
+    if sweep.lanes:
+        return _spans_of_lanes(sweep, gap)
     ends: list[BandEnd] = []
     states: list[GapState] = []
     last: Stretch | Sample | None = None
@@ -455,11 +750,9 @@ def _through(
     values: tuple[float, float],
     states: tuple[GapState, GapState],
 ) -> Iterator[tuple[BandEnd, GapState]]:
-    """Yield the changes of a gap between two neighbouring orbits of a branch.
-
-    A side that is touched from now on was first touched at the first graze of its breakpoint, and one that is no longer
-    touched was last touched at the last.
-    """
+    """Yield the changes of a gap between two neighbouring orbits of a branch."""
+    # A side that is touched from now on was first touched at the first graze of its breakpoint, and one that is no
+    # longer touched was last touched at the last.
     touched = [_touched(orbit, gap) for orbit in (one, other)]
     names = {side: describe_switch(one, switch) for switch, side in innermost(one.system, gap).items()}
     found = []
@@ -497,11 +790,10 @@ def other_motions(
     seed: int,
     options: SlowSweepOptions,
 ) -> tuple[list[SettledSweep], list[str]]:
-    """Search for settled motions that no sweep has met, and follow them in both directions while they are stable.
-
-    At each of some values of the parameter, motions from random starts are followed by the batch integrator until they
-    have settled. Those whose gaps or peak forces differ are settled by the exact flow, and compared with the sweeps.
-    """
+    """Search for settled motions that no sweep has met, and follow them in both directions while they are stable."""
+    # At each of some values of the parameter, motions from random starts are followed by the batch integrator until
+    # they have settled. Those whose gaps or peak forces differ are settled by the exact flow, and compared with the
+    # sweeps.
     if not values or not starts or not sweeps:
         return [], []
     parameter, within = sweeps[0].parameter, sweeps[0].within
@@ -538,10 +830,8 @@ def other_motions(
 def _settled(
     system: System, gaps: Sequence[str], starts: int, seed: int, options: SlowSweepOptions
 ) -> Iterator[np.ndarray]:
-    """Yield a state of each periodic motion on which random starts settle, distinguished by period, gaps and force.
-
-    Motions without period, or of a long one, are left to the samples of the sweeps.
-    """
+    """Yield a state of each periodic motion on which random starts settle, distinguished by period, gaps and force."""
+    # Motions without period, or of a long one, are left to the samples of the sweeps.
     states = np.array(spread_starts([system], state_box(system), starts, seed, 0.0))
     found = judge_gaps(system, states, None, gaps, options.patience)
     known: list[tuple[int, tuple[int, ...], np.ndarray]] = []

@@ -10,7 +10,7 @@ distance on, however many samples there are. Beyond the farthest sample that jud
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations_with_replacement
@@ -21,15 +21,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.kinds.critical_multipliers import bounded_product, pair_factors
 from gapwalk.bifurcation.loci.follow_locus import equation_of, plane_of
 from gapwalk.bifurcation.loci.gradient import shifts, shifts_at, wide_planes
-from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, LocusEquation
-from gapwalk.bifurcation.loci.orbit_plane import Place, ShotPlane
+from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, LocusEquation, Place, ShotPlane
 from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import classify, multipliers
+from gapwalk.orbit.orbit import describe_switch
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.orbit.sticking import transition_of
 
@@ -123,10 +126,8 @@ class Regression:
         return rest / np.maximum(1.0 - self._leverages, _ALONE).reshape(-1, *[1] * (y.ndim - 1))
 
     def unit_error(self, y: Array) -> float:
-        """Return a bound for the error of a fitted quantity at leverage 0; it grows like 1 + leverage.
-
-        Infinite if the samples do not tell all coefficients.
-        """
+        """Return a bound for the error of a fitted quantity at leverage 0; it grows like 1 + leverage."""
+        # Infinite if the samples do not tell all coefficients.
         return _CLOUD * float((np.abs(self.left_out(y)) / (1.0 + self.outside)).max()) if self._is_full else np.inf
 
     @cached_property
@@ -286,10 +287,8 @@ class Fit:
         derivatives: Array | None = None,
         curvatures: Array | None = None,
     ) -> Fit | None:
-        """Fit polynomials to solutions; None if there are too few of them.
-
-        Shapes: `unknowns` (samples, unknowns); `derivatives` (samples, unknowns, unknowns).
-        """
+        """Fit polynomials to solutions; None if there are too few of them."""
+        # Shapes: `unknowns` (samples, unknowns); `derivatives` (samples, unknowns, unknowns).
         origin, widths = scaled
         of = regressions.best(rows)
         if of is None:
@@ -491,11 +490,10 @@ class TrackedPoint:
         known: float = np.inf,
         enough: float = ENOUGH,
     ) -> Corrected | None:
-        """Correct a guess by Newton's method; None if it does not converge near by.
-
-        With a `known` bound of the curvature, an error may be left that is small `enough`. Then the next step needs no
-        further derivatives if those of this one leave little enough of it: they change by the curvature times the step.
-        """
+        """Correct a guess by Newton's method; None if it does not converge near by."""
+        # With a `known` bound of the curvature, an error may be left that is small `enough`. Then the next step needs
+        # no further derivatives if those of this one leave little enough of it: they change by the curvature times the
+        # step.
         unknowns, before, curvature = guess, np.inf, 0.0
         for count in range(_STEPS):
             try:
@@ -596,3 +594,107 @@ class TrackedPoint:
 def _sign(matrix: Array) -> float:
     """Return the sign of the determinant of a matrix."""
     return float(np.linalg.slogdet(matrix)[0])
+
+
+# Near misses: where a branch nearly has two more special points, which it may have in other systems.
+#
+# Two special points of one kind are born where an extremum of a test function along the branch passes zero: of the
+# distance of a multiplier from +1, from -1 or from the unit circle, or of the depth of a contact beyond a breakpoint.
+# Linear fits to the extrema that walks met tell in which other samples an extremum may have passed it.
+
+_SURE = 4.0  # standard errors of a prediction by which an extremum must be away from zero
+_TURN = 0.3  # radians by which a turning point may move from point to point of a walk
+
+
+@dataclass(frozen=True)
+class Miss:
+    """Extremum of a test function next to zero, along a branch."""
+
+    what: str  #: Kind of the special points that would be born there, and the contact.
+    place: int  #: Number of special points of the walk before it.
+    size: float  #: Distance of the test function from zero.
+
+
+@dataclass(frozen=True, eq=False)
+class Watch:
+    """Linear prediction of a near miss of one stretch of the branch."""
+
+    stretch: int  #: Number of the stretch; see `Patterns`.
+    coefficients: Array  #: shape (terms,): Coefficients of the distance from zero.
+    whitening: Array  #: shape (terms, terms): Map of the terms whose squared length is the leverage.
+    error: float  #: Standard error of a prediction at leverage 0; its square grows like 1 + leverage.
+
+    def is_near(self, terms: Terms) -> NDArray[np.bool_]:
+        """Return for each sample True if the extremum may have passed zero."""
+        own = terms.of(1)
+        errors = self.error * np.sqrt(1.0 + np.square(own @ self.whitening).sum(axis=1))
+        return own @ self.coefficients < _SURE * errors
+
+
+def misses_of(branch: Branch) -> tuple[Miss, ...]:
+    """Return the near misses along a walked branch."""
+    lengths = np.array([special.point.arclength for special in branch.special_points])
+    return tuple(
+        Miss(what, int(np.sum(lengths < branch.points[k].arclength)), size)
+        for what, k, size in (*_of_multipliers(branch.points), *_of_depths(branch.points))
+    )
+
+
+def watches_of(found: Sequence[tuple[int, Sequence[tuple[int, Miss]]]], regressions: Regressions) -> tuple[Watch, ...]:
+    """Return the predictions of near misses that walks met."""
+    groups: dict[tuple[str, int], dict[int, float]] = {}
+    for sample, misses in found:
+        for stretch, miss in misses:
+            sizes = groups.setdefault((miss.what, stretch), {})
+            sizes[sample] = min(miss.size, sizes.get(sample, np.inf))
+    watches = []
+    for (_, stretch), sizes in groups.items():
+        rows, values = np.array([*sizes], dtype=np.intp), np.array([*sizes.values()])
+        of = regressions.best(rows, 1)
+        if of is None:
+            continue
+        error = float(np.sqrt(np.mean(np.square(of.left_out(values)))))
+        watch = Watch(stretch, of.fit(values), of.cloud.whitening, error)
+        # where not even the mean of the samples is sure, nothing is known
+        if float(values.mean()) > _SURE * error:
+            watches.append(watch)
+    return tuple(watches)
+
+
+def _of_multipliers(points: Sequence[BranchPoint]) -> Iterator[tuple[str, int, float]]:
+    """Yield kind, number of the point and size of each near miss of a multiplier."""
+    functions: dict[str, Callable[[NDArray[np.complex128]], NDArray[np.complex128]]] = {
+        "fold": lambda values: values - 1.0,
+        "flip": lambda values: values + 1.0,
+        "neimark-sacker": pair_factors,
+    }
+    for what, function in functions.items():
+        sizes = [bounded_product(function(point.orbit.free_multipliers)) for point in points]
+        for k in range(1, len(points) - 1):
+            if _is_near(sizes[k - 1], sizes[k], sizes[k + 1]):
+                yield what, k, abs(sizes[k])
+
+
+def _of_depths(points: Sequence[BranchPoint]) -> Iterator[tuple[str, int, float]]:
+    """Yield kind and contact, number of the point and size of each near miss of a grazing contact."""
+    for k in range(1, len(points) - 1):
+        before, here, after = (points[j].orbit for j in (k - 1, k, k + 1))
+        full = PERIOD * here.period
+        for switch, turns in enumerate(here.turning_depths):
+            beside = before.turning_depths[switch], after.turning_depths[switch]
+            if not all(each.thetas for each in beside):
+                continue
+            for theta, depth in zip(turns.thetas, turns.values, strict=True):
+                places = [each.nearest(theta, full) for each in beside]
+                apart = [
+                    abs((each.thetas[place] - theta + 0.5 * full) % full - 0.5 * full)
+                    for each, place in zip(beside, places, strict=True)
+                ]
+                if max(apart) <= _TURN and _is_near(beside[0].values[places[0]], depth, beside[1].values[places[1]]):
+                    side = "beyond" if depth > 0.0 else "before"
+                    yield f"grazing {describe_switch(here, switch)} {side}", k, abs(depth)
+
+
+def _is_near(before: float, here: float, after: float) -> bool:
+    """Return True if a function has an extremum next to zero that does not reach it."""
+    return before * here > 0.0 and here * after > 0.0 and abs(here) < min(abs(before), abs(after))

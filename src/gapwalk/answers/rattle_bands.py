@@ -8,7 +8,6 @@ it.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
@@ -19,38 +18,35 @@ from numpy.typing import NDArray
 
 from gapwalk.answers.gap_states import (
     BandEnd,
+    Direction,
     GapSpan,
     GapState,
     RattleBand,
+    Sample,
+    SettledSweep,
     bands_of_spans,
     gap_state,
-    innermost,
     judge_gaps,
+    lane_states,
     spans_of,
     state_of,
-    watched,
 )
-from gapwalk.answers.settled_sweep import Direction, Sample, SettledSweep, SlowSweepOptions
+from gapwalk.answers.lane_sweep import started_piece
 from gapwalk.answers.shown_measure import moved_by
 from gapwalk.answers.tolerance import chance_of
-from gapwalk.attractors.basins import centres
+from gapwalk.attractors.lane_settling import LaneMotion
 from gapwalk.attractors.many_motions import enough, has_kernel, motions_of
 from gapwalk.attractors.rattle import Rattle, rattle
 from gapwalk.attractors.regimes import Regime, RegimeOptions, judge, regime_word
-from gapwalk.attractors.settle import SettleOptions, settle
-from gapwalk.bifurcation.follow import walk
 from gapwalk.bifurcation.isolated.search_starts import spread_starts, state_box
-from gapwalk.bifurcation.loci import Locus, follow_locus
-from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switch
 from gapwalk.continuation.curve_points import BranchPoint
-from gapwalk.errors import FlowError, ModelError, NumericalError
+from gapwalk.errors import FlowError, ModelError
+from gapwalk.flow.motion import acceleration_names, accelerations_at
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol, told_apart
 from gapwalk.notebook import Shown
-from gapwalk.orbit.orbit import Orbit
 from gapwalk.picture_parts import (
-    Cells,
     End,
     Line,
     NamedCurve,
@@ -59,7 +55,6 @@ from gapwalk.picture_parts import (
     Picture,
     Series,
     Shade,
-    curves_of_loci,
     pictured,
 )
 from gapwalk.summary import Rows, SummaryParts, Table, TableRows, Tables, remarks, summarizes
@@ -72,7 +67,9 @@ _TRANSIENT = 200  # the most forcing periods in which the motions of many starts
 _EQUAL = 0.05  # difference of peak forces, relative to them, up to which two settled motions count as one
 _JUDGED = 4  # motions without period whose kind is found
 NOT_PERIODIC = "not periodic"
+_RANKED = {"approach": "fastest impacts", "rms": "largest acceleration", "peak": "largest force"}
 _SHOWN = 3  # movers of an end in the summary
+_LIKE = 0.98  # ratio of two accelerations above which they are those of one motion
 _LISTED = 12  # rows of severity in the summary
 
 
@@ -98,12 +95,17 @@ class Severity:
     peak: float  #: Largest magnitude of the contact force; nan on a rigid stop.
     approach: float  #: Largest approach velocity.
     power: float  #: Mean power lost in the contact.
-    #: rms, kurtosis: Root mean square and kurtosis of the acceleration of the coordinate that moves most violently
-    #: across the gap; nan where a rigid stop gives it impulses.
+    #: rms, kurtosis: Root mean square and kurtosis of the acceleration that is largest of the parts on either side of
+    #: the gap: of a coordinate, or of an inertia of a train; nan where a rigid stop gives it impulses.
     rms: float
     kurtosis: float
     #: ``20 log10`` of that rms over the reference, in dB; -inf without acceleration, nan where the rms is.
     level: float
+    #: largest, error: Largest magnitude of that acceleration; half the width of the interval of its root mean square at
+    #: 95 %, 0 for a periodic motion.
+    largest: float = math.nan
+    error: float = 0.0
+    part: str = ""  #: Name of that acceleration: ``x''``, ``gear1.acceleration``.
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,18 +159,27 @@ class RattleBands(Shown):
         if not bands:
             states = {str(span.state) for sweep in self.sweeps for span in spans_of(sweep, gap)}
             return f"{gap} is quiet ({' or '.join(sorted(states))}) from {low} to {high}"
-        ends = [told_apart(band.low.value, band.high.value) for band in bands]
+        widest = sorted(
+            sorted(bands, key=lambda band: band.low.value - band.high.value)[:_SHOWN], key=lambda b: b.low.value
+        )
+        ends = [told_apart(band.low.value, band.high.value) for band in widest]
         unit = self.system.units.parameter(self.parameter) if self.system.units else ""
         ranges = " and ".join(f"from {first} to {last} {unit}".rstrip() for first, last in ends)
-        text = f"{gap} rattles {ranges}"
+        left = len(bands) - len(widest)
+        more = f", and in {left} narrower band{'s' * (left > 1)}" if left else ""
+        text = f"{gap} rattles {ranges}{more}"
         worst = next((each for each in self.worst if each.severity.gap == gap), None)
         if worst is None:
             return text
         severity, units, parts = worst.severity, self.system.units, []
         about = "" if severity.period else "about "
+        if units and not math.isnan(severity.rms):
+            name, unit = severity.part.removesuffix(".acceleration"), units.signal(severity.part)[1]
+            rms, largest = _figure(severity.rms, severity), _figure(severity.largest, severity)
+            parts.append(f"{name} accelerates by {rms} {unit} rms, {largest} at most")
         if not math.isnan(severity.peak):
             peak = _figure(severity.peak, severity)
-            parts.append(f"{about}{peak} N m" if units else f"peak force {about}{peak}")
+            parts.append(f"up to {about}{peak} N m" if units else f"peak force {about}{peak}")
         else:
             fastest = _figure(severity.approach, severity)
             parts.append(f"impacts at {about}{fastest}{' ' + units.state(chr(39)) if units else ''}")
@@ -221,15 +232,17 @@ class RattleBands(Shown):
         rows = [each for each in self.severities if each.gap == gap and each.state.rattles]
         if not rows:
             return
-        chosen = sorted({id(row): row for row in sorted(rows, key=_peak)[-_LISTED:]}.values(), key=_place)
-        largest = "fastest impacts" if all(math.isnan(row.peak) for row in rows) else "largest force"
+        chosen = sorted(self._listed(rows), key=_place)
+        largest = _RANKED[_key(rows)]
         units = self.system.units
         symbol = parameter_symbol(self.parameter, units)
         of = (lambda name, unit: f">{name} [{unit}]") if units else (lambda name, unit: f">{name}")
+        of_parts = {units.signal(row.part)[1] for row in rows} if units else {""}
+        unit = of_parts.pop() if len(of_parts) == 1 else "rad/s^2 or m/s^2"
         yield f"\n{gap}: the {len(chosen)} motions with the {largest}, of {len(rows)} that rattle"
-        headings = (f">{symbol}", "met", "state", "period", ">impacts/s" if units else ">impacts/time", ">per turn")
-        headings += (of("peak", "N m"), of("approach", units.state("'") if units else ""), of("lost", "W"))
-        headings += (of("rms", "rad/s^2"), ">kurtosis", f">dB re {self.reference:g}")
+        headings = (f">{symbol}", "met", "state", "period", "part", of("rms", unit), of("most", unit), ">kurtosis")
+        headings += (of("lost", "W"), ">impacts/s" if units else ">impacts/time", ">per turn", of("peak", "N m"))
+        headings += (of("approach", units.state("'") if units else ""), f">dB re {self.reference:g}")
         yield Table(
             headings,
             [
@@ -238,20 +251,36 @@ class RattleBands(Shown):
                     row.met,
                     str(row.state),
                     str(row.period or "none"),
-                    _figure(row.per_second, row),
+                    row.part.removesuffix(".acceleration"),
+                    _figure(row.rms, row) + (f" ± {row.error:.1g}" if row.error else ""),
                     *(
                         _figure(number, row)
-                        for number in (row.per_turn, row.peak, row.approach, row.power, row.rms, row.kurtosis)
+                        for number in (row.largest, row.kurtosis, row.power, row.per_second, row.per_turn)
                     ),
+                    _figure(row.peak, row),
+                    _figure(row.approach, row),
                     "-" if math.isnan(row.level) else f"{row.level:.1f}",
                 )
                 for row in chosen
             ],
         )
 
+    def _listed(self, rows: Sequence[Severity]) -> list[Severity]:
+        """Return the rows with the largest figures; of many at nearly one value, one for each different motion."""
+        found: list[Severity] = []
+        is_dense = any(sweep.lanes for sweep in self.sweeps)
+        apart = abs(self.within[1] - self.within[0]) * _APART if is_dense else 0.0
+        for row in sorted(rows, key=_rank, reverse=True):
+            near = (each for each in found if is_dense and abs(each.value - row.value) < apart)
+            if not any(each.met == row.met or row.rms > _LIKE * each.rms for each in near):
+                found.append(row)
+            if len(found) == _LISTED:
+                break
+        return found
+
     def _value(self, value: float, digits: int = 6) -> str:
         unit = self.system.units.parameter(self.parameter) if self.system.units else None
-        return f"{value:.{digits}g} {unit}" if unit else f"{value:.{digits}g}"
+        return f"{_plain(value, digits)} {unit}" if unit else _plain(value, digits)
 
     def _band_rows(self) -> Rows:
         yield ["gap", "met", "from", "from.error", "from.kind", "to", "to.error", "to.kind", "states"]
@@ -280,12 +309,17 @@ def _figure(number: float, row: Severity) -> str:
     """Write a figure of a motion; that of a sample of one without period has three digits, an undefined one none."""
     if math.isnan(number):
         return "-"
-    return f"{number:.4g}" if row.period else f"{number:.3g}"
+    return _plain(number, 4 if row.period else 3)
+
+
+def _plain(number: float, digits: int) -> str:
+    """Write a number to some digits, without a power of ten up to a million: 2540 in place of 2.54e+03."""
+    return f"{float(f'{number:.{digits}g}'):g}"
 
 
 def _is_told(row: Severity) -> bool:
-    """Return True if a motion is known by its peak force: that of a motion without period depends on the sample."""
-    return row.period > 0 and not math.isnan(row.peak)
+    """Return True if a motion is known by its peak force or an interval; without period the force is of a sample."""
+    return (row.period > 0 and not math.isnan(row.peak)) or row.error > 0.0
 
 
 def _place(row: Severity) -> tuple[float, str]:
@@ -309,11 +343,14 @@ def bands_of_sweeps(sweeps: Sequence[SettledSweep], gaps: Iterable[str]) -> tupl
     return tuple(found)
 
 
-def severities_of(sweep: SettledSweep, gaps: Sequence[str], reference: float) -> list[Severity]:
-    """Return the severity of each gap along a sweep: at spread points of its stretches, and at its samples.
-
-    Beside the worst motion of a stretch, its neighbours are examined too.
-    """
+def severities_of(system: System, sweep: SettledSweep, gaps: Sequence[str], reference: float) -> list[Severity]:
+    """Return the severity of each gap along a sweep: at spread points of its stretches, and at its samples."""
+    if sweep.lanes:
+        places = [acceleration_names(system), *(accelerations_at(system, gap) for gap in gaps)]
+        motions = [motion for motion in sweep.lanes if not motion.diverged]
+        rows = [row for motion in motions for row in _rows_of_lanes(system, motion, sweep, gaps, places, reference)]
+        return sorted(rows, key=_place)
+    # Beside the worst motion of a stretch, its neighbours are examined too.
     apart = _APART * (sweep.within[1] - sweep.within[0])
     rows: list[Severity] = []
     worst, beside = -1.0, []
@@ -321,12 +358,12 @@ def severities_of(sweep: SettledSweep, gaps: Sequence[str], reference: float) ->
         found = []
         if isinstance(piece, Sample):
             found = _rows_at(piece, sweep, gaps, reference)
-            worst, beside = max([(worst, beside), *((_peak(row), []) for row in found)], key=lambda each: each[0])
+            worst, beside = max([(worst, beside), *((_rank(row), []) for row in found)], key=lambda each: each[0])
         else:
             places = list(_spread(piece.points, apart, gaps))
             for place in places:
                 found += (own := _rows_at(piece.points[place], sweep, gaps, reference))
-                if (peak := max(map(_peak, own))) > worst:
+                if (peak := max(map(_rank, own))) > worst:
                     near = [place + k for k in range(-_NEXT, _NEXT + 1) if place + k not in places]
                     worst, beside = peak, [piece.points[k] for k in near if 0 <= k < len(piece.points)]
         rows += found
@@ -335,15 +372,23 @@ def severities_of(sweep: SettledSweep, gaps: Sequence[str], reference: float) ->
     return sorted(rows, key=_place)
 
 
-def _peak(row: Severity) -> float:
-    return (row.approach if math.isnan(row.peak) else row.peak) if row.state.rattles else -1.0
+def _key(rows: Iterable[Severity]) -> str:
+    """Return the name of the figure by which severities are ranked, the one that pictures show."""
+    rows = list(rows)
+    if all(math.isnan(row.peak) for row in rows):
+        return "approach"
+    # in a train the force holds the preload, and so ranks gears by their drag: the part's acceleration does not
+    return "rms" if any(row.part.endswith(".acceleration") and row.rms == row.rms for row in rows) else "peak"
+
+
+def _rank(row: Severity) -> float:
+    """Return the number by which severities are ranked."""
+    return getattr(row, _key([row])) if row.state.rattles else -1.0
 
 
 def _spread(points: Sequence[BranchPoint], apart: float, gaps: Sequence[str]) -> Iterator[int]:
-    """Yield the places of points at least some distance apart, farther where all gaps are quiet.
-
-    The first is among them, and both points beside each beginning or end of rattle.
-    """
+    """Yield the places of points at least some distance apart, farther where all gaps are quiet."""
+    # The first is among them, and both points beside each beginning or end of rattle.
     last, rattled, shown = -math.inf, None, -1
     for place, point in enumerate(points):
         rattles = any(gap_state(point.orbit, gap).rattles for gap in gaps)
@@ -379,10 +424,9 @@ def severity_of(
     sides = [side for side in whole.sides if side.contact == gap]
     load = next(each for each in whole.contacts if each.contact == gap)
     impacts = sum(side.impacts for side in sides)
-    moved = moved_by(system, gap)
-    own = [each for each in whole.coordinates if each.coordinate in moved]
+    names = [name.removesuffix("''") for name in accelerations_at(system, gap)]
+    own = [each for each in whole.coordinates if each.coordinate in names]
     signal = max(own, key=lambda each: math.inf if math.isnan(each.rms) else each.rms)
-    level = -math.inf if signal.rms == 0.0 else 20.0 * math.log10(signal.rms / reference)
     turns = system.turns
     return Severity(
         gap,
@@ -398,20 +442,76 @@ def severity_of(
         load.power,
         signal.rms,
         signal.kurtosis,
-        level,
+        _level(signal.rms, reference),
+        signal.peak,
+        0.0,
+        signal.coordinate if "." in signal.coordinate else f"{signal.coordinate}''",
     )
 
 
+def _level(rms: float, reference: float) -> float:
+    return -math.inf if rms == 0.0 else 20.0 * math.log10(rms / reference)
+
+
+def _rows_of_lanes(
+    system: System,
+    motion: LaneMotion,
+    sweep: SettledSweep,
+    gaps: Sequence[str],
+    names: Sequence[Sequence[str]],
+    reference: float,
+) -> Iterator[Severity]:
+    """Yield the severity of each gap in a motion settled by equal steps."""
+    structure, (every, *parts) = system.structure, names
+    pace = motion.value if sweep.parameter == structure.pace else system[structure.pace]
+    per_second = structure.frequency * pace / (2.0 * math.pi)
+    of_work = 1.0 if system.units is None else system.units.angle
+    for gap, state, own in zip(gaps, lane_states(motion, sweep.contacts, gaps), parts, strict=True):
+        place = sweep.contacts.index(gap)
+        signal = max((every.index(name) for name in own), key=lambda k: motion.rms[k])
+        impacts, rms = float(motion.sides[place].sum()), float(motion.rms[signal])
+        yield Severity(
+            gap,
+            sweep.met,
+            motion.value,
+            state,
+            motion.period,
+            impacts,
+            impacts * per_second,
+            math.nan if system.turns is None else impacts * float(system.turns),
+            float(motion.peak[place]),
+            float(motion.approach[place]),
+            float(motion.power[place]) * of_work,
+            rms,
+            float(motion.kurtosis[signal]),
+            _level(rms, reference),
+            float(motion.largest[signal]),
+            float(motion.error[signal]),
+            every[signal],
+        )
+
+
 def worst_of(
-    system: System, parameter: str, severities: Sequence[Severity], gap: str, starts: int, seed: int
+    system: System,
+    parameter: str,
+    severities: Sequence[Severity],
+    gap: str,
+    starts: int,
+    seed: int,
+    sweeps: Sequence[SettledSweep] = (),
 ) -> Worst | None:
     """Return the worst motion of a gap, with the share of random starts that lead to it; None if the gap is quiet."""
     rows = [row for row in severities if row.gap == gap and row.state.rattles]
     if not rows:
         return None
-    worst = max(rows, key=_peak)
+    worst = max(rows, key=_rank)
     share, motion = math.nan, regime_word(Regime.PERIODIC, worst.period) if worst.period else NOT_PERIODIC
-    if starts:
+    lanes = (motion for sweep in sweeps if sweep.met == worst.met for motion in sweep.lanes)
+    settled = next((motion for motion in lanes if motion.value == worst.value), None)
+    if starts and settled is not None:
+        (started,) = started_piece(system, parameter, starts, seed, [(settled,)])
+        share = started.led[0] / started.count
+    elif starts:
         here = system.at({parameter: worst.value})
         states = np.array(spread_starts([here], state_box(here), starts, seed, 0.0))
         found = judge_gaps(here, states, None, [gap], _TRANSIENT)
@@ -435,245 +535,14 @@ def _kind_of(system: System, states: NDArray[np.float64]) -> str:
     return NOT_PERIODIC if most in (Regime.RUNAWAY.text, Regime.UNDECIDED.text) else most
 
 
-# Map of rattle in the plane of two parameters: the state of each gap cell by cell, with exact borders over it.
-#
-# The cells are judged by the batch integrator. The borders are loci of the points at which the settled motion,
-# followed from either end of the first range, begins or ceases to rattle, or is lost.
-
-_BEYOND = 60  # points of a walk after the first change of all gaps
-_LONGEST = 8  # longest period of a motion that is settled again
-_LISTED_DIFFERENCES = 8  # differences that the summary lists
-_SAME = 1e-3  # distance from a locus, in widths of the ranges, below which a point lies on it
-
-Ranges = tuple[tuple[float, float], tuple[float, float]]
-
-
-@dataclass(frozen=True, eq=False)
-class RattleMap(Shown):
-    r"""States of gaps in the plane of two parameters, cell by cell; the first row of each array is the lowest.
-
-    Examples
-    --------
-    >>> import io
-    >>> keys = "[study]\nresolution = 6\nsecond = { parameter = 'stop.clearance', from = 0.9, to = 1.1 }"
-    >>> text = file.replace("[study]", keys).replace("response", "rattle")
-    >>> gw.run(gw.read_study(io.StringIO(text))).finding.record.cells("stop")
-    {'open': 18, 'one side': 18}
-    """
-
-    system: System  #: The system, with the values of the other parameters.
-    #: first, second: Names of the parameters: horizontal, and vertical.
-    first: str
-    second: str
-    within: Ranges  #: The range of each parameter. A cell is evaluated at its centre.
-    gaps: tuple[str, ...]  #: Names of the contacts.
-    #: shape (rows, columns, gaps): `GapState.code` of each gap; -1 where the motion has diverged, -2 where nothing is
-    #: known yet.
-    codes: NDArray[np.int_]
-    periods: NDArray[np.int_]  #: shape (rows, columns): Periods of the motions; 0 if they did not become periodic.
-    #: shape (rows, columns, gaps): Largest magnitude of each contact force; nan on a rigid stop.
-    peak_force: NDArray[np.float64]
-    #: Exact borders: loci of grazing points at which a gap begins or ceases to rattle, and of points at which the
-    #: motion that was followed is lost.
-    loci: tuple[Locus, ...] = ()
-    #: checked, different: Number of cells whose gaps were observed with the exact flow, rare kinds first; one sentence
-    #: for each that then differed. The map holds what the exact flow found.
-    checked: int = 0
-    different: tuple[str, ...] = ()
-    error: float = 0.0  #: Error of the batch integrator over one forcing period, relative to the size of the motion.
-    complete: bool = True  #: False if the computation was stopped before its end.
-    notes: tuple[str, ...] = ()  #: Remarks, in sentences.
-
-    def _check_read(self) -> None:
-        """Raise a ValueError if its parts do not fit together."""
-        if self.codes.shape != (*self.periods.shape, len(self.gaps)) or self.peak_force.shape != self.codes.shape:
-            raise ValueError(f"its parts have the shapes {self.codes.shape}, {self.periods.shape}")
-
-    @property
-    def resolution(self) -> tuple[int, int]:
-        """Columns and rows."""
-        rows, columns = self.periods.shape
-        return columns, rows
-
-    @property
-    def axes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The values of the parameters at the centres of the cells."""
-        first, second = (centres(ends, count) for ends, count in zip(self.within, self.resolution, strict=True))
-        return first, second
-
-    def cells(self, gap: str | None = None) -> dict[str, int]:
-        """Return the number of cells of each state of a gap, by default of the first one, in words."""
-        place = 0 if gap is None else self.gaps.index(gap)
-        found = Counter(zip(self.codes[..., place].ravel().tolist(), (self.periods.ravel() > 0).tolist(), strict=True))
-        return {cell_word(*key): found[key] for key in sorted(found)}
-
-    @summarizes
-    def summary(self, *, notes: bool = True) -> SummaryParts:
-        """Return the share of cells of each state of each gap, the loci, and the notes if wanted."""
-        for gap in self.gaps:
-            shares = "; ".join(f"{word}: {100 * n / self.periods.size:.3g} %" for word, n in self.cells(gap).items())
-            yield f"{gap}: {shares}"
-        if self.loci:
-            yield ""
-            rows = [
-                (str(locus.kind), _contact_of(locus), str(len(locus.points)), f"{low:.6g}", f"{high:.6g}")
-                for locus in self.loci
-                for low, high in [(float(locus.values[:, 0].min()), float(locus.values[:, 0].max()))]
-            ]
-            yield Table(("border", "contact", ">points", f">{self.first} from", ">to"), rows)
-        if self.checked:
-            yield f"checked with the exact flow: {len(self.different)} of {self.checked} cells differed"
-        yield from self.different[:_LISTED_DIFFERENCES]
-        if notes:
-            yield from remarks(self.notes, ())
-
-    def tables(self) -> Tables:
-        """Return the table of cells, and that of the points of the loci."""
-        return {"cells": TableRows(self._cell_rows, 2, units={"peak.": ".force"}), "borders": self._locus_rows}
-
-    def _cell_rows(self) -> Rows:
-        yield [self.first, self.second, "period", *(f"{what}.{gap}" for gap in self.gaps for what in ("state", "peak"))]
-        across, up = self.axes
-        for row, column in np.ndindex(self.periods.shape):
-            states = (
-                entry
-                for place in range(len(self.gaps))
-                for entry in (
-                    cell_word(int(self.codes[row, column, place]), True),
-                    float(self.peak_force[row, column, place]),
-                )
-            )
-            yield [float(across[column]), float(up[row]), int(self.periods[row, column]), *states]
-
-    def _locus_rows(self) -> Rows:
-        yield ["border", "kind", self.first, self.second]
-        for number, locus in enumerate(self.loci, start=1):
-            for first, second in locus.values.tolist():
-                yield [number, str(locus.kind), first, second]
-
-    def __repr__(self) -> str:
-        columns, rows = self.resolution
-        shares = "; ".join(f"{gap}: {' | '.join(self.cells(gap))}" for gap in self.gaps)
-        return f"RattleMap({self.first}, {self.second}; {columns} x {rows} cells; {shares})"
-
-
-def cell_word(code: int, is_periodic: bool) -> str:
-    """Return the state of a cell in words: ``closed``, ``one side, not periodic``, ..."""
-    if code < 0:
-        return "diverges" if code == -1 else "not done"
-    return list(GapState)[code] + ("" if is_periodic else ", not periodic")
-
-
-def _contact_of(locus: Locus) -> str:
-    return getattr(locus, "contact", "") or ""
-
-
-def borders(
-    system: System,
-    names: tuple[str, str],
-    within: Ranges,
-    gaps: Sequence[str],
-    start: str | Sequence[float],
-    options: SlowSweepOptions,
-    sections: Sequence[float],
-) -> tuple[list[Locus], list[str]]:
-    """Follow the points that end the quiet of gaps, or the motion itself, in the plane of two parameters.
-
-    At each section, a value of the second parameter, the settled motion is followed from either end of the first range
-    up to the first such point. A point that lies on a locus that is known already is not followed again.
-    """
-    loci: list[Locus] = []
-    notes: list[str] = []
-    for section in sections:
-        for begin, end in (within[0], within[0][::-1]):
-            here = system.at({names[0]: begin, names[1]: section})
-            try:
-                orbit = settle(here, start, SettleOptions(max_periods=options.patience, max_period=2)).orbit
-                points = [] if orbit is None else _first_changes(orbit, names[0], end, gaps, options)
-            except (NumericalError, FlowError) as error:
-                notes.append(f"{names[1]} = {section:.6g}: {error}")
-                continue
-            for point in points:
-                if any(_is_on(locus, (point.value, section), within) for locus in loci):
-                    continue
-                try:
-                    loci.append(follow_locus(point, *names, within))
-                except (ModelError, NumericalError) as error:
-                    notes.append(f"the {point.kind} at {names[0]} = {point.value:.6g} has no locus: {error}")
-    return loci, notes
-
-
-def _first_changes(
-    orbit: Orbit, parameter: str, end: float, gaps: Sequence[str], options: SlowSweepOptions
-) -> list[SpecialPoint]:
-    """Return the first point at which each gap changes its state, and the fold at which the motion is lost, if any.
-
-    Beyond the first change of all gaps the walk goes on for a while only, to the fold from which a rattling motion
-    jumps; a rattling motion that branches instead goes on rattling.
-    """
-    found: list[SpecialPoint] = []
-    left, more = {gap: gap_state(orbit, gap) for gap in gaps}, _BEYOND
-    switches = {describe_switch(orbit, switch): gap for gap in gaps for switch in innermost(orbit.system, gap)}
-    steps = walk(orbit, parameter, end, walk=options.walk)
-    for point in steps:
-        for special in steps.special_points:
-            gap = switches.get(special.contact) if special.kind is Kind.GRAZING else None
-            if gap in left and gap_state(point.orbit, gap) is not left[gap]:
-                found.append(special)
-                del left[gap]
-        lost = next((each for each in steps.special_points if not each.before.total and each.after.total), None)
-        if lost is not None and not lost.kind.no_locus and (left or lost.kind is Kind.FOLD) and lost not in found:
-            found.append(lost)
-        more -= not left
-        if lost is not None or not point.stable or not more:
-            break
-    return found
-
-
-def _is_on(locus: Locus, place: tuple[float, float], within: Ranges) -> bool:
-    """Return True if a point lies on a locus, to the accuracy of straight lines between its points."""
-    widths = np.array([high - low for low, high in within])
-    line, point = locus.values / widths, np.array(place) / widths
-    first, along = line[:-1], np.diff(line, axis=0)
-    length2 = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
-    share = np.clip(((point - first) * along).sum(axis=1) / length2, 0.0, 1.0)
-    away = np.linalg.norm(first + share[:, None] * along - point, axis=1)
-    return bool((away < _SAME).any())
-
-
-def exact_gaps(
-    system: System, state: NDArray[np.float64], gaps: Sequence[str], codes: Sequence[int], patience: int
-) -> tuple[list[int], str]:
-    """Return the codes of gaps by the exact flow, and in words where they differ from those given; empty if none does.
-
-    Where they differ, the motion was perhaps none of the system: it settles first.
-    """
-    try:
-        found = watched(system, state, gaps)
-        if [each.code for each in found] != list(codes):
-            settled = settle(system, state, SettleOptions(max_periods=patience, max_period=_LONGEST))
-            found = watched(system, settled.state, gaps)
-    except FlowError as error:
-        return [-1] * len(gaps), "" if set(codes) == {-1} else str(error)
-    differ = [(gap, code, exact) for gap, code, exact in zip(gaps, codes, found, strict=True) if exact.code != code]
-    words = (f"{gap} is {cell_word(code, True)}, but {exact} by the exact flow" for gap, code, exact in differ)
-    return [each.code for each in found], "; ".join(words)
-
-
 _TINTS = {GapState.ONE_SIDE: ("one", "rattles on one side"), GapState.BOTH_SIDES: ("both", "on both sides")}
-_CELLS = {
-    GapState.CLOSED: ("closed", "closed (quiet)"),
-    GapState.OPEN: ("open", "open (quiet)"),
-    GapState.ONE_SIDE: ("one", "one side"),
-    GapState.BOTH_SIDES: ("both", "both sides"),
-}
 _SAMPLED = 64  # samples of a forcing period of a motion without period
 
 
 @pictured(RattleBands, size=(8.0, 9.0))
 def rattle_picture(found: RattleBands, gap: str | None = None) -> Picture:
     """Describe the bands of a gap over the response, and the peak force and the impacts along them."""
-    gap, units = _chosen(found.gaps, gap), found.system.units
+    gap, units = chosen_gap(found.gaps, gap), found.system.units
     moved = moved_by(found.system, gap)[0]
     curves = [
         NamedCurve(f"{sweep.met}-{number}", stretch.branch, *_look(found, sweep.met), stretch.points)
@@ -696,7 +565,8 @@ def rattle_picture(found: RattleBands, gap: str | None = None) -> Picture:
     )
 
 
-def _chosen(gaps: Sequence[str], gap: str | None) -> str:
+def chosen_gap(gaps: Sequence[str], gap: str | None) -> str:
+    """Return a gap that is named, or the first one."""
     name = gaps[0] if gap is None else gap
     if name not in gaps:
         raise ModelError(f"gap is {gap!r}; {did_you_mean(name, gaps)}")
@@ -737,6 +607,13 @@ def _parts_of_bands(found: RattleBands, moved: str) -> Parts:
 def _samples(found: RattleBands, moved: str) -> Iterator[Series]:
     """Yield the amplitudes of the motions that were sampled, because they have no branch."""
     axes, place = (found.parameter, f"half.{moved}"), found.system.coordinates.index(moved)
+    for sweep in found.sweeps:
+        own = [motion for motion in sweep.lanes if not motion.diverged]
+        for mark, wanted in (("dots", True), ("crosses", False)):
+            chosen = [motion for motion in own if bool(motion.period) is wanted]
+            half = [0.5 * float(motion.extremes[2, place] - motion.extremes[0, place]) for motion in chosen]
+            if chosen:
+                yield Series([motion.value for motion in chosen], half, mark, _look(found, sweep.met)[0], axes=axes)
     if any(row.period == 0 for row in found.severities):
         yield Series([], [], "crosses", "measured", "not periodic, or of long period", axes=axes)
     for sweep in found.sweeps:
@@ -771,10 +648,13 @@ def _severity_panels(found: RattleBands, gap: str) -> Iterator[Panel]:
     """Yield the panels of severity: the peak force, or the approach velocity of a rigid stop; and the impacts."""
     units = found.system.units
     rows = [row for row in found.severities if row.gap == gap]
-    if all(math.isnan(row.peak) for row in rows if row.state.rattles):
-        title, key = f"approach velocity{f' [{units.state(chr(39))}]' if units else ''}", "approach"
-    else:
-        title, key = ("peak torque [N m]" if units else "peak force"), "peak"
+    key = _key(row for row in rows if row.state.rattles)
+    part = next((row.part for row in rows if row.part), "")
+    title = {
+        "approach": f"approach velocity{f' [{units.state(chr(39))}]' if units else ''}",
+        "rms": f"{part.removesuffix('.acceleration')} rms [{units.signal(part)[1] if units else ''}]",
+        "peak": "peak torque [N m]" if units else "peak force",
+    }[key]
     worst = [each.severity for each in found.worst if each.severity.gap == gap][:1]
     stars = [Series([each.value], [getattr(each, key)], "stars", "worst", "worst") for each in worst]
     yield Panel(title, found.parameter, [*_along(found, rows, key), *stars], gap)
@@ -795,43 +675,3 @@ def _along(found: RattleBands, rows: Sequence[Severity], key: str) -> Iterator[S
             if chosen:
                 x, y = [row.value for row in chosen], [getattr(row, key) for row in chosen]
                 yield Series(x, y, mark, look, text if mark == "dots" else "")
-
-
-@pictured(RattleMap, size=(8.0, 6.0), forms=("axes",))
-def rattle_map_picture(found: RattleMap, gap: str | None = None) -> Picture:
-    """Describe the state of a gap in the plane of two parameters, with the exact borders over the cells."""
-    gap = _chosen(found.gaps, gap)
-    note = f"checked with the exact flow: {len(found.different)} of {found.checked} cells differed"
-    within = dict(zip((found.first, found.second), found.within, strict=True))
-    return Picture(
-        found.system,
-        (found.first, found.second),
-        curves_of_loci(found.loci, "border: {}"),
-        lambda: Parts(cells=[_cells(found, k, each) for k, each in enumerate(found.gaps)], within=within),
-        sentences=[part for part in found.summary() if isinstance(part, str)][: len(found.gaps)],
-        heading=[f"rattle of {gap}"],
-        contacts=found.gaps,
-        of=gap,
-        script="record.loci",
-        note=note if found.checked else "not checked with the exact flow",
-    )
-
-
-def _cells(found: RattleMap, place: int, gap: str) -> Cells:
-    """Return the cells of a gap."""
-    states, is_periodic = found.codes[..., place], found.periods > 0
-    codes, entries = np.zeros(states.shape, dtype=int), list[tuple[str, str]]()
-    kinds = [(state.code, periodic) for state in GapState for periodic in (True, False)]
-    for code, periodic in [*kinds, (-1, False), (-2, False)]:
-        own = (states == code) & (is_periodic == periodic)
-        if own.any():
-            codes[own] = len(entries)
-            entries.append(_cell_entry(code, periodic))
-    return Cells(codes, entries, found.within, gap)
-
-
-def _cell_entry(code: int, periodic: bool) -> tuple[str, str]:
-    if code < 0:
-        return cell_word(code, True), "none" if code == -1 else "undone"
-    tint, words = _CELLS[list(GapState)[code]]
-    return (words, tint) if periodic else (f"{words}, not periodic", f"{tint}-wild")

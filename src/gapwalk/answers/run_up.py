@@ -1,14 +1,15 @@
-"""A run-up: the exact motion while the speed changes as a given function of time.
+"""A run-up: the motion while the speed changes as a given function of time.
 
 The angle of the excitation is the independent variable, as everywhere in the flow. In each piece of constant
 acceleration the speed is a closed function of the angle (`gapwalk.flow.ramp`), so the motion is integrated to rounding,
-with exact contact events, period by period.
+with exact contact events, period by period. With dry friction, or with many gaps, equal steps without events take its
+place (`gapwalk.answers.lane_run_up`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -18,24 +19,26 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 
+from gapwalk.answers.gap_states import SweepBy
+from gapwalk.answers.lane_run_up import Stepped, is_by_steps, run_by_steps, start_by_steps
 from gapwalk.answers.speed_course import Piece, SpeedCourse, angles_of, pieces_of
 from gapwalk.attractors.rattle import innermost_switches
 from gapwalk.attractors.settle import SettleOptions, settle
-from gapwalk.attractors.spectrum import RATE, Sound, Tracked, Waterfall, instants, second_of, unit_of
+from gapwalk.attractors.spectrum import RATE, Sound, Tracked, Waterfall, instants, second_of, turns_of, unit_of
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.kinds import Kind
-from gapwalk.ensemble.batch_flow import LIMIT, MOST_STEPS, BatchOptions, first_guess, revised
+from gapwalk.ensemble.batch_flow import LIMIT, MOST_STEPS, BatchOptions, first_guess, past_numbers, revised
 from gapwalk.ensemble.force_source import LANES
-from gapwalk.ensemble.kernel import kernel_of
-from gapwalk.ensemble.kernel_source import HISTORY, Form, Linear, scheme_of
-from gapwalk.ensemble.start import past_numbers
+from gapwalk.ensemble.kernel_source import HISTORY, Form, Linear, kernel_of, scheme_of
+from gapwalk.ensemble.lane_ramp import PIECES
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.forces import contact_deflections, contact_forces
-from gapwalk.flow.motion import check_state, force_of, integrate, signal_factor, train_histories, train_signals
+from gapwalk.flow.motion import assembled_histories, assembled_signals, check_state, force_of, integrate, signal_factor
 from gapwalk.flow.ramp import Ramped
 from gapwalk.model.bounds import check
 from gapwalk.model.coefficients import coefficients_of, layout_of
@@ -116,6 +119,7 @@ def _increasing(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray
 
 
 _REFINED = 256  # samples of an interval in which the largest force is looked for
+_PART = 1 << 11  # samples that are evaluated at once: few enough for one thread
 _BLOCK = 1 << 17  # samples of a sound that are computed at once
 _TOPS = 6  # of the largest samples of a force, around each of which it is looked for
 
@@ -135,7 +139,7 @@ class ForcePeak(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunUp(Shown):
-    """The motion during a run-up, sampled, exact at each sample."""
+    """The motion during a run-up, sampled; exact at each sample unless it was made by equal steps."""
 
     system: System  #: The system; its own speed plays no role.
     course: SpeedCourse  #: Speed over time.
@@ -146,13 +150,16 @@ class RunUp(Shown):
     time: NDArray[np.float64]
     speed: NDArray[np.float64]
     states: NDArray[np.float64]  #: shape (samples, 2n): Positions, then velocities.
-    events: tuple[ContactEvent, ...]  #: The crossings of breakpoints, in order.
+    events: tuple[ContactEvent, ...]  #: The crossings of breakpoints, in order; none by equal steps.
     peaks: tuple[ForcePeak, ...]  #: The largest force of each contact.
+    #: shape (samples, contacts that are friction): Forces of dry friction; None unless it was made by equal steps.
+    friction: NDArray[np.float64] | None = None
 
     def _check_read(self) -> None:
         """A ValueError if its parts do not fit together."""
         count = len(self.theta)
-        if not (self.time.shape == self.speed.shape == (count,) and self.states.shape == (count, 2 * self.system.size)):
+        parts = self.states.shape == (count, 2 * self.system.size) and self._friction.shape == (count, len(self._dry))
+        if not (parts and self.time.shape == self.speed.shape == (count,)):
             raise ValueError("the samples of a run-up do not fit together")
 
     @property
@@ -161,14 +168,35 @@ class RunUp(Shown):
         return True
 
     @property
+    def by_steps(self) -> bool:
+        """True if it was made by equal steps, without contact events."""
+        return self.friction is not None
+
+    @property
+    def _dry(self) -> list[int]:
+        return [place for place, form in enumerate(self.system.structure.contacts) if form.law.is_dry]
+
+    @property
+    def _friction(self) -> NDArray[np.float64]:
+        return np.zeros((len(self.theta), 0)) if self.friction is None else self.friction
+
+    @property
     def signals(self) -> list[str]:
         """Names of all signals."""
         system = self.system
         names = [f"{name}{dashes}" for dashes in ("", "'", "''") for name in system.coordinates]
         names += [force_of(form) for form in system.structure.contacts]
         assembly = system.structure.assembly
-        displaced = isinstance(assembly, TrainAssembly) and any(each.displaces for each in assembly.form.torques)
-        return names + [name for name in train_signals(system.structure) if name.endswith(".torque") and not displaced]
+        if not isinstance(assembly, TrainAssembly):
+            return names + assembled_signals(system.structure)
+        if any(each.displaces for each in assembly.form.torques):
+            return names
+        # without drags, angles and speeds are known by the loads of one speed alone
+        all_known = assembly.form.has_turn or not assembly.form.is_free
+        known = [
+            each for each in assembled_signals(system.structure) if all_known or not each.endswith((".angle", ".speed"))
+        ]
+        return names + known
 
     def signal(self, name: str) -> NDArray[np.float64]:
         """Return one time history, shape (samples,)."""
@@ -182,13 +210,48 @@ class RunUp(Shown):
             return self.accelerations[:, place - 2 * size] * signal_factor(self.system, name)
         if name.endswith(".force"):
             return self.forces[:, place - 3 * size]
-        q, v = np.split(self.states, 2, axis=1)
-        found = train_histories(self.system, self.theta, q, v, np.zeros_like(q), self.forces)
-        return found[:, train_signals(self.system.structure).index(name)]
+        return self._of_train[:, assembled_signals(self.system.structure).index(name)] * signal_factor(
+            self.system, name
+        )
+
+    @cached_property
+    def _of_train(self) -> NDArray[np.float64]:
+        """All signals of an assembly; each is a parabola of the speed at given states, as loads and drags are."""
+        pace = self.system.structure.pace
+        nodes = np.array([0.5, 1.0, 1.5]) * self.system[pace]
+        systems = [self.system.at({pace: node}) for node in nodes]
+        places = [np.delete(nodes, place) for place in range(len(nodes))]
+
+        def histories(own: slice) -> NDArray[np.float64]:
+            (q, v), speed, total = np.split(self.states[own], 2, axis=1), self.speed[own], 0.0
+            for system, node, others in zip(systems, nodes, places, strict=True):
+                weight = np.prod([(speed - other) / (node - other) for other in others], axis=0)
+                known = assembled_histories(system, self.theta[own], q, v, self.accelerations[own], self.forces[own])
+                total = total + weight[:, None] * known
+            return np.asarray(total)
+
+        return self._by_parts(histories)
+
+    def _by_parts(self, function: Callable[[slice], NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Evaluate a function of the samples part by part, for which little memory suffices."""
+        first = function(slice(0, _PART))
+        found = np.empty((len(self.theta), first.shape[1]))
+        found[:_PART] = first
+        for start in range(_PART, len(found), _PART):
+            found[start : start + _PART] = function(slice(start, start + _PART))
+        return found
 
     def tracked(self, signal: str) -> Tracked:
         """Return a signal over the angle of the excitation, for order tracking."""
-        return Tracked(self.system, signal, self.samples, self.theta, self.time, self.speed, self.signal(signal))
+        part = signal.removesuffix("''").removesuffix(".acceleration")
+        rates = [each for each in (f"{part}'", f"{part}.speed") if part != signal and each in self.signals]
+        integral = None
+        if rates:
+            unit = 1.0 if rates[0].endswith("'") else signal_factor(self.system, rates[0])
+            integral = self.signal(rates[0]) * (signal_factor(self.system, signal) / unit)
+        return Tracked(
+            self.system, signal, self.samples, self.theta, self.time, self.speed, self.signal(signal), integral
+        )
 
     @property
     def loudest(self) -> str:
@@ -208,15 +271,22 @@ class RunUp(Shown):
     @cached_property
     def forces(self) -> NDArray[np.float64]:
         """Contact forces, shape (samples, contacts)."""
-        return _forces(self.system, self.theta, self.states)
+        found = self._by_parts(lambda own: _forces(self.system, self.theta[own], self.states[own]))
+        found[:, self._dry] = self._friction
+        return found
 
     @cached_property
     def accelerations(self) -> NDArray[np.float64]:
         """Accelerations ``q''`` over time, shape (samples, n), in consistent units."""
         ramped, unit, course = Ramped(self.system), self.system.structure.frequency, self.course
         piece = np.clip(np.searchsorted(course.time, self.time, side="right") - 1, 0, len(course.rates) - 1)
-        q, v = np.split(self.states, 2, axis=1)
-        return ramped.accelerations(self.theta, q, v, self.forces, self.speed * unit, course.rates[piece] * unit)
+        rates = course.rates[piece] * unit
+
+        def accelerations(own: slice) -> NDArray[np.float64]:
+            q, v = np.split(self.states[own], 2, axis=1)
+            return ramped.accelerations(self.theta[own], q, v, self.forces[own], self.speed[own] * unit, rates[own])
+
+        return self._by_parts(accelerations)
 
     @cached_property
     def deflections(self) -> NDArray[np.float64]:
@@ -234,23 +304,21 @@ class RunUp(Shown):
         return speed, 0.5 * (high - low)
 
     def delays(self, branch: Branch, coordinate: str) -> tuple[JumpDelay, ...]:
-        """Compare the jumps of the run-up with the folds of a branch over the speed.
-
-        At each fold that a slow sweep in the same direction would meet, the run-up has jumped where half its range is
-        first closer to that of the other stable motion at the speed of the fold than to that of the fold.
-        """
+        """Compare the jumps of the run-up with the folds of a branch over the speed."""
+        # At each fold that a slow sweep in the same direction would meet, the run-up has jumped where half its range is
+        # first closer to that of the other stable motion at the speed of the fold than to that of the fold.
         return jump_delays(self, branch, coordinate)
 
-    def waterfall(self, signal: str, top: float = 10.0, periods: int = 8, overlap: float = 0.75) -> Waterfall:
-        """Compute spectra over orders in windows of some forcing periods, along the run-up.
-
-        The motion is sampled evenly over the angle, so orders stay lines while the speed changes. The spectra are over
-        the speed, or over the time if the speed is held or turns back.
-        """
+    def waterfall(self, signal: str, top: float = 10.0, periods: int | None = None, overlap: float = 0.75) -> Waterfall:
+        """Compute spectra over orders in windows of some forcing periods, along the run-up."""
+        # By default the windows are 8 turns of the reference shaft long; without a speed, 8 forcing periods. The motion
+        # is sampled evenly over the angle, so orders stay lines while the speed changes. The spectra are over the
+        # speed, or over the time if the speed is held or turns back.
+        periods = turns_of(self.system, 8) if periods is None else periods
         return self.tracked(signal).waterfall(top, periods, overlap, over_speed=self.course.is_invertible)
 
     def at(self, times: ArrayLike) -> RunUp:
-        """Return the run-up at other instants, by the exact flow from the samples before them."""
+        """Return the run-up at other instants, by the exact flow from the samples before them, or between them."""
         wanted = np.asarray(times, dtype=float)
         last = float(self.time[-1])
         if wanted.ndim != 1 or not len(wanted) or not np.all(np.diff(wanted) > 0.0):
@@ -260,6 +328,15 @@ class RunUp(Shown):
         ramped, speed = Ramped(self.system), self.course.at(wanted)
         theta = self.theta[0] + speed[1] * self.system.structure.frequency
         theta = np.minimum(theta, self.theta[-1])
+        if self.by_steps:
+            begun = min(int(np.searchsorted(self.time, wanted[0], side="right")), len(self.time) - 1) - 1
+            near = slice(begun, max(int(np.searchsorted(self.time, wanted[-1])), begun + 1) + 1)
+            slopes = np.hstack((self.states[near, self.system.size :], self.accelerations[near]))
+            known = CubicHermiteSpline(self.time[near], self.states[near], slopes)
+            friction = np.empty((len(wanted), len(self._dry)))
+            for column, each in zip(friction.T, self._friction.T, strict=True):
+                column[:] = np.interp(wanted, self.time, each)
+            return replace(self, theta=theta, time=wanted, speed=speed[0], states=known(wanted), friction=friction)
         states, done = np.empty((len(wanted), self.states.shape[1])), 0
         for piece in pieces_of(self.system, self.course, self.theta):
             begun = piece.angles[0] + piece.turn
@@ -291,7 +368,8 @@ class RunUp(Shown):
         yield (
             f"run-up over {symbol} from {self.course.speed[0]:.6g} to {self.course.speed[-1]:.6g} in "
             f"{self.course.duration:.6g}{' s' if units else ''}: "
-            f"{(self.theta[-1] - self.theta[0]) / PERIOD:.4g} forcing periods, {len(self.events)} contact events"
+            f"{(self.theta[-1] - self.theta[0]) / PERIOD:.4g} forcing periods, "
+            + ("by equal steps" if self.by_steps else f"{len(self.events)} contact events")
         )
         yield from self.sentences
         rows = [
@@ -306,18 +384,18 @@ class RunUp(Shown):
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """The largest force of each contact that touches, in sentences."""
+        """The largest force of each contact that touches, in sentences; that of friction is its limit, and left out."""
         units, pace = self.system.units, self.system.structure.pace
         unit = " N m" if units else ""
         return tuple(
-            f"{each.contact}: at most {abs(each.force):.4g}{unit}, at {value_words(each.speed, pace, units, 6)}; "
-            f"{each.impacts} impacts"
-            for each in self.peaks
-            if each.force
+            f"{each.contact}: at most {abs(each.force):.4g}{unit}, at {value_words(each.speed, pace, units, 6)}"
+            + f"; {each.impacts} impacts" * (each.impacts > 0)
+            for place, each in enumerate(self.peaks)
+            if each.force and place not in self._dry
         )
 
     def __repr__(self) -> str:
-        return f"RunUp({self.course!r}, {len(self.events)} contact events)"
+        return f"RunUp({self.course!r}, {'by equal steps' if self.by_steps else f'{len(self.events)} contact events'})"
 
 
 def run_up(
@@ -327,8 +405,9 @@ def run_up(
     state: Sequence[float] | NDArray[np.float64] | None = None,
     phase: float = 0.0,
     samples: int = 512,
+    by: SweepBy = SweepBy.CHOSEN,
 ) -> RunUp:
-    """Compute the exact motion while the speed changes as a given function of time.
+    """Compute the motion while the speed changes as a given function of time, exactly or by equal steps.
 
     Parameters
     ----------
@@ -336,12 +415,16 @@ def run_up(
         The system; its own value of the first parameter plays no role.
     speed
         The speed over time, as from `SpeedCourse.ramp`.
-    state : shape (2n,)
-        Positions and velocities at the start; by default the motion that settles at the first speed, from rest.
+    state : shape (state_size,)
+        Positions, velocities and extensions at the start; by default the motion that settles at the first speed, from
+        rest.
     phase
         Angle of the excitation at the start, in radians.
     samples
         Samples per forcing period.
+    by
+        ``"curves"`` for the exact motion; ``"steps"`` for equal steps, which carry dry friction and many contacts;
+        ``"chosen"`` for these if there is friction, or more than one gap with more than three coordinates.
 
     Returns
     -------
@@ -351,7 +434,8 @@ def run_up(
     Raises
     ------
     ModelError
-        If the system cannot run up (dry friction, rigid stops, factors over the speed), or the state is none.
+        If the system cannot run up (rigid stops, friction that is larger at rest, factors over the speed), or the state
+        is none.
     FlowError
         If the motion diverges.
 
@@ -382,6 +466,9 @@ def run_up(
     first = system.at({pace: float(speed.speed[0])})
     for end in (speed.speed.min(), speed.speed.max()):
         system.at({pace: float(end)})
+    if is_by_steps(first, SweepBy(by)):
+        begun = start_by_steps(ramped, first, np.array([phase]))[0] if state is None else check_state(first, state)
+        return _stepped(first, speed, run_by_steps(ramped, speed, begun, phase, samples), samples)
     begun = start_at(first, phase) if state is None else check_state(first, state)
     thetas = angles_of(system, speed, phase, samples)
     now: NDArray[np.float64] = np.asarray(begun, dtype=float)
@@ -396,6 +483,24 @@ def run_up(
     states, time = np.array(rows), np.array(times)
     peaks = _peaks(ramped, thetas, states, intervals, events)
     return RunUp(first, speed, samples, thetas, time, speed.at(time)[0], states, tuple(events), peaks)
+
+
+def _stepped(first: System, course: SpeedCourse, found: Stepped, samples: int) -> RunUp:
+    """Return a run-up by equal steps as a record."""
+    unit = first.structure.frequency
+    time, speed = course.passed((found.theta - found.theta[0]) / unit)
+    run = RunUp(first, course, samples, found.theta, time, speed, found.states, (), (), found.friction)
+    peaks = []
+    for number, (form, (begun, most, impacts, fastest)) in enumerate(
+        zip(first.structure.contacts, found.peaks, strict=True)
+    ):
+        piece = int(np.searchsorted(time, begun))
+        own = slice(max(piece - 1, 0), piece + samples // PIECES + 2) if most else slice(0, None)
+        near = own.start + int(np.argmax(np.abs(run.forces[own, number])))
+        force, v, t, theta = (float(each[near]) for each in (run.forces[:, number], speed, time, found.theta))
+        force = math.copysign(max(most, abs(force)), force)  # that of a step between samples may be larger
+        peaks.append(ForcePeak(form.name, force, v, t, theta, int(impacts), fastest))
+    return replace(run, peaks=tuple(peaks))
 
 
 def start_at(system: System, phase: float) -> NDArray[np.float64]:
@@ -625,11 +730,9 @@ class _Block:
         return [values[:, first:stop] for first, stop in pairwise(rows.values())]
 
     def _table(self, begun: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
-        """Compute the contribution of the loads to each of some steps, shape (steps, 2n, lanes).
-
-        Along a ramp they are analytic functions of the time at which a step begins, so they are interpolated between
-        Chebyshev points, as many as half the angle that the highest order turns by, and some for accuracy.
-        """
+        """Compute the contribution of the loads to each of some steps, shape (steps, 2n, lanes)."""
+        # Along a ramp they are analytic functions of the time at which a step begins, so they are interpolated between
+        # Chebyshev points, as many as half the angle that the highest order turns by, and some for accuracy.
         if not self.is_ramp:
             return self._contributions(begun + np.arange(steps)[:, None] * self.span)
         orders = max(self.layout.orders, default=1)

@@ -11,7 +11,9 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
 
+from gapwalk.answers.gap_states import SweepBy
 from gapwalk.answers.goals import peaks
+from gapwalk.answers.lane_run_up import batch_by_steps, is_by_steps, start_by_steps
 from gapwalk.answers.run_up import run_batch, start_at
 from gapwalk.answers.speed_course import SpeedCourse
 from gapwalk.bifurcation.branch import Branch
@@ -47,10 +49,12 @@ class RunUps(Shown):
     #: shape (runs, bins, contacts, 2): Closures of the innermost stages, on the positive and on the negative side.
     impacts: NDArray[np.float64]
     #: error, worst, trials: Error over a forcing period or a bin, whichever is longer, from comparisons with the exact
-    #: flow: the root mean square and the largest of all; see `BatchOptions.error`.
+    #: flow: the root mean square and the largest of all; see `BatchOptions.error`. By equal steps, of the largest force
+    #: of a run-up, from comparisons with half the step.
     error: float
     worst: float
     trials: int
+    by_steps: bool = False  #: True if they were made by equal steps.
 
     def _check_read(self) -> None:
         """A ValueError if its parts do not fit together."""
@@ -130,11 +134,12 @@ class RunUps(Shown):
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """The largest force of each contact with its spread, in sentences."""
+        """The largest force of each contact but friction with its spread, in sentences."""
         system, found = self.system, []
         unit = " N m" if system.units else ""
         per = f" {system.units.parameter(system.structure.pace)}/s" if system.units else " per unit of time"
-        for name in self.touching:
+        dry = {form.name for form in system.structure.contacts if form.law.is_dry}  # of which the limit is known
+        for name in (name for name in self.touching if name not in dry):
             peaks, places = self.peaks(name), self.places(name)
             middle, most = np.nanquantile(peaks, (0.5, 0.95))
             worst = int(np.nanargmax(peaks))
@@ -152,7 +157,8 @@ class RunUps(Shown):
         rates, group = self._groups
         yield (
             f"{len(self.courses)} run-ups over {symbol} at {len(rates)} rates from {rates[0]:.4g} to {rates[-1]:.4g}; "
-            f"error {self.error:.2g}, worst {self.worst:.2g} in {self.trials} comparisons with the exact flow"
+            f"error {self.error:.2g}, worst {self.worst:.2g} in {self.trials} comparisons with "
+            + ("half the step" if self.by_steps else "the exact flow")
         )
         yield from self.sentences
         if np.any(self.diverged):
@@ -176,7 +182,7 @@ class RunUps(Shown):
         error, worst = max(self.error, other.error), max(self.worst, other.worst)
         return RunUps(
             self.system, self.courses + other.courses, **rows, error=error, worst=worst,
-            trials=self.trials + other.trials,
+            trials=self.trials + other.trials, by_steps=self.by_steps,
         )  # fmt: skip
 
     def __repr__(self) -> str:
@@ -194,8 +200,9 @@ def run_ups(
     states: ArrayLike | None = None,
     bins: int = 100,
     options: BatchOptions | None = None,
+    by: SweepBy = SweepBy.CHOSEN,
 ) -> RunUps:
-    """Compute many run-ups with the batch integrator: largest forces, impacts and extremes over the speed.
+    """Compute many run-ups in batch or by equal steps: largest forces, impacts and extremes over the speed.
 
     Parameters
     ----------
@@ -205,14 +212,16 @@ def run_ups(
         The speed over time of each run-up.
     phases : shape (runs,)
         Angle of the excitation at the start of each, in radians.
-    states : shape (runs, 2n)
-        Positions and velocities at the start of each; by default those of the motion that settles at the first speed
-        from rest, at that phase.
+    states : shape (runs, state_size)
+        Positions, velocities and extensions at the start of each; by default those of the motion that settles at the
+        first speed from rest, at that phase.
     bins
         Number of equal times into which each run-up is divided.
     options
         Error and threads; the steps are chosen so that the error is at most `BatchOptions.error` over one forcing
-        period or one bin, whichever is longer.
+        period or one bin, whichever is longer. Equal steps do not depend on it.
+    by
+        ``"curves"``, ``"steps"`` or ``"chosen"``, as in `gapwalk.ask.run_up`.
 
     Returns
     -------
@@ -222,7 +231,7 @@ def run_ups(
     Raises
     ------
     ModelError
-        If the system cannot run up, or a load varies a number of a contact: those need `gapwalk.ask.run_up`.
+        If the system cannot run up, or a load varies a number of a contact: those need ``by = "steps"``.
     FlowError
         If the error cannot be reached.
 
@@ -254,25 +263,37 @@ def run_ups(
         raise ModelError(f"phases must be one angle for each of the {count} run-ups") from None
     if not np.all(np.isfinite(angles)):
         raise ModelError("phases must be finite angles, in radians")
+    by_steps = is_by_steps(system, SweepBy(by))
     if states is None:
-        begun = starts_of(system, courses, angles)
+        begun = starts_of(system, courses, angles, ramped if by_steps else None)
     else:
         begun = np.array(states, dtype=float)
-        if begun.shape != (count, 2 * system.size) or not np.all(np.isfinite(begun)):
-            raise ModelError(f"states has shape {begun.shape}; it must be ({count}, {2 * system.size}), finite numbers")
-    found = run_batch(ramped, courses, angles, begun, bins, options or BatchOptions())
+        if begun.shape != (count, system.state_size) or not np.all(np.isfinite(begun)):
+            raise ModelError(
+                f"states has shape {begun.shape}; it must be ({count}, {system.state_size}), finite numbers"
+            )
+    options = options or BatchOptions()
+    if by_steps:
+        stepped = batch_by_steps(ramped, courses, angles, begun, bins, options.thread_count)
+        return RunUps(system, courses, angles, *stepped, by_steps=True)
+    found = run_batch(ramped, courses, angles, begun, bins, options)
     return RunUps(
         system, courses, angles, found.low, found.high, found.forces, found.impacts, found.error, found.worst,
         found.trials,
     )  # fmt: skip
 
 
-def starts_of(system: System, courses: Sequence[SpeedCourse], phases: NDArray[np.float64]) -> NDArray[np.float64]:
+def starts_of(
+    system: System, courses: Sequence[SpeedCourse], phases: NDArray[np.float64], stepped: Ramped | None = None
+) -> NDArray[np.float64]:
     """Return the state of the motion that settles at the first speed of each course, at its phase."""
-    found, firsts = np.empty((len(courses), 2 * system.size)), np.array([float(each.speed[0]) for each in courses])
+    found, firsts = np.empty((len(courses), system.state_size)), np.array([float(each.speed[0]) for each in courses])
     for first in np.unique(firsts):
         lanes = np.flatnonzero(firsts == first)
         at_first = system.at({system.structure.pace: float(first)})
+        if stepped is not None:
+            found[lanes] = start_by_steps(stepped, at_first, phases[lanes])
+            continue
         wanted = np.concatenate(([0.0], phases[lanes] % PERIOD))
         angles, places = np.unique(wanted, return_inverse=True)
         state = start_at(at_first, 0.0)

@@ -8,15 +8,13 @@ import numpy as np
 
 from gapwalk.answers.gap_states import contact_place
 from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.measures import full_measure
 from gapwalk.model.system import System
-from gapwalk.model.words import full_measure
 
 
 def shown_measure(system: System, asked: object) -> str:
-    """Return the measure of a request or of its record: the one it names, or the amplitude of what it is about.
-
-    That is the coordinate that deflects the first gap most that it names, or its first signal; else the first one.
-    """
+    """Return the measure of a request or of its record: the one it names, or the amplitude of what it is about."""
+    # That is the coordinate that deflects the first gap most that it names, or its first signal; else the first one.
     if isinstance(measure := getattr(asked, "measure", None), str) and measure:
         return full_measure(measure, system.coordinates)
     coordinates, contacts = system.coordinates, [form.name for form in system.structure.contacts]

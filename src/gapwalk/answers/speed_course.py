@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.bounds import NotNegative, Positive, check
-from gapwalk.model.measured.measured_table import NamedFile, WantedColumn, read_table
+from gapwalk.model.channels.channel_file import NamedFile
+from gapwalk.model.measured.measured_table import WantedColumn, read_table
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind
 
@@ -86,7 +87,7 @@ class SpeedCourse:
 
     @classmethod
     def read(cls, file: str | os.PathLike[str] | io.StringIO | NamedFile, system: System) -> SpeedCourse:
-        """Read a trace from a CSV file with a column of times and one of speeds, such as ``time (s), speed (rpm)``.
+        """Read a trace from a file with a column of times and one of speeds, such as ``time (s), speed (rpm)``.
 
         Times are counted from the first row. Without units they are for a system without them.
         """
@@ -132,6 +133,14 @@ class SpeedCourse:
         piece = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.time) - 2)
         since, rate = time - self.time[piece], self.rates[piece]
         return self.speed[piece] + rate * since, self.turned[piece] + since * (self.speed[piece] + 0.5 * rate * since)
+
+    def passed(self, turned: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return time and speed where the integral of the speed has some values; beyond its end it is constant."""
+        place = np.clip(np.searchsorted(self.turned, turned, side="right") - 1, 0, len(self.time) - 2)
+        beyond = np.maximum(turned - self.turned[-1], 0.0)
+        since, first = turned - beyond - self.turned[place], self.speed[place]
+        speed = np.sqrt(np.maximum(first**2 + 2.0 * self.rates[place] * since, 0.0))
+        return self.time[place] + 2.0 * since / (first + speed) + beyond / speed, speed
 
     def __repr__(self) -> str:
         shape = "ramp" if len(self.time) == 2 else f"{len(self.time)} points"

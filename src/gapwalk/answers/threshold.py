@@ -8,40 +8,44 @@ Method: docs/howto/studies.md
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
-from gapwalk.answers.gap_states import GapState, gap_state, innermost, judge_gaps, watched
+from gapwalk.answers.gap_states import GapState, GapVerdicts, gap_state, innermost, judge_gaps, watched
+from gapwalk.answers.lane_sweep import inside_of, random_states
 from gapwalk.attractors.settle import SettleOptions, settle
 from gapwalk.bifurcation.branch_start import start_branch
-from gapwalk.bifurcation.branch_tracer import BranchTracer
+from gapwalk.bifurcation.follow import BranchTracer
 from gapwalk.bifurcation.isolated.search_starts import spread_starts, state_box
 from gapwalk.bifurcation.kinds import Kind
 from gapwalk.bifurcation.loci.follow_locus import equation_of, follow_locus, plane_of
 from gapwalk.bifurcation.loci.gradient import Gradient
 from gapwalk.bifurcation.loci.locus import Locus, LocusPoint
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation
-from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.continuation.corrector import Corrector, powers_of_two
 from gapwalk.continuation.curve_points import BranchPoint
-from gapwalk.ensemble.start import state_at_rest
+from gapwalk.ensemble.batch_flow import state_at_rest
+from gapwalk.ensemble.lanes import prefers_lanes
 from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError
 from gapwalk.model.bounds import Bounded, Counted, Natural
 from gapwalk.model.system import System
 from gapwalk.model.words import range_words, value_words
 from gapwalk.notebook import Shown
 from gapwalk.orbit.find import find_orbit
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit import Orbit, describe_switch
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.picture_parts import End, Line, Parts, Picture, Series, Shade, curves_of_loci, pictured
+from gapwalk.pieces import done, workers_around
 from gapwalk.summary import Rows, SummaryParts, Tables, remarks, summarizes
 
 # Extremum of a locus: the largest or smallest value of one parameter on a curve of special points.
@@ -124,10 +128,8 @@ class _Curve:
         return LocusPoint(values, orbit, self.near.angle, correction.x, self.near.tangent, self.near.arclength)
 
     def special(self, point: LocusPoint) -> SpecialPoint:
-        """Return a point of the locus as a special point of the branch along the first parameter.
-
-        The orbit of a graze keeps a small distance from the breakpoint; the value is that of the touch itself.
-        """
+        """Return a point of the locus as a special point of the branch along the first parameter."""
+        # The orbit of a graze keeps a small distance from the breakpoint; the value is that of the touch itself.
         found, equation = _special(self.first, self.locus, point), self._corrector.equation
         if not isinstance(equation, GrazingEquation):
             return found
@@ -238,10 +240,14 @@ class Threshold(Shown):
     loci: tuple[Locus, ...]  #: Loci that were followed, the decisive one last.
     confirmation: Confirmation | None  #: Motions that were tried just beyond it.
     notes: tuple[str, ...] = ()  #: Remarks, in sentences.
+    #: Without a limit: the last value at which something rattles, and the first at which nothing does; else empty.
+    between: tuple[float, ...] = ()
 
     @property
     def value(self) -> float:
         """The threshold; nan if there is none in the range."""
+        if self.between:
+            return self.between[1]
         return math.nan if self.limit is None else self.limit.value
 
     @property
@@ -254,10 +260,8 @@ class Threshold(Shown):
         return (f"{found.rattling} of {found.motions} motions rattle {where}, and their border could not be followed",)
 
     def gradient(self, *names: str) -> Gradient:
-        """Return how far other parameters move the threshold; see `SpecialPoint.gradient`.
-
-        At an extremum the slope by the other parameter is zero, so these are the slopes of the limit itself.
-        """
+        """Return how far other parameters move the threshold; see `SpecialPoint.gradient`."""
+        # At an extremum the slope by the other parameter is zero, so these are the slopes of the limit itself.
         if self.limit is None:
             raise ModelError("there is no threshold in the range, so it has no gradient")
         return self.limit.gradient(*names)
@@ -283,9 +287,13 @@ class Threshold(Shown):
         units = self.system.units
         gaps, over = " and ".join(self.gaps), range_words((self.low, self.high), self.over, units)
         verb = "does" if len(self.gaps) == 1 else "do"
+        way = "and above" if self.end > self.begin else "and below"
+        if self.between:
+            last, first = (value_words(value, self.parameter, units, 6) for value in self.between)
+            place = value_words(self.at, self.over, units, 6)
+            return f"{gaps} {verb} not rattle over {over} at {first} {way} (at {last}: at {place})"
         if self.limit is None:
             return f"{gaps}: no threshold of {range_words((self.begin, self.end), self.parameter, units)} over {over}"
-        way = "and above" if self.end > self.begin else "and below"
         return (
             f"{gaps} {verb} not rattle over {over} at "
             f"{value_words(self.value, self.parameter, units, 7)} {way} "
@@ -308,7 +316,9 @@ class Threshold(Shown):
                 f"motions rattles there, so with 95 % confidence fewer than {share:.2g} % of such starts do"
             )
             yield f"({found.words})"
-        if self.limit is not None and self.uncertainty > _SMOOTH * abs(self.end - self.begin):
+        if self.between:
+            yield f"the limit lies between {self.between[0]:.8g} and {self.between[1]:.8g}{f' {unit}' if unit else ''}"
+        elif self.limit is not None and self.uncertainty > _SMOOTH * abs(self.end - self.begin):
             yield "the limit is a corner of its locus, such as a cusp, so it has no slopes"
         elif self.limit is not None:
             with suppress(NumericalError, ModelError):
@@ -332,10 +342,12 @@ class Threshold(Shown):
 #
 # Method: docs/howto/studies.md
 
+_TOGETHER = 64  # motions that are tried at a time: with the same steps, and as a piece of work for any process
 _COARSE = 9  # values of the parameter at which motions are tried first
 _FEW = 2  # starts at each pair of values then
 _CHECKED = 8  # quiet motions that are watched again by the exact flow
 _RETRIED = 16  # motions lost by the batch integrator that are followed again by the exact flow
+_NARROW = 2e-4  # by equal steps: width of the limit, relative to the range
 _BEYOND = 1e-3  # distance beyond the threshold, in widths of the range, at which it is confirmed
 _NEAR = 0.1  # share of the range of the other parameter about the limit in which half of all motions are tried
 _SAME = 1e-8  # difference of two limits, relative to the range, below which they are one
@@ -344,6 +356,15 @@ _DOUBLINGS = 5  # of the periods in which motions may become periodic, for those
 _LONG = 4096  # the most forcing periods in which a motion without period is settled by the exact flow
 _WATCH = 64  # the most forcing periods in which a motion that seems to have settled is settled by the exact flow
 _QUIET = (GapState.CLOSED.code, GapState.OPEN.code)
+
+
+class Hit(NamedTuple):
+    """A motion that rattles."""
+
+    #: value, other: Values of both parameters.
+    value: float
+    other: float
+    state: NDArray[np.float64]  #: shape (state_size,): Its state at theta = 0.
 
 
 class Request(NamedTuple):
@@ -371,14 +392,108 @@ class Request(NamedTuple):
         """Return the system at values of both parameters."""
         return self.system.at({self.parameter: value, self.over: other})
 
+    # Pieces of work, for any process.
 
-class Hit(NamedTuple):
-    """A motion that rattles."""
+    def judged(self, piece: tuple[NDArray[np.float64], NDArray[np.float64]]) -> GapVerdicts:
+        """Follow some motions until they have settled, and judge their gaps."""
+        # Shapes: `pairs` (motions, 2), of the other parameter and the parameter; `states` (motions, state_size).
+        pairs, states = piece
+        by_name, periods = {self.over: pairs[:, 0], self.parameter: pairs[:, 1]}, self.options.periods
+        found = judge_gaps(self.system, states, by_name, self.gaps, periods)
+        # where damping is weak, transients that rattle last long; equal steps have rules of their own for that
+        for doubling in () if prefers_lanes(self.system) else range(1, _DOUBLINGS + 1):
+            left = np.flatnonzero((found.periods == 0) & (found.codes >= 0).all(axis=1))
+            if not len(left):
+                break
+            some_values = {name: each[left] for name, each in by_name.items()}
+            later = judge_gaps(self.system, found.states[left], some_values, self.gaps, periods << doubling)
+            for whole, part in zip(found[:4], later[:4], strict=True):
+                whole[left] = part
+            found = found._replace(error=max(found.error, later.error), waited=found.waited + later.waited)
+        return found
 
-    #: value, other: Values of both parameters.
-    value: float
-    other: float
-    state: NDArray[np.float64]  #: shape (state_size,): Its state at theta = 0.
+    def rattles_exactly(self, piece: tuple[Hit, int]) -> bool | None:
+        """Return True if a motion rattles once it has settled, by the exact flow; None if it does not settle."""
+        hit, patience = piece
+        system = self.at(hit.value, hit.other)
+        try:
+            settled = settle(system, hit.state, SettleOptions(max_periods=patience))
+            if settled.orbit is not None:
+                return self.rattles(settled.orbit)
+            if not settled.converged:
+                return None
+            return any(state.rattles for state in watched(system, settled.state, self.gaps))
+        except FlowError:
+            return None
+
+    def rattles(self, motion) -> bool:
+        """Return True if a gap rattles along a motion."""
+        return any(gap_state(motion, gap).rattles for gap in self.gaps)
+
+    def walked_into(self, value: float) -> Hit | None:
+        """Return a motion that rattles on the branch over the other parameter, as at a resonance between tries."""
+        low, high = self.span
+        with suppress(NumericalError, FlowError):
+            orbit = find_orbit(self.at(value, low))
+            for point, _ in BranchTracer(start_branch(orbit, self.over, high, 1)):
+                if point.stable and self.rattles(point.orbit):
+                    return Hit(value, point.value, point.orbit.state)
+        return None
+
+    def border(self, piece: tuple[Hit, bool]) -> SpecialPoint | None:
+        """Return the special point along the parameter at which rattle begins, or ceases, near a rattling motion."""
+        hit, begins = piece
+        with suppress(NumericalError):
+            if begins:
+                quiet = find_orbit(self.at(self.to[1], hit.other))
+                if not self.rattles(quiet):
+                    return self._first(quiet, self.to[0], lambda point: self.rattles(point.orbit))
+                return None
+            settled = settle(self.at(hit.value, hit.other), hit.state, _SETTLE)
+            if settled.orbit is not None:
+                return self._first(settled.orbit, self.to[1], lambda point: not self.rattles(point.orbit))
+        return None
+
+    def _first(self, orbit: Orbit, end: float, is_over) -> SpecialPoint | None:
+        """Return the point at which a branch towards a value changes: the first graze of a gap after which it is over.
+
+        Or the fold at which it turns back, if the motion rattles there or jumps to one that does.
+        """
+        last = None
+        switches = {describe_switch(orbit, switch) for gap in self.gaps for switch in innermost(orbit.system, gap)}
+        start = orbit.system[self.parameter]
+        tracer = BranchTracer(start_branch(orbit, self.parameter, end, 1 if end > start else -1))
+        for point, specials in tracer:
+            for special in specials:
+                if special.kind == Kind.FOLD:
+                    is_border = self.rattles(special.orbit) or self._rattles_beyond(special, end > start)
+                    return special if is_border else None
+                if special.kind == Kind.GRAZING and special.contact in switches:
+                    last = special
+            if last is not None and is_over(point):
+                return last
+        return None
+
+    def _rattles_beyond(self, fold: SpecialPoint, rises: bool) -> bool:
+        """Return True if the motion that is reached by the jump at a fold rattles."""
+        step = (1 if rises else -1) * _BEYOND * abs(self.to[1] - self.to[0])
+        hit = Hit(fold.value + step, fold.orbit.system[self.over], fold.orbit.state)
+        return bool(self.rattles_exactly((hit, _WATCH)))
+
+    def extremum(self, special: SpecialPoint) -> Extremum | str:
+        """Follow a border over the other parameter to its extremum; in words why it was not followed."""
+        within = (min(self.to), max(self.to)), self.span
+        try:
+            return locus_extremum(special, self.parameter, self.over, within, self.way)
+        except (NumericalError, ModelError) as error:
+            return str(error)
+
+
+def _joined(parts: Sequence[GapVerdicts]) -> GapVerdicts:
+    codes, periods, peaks, states = map(np.concatenate, zip(*(each[:4] for each in parts), strict=True))
+    return GapVerdicts(
+        codes, periods, peaks, states, max(each.error for each in parts), max(each.waited for each in parts)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -389,6 +504,8 @@ class Round:
     hit: Hit | None  #: The one that rattles farthest towards the quiet side; None if none does.
     extrema: tuple[Extremum, ...]  #: Extrema of the borders that were followed from it.
     notes: tuple[str, ...]  #: Remarks, in sentences.
+    quiet: float = math.nan  #: By equal steps: the value nearest to the hit at which nothing rattles.
+    confirms: bool = False  #: True if it tries that value from random starts.
 
 
 class ThresholdSearch:
@@ -406,10 +523,72 @@ class ThresholdSearch:
         if not self.rounds:
             return False
         last = self.rounds[-1]
+        if self._by_lanes:
+            return (last.confirms and last.hit is None) or math.isnan(last.quiet)
         return last.hit is None or self._best() is None or not last.extrema
+
+    @property
+    def _by_lanes(self) -> bool:
+        return prefers_lanes(self.request.system)
+
+    @property
+    def _bracket(self) -> tuple[Hit | None, float]:
+        """The motion that rattles farthest towards the quiet side, and the nearest value at which nothing rattles."""
+        way = self.request.way
+        hits = [each.hit for each in self.rounds if each.hit is not None]
+        hit = max(hits, key=lambda each: way * each.value, default=None)
+        quiet = [each.quiet for each in self.rounds if hit is None or way * (each.quiet - hit.value) > 0.0]
+        return hit, min(quiet, key=lambda value: way * value, default=math.nan)
+
+    def _advance_by_lanes(self) -> Round:
+        """Halve the range between the last value that rattles and the first that does not; then confirm that one."""
+        # No two neighbouring values have the same sequence of contacts: there is no border that could be followed.
+        asked, options = self.request, self.request.options
+        (hit, quiet), (low, high), notes = self._bracket, asked.span, list[str]()
+        others, width = np.linspace(low, high, options.values), abs(asked.to[1] - asked.to[0])
+        if hit is not None:  # half of the values near the last motion that rattles
+            window = _NEAR * (high - low)
+            near = np.linspace(max(low, hit.other - window), min(high, hit.other + window), options.values // 2)
+            others = np.unique(np.concatenate((others[::3], [hit.other], near[::2])))
+        inside = [] if hit is None else inside_of(hit.value, quiet, _NARROW * width)
+        confirms = hit is not None and not inside
+        values = np.linspace(*asked.to, _COARSE) if hit is None else np.array(inside or [quiet])
+        pairs, states = [], []
+        for value, other in product(values.tolist(), others.tolist()):
+            own = [state_at_rest(asked.system), *([hit.state] if hit is not None else [])]
+            if confirms:
+                more = max(options.starts - len(own), 1)
+                own += [*random_states(asked.at(value, other), own[0], more, options.seed, other)]
+            pairs += [(other, value)] * len(own)
+            states += own
+        places = [slice(first, first + _TOGETHER) for first in range(0, len(pairs), _TOGETHER)]
+        found = _joined(done(asked.judged, [(np.array(pairs[place]), np.array(states[place])) for place in places]))
+        lost = (found.codes < 0).any(axis=1)
+        rattles = ~lost & ~np.isin(found.codes, _QUIET).all(axis=1)
+        hits = [Hit(pairs[k][1], pairs[k][0], found.states[k]) for k in np.flatnonzero(rattles).tolist()]
+        last = max(hits, key=lambda each: asked.way * each.value, default=None)
+        beyond = [value for value in values.tolist() if last is None or asked.way * (value - last.value) > 0.0]
+        quiet = min(beyond, key=lambda value: asked.way * value, default=quiet if not confirms else asked.to[1])
+        if hit is None and last is None:
+            notes, quiet = ["nothing rattles in the whole range"], math.nan
+        elif last is not None and last.value == asked.to[1]:
+            notes, quiet = [self._widen()], math.nan
+        counts = len(states), len(states) // (len(values) * len(others)), len(hits), 0, int(lost.sum()), found.waited
+        tried = Confirmation(float(values[-1]), *counts, 0, found.error)
+        self.rounds.append(Round(tried, last, (), tuple(notes), quiet, confirms))
+        return self.rounds[-1]
+
+    def _widen(self) -> str:
+        asked = self.request
+        return (
+            f"something still rattles at {self._words(asked.to[1])}; widen the range, or, if its first value is "
+            f"the quiet end, write from = {self._key(asked.to[1])} and to = {self._key(asked.to[0])}"
+        )
 
     def advance(self) -> Round:
         """Do the next round, and return it."""
+        if self._by_lanes:
+            return self._advance_by_lanes()
         asked, options, best = self.request, self.request.options, self._best()
         if best is None:
             values = np.linspace(*asked.to, _COARSE)
@@ -428,10 +607,7 @@ class ThresholdSearch:
         if best is None and hit is None:
             notes = ["nothing rattles in the whole range"]
         elif best is None and hit is not None and hit.value == asked.to[1]:
-            notes = [
-                f"something still rattles at {self._words(asked.to[1])}; widen the range, or, if its first value is "
-                f"the quiet end, write from = {self._key(asked.to[1])} and to = {self._key(asked.to[0])}"
-            ]
+            notes = [self._widen()]
         elif hit is not None and len(self.rounds) < options.rounds:
             extrema, notes = self._follow(hit)
             if best is None and not extrema:
@@ -450,6 +626,13 @@ class ThresholdSearch:
         extrema = sorted(self._extrema, key=lambda each: asked.way * each.value)
         limit = None if best is None else best.special
         at, error, is_edge = (math.nan, float("inf"), False) if best is None else (best.at, best.error, best.is_edge)
+        between, notes = (), [note for each in self.rounds for note in each.notes]
+        hit, quiet = self._bracket
+        if self._by_lanes and hit is not None and not math.isnan(self.rounds[-1].quiet):
+            between, at, error = (hit.value, quiet), hit.other, abs(quiet - hit.value)
+            notes.append(
+                f"motions were settled at {asked.options.values} values of {asked.over} at a time, by equal steps"
+            )
         return Threshold(
             asked.system,
             asked.gaps,
@@ -463,13 +646,16 @@ class ThresholdSearch:
             is_edge,
             tuple(each.locus for each in extrema),
             self._confirmation,
-            tuple(note for each in self.rounds for note in each.notes),
+            tuple(notes),
+            between,
         )
 
     @property
     def _confirmation(self) -> Confirmation | None:
         """Motions beyond the limit; or those that rattle, if their border could not be followed."""
         last = self.rounds[-1]
+        if self._by_lanes:
+            return last.tried if last.confirms else None
         is_inside = last.hit is not None and last.hit.value != self.request.to[1]
         return last.tried if len(self.rounds) > 1 or is_inside else None
 
@@ -504,17 +690,9 @@ class ThresholdSearch:
         some = [state_at_rest(asked.system), *spread_starts(ends, box, starts - 1, options.seed, 0.0), *carried]
         grid = np.array(np.meshgrid(others, values, indexing="ij")).reshape(2, -1).T  # equal speeds side by side
         pairs, states = np.repeat(grid, len(some), axis=0), np.tile(some, (len(grid), 1))
-        by_name = {asked.over: pairs[:, 0], asked.parameter: pairs[:, 1]}
-        found = judge_gaps(asked.system, states, by_name, asked.gaps, options.periods)
-        for doubling in range(1, _DOUBLINGS + 1):  # where damping is weak, transients that rattle last long
-            left = np.flatnonzero((found.periods == 0) & (found.codes >= 0).all(axis=1))
-            if not len(left):
-                break
-            some_values = {name: each[left] for name, each in by_name.items()}
-            later = judge_gaps(asked.system, found.states[left], some_values, asked.gaps, options.periods << doubling)
-            for whole, part in zip(found[:4], later[:4], strict=True):
-                whole[left] = part
-            found = found._replace(error=max(found.error, later.error), waited=found.waited + later.waited)
+        size = max(1, _TOGETHER // len(some)) * len(some)
+        places = [slice(first, first + size) for first in range(0, len(pairs), size)]
+        found = _joined(done(asked.judged, [(pairs[place], states[place]) for place in places]))
         is_lost = np.asarray((found.codes < 0).any(axis=1))
         is_quiet = np.isin(found.codes, _QUIET).all(axis=1)
 
@@ -524,112 +702,51 @@ class ThresholdSearch:
         is_settled = found.periods > 0
         suspects = [(motion(k), bool(is_settled[k])) for k in np.flatnonzero(~is_lost & ~is_quiet).tolist()]
         lost = [motion(k) for k in np.flatnonzero(is_lost).tolist()]
-        again = [self._rattles_exactly(each, _LONG) for each in lost[:_RETRIED]]
+        again = done(asked.rattles_exactly, [(each, _LONG) for each in lost[:_RETRIED]])
         hits = [each for each, rattles in zip(lost, again, strict=False) if rattles]
         quiet, checked = np.flatnonzero(is_quiet & is_settled), 0
         if len(values) == 1 and len(quiet):
             sample = np.unique(np.linspace(0, len(quiet) - 1, _CHECKED).astype(int))
-            hits += [each for each in map(motion, quiet[sample].tolist()) if self._rattles_exactly(each)]
+            motions = [motion(k) for k in quiet[sample].tolist()]
+            watch = done(asked.rattles_exactly, [(each, _WATCH) for each in motions])
+            hits += [each for each, rattles in zip(motions, watch, strict=True) if rattles]
             checked = len(sample)
-        suspects.sort(key=lambda each: -asked.way * each[0].value)
-        slow = 0  # motions that are neither periodic nor known to rattle; each takes seconds
-        while suspects and not self._rattles_exactly(suspects[0][0], _WATCH if suspects[0][1] else _LONG):
-            slow += not suspects[0][1]
-            del suspects[0]
-            if slow == _RETRIED:
-                suspects = [each for each in suspects if each[1]]
-        hits += [each for each, _ in suspects]
+        hits += self._confirmed(sorted(suspects, key=lambda each: -asked.way * each[0].value))
         restless = int(((found.periods == 0) & ~is_lost).sum())
         gone = len(lost) - sum(rattles is not None for rattles in again)
         counts = len(states), len(some), len(hits), restless, gone, found.waited, checked, found.error
         tried = Confirmation(float(values[-1]), *counts)
-        if not hits and (hit := self._walked_into(float(values[0]))) is not None:
+        if not hits and (hit := asked.walked_into(float(values[0]))) is not None:
             return tried._replace(motions=tried.motions + 1, rattling=1), hit
         return tried, max(hits, key=lambda each: asked.way * each.value, default=None)
 
-    def _walked_into(self, value: float) -> Hit | None:
-        """Return a motion that rattles on the branch over the other parameter, as at a resonance between tries."""
-        asked, (low, high) = self.request, self.request.span
-        with suppress(NumericalError, FlowError):
-            orbit = find_orbit(asked.at(value, low))
-            for point, _ in BranchTracer(start_branch(orbit, asked.over, high, 1)):
-                if point.stable and self._rattles(point.orbit):
-                    return Hit(value, point.value, point.orbit.state)
-        return None
+    def _confirmed(self, suspects: list[tuple[Hit, bool]]) -> list[Hit]:
+        """Return motions that seem to rattle, from the first on that does so by the exact flow."""
+        pieces, slow = [(hit, _WATCH if is_settled else _LONG) for hit, is_settled in suspects], 0
 
-    def _rattles_exactly(self, hit: Hit, patience: int = _WATCH) -> bool | None:
-        """Return True if a motion rattles once it has settled, by the exact flow; None if it does not settle."""
-        system, gaps = self.request.at(hit.value, hit.other), self.request.gaps
-        try:
-            settled = settle(system, hit.state, SettleOptions(max_periods=patience))
-            if settled.orbit is not None:
-                return self._rattles(settled.orbit)
-            if not settled.converged:
-                return None
-            return any(state.rattles for state in watched(system, settled.state, gaps))
-        except FlowError:
-            return None
+        def is_needed(k: int) -> bool:  # those that are neither periodic nor known to rattle take seconds each
+            return suspects[k][1] or slow < _RETRIED
 
-    def _rattles(self, motion) -> bool:
-        return any(gap_state(motion, gap).rattles for gap in self.request.gaps)
+        for k, rattles in workers_around().each(self.request.rattles_exactly, pieces, is_needed):
+            if rattles:
+                return [suspects[later][0] for later in range(k, len(suspects)) if is_needed(later)]
+            slow += not suspects[k][1]
+        return []
 
     def _follow(self, hit: Hit) -> tuple[list[Extremum], list[str]]:
         """Follow the borders that lie near a rattling motion over the other parameter, to their extrema."""
         asked, notes = self.request, list[str]()
-        extrema, followed = list[Extremum](), list[float]()
-        ranges, size = ((min(asked.to), max(asked.to)), asked.span), _SAME * max(map(abs, asked.to))
-        for special in self._borders(hit):
-            if any(abs(special.value - value) <= size for value in followed):
-                continue  # the same border, met from the other side
-            followed.append(special.value)
-            try:
-                extremum = locus_extremum(special, asked.parameter, asked.over, ranges, asked.way)
-            except (NumericalError, ModelError) as error:
-                notes.append(f"a {special.kind} at {self._words(special.value)} was not followed: {error}")
-                continue
-            if all(abs(extremum.value - each.value) > size for each in (*self._extrema, *extrema)):
+        extrema, borders = list[Extremum](), list[SpecialPoint]()
+        size = _SAME * max(map(abs, asked.to))
+        for special in done(asked.border, [(hit, True), (hit, False)]):
+            if special is not None and all(abs(special.value - each.value) > size for each in borders):
+                borders.append(special)  # unless it is the same border, met from the other side
+        for special, extremum in zip(borders, done(asked.extremum, borders), strict=True):
+            if isinstance(extremum, str):
+                notes.append(f"a {special.kind} at {self._words(special.value)} was not followed: {extremum}")
+            elif all(abs(extremum.value - each.value) > size for each in (*self._extrema, *extrema)):
                 extrema.append(extremum)
         return extrema, notes
-
-    def _borders(self, hit: Hit) -> Iterator[SpecialPoint]:
-        """Yield the special points along the parameter at which rattle begins and ceases near a rattling motion."""
-        asked = self.request
-        with suppress(NumericalError):
-            quiet = find_orbit(asked.at(asked.to[1], hit.other))
-            if not self._rattles(quiet):
-                yield from self._first(quiet, asked.to[0], lambda point: self._rattles(point.orbit))
-        with suppress(NumericalError):
-            settled = settle(asked.at(hit.value, hit.other), hit.state, _SETTLE)
-            if settled.orbit is not None:
-                yield from self._first(settled.orbit, asked.to[1], lambda point: not self._rattles(point.orbit))
-
-    def _first(self, orbit: Orbit, end: float, is_over) -> Iterator[SpecialPoint]:
-        """Yield the point at which a branch towards a value changes: the first graze of a gap after which it is over.
-
-        Or the fold at which it turns back, if the motion rattles there or jumps to one that does.
-        """
-        asked, last = self.request, None
-        switches = {describe_switch(orbit, switch) for gap in asked.gaps for switch in innermost(orbit.system, gap)}
-        start = orbit.system[asked.parameter]
-        tracer = BranchTracer(start_branch(orbit, asked.parameter, end, 1 if end > start else -1))
-        for point, specials in tracer:
-            for special in specials:
-                if special.kind == Kind.FOLD:
-                    if self._rattles(special.orbit) or self._rattles_beyond(special, end > start):
-                        yield special
-                    return
-                if special.kind == Kind.GRAZING and special.contact in switches:
-                    last = special
-            if last is not None and is_over(point):
-                yield last
-                return
-
-    def _rattles_beyond(self, fold: SpecialPoint, rises: bool) -> bool:
-        """Return True if the motion that is reached by the jump at a fold rattles."""
-        asked = self.request
-        step = (1 if rises else -1) * _BEYOND * abs(asked.to[1] - asked.to[0])
-        hit = Hit(fold.value + step, fold.orbit.system[asked.over], fold.orbit.state)
-        return bool(self._rattles_exactly(hit))
 
     def _carried(self, best: Extremum) -> list[NDArray[np.float64]]:
         """Return states of rattling motions just inside the threshold, as further starts beyond it."""
@@ -639,7 +756,9 @@ class ThresholdSearch:
             settled = settle(system, state, _SETTLE)
         except (NumericalError, FlowError):
             return []
-        self._rattles_inside = bool(self._rattles_exactly(Hit(self._inside(best), best.at, settled.state)))
+        self._rattles_inside = bool(
+            self.request.rattles_exactly((Hit(self._inside(best), best.at, settled.state), _WATCH))
+        )
         return [settled.state]
 
     def _inside(self, best: Extremum) -> float:
@@ -665,6 +784,16 @@ def threshold_picture(found: Threshold) -> Picture:
 def _parts_of_picture(found: Threshold) -> Parts:
     """Return the quiet side, the limit, and what moves it."""
     within = {found.over: (found.low, found.high), found.parameter: tuple(sorted((found.begin, found.end)))}
+    if found.between:
+        low, high = sorted((found.value, found.end))
+        return Parts(
+            layers=[
+                Series([found.at], [found.between[0]], "stars", "worst", "rattles", axes=(found.over, found.parameter))
+            ],
+            shades=[Shade(found.parameter, low, high, "quiet", "nothing rattles")],
+            lines=[Line(found.parameter, found.value)],
+            within=within,
+        )
     if found.limit is None:
         return Parts(within=within)
     axes, units, text = (found.over, found.parameter), found.system.units, f"{found.value:.6g} at {found.at:.6g}"

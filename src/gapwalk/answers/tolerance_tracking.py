@@ -19,9 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from gapwalk.answers.near_misses import misses_of
 from gapwalk.answers.point_fit import Solutions, Walked, met_of
-from gapwalk.answers.point_prediction import Corrected, Predicted, Terms, TrackedPoint
+from gapwalk.answers.point_prediction import Corrected, Predicted, Terms, TrackedPoint, misses_of
 from gapwalk.answers.tolerance import Further, HowFound, ToleranceChunk, ToleranceWalks, Tracking, label_of
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import start_branch
@@ -73,10 +72,8 @@ class FormFinder:
         return True
 
     def found(self, samples: Array, *, exact: bool = False) -> Iterator[dict[int, Located] | None]:
-        """Yield for each sample what was found of each form; None if it is refused.
-
-        If `exact`, predictions are corrected everywhere, and more exactly.
-        """
+        """Yield for each sample what was found of each form; None if it is refused."""
+        # If `exact`, predictions are corrected everywhere, and more exactly.
         forms = self.asked.forms
         terms = self.terms(samples)
         guesses = [None if point.fit is None else point.fit.predicted(terms) for point in self.points]
@@ -117,12 +114,10 @@ class FormFinder:
         return found
 
     def _trusted(self, predicted: Sequence[Predicted | None]) -> list[Array]:
-        """Return for each form the bounds of the errors of its predictions, infinity where it must be corrected.
-
-        A prediction is the answer if the form exists in all systems known so far, its error is small, and it is far
-        from its neighbours on the branch: contacts and multipliers of a special point change only where another
-        special point passes it, and points vanish where two of them meet.
-        """
+        """Return for each form the bounds of the errors of its predictions, infinity where it must be corrected."""
+        # A prediction is the answer if the form exists in all systems known so far, its error is small, and it is far
+        # from its neighbours on the branch: contacts and multipliers of a special point change only where another
+        # special point passes it, and points vanish where two of them meet.
         asked, forms = self.asked, self.asked.forms
         always = [f for f, form in enumerate(forms) if form.companion < 0 and not len(form.scores)]
         errors = [np.full(1, np.inf) if each is None else np.full(len(each.errors), np.inf) for each in predicted]
@@ -329,10 +324,8 @@ class Tracker:
     def _walked_stretches(
         self, sample: Array, found: dict[int, Located], on: Sequence[int], unclear: Sequence[int]
     ) -> tuple[list[SpecialPoint], tuple[int, ...]] | None:
-        """Walk the unclear stretches of a branch: the points met there, and the forms that lie on the rest of it.
-
-        None if the whole branch is to be walked: where the first stretch is unclear, or a walk fails.
-        """
+        """Walk the unclear stretches of a branch: the points met there, and the forms that lie on the rest of it."""
+        # None if the whole branch is to be walked: where the first stretch is unclear, or a walk fails.
         asked, specials = self.asked, list[SpecialPoint]()
         assert asked.patterns is not None
         stretch, anchors = asked.patterns.stretch, asked.patterns.anchors
@@ -406,11 +399,9 @@ class Tracker:
         return way * max([way * asked.end, *(way * value + _BEYOND * asked.width for value in expected)])
 
     def match(self, walked: Sequence[SpecialPoint], sample: Array, taken: Collection[int] = ()) -> list[int]:
-        """Return for each point of a walk the index of its nominal counterpart, or -1.
-
-        Counterparts share a label, and are near to where the gradient predicts them, compared with how the point is
-        spread over the samples. Nominal points that are `taken` have one already.
-        """
+        """Return for each point of a walk the index of its nominal counterpart, or -1."""
+        # Counterparts share a label, and are near to where the gradient predicts them, compared with how the point is
+        # spread over the samples. Nominal points that are `taken` have one already.
         labels, found = self.asked.labels, [-1] * len(walked)
         for label in dict.fromkeys(labels):
             rows = [j for j, each in enumerate(labels) if each == label and j not in taken]

@@ -14,8 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.section import size_of
-from gapwalk.attractors.settle import Attractor, AttractorKind, ClassifyOptions, Settled, SettleOptions, classify
-from gapwalk.attractors.trapping_region import TrappingRegion, trapping_region_of
+from gapwalk.attractors.settle import (
+    Attractor,
+    AttractorKind,
+    ClassifyOptions,
+    Settled,
+    SettleOptions,
+    TrappingRegion,
+    classify,
+    trapping_region_of,
+)
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
@@ -73,10 +81,8 @@ class AttractorSignature:
         return self.region is None
 
     def distance(self, track: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Compute the distance of most strobes of motions, shape (strobes, ...); up to 1 they are on the attractor.
-
-        The strobes have the shape (strobes, ..., state_size). A motion that has diverged is nan; its distance is inf.
-        """
+        """Compute the distance of most strobes of motions, shape (strobes, ...); up to 1 they are on the attractor."""
+        # The strobes have the shape (strobes, ..., state_size). A motion that has diverged is nan; its distance is inf.
         from scipy.spatial import KDTree  # imported late: it takes long
 
         finite = np.isfinite(track).all(axis=(0, -1))
@@ -137,10 +143,8 @@ def _settle_one(catalogue: Catalogue, state: NDArray[np.float64], max_period: in
 def sort_states(
     advance: Advance, states: NDArray[np.float64], signatures: Sequence[AttractorSignature], longest: int
 ) -> Sorted:
-    """Follow states until each has reached one of the attractors, or for `longest` forcing periods.
-
-    Shapes: `states` (count, state_size).
-    """
+    """Follow states until each has reached one of the attractors, or for `longest` forcing periods."""
+    # Shapes: `states` (count, state_size).
     states = np.array(states, dtype=float)
     labels = np.full(len(states), UNRESOLVED)
     periods = np.zeros(len(states), dtype=int)
@@ -183,32 +187,10 @@ def match(
     motion: Attractor | Settled | NDArray[np.float64],
     tolerance: float = 1e-3,
 ) -> int | None:
-    """Return the index of the attractor to which a settled motion belongs, or None.
-
-    Two orbits are compared as in `gapwalk.orbit.orbit.is_same`. States are compared with the strobes of each
-    attractor: they must be near those of an orbit within `tolerance`, and near those of a torus or of chaos within
-    some spacings of its sample. If several attractors match, the nearest one is returned.
-
-    Parameters
-    ----------
-    attractors
-        The known attractors, all of the same system with the same parameter values.
-    motion
-        An attractor, a settled motion, one state at theta = 0, or several one forcing period apart, one in each row:
-        one state distinguishes orbits, 16 or more distinguish any attractors.
-    tolerance
-        Tolerance relative to the size of an orbit.
-
-    Returns
-    -------
-    int or None
-        Index of the attractor.
-
-    Raises
-    ------
-    ModelError
-        If the states have the wrong shape.
-    """
+    """Return the index of the attractor to which a settled motion belongs, or None."""
+    # Two orbits are compared as in `gapwalk.orbit.orbit.is_same`. States are compared with the strobes of each
+    # attractor: they must be near those of an orbit within `tolerance`, and near those of a torus or of chaos within
+    # some spacings of its sample. If several attractors match, the nearest one is returned.
     if isinstance(motion, Attractor | Settled) and motion.orbit is not None:
         same = [each.orbit is not None and is_same(each.orbit, motion.orbit, tolerance) for each in attractors]
         if sum(same) == 1:
@@ -291,10 +273,8 @@ class Box:
     def draw(
         self, count: int, seed: int, is_possible: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None
     ) -> NDArray[np.float64]:
-        """Draw random states, uniformly distributed over the box and repeatable, shape (count, state_size).
-
-        Only those that are possible are kept.
-        """
+        """Draw random states, uniformly distributed over the box and repeatable, shape (count, state_size)."""
+        # Only those that are possible are kept.
         random, found = np.random.default_rng(seed), np.empty((0, len(self.names)))
         for _ in range(_DRAWS):
             drawn = random.uniform(self.low, self.high, (count, len(self.names)))
@@ -356,10 +336,8 @@ class Window:
 
 
 def beside_cells(rows: int, columns: int) -> NDArray[np.intp]:
-    """Return the indices of the left, right, lower and upper neighbours of the cells, row by row; shape (cells, 4).
-
-    At an edge of the plane the missing neighbour is the cell itself.
-    """
+    """Return the indices of the left, right, lower and upper neighbours of the cells, row by row; shape (cells, 4)."""
+    # At an edge of the plane the missing neighbour is the cell itself.
     numbers = np.arange(rows * columns).reshape(rows, columns)
     wide = np.pad(numbers, 1, mode="edge")
     sides = (wide[1:-1, :-2], wide[1:-1, 2:], wide[:-2, 1:-1], wide[2:, 1:-1])
@@ -465,15 +443,7 @@ class BasinCheck:
 
 @dataclass(frozen=True, eq=False)
 class Basins(Shown):
-    """Basins of attraction in a plane of initial states at theta = 0.
-
-    Examples
-    --------
-    >>> basins.names, basins.labels.shape
-    (('period 1a', 'period 1b'), (8, 8))
-    >>> basins.attractors[basins.labels[0, 0]].label
-    'P1'
-    """
+    """Basins of attraction in a plane of initial states at theta = 0."""
 
     system: System  #: The system.
     window: Window  #: The part of the plane.

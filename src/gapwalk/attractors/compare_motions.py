@@ -151,10 +151,8 @@ def agreement(
     orders: NDArray[np.float64],
     turns: int | Fraction | None = None,
 ) -> Agreement:
-    """Compare two histories that are sampled at the same angles over whole periods.
-
-    Shapes: `theta`, `first`, `second` (samples,); `orders` (lines,).
-    """
+    """Compare two histories that are sampled at the same angles over whole periods."""
+    # Shapes: `theta`, `first`, `second` (samples,); `orders` (lines,).
     first, second = first - first.mean(), second - second.mean()
     rms, size = float(np.sqrt(np.mean((second - first) ** 2))), float(np.sqrt(np.mean(first**2)))
     both = size * float(np.sqrt(np.mean(second**2)))
@@ -170,11 +168,9 @@ def agreement(
 def lines_of(
     theta: NDArray[np.float64], values: NDArray[np.float64], orders: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    """Fit ``Re(c exp(i order theta))`` plus a mean to a signal; return the complex amplitudes c, shape (lines,).
-
-    A least-squares fit, unlike an FFT, does not need a whole number of samples per period or even spacing, and it has
-    no leakage.
-    """
+    """Fit ``Re(c exp(i order theta))`` plus a mean to a signal; return the complex amplitudes c, shape (lines,)."""
+    # A least-squares fit, unlike an FFT, does not need a whole number of samples per period or even spacing, and it has
+    # no leakage.
     count = len(orders)
     matrix, vector = np.zeros((2 * count + 1, 2 * count + 1)), np.zeros(2 * count + 1)
     for start in range(0, len(theta), _BLOCK):

@@ -8,7 +8,7 @@ again with more steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import NamedTuple, Protocol, TypeVar
 
@@ -28,14 +28,17 @@ from gapwalk.ensemble.batch_flow import (
     Trial,
     batch_flow_of,
     batch_of,
+    closed_in,
     judge,
     revised,
 )
 from gapwalk.ensemble.kernel_source import Form, Linear, Source
-from gapwalk.ensemble.start import closed_in
+from gapwalk.ensemble.lane_code import LABELS
+from gapwalk.ensemble.lanes import Lanes, prefers_lanes
 from gapwalk.errors import FlowError, UnfitError
 from gapwalk.flow.motion import integrate
 from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 
 _SAMPLES = 512  # per forcing period, for peaks of forces
@@ -60,10 +63,8 @@ class ManyMotions(Protocol):
         ...
 
     def strobes(self, states: NDArray[np.float64], periods: int, after: int = 0) -> NDArray[np.float64]:
-        """Return the states at the start of each of some periods that follow the first `after` ones.
-
-        Their shape is (periods, count, state_size); the first is one period after them.
-        """
+        """Return the states at the start of each of some periods that follow the first `after` ones."""
+        # Their shape is (periods, count, state_size); the first is one period after them.
         ...
 
     def contacts(self, states: NDArray[np.float64], periods: int) -> ContactFigures:
@@ -84,10 +85,8 @@ class ManyMotions(Protocol):
 
 
 def enough(motions: ManyMotions, work: Callable[[ManyMotions], _Done]) -> tuple[_Done, float]:
-    """Do work with the flow of many motions, again with more steps while the error is too large; return the error.
-
-    The steps are chosen on some motions. Others may close a contact that these never close.
-    """
+    """Do work with the flow of many motions, again with more steps while the error is too large; return the error."""
+    # The steps are chosen on some motions. Others may close a contact that these never close.
     done = work(motions)
     while (finer := motions.finer()) is not None:
         motions, done = finer, work(finer)
@@ -112,11 +111,11 @@ def motions_of(
     error: float = 1e-4,
     periods: int = _PILOT_PERIODS,
 ) -> ManyMotions:
-    """Create the flow of many motions: the batch integrator, or the exact flow where that is faster or the only one.
-
-    Shapes: `states` (count, state_size).
-    """
+    """Create the flow of many motions: the batch integrator, or the exact flow where that is faster or the only one."""
+    # Shapes: `states` (count, state_size).
     batch = batch_of(system, states, values or {})
+    if prefers_lanes(system):
+        return LaneMotions(system.structure, batch.coefficients)
     pilot = batch.some(np.unique(np.linspace(0, batch.count - 1, _PILOT).astype(int)))
     try:
         steps = _flow_of(system, error).steps_for(pilot, periods)
@@ -131,7 +130,9 @@ def _flow_of(system: System, error: float) -> BatchFlow:
 
 
 def has_kernel(system: System) -> bool:
-    """Return True if the batch integrator can include a system."""
+    """Return True if many motions of a system can be integrated at once."""
+    if prefers_lanes(system):
+        return True
     try:
         Source(Form(system.structure, (coefficients_of(system) != 0.0).tobytes(), False, True, False))
     except UnfitError:
@@ -200,6 +201,82 @@ class ExactMotions:
         if not self.values:
             return self.system
         return self.system.at({name: float(values[index]) for name, values in self.values.items()})
+
+
+class LaneMotions:
+    """The flow of many motions by equal steps without events (`gapwalk.ensemble.lanes`)."""
+
+    def __init__(self, structure: Structure, coefficients: NDArray[np.float64]) -> None:
+        self._structure, self._coefficients, self._error = structure, coefficients, 0.0
+
+    @property
+    def error(self) -> float:
+        """See `ManyMotions.error`: the difference to steps of half the length."""
+        return self._error
+
+    def advance(self, states: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
+        """See `ManyMotions.advance`."""
+        return self.strobes(states, 1, periods - 1)[-1]
+
+    def strobes(self, states: NDArray[np.float64], periods: int, after: int = 0) -> NDArray[np.float64]:
+        """See `ManyMotions.strobes`."""
+        track = np.full((periods, *states.shape), np.nan)
+        if run := self._begin(states, ()):
+            which, lanes = run
+            for period in range(after + periods):
+                lanes.advance()
+                if period >= after:
+                    track[period - after, which] = np.where(lanes.diverged[:, None], np.nan, lanes.states)
+        return track
+
+    def contacts(self, states: NDArray[np.float64], periods: int) -> ContactFigures:
+        """See `ManyMotions.contacts`."""
+        contacts = self._structure.equations.contacts
+        ends, peaks = np.full(states.shape, np.nan), np.full((len(states), len(contacts)), np.nan)
+        sides, closed = np.full((*peaks.shape, 2), np.nan), np.zeros(peaks.shape, dtype=bool)
+        if run := self._begin(states, (*LABELS, "peak")):
+            which, lanes = run
+            staged = np.flatnonzero([bool(contact.stages) for contact in contacts])
+            own, most = np.zeros((len(which), len(staged), 2)), np.zeros((len(which), len(staged)))
+            for _ in range(periods):
+                lanes.advance()
+                own += np.stack((lanes.note("up"), lanes.note("down")), axis=2)
+                most = np.maximum(most, lanes.note("peak"))
+            gone = lanes.diverged
+            ends[which] = np.where(gone[:, None], np.nan, lanes.states)
+            sides[which] = 0.0
+            sides[np.ix_(which, staged)] = np.where(gone[:, None, None], np.nan, own / periods)
+            peaks[np.ix_(which, staged)] = np.where(gone[:, None], np.nan, most)
+            closed[np.ix_(which, staged)] = np.abs(lanes.note("side")) > 0.5
+        return ContactFigures(ends, peaks, sides.sum(axis=2), sides, closed)
+
+    def part(self, which: NDArray[np.intp]) -> LaneMotions:
+        """See `ManyMotions.part`."""
+        return LaneMotions(self._structure, self._coefficients[which])
+
+    def eased(self, states: NDArray[np.float64]) -> LaneMotions:
+        """See `ManyMotions.eased`."""
+        return self
+
+    def finer(self) -> None:
+        """See `ManyMotions.finer`."""
+        return
+
+    def _begin(self, states: NDArray[np.float64], kinds: Sequence[str]) -> tuple[NDArray[np.intp], Lanes] | None:
+        """Return the motions that have not diverged, and their lanes at theta = 0."""
+        which = np.flatnonzero(finite_rows(states))
+        if not len(which):
+            return None
+        if not self._error:
+            few = which[np.unique(np.linspace(0, len(which) - 1, _LOOKS * 4).astype(int))]
+            ends = []
+            for finer in (1.0, 2.0):
+                lanes = Lanes(self._structure, self._coefficients[few], states[few], kinds=(), finer=finer)
+                lanes.advance()
+                ends.append(lanes.states)
+            scale = np.maximum(np.abs(ends[1]).max(axis=0), np.finfo(float).tiny)
+            self._error = float(np.sqrt(np.mean((np.abs(ends[0] - ends[1]) / scale).max(axis=1) ** 2)))
+        return which, Lanes(self._structure, self._coefficients[which], states[which], kinds=kinds)
 
 
 def finite_rows(states: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -305,10 +382,8 @@ class BatchMotions:
     def _run(
         self, states: NDArray[np.float64], periods: int, survey: bool = False
     ) -> tuple[NDArray[np.intp], Blocks] | None:
-        """Advance the motions that have not diverged; compare some of them with the exact flow in the first period.
-
-        Returns the indices of these motions, and their blocks; None if all have diverged.
-        """
+        """Advance the motions that have not diverged; compare some of them with the exact flow in the first period."""
+        # Returns the indices of these motions, and their blocks; None if all have diverged.
         which = np.flatnonzero(finite_rows(states))
         count = len(which)
         if not count:

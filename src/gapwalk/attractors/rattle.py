@@ -19,9 +19,10 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles, contact_deflections, contact_force
-from gapwalk.flow.motion import Motion, Quadrature, quadrature, signal_factor, switch_names
+from gapwalk.flow.motion import Motion, Quadrature, acceleration_names, quadrature, signal_factor, switch_names
 from gapwalk.model.bounds import Counted, check
 from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
 from gapwalk.orbit.energy import impact_losses
 from gapwalk.orbit.orbit import Orbit
@@ -44,14 +45,15 @@ class Rattle:
     periods: int  #: Number of forcing periods that were evaluated.
     sides: tuple[SideRattle, ...]  #: Impacts by contact and side.
     contacts: tuple[ContactLoad, ...]  #: Forces by contact.
-    #: Impulsiveness by coordinate. The kurtosis of the acceleration serves as the rattle index.
+    #: Impulsiveness by coordinate, then, in a drive train, by inertia (``gear1.acceleration``). The kurtosis of the
+    #: acceleration of a coordinate serves as the rattle index.
     coordinates: tuple[Impulsiveness, ...]
     impacts: tuple[Impact, ...]  #: All impacts.
 
     @property
     def index(self) -> float:
         """The rattle index: the largest kurtosis of any coordinate's acceleration; nan where one has impulses."""
-        return float(np.max([each.kurtosis for each in self.coordinates]))
+        return float(np.max([each.kurtosis for each in self.coordinates[: self.system.size]]))
 
     def __repr__(self) -> str:
         units = self.system.units
@@ -67,7 +69,9 @@ class Rattle:
             for s in self.sides
         ]
         loads = [(c.contact, c.closed, c.peak, c.rms, c.power) for c in self.contacts]
-        signals = [(f"{c.coordinate}''", c.rms, c.peak, c.crest, c.kurtosis) for c in self.coordinates]
+        own = self.coordinates[: self.system.size]
+        signals = [(f"{c.coordinate}''", c.rms, c.peak, c.crest, c.kurtosis) for c in own]
+        signals += [(c.coordinate, c.rms, c.peak, c.crest, c.kurtosis) for c in self.coordinates[len(own) :]]
         sizes = of("rms", "rad/s^2"), of("peak", "rad/s^2")
         tables = (
             _table(("impacts", "a period", *speeds, peak, of("impulse", "N m s"), *losses), sides),
@@ -128,7 +132,7 @@ class ContactLoad:
 class Impulsiveness:
     """The impulsiveness of the acceleration of one coordinate."""
 
-    coordinate: str  #: Name of the coordinate.
+    coordinate: str  #: Name of the coordinate, or of the acceleration of an inertia.
     #: rms, peak: Root mean square and largest magnitude of its acceleration, about its mean (zero for a settled
     #: motion).
     rms: float
@@ -186,10 +190,8 @@ def rattle(motion: Orbit | Settled, periods: int = _PERIODS) -> Rattle:
 
 
 def impacts(system: System, along: Quadrature, before: float = math.inf) -> tuple[Impact, ...]:
-    """Return the impacts that begin before an angle and end within a motion, in the order of their closing.
-
-    To include impacts that last across the end of an orbit, integrate the orbit over two of its periods.
-    """
+    """Return the impacts that begin before an angle and end within a motion, in the order of their closing."""
+    # To include impacts that last across the end of an orbit, integrate the orbit over two of its periods.
     losses = damping_power(system, along) * along.weights[:, None]
     names = [form.name for form in system.structure.contacts]
     found = []
@@ -226,11 +228,9 @@ def _strikes(system: System, along: Quadrature, place: tuple[str, int, int]) -> 
 
 
 def damping_power(system: System, along: Quadrature) -> NDArray[np.float64]:
-    """Compute the power dissipated by the damping law of each contact at each node, shape (nodes, contacts).
-
-    It is the part of the force that vanishes with all rates, times the rate of the deflection; for a formula of several
-    deflections, or one that acts elsewhere, times the rate along the vector on which it acts.
-    """
+    """Compute the power dissipated by the damping law of each contact at each node, shape (nodes, contacts)."""
+    # It is the part of the force that vanishes with all rates, times the rate of the deflection; for a formula of
+    # several deflections, or one that acts elsewhere, times the rate along the vector on which it acts.
     layout, coefficients, motion = layout_of(system.structure), coefficients_of(system), along.motion
     angles = Angles(layout, coefficients, motion.theta)
     rates = contact_deflections(layout, coefficients, motion.theta, motion.v, derivative=1)
@@ -288,11 +288,10 @@ def largest(along: Quadrature, nodes: NDArray[np.intp], function: Callable[[Moti
 
 
 def _summit(thetas: list[float], values: list[float], value_at: Callable[[float], float]) -> float:
-    """Return the maximum of a function from three points, of which the middle one is the highest.
-
-    The vertices of parabolas converge to it superlinearly (successive parabolic interpolation; Brent 1973, chapter 5),
-    and the error of the maximum is the square of theirs. The nodes are so dense that two or three of them suffice.
-    """
+    """Return the maximum of a function from three points, of which the middle one is the highest."""
+    # The vertices of parabolas converge to it superlinearly (successive parabolic interpolation; Brent 1973, chapter
+    # 5), and the error of the maximum is the square of theirs. The nodes are so dense that two or three of them
+    # suffice.
     (a, b, c), (fa, fb, fc) = thetas, values
     for _ in range(_VERTICES):
         left, right = (b - a) * (fb - fc), (b - c) * (fb - fa)
@@ -364,8 +363,9 @@ def _impulsiveness(along: Quadrature) -> tuple[Impulsiveness, ...]:
     second, fourth = share @ varying**2, share @ varying**4
     nodes = np.arange(len(share))
     rows = []
-    unit = signal_factor(along.motion.system, "''")
-    for k, name in enumerate(along.motion.system.coordinates):
+    system = along.motion.system
+    unit = signal_factor(system, "''")
+    for k, name in enumerate(system.coordinates):
         if len(along.motion.impulses(f"{name}''")[0]):
             rows.append(Impulsiveness(name, math.nan, math.nan, math.nan, math.nan))
             continue
@@ -373,7 +373,20 @@ def _impulsiveness(along: Quadrature) -> tuple[Impulsiveness, ...]:
         peak = unit * largest(along, nodes, lambda motion, k=k: np.abs(motion.a[:, k] - mean[k]))
         crest, kurtosis = (peak / rms, float(fourth[k] / second[k] ** 2)) if rms > 0.0 else (0.0, 0.0)
         rows.append(Impulsiveness(name, rms, peak, crest, kurtosis))
+    if isinstance(system.structure.assembly, TrainAssembly):
+        rows += [_of_part(along, name, share) for name in acceleration_names(system)]
     return tuple(rows)
+
+
+def _of_part(along: Quadrature, name: str, share: NDArray[np.float64]) -> Impulsiveness:
+    """Return the impulsiveness of an inertia of a train, in the unit of its acceleration."""
+    if len(along.motion.impulses(name)[0]):
+        return Impulsiveness(name, math.nan, math.nan, math.nan, math.nan)
+    values = along.motion.signal(name)
+    values = values - share @ values
+    rms, peak = float(np.sqrt(share @ values**2)), float(np.abs(values).max())
+    crest, kurtosis = (peak / rms, float(share @ values**4) / rms**4) if rms > 0.0 else (0.0, 0.0)
+    return Impulsiveness(name, rms, peak, crest, kurtosis)
 
 
 def _table(head: tuple[str, ...], rows: list[tuple]) -> str:

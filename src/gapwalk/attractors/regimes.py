@@ -44,13 +44,7 @@ class RegimeCheck:
 
 @dataclass(frozen=True, eq=False)
 class Regimes(Shown):
-    """The regimes in the plane of two parameters, cell by cell; the first row of each array is the lowest.
-
-    Examples
-    --------
-    >>> regimes.at(0.65, 1.0), regimes.periods.shape
-    ('period 1', (8, 8))
-    """
+    """The regimes in the plane of two parameters, cell by cell; the first row of each array is the lowest."""
 
     system: System  #: The system, with the values of the other parameters.
     #: first, second: Names of the parameters: horizontal, and vertical.
@@ -237,10 +231,8 @@ class Waited(NamedTuple):
 def wait(
     motions: ManyMotions, states: NDArray[np.float64], scales: NDArray[np.float64], patience: int, max_period: int
 ) -> Waited:
-    """Follow motions until they are periodic, or until patience ends; each no longer than it needs.
-
-    Shapes: `states`, `scales` (count, state_size).
-    """
+    """Follow motions until they are periodic, or until patience ends; each no longer than it needs."""
+    # Shapes: `states`, `scales` (count, state_size).
     states, periods, total = states.copy(), np.zeros(len(states), dtype=int), 0
     rest = np.arange(len(states))
     while len(rest) and total < patience:
@@ -254,10 +246,8 @@ def wait(
 def _returns(
     motions: ManyMotions, states: NDArray[np.float64], scales: NDArray[np.float64], longest: int, after: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int_]]:
-    """Follow motions for some forcing periods and a look at their returns; return the last states and the periods.
-
-    A period is 0 if a motion does not return within `longest` forcing periods, and -1 if it has diverged.
-    """
+    """Follow motions for some forcing periods and a look at their returns; return the last states and the periods."""
+    # A period is 0 if a motion does not return within `longest` forcing periods, and -1 if it has diverged.
     track = motions.strobes(states, 3 * longest + 1, after)
     periods, is_bounded = np.full(len(states), -1), np.isfinite(track).all(axis=(0, 2))
     last, track = track[-1], track[:, is_bounded] / scales[is_bounded]
@@ -269,10 +259,8 @@ def _returns(
 def judge(
     motions: ManyMotions, states: NDArray[np.float64], scales: NDArray[np.float64], options: RegimeOptions
 ) -> Verdicts:
-    """Classify motions from states at theta = 0, by the scales of their entries; both of shape (count, state_size).
-
-    The scales are `System.state_scales`, with which a velocity counts as the derivative over theta.
-    """
+    """Classify motions from states at theta = 0, by the scales of their entries; both of shape (count, state_size)."""
+    # The scales are `System.state_scales`, with which a velocity counts as the derivative over theta.
     regime_judge = _RegimeJudge(motions, states, scales, options)
     regime_judge.wait_for_returns()
     regime_judge.measure_growth()

@@ -39,10 +39,8 @@ class Rotation:
 
 
 def rotation(strobes: NDArray[np.float64], max_curves: int = 16) -> Rotation | None:
-    """Compute the rotation number of a motion from its strobes; None if they do not lie on a few closed curves.
-
-    Shapes: `strobes` (count, state_size).
-    """
+    """Compute the rotation number of a motion from its strobes; None if they do not lie on a few closed curves."""
+    # Shapes: `strobes` (count, state_size).
     deviation = strobes.std(axis=0)
     scaled = (strobes - strobes.mean(axis=0)) / np.where(
         deviation > _CONSTANT * deviation.max(), deviation, max(1.0, deviation.max())

@@ -269,11 +269,9 @@ def impact_plane(system: System, contact: str, side: int = 1, *, closes: bool = 
 
 
 def size_of(system: System, states: NDArray[np.float64], least: float = 0.0) -> NDArray[np.float64]:
-    """Compute the size of a motion as a scale for each entry of a state, shape (state_size,), in any units.
-
-    The scale of positions and extensions is the largest of them, or the largest velocity over W if that is larger, and
-    at least `least`; the scale of velocities is W times that.
-    """
+    """Compute the size of a motion as a scale for each entry of a state, shape (state_size,), in any units."""
+    # The scale of positions and extensions is the largest of them, or the largest velocity over W if that is larger,
+    # and at least `least`; the scale of velocities is W times that.
     unit = system.state_scales()
     return unit * max(float((np.abs(states) / unit).max()), least, np.finfo(float).tiny)
 
@@ -337,10 +335,8 @@ class Strobe:
         return self._flow.integrate(self._coefficients, state, self.phase, self.phase + PERIOD * periods)
 
     def run(self, state: NDArray[np.float64], count: int, every: int = 1) -> NDArray[np.float64]:
-        """Return the next `count` states, `every` forcing periods apart, without the given one.
-
-        Their shape is (count, state_size).
-        """
+        """Return the next `count` states, `every` forcing periods apart, without the given one."""
+        # Their shape is (count, state_size).
         states = np.empty((count, len(state)))
         for k in range(count):
             state = self.arc(state, every).state

@@ -10,7 +10,7 @@ import math
 import os
 import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from math import lcm
 from pathlib import Path
@@ -36,6 +36,10 @@ from gapwalk.summary import Described, Rows, TableRows, Tables
 
 _FIRST, _FINEST = 128, 16_384  # samples per forcing period at the start and at the end of the refinement
 _SUBHARMONICS = (1, 2, 3, 4, 5, 6)  # multiples of W over these numbers get names if a motion has no period
+BAND = (500.0, 5000.0)
+"""Frequencies, in Hz, between which the level is that of rattle."""
+_HANN = 1.5  # lines of a Hann window over which noise is counted
+
 _CLEAN = 4  # lines above a quarter of the sampling rate are omitted: aliasing affects them most
 
 
@@ -148,10 +152,24 @@ class Waterfall(Described, Pictured):
     stable: NDArray[np.bool_]  #: shape (orbits,): True for stable orbits.
     turns: int | Fraction | None = None  #: See `System.turns`.
     units: Units | None = None  #: Units of the system.
+    #: shape (orbits,): Frequency of order 1 at each orbit, in Hz (angular without units).
+    pitch: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    #: shape (orbits,): Root mean square of the signal without its mean, of all orders.
+    overall: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    #: shape (orbits,): That of the lines from 500 to 5,000 Hz, which is the rattle; NaN without units, and where the
+    #: samples do not resolve 5,000 Hz.
+    band: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    window: str = ""  #: The window of the spectra, in words.
 
     def tables(self) -> Tables:
         """Return the table of amplitudes: a row for each orbit, a column for each order."""
         return {"amplitudes": TableRows(self._rows, 1, self.signal)}
+
+    def cut(self, order: float) -> NDArray[np.float64]:
+        """Return the amplitudes of the order nearest to a given one, shape (orbits,)."""
+        if not 0.0 <= order <= self.orders[-1] + 1e-9:
+            raise ModelError(f"order {order:g} is not in these spectra; they go up to order {self.orders[-1]:g}")
+        return self.amplitudes[:, int(np.argmin(np.abs(self.orders - order)))]
 
     def _rows(self) -> Rows:
         yield [self.parameter, "stable", *map(order_heading, self.orders)]
@@ -247,10 +265,8 @@ def _lines(
     length: int,
     window: Callable[[int], NDArray[np.float64]],
 ) -> NDArray[np.complex128]:
-    """Return the unaliased part of the spectrum, corrected for the window; the mean is removed before the transform.
-
-    Impulses between the samples, of rigid stops, have the lines of their exact angles.
-    """
+    """Return the unaliased part of the spectrum, corrected for the window; the mean is removed before the transform."""
+    # Impulses between the samples, of rigid stops, have the lines of their exact angles.
     weights, step = window(len(values)), PERIOD * length / len(values)
     theta, sizes = impulses
     mean = values.mean() + sizes.sum() / (PERIOD * length)
@@ -312,11 +328,12 @@ def waterfall(
     spacing = lcm(*(orbit.period for orbit in orbits))
     turns = orbits[0].system.turns
     orders = float(turns or 1) * np.arange(round(top / float(turns or 1) * spacing) + 1) / spacing
-    table = np.zeros((len(orbits), len(orders)))
+    table, levels = np.zeros((len(orbits), len(orders))), []
     for row, orbit in zip(table, orbits, strict=True):
-        step = spacing // orbit.period
-        lines = spectrum(orbit, signal, options).amplitudes[: len(row[::step])]
+        step, found = spacing // orbit.period, spectrum(orbit, signal, options)
+        lines = found.amplitudes[: len(row[::step])]
         row[: len(lines) * step : step] = lines
+        levels.append(_levels(orbit.system, orbit.system.frequency, found.orders, found.amplitudes))
     values = np.array([orbit.system[parameter] for orbit in orbits])
     return Waterfall(
         parameter,
@@ -327,7 +344,30 @@ def waterfall(
         np.array([orbit.stable for orbit in orbits]),
         turns,
         orbits[0].system.units,
+        *np.array(levels).T,
+        window="one period each, without a window",
     )
+
+
+def _window(values: NDArray[np.float64], weights: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    """Return the mean of the values in a window, and the amplitudes of its lines."""
+    mean = float(values.mean())
+    return mean, 2.0 * np.abs(np.fft.rfft((values - mean) * weights)) / weights.sum()
+
+
+def _levels(
+    system: System, frequency: float, orders: NDArray[np.float64], lines: NDArray[np.float64]
+) -> tuple[float, float, float]:
+    """Return the frequency of order 1, the root mean square of some lines, and that of those in the band of rattle."""
+    pitch = frequency / float(system.turns or 1) * (0.5 / math.pi if system.units else 1.0)
+    squares, inside = 0.5 * lines[1:] ** 2, (orders[1:] * pitch >= BAND[0]) & (orders[1:] * pitch <= BAND[1])
+    band = math.sqrt(squares[inside].sum()) if system.units else math.nan
+    return pitch, math.sqrt(squares.sum()), band
+
+
+def turns_of(system: System, turns: int) -> int:
+    """Return the forcing periods in some turns of the reference shaft, at least; without a speed, as many periods."""
+    return math.ceil(turns * Fraction(system.turns or 1))
 
 
 def order_heading(order: float) -> str:
@@ -373,6 +413,9 @@ class Tracked(Described):
     time: NDArray[np.float64]
     speed: NDArray[np.float64]
     values: NDArray[np.float64]  #: shape (samples,): The signal.
+    #: shape (samples,): Its integral over time, where that is known exactly: of an acceleration. Orders are then those
+    #: of means between samples: impacts shorter than these would look like low orders.
+    integral: NDArray[np.float64] | None = None
 
     @property
     def is_one_way(self) -> bool:
@@ -415,7 +458,8 @@ class Tracked(Described):
     def _part(self, part: slice) -> Tracked:
         columns = (self.theta, self.time, self.speed, self.values)
         theta, time, speed, values = (each[part] for each in columns)
-        return replace(self, theta=theta, time=time, speed=speed, values=values)
+        integral = None if self.integral is None else self.integral[part]
+        return replace(self, theta=theta, time=time, speed=speed, values=values, integral=integral)
 
     def extremes(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return speed, smallest and largest value in each forcing period, shapes (periods,)."""
@@ -445,16 +489,27 @@ class Tracked(Described):
             raise ModelError(f"top is {top:g}; with {self.samples} samples per period there are no such orders")
         weights = np.hanning(length + 1)[:-1]
         starts = np.arange(0, len(values) - length + 1, max(1, round(length * (1.0 - overlap))))
-        rows = []
-        for start in starts:
-            piece = values[start : start + length]
-            mean = piece.mean()
-            lines = 2.0 * np.abs(np.fft.rfft((piece - mean) * weights)) / weights.sum()
-            rows.append([abs(mean), *lines[1:count]])
-        orders, along = turns * np.arange(count) / periods, (self.speed if over_speed else self.time)[even]
+        rows, levels, unit = [], [], self.system.structure.frequency
+        every, speed = turns * np.arange(length // 2 + 1) / periods, self.speed[even][starts + length // 2]
+        means, kept = values, 1.0
+        if self.integral is not None:
+            means = np.diff(self.integral[even]) / np.diff(self.time[even])
+            means = np.append(means, means[-1])
+            kept = np.sinc(every / turns / self.samples)
+        for start, pace in zip(starts, speed, strict=True):
+            mean, lines = _window(values[start : start + length], weights)
+            smooth = _window(means[start : start + length], weights)[1] / kept
+            rows.append([abs(mean), *smooth[1:count]])
+            pitch, overall, band = _levels(self.system, float(pace) * unit, every, lines / math.sqrt(_HANN))
+            levels.append((pitch, overall, band if every[-1] * pitch >= BAND[1] else math.nan))
+        along = speed if over_speed else self.time[even][starts + length // 2]
+        revolutions = (
+            f"{periods / turns:g} turn{'s' * (periods != turns)}" if self.system.turns else f"{periods} periods"
+        )
         return Waterfall(
-            self.system.structure.pace if over_speed else "time", self.signal, along[starts + length // 2], orders,
-            np.array(rows), np.ones(len(starts), bool), self.system.turns, self.system.units,
+            self.system.structure.pace if over_speed else "time", self.signal, along, every[:count],
+            np.array(rows), np.ones(len(starts), bool), self.system.turns, self.system.units, *np.array(levels).T,
+            window=f"Hann window of {revolutions}, {overlap:.0%} overlap, lines {turns / periods:g} apart",
         )  # fmt: skip
 
     def __repr__(self) -> str:

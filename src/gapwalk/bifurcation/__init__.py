@@ -2,9 +2,8 @@
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch, switch
-from gapwalk.bifurcation.branch_tracer import BranchTracer, BranchTracerState
 from gapwalk.bifurcation.detector import Detector
-from gapwalk.bifurcation.follow import follow, join, walk_out
+from gapwalk.bifurcation.follow import BranchTracer, BranchTracerState, follow, join, walk_out
 from gapwalk.bifurcation.kinds import Event, Kind
 from gapwalk.bifurcation.special_point import SpecialPoint
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gapwalk.bifurcation.band import Band, band_rows, graze_words
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, at_once, words_of
 from gapwalk.continuation.curve import Curve, Measured
 from gapwalk.continuation.curve_points import BranchPoint, motion_row, point_row
@@ -51,6 +52,10 @@ class Branch(Curve, Measured):
     points: tuple[BranchPoint, ...]  #: The orbits in the order of the walk.
     special_points: tuple[SpecialPoint, ...]  #: Special points in the order of the walk.
     ends: tuple[End, ...]  #: Ends of the branch with their reasons, at its first and at its last point.
+    #: Settled motions where no orbit is followed, as many gaps rattle; the first stretch has those of the response.
+    bands: tuple[Band, ...] = field(default=(), metadata={"stored": False})
+    #: Further stretches of the response, beyond some of these motions; `gapwalk.studies.Result.branches` has all.
+    beyond: tuple[Branch, ...] = field(default=(), metadata={"stored": False})
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""
@@ -108,6 +113,7 @@ class Branch(Curve, Measured):
         yield f"period-{self.period} motions over {symbol} from {first}{by} to {last}: {self.counts}"
         for end in self.ends:
             yield f"  {symbol} = {end.value:.10g}: {end.reason_words}"
+        yield from graze_words(self.bands, self.parameter, self.system)
         if points and self.special_points:
             rows = [words_of(group) for group in at_once(self.special_points)]
             yield Table(list(rows[0]), [list(row.values()) for row in rows])
@@ -139,7 +145,10 @@ class Branch(Curve, Measured):
     def tables(self) -> Tables:
         """Return the tables ``points`` and ``special-points``, with measures, states and multipliers, and ``ends``."""
         found = {"points": self.points, "special-points": self.special_points}
-        tables = {name: partial(_rows, points) for name, points in found.items() if points}
+        tables: Tables = {name: partial(_rows, points) for name, points in found.items() if points}
+        if self.bands:
+            bands = partial(band_rows, self.bands, self.parameter, self.system)
+            tables = {**tables, "bands": lambda: rows_of(bands())}
         return {**tables, "ends": lambda: rows_of(map(row_of, self.ends))}
 
     def __repr__(self) -> str:

@@ -250,10 +250,8 @@ def match_places(
     second: NDArray[np.float64],
     second_labels: Sequence[object],
 ) -> list[tuple[int, int]]:
-    """Return pairs of nearby places with equal labels, such that the sum of their distances is smallest.
-
-    Places have shape (places, dimensions), in units in which the whole range is about 1.
-    """
+    """Return pairs of nearby places with equal labels, such that the sum of their distances is smallest."""
+    # Places have shape (places, dimensions), in units in which the whole range is about 1.
     from scipy.optimize import linear_sum_assignment  # imported late, because the import is slow
 
     apart = np.linalg.norm(first[:, None] - second[None], axis=2)
@@ -263,11 +261,9 @@ def match_places(
 
 
 def measure_ranges(branches: Sequence[Branch], names: tuple[str, ...]) -> NDArray[np.float64]:
-    """Return the range of each measure over some branches; for a measure that hardly varies, the size of its signal.
-
-    So the mean of a symmetric motion, which is pure rounding, is measured relative to the motion, and a signal that is
-    itself pure rounding relative to the other signals.
-    """
+    """Return the range of each measure over some branches; for a measure that hardly varies, the size of its signal."""
+    # So the mean of a symmetric motion, which is pure rounding, is measured relative to the motion, and a signal that
+    # is itself pure rounding relative to the other signals.
     measured = [np.concatenate([branch.measure(name) for branch in branches]) for name in names]
     signals = [name.partition(".")[2] for name in names]
     own = [float(np.abs(each).max()) for each in measured]

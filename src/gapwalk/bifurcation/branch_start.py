@@ -147,11 +147,9 @@ def directions(start: float, to: float | tuple[float, float]) -> tuple[int, ...]
 def switch(
     special: SpecialPoint, parameter: str, to: tuple[float, float], method: Method | None = None
 ) -> list[BranchStart]:
-    """Return the beginnings of the other branches at a special point.
-
-    At a flip there is one, on the branch of twice the period: the opposite direction gives the same motions, shifted by
-    one period. At a branch point there are two, in both directions of the crossing branch.
-    """
+    """Return the beginnings of the other branches at a special point."""
+    # At a flip there is one, on the branch of twice the period: the opposite direction gives the same motions, shifted
+    # by one period. At a branch point there are two, in both directions of the crossing branch.
     within = check_range(special.value, to).along(parameter, special.orbit.system)
     if special.multiplicity > (2 if special.kind.is_turning else 1):
         raise ConvergenceError(
@@ -179,11 +177,9 @@ def posed_for(
 
 
 def halves_apart(point: BranchPoint) -> NDArray[np.float64]:
-    """Return the state after half the period minus the initial state, relative to the size of the state.
-
-    It is zero on an orbit of half the period, and changes sign through zero where a period-doubled branch passes
-    through its parent.
-    """
+    """Return the state after half the period minus the initial state, relative to the size of the state."""
+    # It is zero on an orbit of half the period, and changes sign through zero where a period-doubled branch passes
+    # through its parent.
     return _apart(point)[point.orbit.period // 2]
 
 
@@ -205,10 +201,8 @@ def period_of(point: BranchPoint) -> int:
 
 
 def has_merged(point: BranchPoint) -> bool:
-    """Return True if the motion of a point is one of a shorter period: it lies on another branch.
-
-    Of a branch that has begun at a flip that is its parent, or the parent of that.
-    """
+    """Return True if the motion of a point is one of a shorter period: it lies on another branch."""
+    # Of a branch that has begun at a flip that is its parent, or the parent of that.
     return period_of(point) < point.orbit.period
 
 
@@ -218,10 +212,8 @@ def is_close(point: BranchPoint) -> bool:
 
 
 def value_between(first: BranchPoint, last: BranchPoint, scale: float) -> float | None:
-    """Return the parameter between two points at which both halves of the orbit coincide; None if they do not.
-
-    It follows from the cubic through the two points.
-    """
+    """Return the parameter between two points at which both halves of the orbit coincide; None if they do not."""
+    # It follows from the cubic through the two points.
     a, b = halves_apart(first), halves_apart(last)
     if float(a @ b) >= 0.0 or min(float(np.abs(a).max()), float(np.abs(b).max())) >= 10 * _CLOSE:
         return None
@@ -230,11 +222,9 @@ def value_between(first: BranchPoint, last: BranchPoint, scale: float) -> float 
 
 
 def value_ahead(before: BranchPoint, last: BranchPoint, scale: float) -> float | None:
-    """Return the parameter at which the halves will coincide, just beyond two points; None if they do not approach.
-
-    The difference of the halves is linear in arclength. The parameter is quadratic in it at a flip, where the branch
-    turns back, and linear where the motion of the parent changes its sequence; the tangent tells how it goes on.
-    """
+    """Return the parameter at which the halves will coincide, just beyond two points; None if they do not approach."""
+    # The difference of the halves is linear in arclength. The parameter is quadratic in it at a flip, where the branch
+    # turns back, and linear where the motion of the parent changes its sequence; the tangent tells how it goes on.
     a, b = (float(np.linalg.norm(halves_apart(point))) for point in (before, last))
     step = last.arclength - before.arclength
     if a <= b or not step:

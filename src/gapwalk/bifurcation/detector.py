@@ -17,17 +17,16 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from gapwalk.bifurcation.branch import Branch, Unexplained
-from gapwalk.bifurcation.error_estimate import ErrorEstimator
-from gapwalk.bifurcation.friction_changes import unexplained_changes
+from gapwalk.bifurcation.friction_along_branch import unexplained_changes
 from gapwalk.bifurcation.kinds.held_stop import held_changes, how_often
 from gapwalk.bifurcation.kinds.sliding import Sliding
-from gapwalk.bifurcation.special_point import VERTEX, Kind, SpecialPoint, describe_switch
-from gapwalk.bifurcation.step_interval import Search
+from gapwalk.bifurcation.special_point import VERTEX, ErrorEstimator, Kind, Search, SpecialPoint
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.floquet import Instability, is_on_border, nearest_to_circle
+from gapwalk.orbit.orbit import describe_switch
 
 _BESIDE = 1e-4  # arclength between special points that may be one
 _SINGULAR = 1e-6  # distance from +1, and from a vertical tangent, of a branch point
@@ -90,12 +89,10 @@ class Detector:
 
 
 def _instabilities(kind: Kind, before: BranchPoint, after: BranchPoint) -> tuple[Instability, Instability]:
-    """Return the numbers of unstable multipliers on both sides of a special point.
-
-    Where the determinant of the Jacobian changes sign, one multiplier passes +1. In harmonic balance, however, the
-    multipliers belong to the motion, but folds and branch points to the truncated equation. So the multiplier may lie
-    on the same side of +1 at both points; its direction of motion then decides the numbers.
-    """
+    """Return the numbers of unstable multipliers on both sides of a special point."""
+    # Where the determinant of the Jacobian changes sign, one multiplier passes +1. In harmonic balance, however, the
+    # multipliers belong to the motion, but folds and branch points to the truncated equation. So the multiplier may lie
+    # on the same side of +1 at both points; its direction of motion then decides the numbers.
     sides = before.instability, after.instability
     signs = [point.determinant * float(point.tangent[-1]) for point in (before, after)]
     if not kind.moves_through_one or signs[0] * signs[1] >= 0.0 or sides[0].total != sides[1].total:
@@ -123,11 +120,9 @@ def unexplained_of(branch: Branch) -> tuple[Unexplained, ...]:
 def as_one(
     points: Sequence[BranchPoint], special: Sequence[SpecialPoint]
 ) -> tuple[tuple[BranchPoint, ...], tuple[SpecialPoint, ...]]:
-    """Return the points of a branch with special points of one kind and contact that lie within their errors as one.
-
-    Rounding may let the same change come and go several times. Of these, the fewest are kept that explain what changes
-    over all of them, and the points of the walk between them are left out.
-    """
+    """Return the points of a branch with special points of one kind and contact that lie within their errors as one."""
+    # Rounding may let the same change come and go several times. Of these, the fewest are kept that explain what
+    # changes over all of them, and the points of the walk between them are left out.
     kept, lost = list[SpecialPoint](), list[tuple[float, float]]()
     for group in _groups(special):
         ends = group[0].point.arclength, group[-1].point.arclength
@@ -201,11 +196,10 @@ def steps_of(branch: Branch) -> Iterator[tuple[BranchPoint, BranchPoint, list[Sp
 def unexplained(
     a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint], joining: Sequence[BranchPoint] = ()
 ) -> Iterator[str]:
-    """Yield, as sentences, the changes from one point to the next that the special points between do not explain.
-
-    Of the points, `joining` are ends where the branch joins another. A step was cut off there, at the vertex of the
-    branch, after all of it had been explained. What remains of the test functions that vanish at a vertex has no sign.
-    """
+    """Yield, as sentences, the changes from one point to the next that the special points between do not explain."""
+    # Of the points, `joining` are ends where the branch joins another. A step was cut off there, at the vertex of the
+    # branch, after all of it had been explained. What remains of the test functions that vanish at a vertex has no
+    # sign.
     yield from _stability(a, b, special)
     for kind in (each for each in Kind.known() if each.sign_change):
         signs = [0.0 if point in joining and _is_vertex(point, kind) else _sign(kind, point) for point in (a, b)]
@@ -223,11 +217,9 @@ def unexplained(
 
 
 def _passes(kind: Kind, special: SpecialPoint, a: BranchPoint, b: BranchPoint, others: Sequence[SpecialPoint]) -> int:
-    """Return how often the test function of a kind changes its sign at a special point of this or another kind.
-
-    A multiplier that jumps across +1 turns the branch. If that of a motion with a symmetry does, where both sides of a
-    rigid stop graze at once, a branch without the symmetry may begin instead, and this one does not turn.
-    """
+    """Return how often the test function of a kind changes its sign at a special point of this or another kind."""
+    # A multiplier that jumps across +1 turns the branch. If that of a motion with a symmetry does, where both sides of
+    # a rigid stop graze at once, a branch without the symmetry may begin instead, and this one does not turn.
     if kind in (special.kind, Kind.BRANCH_POINT) and special.kind.is_turning:  # the branch turns, and others cross
         return 1 if kind is special.kind else special.multiplicity - 1
     if kind is special.kind:
@@ -289,11 +281,9 @@ def _is_undecided(point: BranchPoint) -> bool:
 
 
 def _sign(kind: Kind, point: BranchPoint) -> float:
-    """Return the sign of a test function at a point, 1 or -1; 0 if it is not significant.
-
-    The first point of a bifurcating branch may be a branch point itself. Its tangent is then one of two null vectors
-    and only known to a few digits.
-    """
+    """Return the sign of a test function at a point, 1 or -1; 0 if it is not significant."""
+    # The first point of a bifurcating branch may be a branch point itself. Its tangent is then one of two null vectors
+    # and only known to a few digits.
     known = point.memo.get((_sign, kind))
     if known is None:
         value = kind.at(point)

@@ -72,13 +72,7 @@ class Cascade:
 
 @dataclass(frozen=True, eq=False)
 class Diagram(Shown):
-    """All branches that were found over a range of one parameter.
-
-    Examples
-    --------
-    >>> [(member.name, str(member.begins)) for member in diagram.members]
-    [('P1-1', 'None'), ('P2-1', "Origin(parent='P1-1', special=1)")]
-    """
+    """All branches that were found over a range of one parameter."""
 
     parameter: str  #: Name of the parameter.
     within: tuple[float, float]  #: Limits of the range.
@@ -144,10 +138,8 @@ class Diagram(Shown):
 
     @summarizes
     def summary(self) -> SummaryParts:
-        """Return the tree of the branches, the period-doubling cascades, notes and failures, for the terminal.
-
-        A branch that connects two others is listed below the one on which it begins.
-        """
+        """Return the tree of the branches, the period-doubling cascades, notes and failures, for the terminal."""
+        # A branch that connects two others is listed below the one on which it begins.
         tree = Tree(self._contents())
         nodes: dict[str, Tree] = {}
         for member in self.members:
@@ -208,11 +200,9 @@ def is_attached(diagram: Diagram, origin: Origin, needed: int = 1) -> bool:
 
 
 def _tied(diagram: Diagram, member: DiagramBranch, method: Method | None) -> DiagramBranch:
-    """Return the member with its end linked to the special point that it joins, if that lies on a known branch.
-
-    The end is linked only where both have the same orbit, never by mere closeness, because the joined branch may not be
-    known up to there. If the branch ends just before the point at which it joins, that is located first.
-    """
+    """Return the member with its end linked to the special point that it joins, if that lies on a known branch."""
+    # The end is linked only where both have the same orbit, never by mere closeness, because the joined branch may not
+    # be known up to there. If the branch ends just before the point at which it joins, that is located first.
     branch = member.branch
     origin, value = _shared(diagram, member, branch.points[-1].orbit), branch.ends[-1].value
     if origin is None and (orbit := junction_nearby(branch, diagram.within, method)) is not None:

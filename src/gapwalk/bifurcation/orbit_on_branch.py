@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import BranchStart, lift, start_branch
-from gapwalk.bifurcation.branch_tracer import BranchTracer
+from gapwalk.bifurcation.follow import BranchTracer
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
-from gapwalk.bifurcation.start_of_period import smooth_between
+from gapwalk.bifurcation.steps_over_corners import smooth_between
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, WalkOptions
@@ -61,11 +61,9 @@ class Curve:
         self._values = self._x[:, -1]
 
     def holds(self, orbit: Orbit, tolerance: float = SAME) -> bool:
-        """Return True if an orbit lies on the branch; see `lies_on`.
-
-        The branch is corrected onto the plane through the orbit and perpendicular to the nearby cubic, not at the
-        parameter value of the orbit: that is well-posed at folds too, where two orbits of the branch are close.
-        """
+        """Return True if an orbit lies on the branch; see `lies_on`."""
+        # The branch is corrected onto the plane through the orbit and perpendicular to the nearby cubic, not at the
+        # parameter value of the orbit: that is well-posed at folds too, where two orbits of the branch are close.
         own, place = self.branch.system, self.branch.system.structure.place(self.branch.parameter)
         if orbit.system.structure != own.structure or np.any(np.delete(orbit.system.values != own.values, place)):
             return False  # the systems may differ in the parameter of the branch only
@@ -80,10 +78,8 @@ class Curve:
         return any(self._passes(orbit, place, value, near, tolerance) for place in places)
 
     def orbits_at(self, value: float) -> list[Orbit]:
-        """Return the orbits of the branch at one value of its parameter, in the order of the walk.
-
-        An orbit so close to a fold that Newton's method at a fixed value fails is left out.
-        """
+        """Return the orbits of the branch at one value of its parameter, in the order of the walk."""
+        # An orbit so close to a fold that Newton's method at a fixed value fails is left out.
         found: list[Orbit] = []
         scaled = value / self._scales[-1]
         for segment in self._bracketing(scaled):
@@ -104,11 +100,9 @@ class Curve:
         return np.flatnonzero((low - margin <= value) & (value <= high + margin))
 
     def _has_knot(self, place: NDArray[np.float64], value: float, tolerance: float) -> bool:
-        """Return True if a place at a value is one of the points from which the curve is made.
-
-        No correction is made there: where a branch begins on another or joins it, solutions of both are close
-        together, and rounding decides which of them the corrector finds.
-        """
+        """Return True if a place at a value is one of the points from which the curve is made."""
+        # No correction is made there: where a branch begins on another or joins it, solutions of both are close
+        # together, and rounding decides which of them the corrector finds.
         size = len(place)
         off = np.abs(self._x[:, :size] * self._scales[:size] - place).max(axis=1)
         return bool(np.any((off <= tolerance * self._size(place)) & (np.abs(self._values - value) <= tolerance)))
@@ -177,12 +171,8 @@ class _Piece(NamedTuple):
 
 
 def lies_on(branch: Branch, orbit: Orbit, tolerance: float = SAME) -> bool:
-    """Return True if an orbit lies on a branch, possibly with a start at a later forcing period.
-
-    Notes
-    -----
-    To compare many orbits with one branch, `Curve(branch).holds` is faster.
-    """
+    """Return True if an orbit lies on a branch, possibly with a start at a later forcing period."""
+    # To compare many orbits with one branch, `Curve(branch).holds` is faster.
     return Curve(branch).holds(orbit, tolerance)
 
 
@@ -272,11 +262,9 @@ def _of_lines(orbit: BalancedOrbit, branch: Branch, points: Sequence[BranchPoint
 
 
 def meets(orbit: Orbit, special: SpecialPoint, parameter: str) -> bool:
-    """Return True if an orbit is that of a special point, possibly with another phase or repeated several times.
-
-    In harmonic balance a doubled branch meets its parent at the flip of the truncated equation, but the flip of the
-    parent is located by its multipliers. The two differ by the truncation error.
-    """
+    """Return True if an orbit is that of a special point, possibly with another phase or repeated several times."""
+    # In harmonic balance a doubled branch meets its parent at the flip of the truncated equation, but the flip of the
+    # parent is located by its multipliers. The two differ by the truncation error.
     value, wanted = orbit.system[parameter], special.value
     same = max(SAME, orbit.truncation, special.orbit.truncation)
     if abs(value - wanted) > same * (1.0 + abs(wanted)):
@@ -286,12 +274,10 @@ def meets(orbit: Orbit, special: SpecialPoint, parameter: str) -> bool:
 
 
 def junction_nearby(branch: Branch, within: tuple[float, float], method: Method | None = None) -> Orbit | None:
-    """Return the orbit of its parent at which a period-doubled branch ends; None if there is none nearby.
-
-    A walk may end just before its parent, if a contact grazes so close to the flip that the steps become too small, or
-    if the parent's motion changes its sequence of slip and stick there. The parent's orbit is found from the mean of
-    the two halves, and followed in both directions within the range.
-    """
+    """Return the orbit of its parent at which a period-doubled branch ends; None if there is none nearby."""
+    # A walk may end just before its parent, if a contact grazes so close to the flip that the steps become too small,
+    # or if the parent's motion changes its sequence of slip and stick there. The parent's orbit is found from the mean
+    # of the two halves, and followed in both directions within the range.
     last = branch.points[-1].orbit
     if last.period % 2:
         return None

@@ -1,41 +1,651 @@
-"""Record of a special point: where it is, its kind, its error, and the stability on either side."""
+"""Special points of a branch: the search for them in a step, their errors, what a kind must give, and their record.
+
+Method: docs/numerics/special-points.md
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, cast
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.error_estimate import location_error
+from gapwalk.continuation.corrector import TRUST, Corrector, hermite, length_of
 from gapwalk.continuation.curve_points import BranchPoint
-from gapwalk.errors import ModelError
+from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.equations import magnitude
 from gapwalk.flow.event_rule import jumping_switches
-from gapwalk.flow.motion import switch_names
 from gapwalk.model.registry import Registry
 from gapwalk.notebook import Shown
-from gapwalk.orbit.floquet import Instability
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.floquet import Instability, change_words
+from gapwalk.orbit.orbit import Orbit, describe_switch
+from gapwalk.orbit.orbit_equation import OrbitEquation, places_beside, roundings
 from gapwalk.summary import SummaryParts, summarizes
 
 if TYPE_CHECKING:
     from gapwalk.bifurcation.branch_start import BranchStart
-    from gapwalk.bifurcation.error_estimate import ErrorEstimator
-    from gapwalk.bifurcation.kinds.defining_functions import Criticality
+    from gapwalk.bifurcation.kinds.critical_multipliers import Criticality, Crossing
     from gapwalk.bifurcation.loci.gradient import Gradient
-    from gapwalk.bifurcation.step_interval import Search, Zero
     from gapwalk.continuation.corrector import Range
     from gapwalk.orbit.method import Method
 
 
-# Kind of special point: the contract that every kind fulfils, and the registry of all kinds.
+# One step of a walk: any point within it on request, and the search for all zeros of a test function in it.
 #
-# Method: docs/numerics/special-points.md
+# A sign change of a test function is located by bracketing. Two zeros in one step, however, leave no sign change.
+# Therefore the step is halved wherever a test function bends so much that it may cross zero twice between two points.
+# Known zeros are divided out first, so that only unknown ones cause further halving.
+#
+# A zero is bracketed with few evaluations: each of them is a motion to be computed. The next place is that of the
+# polynomial through the inverse function at up to five known places (Brent's method has three; R. P. Brent, Algorithms
+# for Minimization without Derivatives, 1973, chapter 4). Where it does not converge, the bracket is halved.
+
+EXACT = 1e-13
+"""Arclength to which zeros are located."""
+_RELATIVE = 1e-14  # the same as a share of the arclength, for those that are large
+_SECANT = 1e-6  # arclength of a secant that tells how far a zero is
+_SHARE_LEFT = 0.25  # share of `EXACT`, by the secant, at which a zero is reached
+_PLACES = 5  # through which the inverse function is interpolated
+_ATTEMPTS = 100  # evaluations; about 45 halve a step of a walk to rounding
+_TINY = 1e-11  # length of steps that only rounding keeps from converging
+_BEYOND = 4.0  # steps by which the next place lies beyond the zero then
+_NARROWER, _AS_HIGH = 0.125, 0.5  # shares of the bracket, and of the values at its ends, by which a jump is seen
+
+_Known = tuple[float, float]  # a place, and the value there
+
+
+def zero_between(
+    function: Callable[[float], float],
+    low: float,
+    high: float,
+    beside: Mapping[float, float] | None = None,
+    *,
+    jumps: bool = True,
+) -> tuple[float, bool]:
+    """Return the zero of a function of arclength between two places where its signs differ.
+
+    Brent's method spends its last evaluation on the other side of a zero that it has reached. Here a secant to a place
+    nearby tells that it has.
+    """
+    a, b = (low, function(low)), (high, function(high))
+    if not a[1] or not b[1]:
+        return (a if not a[1] else b)[0], True
+    known, last, before = [a, b, *(beside or {}).items()], b[0] - a[0], b[0] - a[0]
+    best, narrow, sizes = min(a, b, key=_size), _NARROWER * (b[0] - a[0]), (_AS_HIGH * _size(a), _AS_HIGH * _size(b))
+    for _ in range(_ATTEMPTS):
+        width, least = b[0] - a[0], 0.5 * (EXACT + _RELATIVE * abs(best[0]))
+        if width <= 2.0 * least:
+            return best[0], True
+        if not jumps and width < narrow and _size(a) > sizes[0] and _size(b) > sizes[1]:
+            return best[0], False
+        found = _interpolated(known, best)
+        place = found if found is not None and a[0] < found < b[0] else math.inf
+        step = place - best[0]
+        other = b[0] if best is a else a[0]
+        slow = abs(step) > 0.5 * abs(before)
+        if abs(step) < least or (slow and abs(last) < _TINY):  # go a little beyond, for the bracket to close in
+            step = math.copysign(max(least, slow * _BEYOND * abs(last)), other - best[0])
+            place = best[0] + step
+        if not a[0] < place < b[0] or (slow and not abs(step) <= _BEYOND * _TINY):
+            place = 0.5 * (a[0] + b[0])
+            step = last = place - best[0]
+        before, last = last, step
+        here = place, function(place)
+        nearest = min(known, key=lambda each: abs(each[0] - place))
+        away = abs(nearest[0] - place)
+        if abs(here[1]) * away <= _SHARE_LEFT * EXACT * abs(here[1] - nearest[1]) and away <= _SECANT:
+            return place, True
+        known.append(here)
+        a, b = (a, here) if (here[1] > 0.0) is (b[1] > 0.0) else (here, b)
+        best = min(a, b, key=_size)
+    return best[0], False
+
+
+def _size(known: _Known) -> float:
+    return abs(known[1])
+
+
+def _interpolated(known: list[_Known], best: _Known) -> float | None:
+    """Return the zero of the polynomial through the inverse function at known places; None if it has no inverse."""
+    # The places are those nearest to the best one, as far as the function is monotone over them.
+    chosen = [best]
+    for each in sorted(known, key=lambda each: abs(each[0] - best[0])):
+        if len(chosen) == _PLACES:
+            break
+        if each is best or each[0] == best[0]:
+            continue
+        trial = sorted([*chosen, each])
+        signs = {after[1] > before[1] for before, after in pairwise(trial)}
+        if len(signs) > 1 or len({value for _, value in trial}) < len(trial):
+            break
+        chosen.append(each)
+    if len(chosen) < 2:
+        return None
+    # Neville's scheme at the value 0
+    values, places = [value for _, value in chosen], [place - best[0] for place, _ in chosen]
+    for order in range(1, len(chosen)):
+        for i in range(len(chosen) - order):
+            low, high = values[i], values[i + order]
+            places[i] = (high * places[i] - low * places[i + 1]) / (high - low)
+    return best[0] + places[0]
+
+
+RESOLUTION = 1e-11
+"""Arclength below which lengths are only rounding."""
+_FINEST = 1e-6  # arclength below which two zeros are not distinguished
+_SHARE = 1e-4  # the same as a share of a short step, for branches that bend so sharply that the steps are short
+# arclength from its neighbours, and share of it as a last Newton step, of a point like those of a walk
+_FAR, _NEAR = 1e-3, 0.01
+_ASTRAY = 0.3  # smallest cosine of the angle between a chord and a tangent in between; below it a turn was missed
+_DOUBT = 1.0  # share of its bend by which a test function may dip between the ends of an interval; 1/8 for a parabola
+# between equal ends; unequal ends count with their geometric mean, as a dip to zero has to leave the larger one too
+_CROWDED = 1e-6  # arclength over which rates of test functions would be dominated by rounding
+_BESIDE = 1e-4  # arclength within which a test function is linear, for the error of its zero
+_SPLIT = 1e-5  # distance from criticality within which several multipliers are so at once
+_NOISE = 1e-10  # absolute value of a test function that is only rounding
+_AT_CORNER = 1e-10  # arclength within which a change of sign is at a corner
+
+
+@dataclass(frozen=True)
+class Zero:
+    """Special point as it was located."""
+
+    kind: Kind  #: Its kind.
+    point: BranchPoint  #: The point of the branch.
+    spread: float  #: Width of its bracket in arclength.
+    function: Callable[[BranchPoint], float]  #: The function that is zero there, with a change of sign.
+    contact: str = ""  #: For a grazing point: contact, stage and side that grazes; otherwise empty.
+    noise: float = 0.0  #: Absolute value of the function that is only rounding.
+    multiplicity: int = 1  #: Number of multipliers, or of pairs, that become critical at once.
+
+
+class StepInterval:
+    """Step interval: the orbits between two neighbouring points of a walk, by scaled arclength.
+
+    Each new point is predicted by the cubic through its known neighbours and their tangents, then corrected in a plane
+    across their chord. So points become cheaper as they become denser. Close to a crossing with another branch, points
+    are interpolated instead; a crossing is added to `crossings` when it is found. Two zeros less than `finest` apart
+    are not distinguished. In `located` are places that need not be searched again when the step is divided.
+    """
+
+    def __init__(self, corrector: Corrector, first: BranchPoint, last: BranchPoint) -> None:
+        self.corrector = corrector
+        self._points = [first, last]
+        self._lengths = [first.arclength, last.arclength]
+        self.crossings: list[Crossing] = []
+        self.located: dict[Any, Any] = {}
+        self.finest = min(_FINEST, max(RESOLUTION, _SHARE * (last.arclength - first.arclength)))
+
+    @property
+    def points(self) -> list[BranchPoint]:
+        """All points known so far, in order."""
+        return list(self._points)
+
+    def at(self, arclength: float) -> BranchPoint:
+        """Return the point at an arclength."""
+        index = bisect_left(self._lengths, arclength)
+        if index < len(self._lengths) and self._lengths[index] == arclength:
+            return self._points[index]
+        point = self._between(self._points[index - 1], self._points[index], arclength)
+        self._points.insert(index, point)
+        self._lengths.insert(index, arclength)
+        return point
+
+    def middle(self, first: BranchPoint, last: BranchPoint) -> BranchPoint:
+        """Return the point halfway between two points."""
+        return self.at(0.5 * (first.arclength + last.arclength))
+
+    def _between(self, a: BranchPoint, b: BranchPoint, arclength: float) -> BranchPoint:
+        for crossing in self.crossings:
+            if arclength in crossing:
+                return self.corrector.crossed(
+                    crossing.x(arclength), crossing.tangent(arclength), arclength, crossing.count
+                )
+        chord = b.x - a.x
+        length = length_of(chord)
+        share = (arclength - a.arclength) / (b.arclength - a.arclength)
+        normal = chord / length if length > 1e-12 else a.tangent
+        away = min(share, 1.0 - share) * (b.arclength - a.arclength)
+        # far from its neighbours, a point is no special one: it is computed like those of the walk
+        trust, near = (TRUST, _NEAR * away) if away > _FAR else (0.0, math.inf)
+        for guess in (hermite(a, b, share), a.x + share * chord):
+            correction = self.corrector.correct(guess, normal, trust, near)
+            if correction is not None and correction.distance <= max(length, 1e-9):
+                point = self.corrector.point(correction, a.tangent, arclength)
+                if point.tangent @ normal >= _ASTRAY:
+                    return point
+        raise NumericalError(
+            f"no orbit found between {a.value:.12g} and {b.value:.12g} on the branch, where one must be"
+        )
+
+
+class Search:
+    """Search of one step of a walk.
+
+    Attributes
+    ----------
+    interval
+        The orbits between the two points.
+    memo
+        What several kinds need of the step, computed once.
+    corners
+        Arclengths at which multipliers and tangents may jump.
+    """
+
+    def __init__(
+        self,
+        corrector: Corrector,
+        first: BranchPoint,
+        last: BranchPoint,
+        before: BranchPoint | None,
+        rates: dict[Kind, float],
+        recent: dict[Kind, list[float]],
+    ) -> None:
+        self.corrector, self.first, self.last, self.before = corrector, first, last, before
+        self.interval = StepInterval(corrector, first, last)
+        self._rates, self._recent = rates, recent
+        self.memo: dict[Any, Any] = {}
+        self.corners: list[float] = []
+
+    def zeros(self, kind: Kind) -> list[Zero]:
+        """Return all distinguishable zeros of the test function of a kind, in no order."""
+        known, several = self.recent(kind), self.several(kind)
+        zeros, taken = [*several], {zero.point.arclength for zero in several}
+        # at a zero that is divided out, the sign is rounding
+        for a, b in pairwise(_apart([each for each in self.interval.points if each.arclength not in taken])):
+            rate, length = self._rates.get(kind), b.arclength - a.arclength
+            ends = _deflated(kind, a, known), _deflated(kind, b, known)
+            if self._may_vanish(kind, (a, b), ends, rate):
+                zeros += self._search(kind, a, b, rate, known)
+                ends = _deflated(kind, a, known), _deflated(kind, b, known)
+            self._rates[kind] = (ends[1] - ends[0]) / length
+        del known[:-4]
+        if not zeros:
+            return zeros
+        return [
+            each
+            for each in self._resolved(kind, zeros)
+            if not self._jumps(each) and not (several and each.multiplicity == 1 and _moves_as_one(kind, each.point))
+        ]
+
+    def several(self, kind: Kind) -> list[Zero]:
+        """Return the zeros of a kind at which several multipliers become critical at once, by the equality of parts.
+
+        The test function then touches zero, or changes its sign as a higher power. The zeros are divided out as often.
+        """
+        found = self.memo.get(("several", kind))
+        if found is None:
+            found = self.memo["several", kind] = []
+            points = self.interval.points
+            if all(point.orbit.instability.total < 2 for point in points):  # what is beyond criticality is unstable
+                return found
+            for a, b in pairwise(_apart(points)):
+                found += self._several_between(kind, a, b)
+            for zero in found:
+                self.recent(kind).extend([zero.point.arclength] * (zero.multiplicity - (zero.kind is not kind)))
+        return found
+
+    def _several_between(self, kind: Kind, a: BranchPoint, b: BranchPoint) -> list[Zero]:
+        """Return such zeros between two points, which are halved as long as those in it may not be at one place."""
+        first, last = sorted((kind.beyond(a), kind.beyond(b)))
+        if last - first < 2:
+            return []
+        zero = kind.locate_several(self, a, b, (first, last))
+        if zero is not None or b.arclength - a.arclength < self.interval.finest:
+            return [zero] if zero is not None else []
+        middle = self.interval.middle(a, b)
+        return self._several_between(kind, a, middle) + self._several_between(kind, middle, b)
+
+    def bracketed_mean(self, kind: Kind, a: BranchPoint, b: BranchPoint, ranks: tuple[int, int]) -> Zero | None:
+        """Return the zero of the mean offset of several multipliers between two points; None if they differ."""
+
+        def function(arclength: float) -> float:
+            return kind.mean_offset(self.interval.at(arclength), ranks)
+
+        if not function(a.arclength) * function(b.arclength) < 0.0:
+            return None
+        root, converged = zero_between(function, a.arclength, b.arclength)
+        return self.several_at(kind, self.interval.at(root), EXACT if converged else math.inf, ranks)
+
+    def several_at(self, kind: Kind, point: BranchPoint, spread: float, ranks: tuple[int, int]) -> Zero | None:
+        """Return a zero at which several multipliers become critical; None if they are apart there."""
+        offsets, (first, last) = np.sort(kind.offsets(point.orbit.free_multipliers))[::-1], ranks
+        split = float(np.abs(offsets[first:last]).max())
+        if not split < _SPLIT:
+            return None
+        function = partial(kind.mean_offset, ranks=ranks)
+        return Zero(kind, point, spread, function, noise=split, multiplicity=last - first)
+
+    def _jumps(self, zero: Zero) -> bool:
+        """Return True if a test function is not zero, but changes its sign by a jump at a corner."""
+        near = any(abs(zero.point.arclength - corner) < _AT_CORNER for corner in self.corners)
+        return near and zero.kind.by_multipliers and abs(zero.kind.at(zero.point)) > zero.kind.noise
+
+    def recent(self, kind: Kind) -> list[float]:
+        """Return the data that the walk keeps for a kind: by default the arclengths of its last zeros."""
+        return self._recent.setdefault(kind, [])
+
+    def near(self, point: BranchPoint) -> BranchPoint:
+        """Return a point close to another one, but not so close that their difference is only rounding."""
+        points = self.interval.points
+        away = {abs(each.arclength - point.arclength): each for each in points}
+        nearest = min((distance for distance in away if distance > _CROWDED), default=math.inf)
+        if nearest <= _BESIDE:
+            return away[nearest]
+        low, high = (each.arclength - point.arclength for each in (points[0], points[-1]))
+        return self.interval.at(point.arclength + (max(low, -_BESIDE) if -low > high else min(high, _BESIDE)))
+
+    def known_sides(self, point: BranchPoint) -> list[BranchPoint]:
+        """Return the nearest known points on both sides of another one, except those dominated by rounding."""
+        offsets = [(each.arclength - point.arclength, each) for each in self.interval.points]
+        sides = [[(abs(s), each) for s, each in offsets if s * way > _CROWDED] for way in (-1.0, 1.0)]
+        return [min(side, key=lambda known: known[0])[1] for side in sides if side]
+
+    def sides(self, marks: list[float], index: int) -> tuple[BranchPoint, BranchPoint]:
+        """Return points on both sides of a special point: halfway to its neighbours, or the ends of the step."""
+        before, here, after = marks[index - 1 : index + 2]
+        before = before if index == 1 else 0.5 * (here + before)
+        after = after if index == len(marks) - 2 else 0.5 * (here + after)
+        return self.interval.at(before), self.interval.at(after)
+
+    def _search(self, kind: Kind, a: BranchPoint, b: BranchPoint, rate: float | None, known: list[float]) -> list[Zero]:
+        """Return all zeros between two points, given the rate of change before them (if any) and the known zeros."""
+        at_a, at_b = _deflated(kind, a, known), _deflated(kind, b, known)
+        if not self._may_vanish(kind, (a, b), (at_a, at_b), rate):
+            return []
+        if max(abs(kind.at(a)), abs(kind.at(b))) < _NOISE:
+            return []  # zero everywhere, as with multipliers that stay on the unit circle without damping
+        if at_a * at_b < 0.0:
+            zero = kind.locate(self, a, b) or self._bracketed(kind, a, b, known)
+            known.append(zero.point.arclength)
+            return [zero, *self._search(kind, a, b, None, known)]
+        middle = self.interval.middle(a, b)
+        left = self._search(kind, a, middle, rate, known)
+        return left + self._search(kind, middle, b, _rate(kind, a, middle, known), known)
+
+    def _may_vanish(
+        self, kind: Kind, pair: tuple[BranchPoint, BranchPoint], values: tuple[float, float], rate: float | None
+    ) -> bool:
+        """Return True if a test function may vanish between two points, given its rate of change before them if any."""
+        (a, b), (at_a, at_b) = pair, values
+        length = b.arclength - a.arclength
+        if at_a * at_b < 0.0:
+            return True
+        if length < self.interval.finest:
+            return False
+        bend = abs(at_b - at_a - rate * length) if rate is not None else abs(at_b - at_a)
+        return math.sqrt(at_a * at_b) <= _DOUBT * bend or kind.hides(a, b)
+
+    def _bracketed(self, kind: Kind, a: BranchPoint, b: BranchPoint, known: list[float]) -> Zero:
+        def function(arclength: float) -> float:
+            return _deflated(kind, self.interval.at(arclength), known)
+
+        others = [each for each in self.interval.points if kind in each.memo]
+        if self.before is not None:
+            others.append(self.before)  # its value may have to be computed again, after a resumption
+        beside = {each.arclength: _deflated(kind, each, known) for each in others if each is not a and each is not b}
+        root, converged = zero_between(function, a.arclength, b.arclength, beside)
+        return Zero(kind, self.interval.at(root), EXACT if converged else math.inf, kind.at)
+
+    def _resolved(self, kind: Kind, zeros: list[Zero]) -> list[Zero]:
+        """Return the distinguishable zeros of one test function.
+
+        Where the branch turns within lengths that are only rounding, such as at a graze of a stiff stop, rounding
+        produces spurious zeros. A group of such zeros counts as one if the sign changes over all of them, else as none.
+        """
+        groups: list[list[Zero]] = []
+        for zero in sorted(zeros, key=lambda zero: zero.point.arclength):
+            if groups and zero.point.arclength - groups[-1][-1].point.arclength < RESOLUTION:
+                groups[-1].append(zero)
+            else:
+                groups.append([zero])
+        firsts = [group[0].point.arclength for group in groups]
+        marks = [self.interval.points[0].arclength, *firsts, self.interval.points[-1].arclength]
+        kept = []
+        for index, group in enumerate(groups, start=1):
+            if len(group) > 1:
+                low, high = (kind.at(side) for side in self.sides(marks, index))
+                if low * high > 0.0:
+                    continue
+            kept.append(min(group, key=lambda zero: abs(kind.at(zero.point))))
+        return kept
+
+
+def _apart(points: list[BranchPoint]) -> list[BranchPoint]:
+    """Return the points except those crowded around a zero, between which test functions change only by rounding."""
+    if len(points) == 2:
+        return points
+    kept = points[:1]
+    for point in points[1:-1]:
+        if point.arclength - kept[-1].arclength > _CROWDED and points[-1].arclength - point.arclength > _CROWDED:
+            kept.append(point)
+    return [*kept, points[-1]]
+
+
+def _moves_as_one(kind: Kind, point: BranchPoint) -> bool:
+    """Return True if the two multipliers nearest to criticality are equally far from it.
+
+    Beside a point where they are critical at once, the test function is so small that rounding decides on its sign.
+    """
+    offsets = kind.offsets(point.orbit.free_multipliers)
+    nearest = offsets[np.argsort(np.abs(offsets), kind="stable")[:2]]
+    return len(nearest) == 2 and abs(nearest[1] - nearest[0]) < 0.5 * abs(nearest[0])
+
+
+def _rate(kind: Kind, a: BranchPoint, b: BranchPoint, known: list[float]) -> float:
+    return (_deflated(kind, b, known) - _deflated(kind, a, known)) / (b.arclength - a.arclength)
+
+
+def _deflated(kind: Kind, point: BranchPoint, known: list[float]) -> float:
+    """Return the test function with its known zeros divided out."""
+    result = kind.at(point)
+    for zero in known:
+        result /= point.arclength - zero if point.arclength != zero else 1e-300
+    return result
+
+
+# Error estimate for points of a branch from a second computation with another or finer discretisation.
+#
+# Shooting uses one segment more, harmonic balance 50 % more harmonics. The difference between the two computations is
+# an estimate of the error. Where it is rounding, it may be small by chance, or both computations may share the error.
+# So the effect of the rounding of the residual is added: what remains of it where the branch is ill-conditioned.
+
+SAFETY = 4.0  # factor on the difference of two computations, neither of which is exact
+_NODES = np.array([-1.0, -0.75, -0.45, 0.45, 0.75, 1.0])  # places of points near a crossing, as multiples of the reach
+_REAL = 1e-6  # imaginary part below which a root counts as real
+_SAME = 1e-13  # distance in scaled variables, by rounding only, from a point to its correction
+_AT = 1e-6  # distance of the critical multiplier from +1 or -1 that its own rounding explains
+_NOTABLE, _FARTHEST = 1e-10, 1e-3  # scaled distances by rounding from and up to which it is asked how far it leads
+_MORE = 1.25  # factor on the effect of rounding: the largest of a few samples is not the largest of all
+_FURTHER, _BENDS = 4.0, 2.0  # factor on the distance, and that on the rounding of a residual that it must exceed
+ROUNDING = 2e-14
+"""Relative error of a parameter that both computations share, from the flow: about 1e-15 in each of its steps."""
+
+
+class ErrorEstimator:
+    """Error estimator that computes the branch of a corrector with another discretisation."""
+
+    def __init__(self, corrector: Corrector) -> None:
+        self._equation = cast("OrbitEquation", corrector.equation)
+        self._own = corrector
+        self._other = self._equation.otherwise()
+        self._known = corrector.scales
+        known = corrector.scales[:-1]
+        velocity = known[min(self._equation.system.size, len(known) - 1)]  # harmonic balance has no velocities
+        scales = self._other.scales(1.0, velocity / known[0])
+        scales *= known[0] / scales[0]  # so that lengths along the branch are equal in both
+        self._corrector = Corrector(self._other, np.append(scales, corrector.scales[-1]))
+
+    @property
+    def corrector(self) -> Corrector:
+        """Corrector for the branch of the second computation."""
+        return self._corrector
+
+    def at(self, point: BranchPoint, shift: float = 0.0) -> BranchPoint:
+        """Return the point of the second computation in the plane normal to a point's tangent, `shift` along it."""
+        along = self._embedded(point.tangent)
+        try:
+            start = self._ahead(point, shift)
+        except NumericalError:
+            start = self._embedded(point.x) + shift * along
+        correction = self._corrector.correct(start, along / np.linalg.norm(along))
+        if correction is None:
+            raise NumericalError(f"no orbit is found at {point.value:.12g} with another discretisation")
+        if correction.distance <= _SAME:
+            return self._corrector.point(correction, along, point.arclength + shift)
+        # evaluated exactly there: the correction may have been evaluated one Newton step away
+        return self._corrector.exact_point(correction.x, along, point.arclength + shift)
+
+    def _ahead(self, point: BranchPoint, shift: float) -> NDArray[np.float64]:
+        """Return the scaled unknowns of the motion that lies `shift` along the tangent at a point, to first order.
+
+        They are computed from the motion itself, because the other discretisation has additional unknowns, which also
+        change along the branch.
+        """
+        orbit, value = point.orbit, float(point.x[-1])
+        if shift:
+            x = (point.x + shift * point.tangent) * self._known
+            orbit = self._equation.orbit(x[:-1], float(x[-1]), self._equation.evaluate(x[:-1], float(x[-1])))
+            value += shift * float(point.tangent[-1])
+        return np.append(self._other.unknowns(orbit) / self._corrector.scales[:-1], value)
+
+    def blur(self, point: BranchPoint, rounding: NDArray[np.float64] | None = None) -> _Blur:
+        """Return how rounding moves a point of the first computation across its tangent.
+
+        Shapes: `rounding` (samples, N).
+        """
+        evaluation = self._own.evaluate(point.x) if rounding is None else self._own.evaluated_near(point.x)
+        assert evaluation.by_parameter is not None
+        if rounding is None:
+            x = point.x * self._known
+            places = places_beside(x, self._known)
+            asides = [self._equation.evaluate(place[:-1], float(place[-1])) for place in places]
+            rounding = roundings(x, evaluation, places, asides)
+        jacobian = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * self._known
+        right = np.column_stack((rounding, np.zeros(len(rounding)))).T
+        try:
+            moved = _MORE * np.linalg.solve(np.vstack((jacobian, point.tangent)), right).T
+        except np.linalg.LinAlgError:
+            raise NumericalError(f"the branch is singular at {point.value:.12g}") from None
+        farthest = moved[int(np.argmax(np.linalg.norm(moved, axis=1)))]
+        most, times = _BENDS * float(np.abs(rounding).max()), 1.0
+        # where motions are nearly a continuum, the equation bends: rounding leads farther than its derivatives tell
+        while _NOTABLE < times * length_of(farthest) < _FARTHEST:
+            ahead = (self._own.evaluate(point.x + way * times * farthest) for way in (-_FURTHER, _FURTHER))
+            if min(float(np.abs(each.residual - evaluation.residual).max()) for each in ahead) > most:
+                break
+            times *= _FURTHER
+        ways = (times,) if times == 1.0 else (times, -times)
+        asides = [self._own.exact_point(point.x + way * farthest, point.tangent, point.arclength) for way in ways]
+        reached = times if times == 1.0 else _FURTHER * times  # it ends between the two
+        return _Blur(reached * float(np.abs(moved[:, -1]).max()), asides, rounding)
+
+    def crossing(self, point: BranchPoint, reach: float, function: Callable[[BranchPoint], float]) -> float:
+        """Return the parameter at which the second computation has a crossing, near a branch point.
+
+        Close to the crossing no orbit can be corrected, but the branch and its determinant are smooth. Polynomials
+        through points on both sides, up to `reach` away, give the zero of the determinant or another function.
+        """
+        points = [self.at(point, float(share) * reach) for share in _NODES]
+
+        def polynomial(values: list[float]) -> Polynomial:
+            return Polynomial.fit(_NODES, values, len(_NODES) - 1, domain=[-1.0, 1.0])
+
+        roots = polynomial([function(each) for each in points]).roots()
+        places = roots[np.abs(roots.imag) < _REAL].real
+        places = places[np.abs(places) <= 1.0]
+        if not len(places):
+            raise NumericalError(f"no branches cross near {point.value:.12g} with another discretisation")
+        return float(polynomial([each.value for each in points])(places[np.argmin(np.abs(places))]))
+
+    def _embedded(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.append(self._equation.embed(x[:-1], self._other), x[-1])
+
+
+class _Blur(NamedTuple):
+    """Effect of rounding on a point of a branch."""
+
+    off: float  #: Largest change of the scaled parameter.
+    asides: list[BranchPoint]  #: The point displaced farthest; to both sides, if that is farther than derivatives tell.
+    rounding: NDArray[np.float64]  #: shape (samples, N): Samples of the rounding errors of the residual.
+
+
+class _Seen(NamedTuple):
+    """Point, the test function there, and what rounding makes of both."""
+
+    point: BranchPoint  #: The point.
+    zero: float  #: The test function.
+    off: float = 0.0  #: Change of the scaled parameter across the branch by rounding.
+    blur: float = 0.0  #: Change of the test function by rounding.
+
+
+def location_error(
+    zero: Zero, second: ErrorEstimator, around: Sequence[BranchPoint], ends: Sequence[BranchPoint] = ()
+) -> float:
+    """Estimate the error of the parameter at a special point; infinite if it cannot be estimated.
+
+    The point is compared with points near it on the branch, and with the same point of a second computation, in the
+    plane across the tangent. The largest of the estimates counts.
+
+    At a graze the depth may rise on one side of the point and stay almost zero on the other, and rounding may move the
+    motions of one side only. So its effect on the points of both sides is counted with the steepest of the rates, and
+    so is a second computation that lies on the other side.
+    """
+    there, blur = second.at(zero.point), second.blur(zero.point)
+
+    def seen(point: BranchPoint, blur: _Blur) -> _Seen:
+        value = zero.function(point)
+        return _Seen(point, value, blur.off, max(abs(zero.function(each) - value) for each in blur.asides))
+
+    here, other = seen(zero.point, blur), _Seen(there, zero.function(there))
+    if not zero.contact:  # both sides are alike
+        return max(_location_error(zero, here, other, _Seen(point, zero.function(point))) for point in around)
+    near, further = ([seen(point, second.blur(point, blur.rounding)) for point in each] for each in (around, ends))
+    sides = [here, *near, *further]
+    here = here._replace(off=max(each.off for each in sides), blur=max(each.blur for each in sides))
+    steepest = max(near, key=lambda each: abs(_secant_rate(here, each)))
+    return max(_location_error(zero, here, other, each, each is not steepest) for each in near)
+
+
+def _secant_rate(here: _Seen, near: _Seen) -> float:
+    """Return the rate of change of the test function along the branch between two points; 0 if they are the same."""
+    apart = near.point.arclength - here.point.arclength
+    return (near.zero - here.zero) / apart if apart else 0.0
+
+
+def _location_error(zero: Zero, here: _Seen, other: _Seen, near: _Seen, is_flat: bool = False) -> float:
+    kind, spread = zero.kind, zero.spread
+    point, apart = here.point, near.point.arclength - here.point.arclength
+    rate = _secant_rate(here, near)
+    if not rate or not math.isfinite(rate):
+        return math.inf
+    off = abs(other.point.value - point.value)  # across the branch
+    shift, blur = abs(other.zero), here.blur
+    if is_flat:
+        shift, blur = shift if other.zero * near.zero > 0.0 else 0.0, near.blur
+    along = max(abs(here.zero), shift, zero.noise, blur) / abs(rate)
+    width = abs(point.x[-1] and point.value / point.x[-1])  # the scale of the parameter
+    off += width * here.off
+    ahead = abs(float(point.tangent[-1])) * along
+    if kind.is_turning:
+        ahead += 0.5 * abs(rate) * along**2  # the parameter is stationary there: what counts is its curvature
+    if kind.target is not None:
+        critical = [kind.critical_multiplier(each.point.orbit.free_multipliers) for each in (here, near, other)]
+        blurred = abs(critical[1] - critical[0]) / abs(apart) * (along + spread) + abs(critical[2] - critical[0])
+        if abs(critical[0] - kind.target) > SAFETY * blurred + _AT:
+            return math.inf  # no multiplier is critical here
+    bracket = abs(float(point.tangent[-1])) * width * spread
+    return float(bracket + SAFETY * (off + width * ahead) + ROUNDING * (abs(point.value) + width))
+
+
+# Kind of special point: the contract that every kind fulfils, and the registry of all kinds.
 
 
 @dataclass(frozen=True, slots=True)
@@ -496,7 +1106,7 @@ class SpecialPoint(Shown):
     @property
     def change(self) -> str:
         """Change of stability in the direction of the walk, in words."""
-        return _change(self.before, self.after)
+        return change_words(self.before, self.after)
 
     def __repr__(self) -> str:
         place = f"{self.kind_words} at {self.value:.10g} +- {self.uncertainty:.0e}"
@@ -525,15 +1135,4 @@ def is_one_place(other: SpecialPoint, special: SpecialPoint) -> bool:
 def words_of(group: Sequence[SpecialPoint]) -> dict[str, str]:
     """Return one row of a table for readers for special points at one place, with all their contacts."""
     contacts = ", ".join(dict.fromkeys(each.contact for each in group if each.contact))
-    return group[0].words | {"stability": _change(group[0].before, group[-1].after), "contact": contacts}
-
-
-def _change(before: Instability, after: Instability) -> str:
-    texts = [f"unstable({side.total})" if side.total else side.label for side in (before, after)]
-    return texts[0] if texts[0] == texts[1] else " -> ".join(texts)
-
-
-def describe_switch(orbit: Orbit, switch: int) -> str:
-    """Return contact, stage and side of a switch, such as ``stage2 -``."""
-    contact, stage, side = switch_names(orbit.system)[switch]
-    return f"{contact}{'.' + stage if stage else ''} {'+' if side > 0 else '-'}"
+    return group[0].words | {"stability": change_words(group[0].before, group[-1].after), "contact": contacts}

@@ -19,11 +19,9 @@ __all__ = ["main"]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command of these arguments (by default those of the process); return its exit code.
-
-    The codes are 0: done; 1: a bug; 2: bad input; 3: the numerics failed; 4: the compared results
-    differ; 5: the verification failed; 130: interrupted; 143: ended by SIGTERM.
-    """
+    """Run the command of these arguments (by default those of the process); return its exit code."""
+    # The codes are 0: done; 1: a bug; 2: bad input; 3: the numerics failed; 4: the compared results differ; 5: the
+    # verification failed; 130: interrupted; 143: ended by SIGTERM.
     work_in_one_thread()
     ended = _end_like_ctrl_c() if arguments is None else []
     if arguments is None:
@@ -45,10 +43,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _end_like_ctrl_c() -> list[int]:
-    """Treat SIGTERM like Ctrl-C: store results, end other processes, print how to resume. Return a list of signals.
-
-    Otherwise the process would die at once, and its workers' semaphores would be reported as leaked.
-    """
+    """Treat SIGTERM like Ctrl-C: store results, end other processes, print how to resume. Return a list of signals."""
+    # Otherwise the process would die at once, and its workers' semaphores would be reported as leaked.
     heard: list[int] = []
 
     def interrupt(number: int, frame: object) -> None:

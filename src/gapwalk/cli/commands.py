@@ -53,15 +53,23 @@ def command(sort_key: float, *examples: str) -> Callable[[Callable[..., int]], C
 @command(
     1,
     "gapwalk new rattle.toml",
+    "gapwalk new neutral-rattle",
     "gapwalk new train.toml --from train.csv",
 )
-def new(file: Path, /, *, table: Annotated[Path | None, Parameter(name="--from")] = None, debug: Debug = False) -> int:
+def new(
+    file: Path | None = None,
+    /,
+    *,
+    table: Annotated[Path | None, Parameter(name="--from")] = None,
+    debug: Debug = False,
+) -> int:
     """Write a template of a model file; its comments explain every key. Or make one from the table of a drive train.
 
     Parameters
     ----------
     file
-        The file to write, such as model.toml.
+        The file to write, such as model.toml; or the name of a machine to begin with, such as neutral-rattle, which is
+        written to neutral-rattle.toml. Without it, the machines are listed.
     table
         A spreadsheet with a row for each inertia, shaft, gear and load, and units in its headings: train.csv, or
         train.xlsx with pip install "gapwalk[data]".
@@ -306,7 +314,7 @@ def compare(
     changes
         A changed value in model files, as in --set stage2.clearance=0.5; may be repeated.
     """
-    from gapwalk.cli.compare_command import compare_files
+    from gapwalk.cli.compare_commands import compare_files
 
     options = {"output": output, "measure": measure, "changes": changes or [], "json": json}
     return compare_files(first, second, tolerance, **options)
@@ -358,8 +366,9 @@ def measure(
     file
         The model file.
     record
-        The record: a CSV or MAT file with the columns time, acceleration and optionally speed. Of special points, a CSV
-        file with the columns kind, value, error and optionally which; by default those of the model file.
+        The record: a CSV, MAT, HDF5, Excel, MDF, TDMS or UFF file with the columns time, acceleration and optionally
+        speed. Of special points, a CSV file with the columns kind, value, error and optionally which; by default those
+        of the model file.
     fit
         A parameter to fit, as in --fit stage2.impact_damping; may be repeated. By default those named in the file.
     changes
@@ -367,7 +376,7 @@ def measure(
     output
         The picture to write; by default named after the record, or the model file. The tables are named after it.
     """
-    from gapwalk.cli.measure_command import measure_file
+    from gapwalk.cli.compare_commands import measure_file
 
     return measure_file(file, record, fit or [], changes or [], output, json=json)
 

@@ -11,9 +11,9 @@ import zipfile
 from contextlib import suppress
 from pathlib import Path
 
+from gapwalk.cache_folder import cache_folder, is_private
 from gapwalk.cli.output import DONE, console
 from gapwalk.errors import GapwalkError
-from gapwalk.flow.flow_cache import cache_folder, is_private
 from gapwalk.model.problems import did_you_mean
 
 ARCHIVE = Path(__file__).parents[1] / "offline_docs.zip"

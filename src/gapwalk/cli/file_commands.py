@@ -21,11 +21,20 @@ if TYPE_CHECKING:
 _PICTURES = ("png", "svg", "pdf")
 
 
-def new_file(file: Path, table: Path | None) -> int:
-    """Write a template of a model file, or one made from the table of a drive train."""
-    from gapwalk.studies.study_file import text_of_sheet, write_template
+def new_file(file: Path | None, table: Path | None) -> int:
+    """Write a template of a model file, that of a machine, or one made from the table of a drive train."""
+    from gapwalk.studies.study_file import machine_text, machines, text_of_sheet, write_template
 
+    if file is None:
+        known = machines()
+        width = max(map(len, known))
+        print("machines to begin with:")
+        for name, title in known.items():
+            print(f"    gapwalk new {name:{width}}  {title}")
+        return DONE
     text = "" if table is None else text_of_sheet(table)
+    if table is None and file.name and not file.suffix and len(file.parts) == 1:
+        text, file = machine_text(file.name), file.with_suffix(".toml")
     write_template(file, text=text)
     todo = "run" if "\n[study]" in text or not text else "check"
     print(f"wrote {file}; {todo} it with\n    gapwalk {todo} {shlex.quote(str(file))}")
@@ -38,7 +47,7 @@ def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bo
     from gapwalk.model.model_file import curves_of, has_pace
     from gapwalk.model.model_source import read_source
     from gapwalk.model.modes import dissipation_doubts
-    from gapwalk.results.json_values import plain
+    from gapwalk.results.codec import plain
     from gapwalk.studies.runner import check_work
     from gapwalk.studies.set_values import parse_changes
     from gapwalk.studies.study_file import check_system, check_whole
@@ -83,7 +92,7 @@ def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bo
         *(f"  {text}" for text in system.contents),
         *(f"  curve of {each.name}: {each.curve.words}" for each in curves),
         *(f"  {study.reduced.words}" for study in studies[:1] if study.reduced),
-        *(f"  study{f' {study.name}' if study.name else ''}: {study.options.plan}" for study in studies),
+        *(f"  study{f' {study.name}' if study.name else ''}: {study.options.plan_with_workers}" for study in studies),
         *["  no study: `gapwalk modes` shows its modes; [study] says what to compute"] * (not studies),
         *dict.fromkeys(f"  {words}" for study in studies for words in study.unused_words),
         *(f"warning: {doubt}" for doubt in doubts),
@@ -167,8 +176,6 @@ def export_result(
         raise ModelError(f"{path} is not complete ({result.finding.stored}); `gapwalk run` with --resume continues it")
     for each, output in zip(forms, outputs or [None], strict=True):
         if each == "wav":
-            from gapwalk.cli.sound_command import save_sound
-
             save_sound(result, output or path.with_suffix(".wav"), signal, full_scale)
         else:
             show_files(_exported(result, path, each, output, measure, size))
@@ -225,3 +232,36 @@ def verify_file(path: Path, *, json: bool) -> int:
         show(found.summary(), screen)
         show_title(found.words, screen)
     return DONE if found.ok else BROKEN
+
+
+def save_sound(result: Result, output: Path, signal: str | None, full_scale: float | None) -> int:
+    """Write the sound of a run-up or a settled motion as a WAV file, and print its level."""
+    from gapwalk.answers.run_up import RunUp  # these take time to load
+    from gapwalk.attractors.settle import Settled
+    from gapwalk.attractors.spectrum import sound
+    from gapwalk.studies.export import write_whole
+
+    record = None if result.finding is None else result.finding.record
+    if isinstance(record, RunUp):
+        heard = record.sound(signal or "")
+    elif isinstance(record, Settled):
+        asked = str(getattr(result.options, "signal", "") or record.system.coordinates[0]).rstrip("'")
+        own = asked if asked in record.system.coordinates else record.system.coordinates[0]
+        heard = sound(record, signal or f"{own}''")
+    else:
+        raise ModelError(
+            f"a sound is that of one motion: of a run-up or a settled motion, not of a {result.options.kind}. Write a "
+            'study of kind = "run-up" or "settle", or choose a point in `gapwalk explore` and press Listen'
+        )
+    scale = heard.full_scale if full_scale is None else full_scale
+    write_whole(output, heard.wav(scale))
+    unit = f" {heard.unit}" if heard.unit else ""
+    show_files([output])
+    show(
+        [
+            f"  {heard.signal}, {heard.duration:.4g} s at {heard.rate} Hz: peak {heard.peak:.4g}{unit}, root mean "
+            f"square {heard.level:.4g}{unit}",
+            f"  full scale is {scale:g}{unit}: give --full-scale {scale:g} to what it is compared with",
+        ]
+    )
+    return DONE

@@ -18,6 +18,12 @@ _SHARED = {
     "rattle": "rattle_study",
     "tori": "tori_study",
     "scan": "scan_study",
+    "threshold": "threshold_study",
+    "run-up": "run_up_study",
+    "design": "design_study",
+    "backbone": "backbone_study",
+    "self-excited": "self_excited_study",
+    "rattle-chance": "rattle_chance",
 }
 """Kinds of study whose work several processes share, each with its module; the registry would load NumPy."""
 
@@ -27,10 +33,8 @@ _MOST = 1_000_000  # characters that are looked at
 
 
 def foreseen_modules(text: str) -> list[str]:
-    """Return the modules of the kinds of study in the text of a model file whose work processes will share.
-
-    The text is not parsed: what is wrong here costs or saves time, and nothing else.
-    """
+    """Return the modules of the kinds of study in the text of a model file whose work processes will share."""
+    # The text is not parsed: what is wrong here costs or saves time, and nothing else.
     kinds = dict.fromkeys(_KIND.findall(text))
     return [] if _ALONE.search(text) else [f"gapwalk.studies.{_SHARED[kind]}" for kind in kinds if kind in _SHARED]
 

@@ -17,8 +17,8 @@ from gapwalk.model.model_source import read_source
 from gapwalk.model.modes import Clearances, Modes, find_modes
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
-from gapwalk.model.words import parameter_symbol
-from gapwalk.results.json_values import plain
+from gapwalk.model.words import parameter_symbol, value_words
+from gapwalk.results.codec import plain
 from gapwalk.studies.set_values import parse_changes
 from gapwalk.studies.study_file import check_system
 from gapwalk.summary import Table
@@ -112,9 +112,14 @@ def train_lines(system: System) -> list[str]:
     if not isinstance(assembly, TrainAssembly):
         return []
     form = assembly.form
-    gears = sum(link.geared for link in form.links)
-    counts = {"inertia": len(form.inertias), "shaft": len(form.links) - gears, "gear": gears}
-    parts = ", ".join(f"{count} {word}{'' if count == 1 else 's'}" for word, count in counts.items())
+    links = [link for link in form.links if not (link.loose or link.drag or link.own is not None)]
+    gears = sum(link.geared for link in links)
+    meshes = sum(bool(link.row) and not link.geared for link in links)
+    counts = {"inertia": len(form.inertias), "shaft": len(links) - gears - meshes, "gear": gears}
+    counts |= {"mesh of planets": meshes} if meshes else {}
+    counts |= {"drag": len(form.links) - len(links)} if form.turning else {}
+    plural = {"mesh of planets": "meshes of planets"}
+    parts = ", ".join(f"{n} {word if n == 1 else plural.get(word, f'{word}s')}" for word, n in counts.items())
     numbers, units = assembly.numbers(system.values), system.units
     unbalanced = numbers.unbalanced if len(form.held) < 2 else 0.0
     taken = np.flatnonzero(numbers.torques[0] == 0.0)
@@ -129,9 +134,13 @@ def train_lines(system: System) -> list[str]:
     if unbalanced:
         acceleration = unbalanced / float(np.sum(numbers.inertia * numbers.speeds**2))
         size = f"{acceleration * units.angle:.6g} rad/s^2" if units else f"{acceleration:.6g}"
+        steady = assembly.balanced_at(system.values) if form.turning else None
+        found = (
+            "" if steady is None else f"; at {value_words(steady, system.structure.pace, units, 6)} drags balance them"
+        )
         lines.append(
-            f"  mean torques do not balance: it accelerates steadily, {form.inertias[0]} at {size}; {hint} would "
-            "balance them"
+            f"  mean torques do not balance: it accelerates steadily, {form.inertias[0]} at {size}{found}; {hint} "
+            "would balance them"
         )
     return lines
 

@@ -106,7 +106,7 @@ def report_error(error: Exception, *, json: bool = False, debug: bool = False) -
 
 def print_json(document: object) -> None:
     """Print the JSON document of a command; numbers that are not finite become null."""
-    from gapwalk.results.json_values import plain  # loads much that help does not need
+    from gapwalk.results.codec import plain  # loads much that help does not need
 
     print(json_format.dumps(plain(document), allow_nan=False))
 

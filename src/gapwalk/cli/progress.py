@@ -19,7 +19,7 @@ from gapwalk.cli.output import console
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.workers import Pace
-from gapwalk.studies.map import Map, MapSection
+from gapwalk.studies.bifurcation_map import Map, MapSection
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.summary import printable
 
@@ -96,7 +96,7 @@ def _branch_line(options: Any, title: str, show: bool) -> ProgressLine:
     symbol, count = parameter_symbol(options.parameter), Counter[str]()
 
     def words(point: BranchPoint, special_points: list[SpecialPoint]) -> tuple[str, str, float]:
-        count["points"] += 1
+        count["points"] += 1  # or a settled motion
         count["special"] += sum(special.kind is not Kind.GRAZING for special in special_points)
         reached = f"{symbol} = {point.value:.6f}  {count['points']} points  {count['special']} special"
         return f"{title} walking".strip(), reached, abs(point.value - options.begin)

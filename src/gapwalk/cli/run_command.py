@@ -49,15 +49,13 @@ def run_file(
     scheduler: str | None = None,
     **how: bool,
 ) -> int:
-    """Run the studies of a model file, or the named ones; return the highest exit code.
-
-    With the address of a scheduler the work is done on its cluster. With `plain` it is done in non-dimensional form.
-    The keywords `how` are resume, force, json and quiet.
-    """
+    """Run the studies of a model file, or the named ones; return the highest exit code."""
+    # With the address of a scheduler the work is done on its cluster. With `plain` it is done in non-dimensional form.
+    # The keywords `how` are resume, force, json and quiet.
     studies = list(read_studies(file, parse_changes(changes), names))
     check_work(studies)
     if plain:
-        from gapwalk.studies.without_units import without_units  # imported late: it needs the options of all kinds
+        from gapwalk.studies.study_file import without_units  # imported late: it needs the options of all kinds
 
         studies = [without_units(study) for study in studies]
     alone = len(studies) == 1
@@ -73,6 +71,9 @@ def run_file(
     with nullcontext() if scheduler is None else on_cluster(scheduler):
         for study, path in zip(studies, outputs, strict=True):
             earlier = None if how["resume"] else _file_number(path)
+            if scheduler is not None and (most := study.options.most_workers) is not None and not how["quiet"]:
+                helped = "this process alone does the work" if most == 1 else f"at most {most} workers have work"
+                show([f"{study.name or study.options.kind}: {helped}"], console(stderr=True))
             try:
                 code, document = _run_study(study, path, **how)
             except (GapwalkError, KeyboardInterrupt) as error:

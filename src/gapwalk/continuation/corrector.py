@@ -76,10 +76,8 @@ class Range:
         return min(1.0, _OWN * size / self.width)
 
     def weight(self, value: float, scale: float) -> float:
-        """Return the weight of a parameter measured in units of `scale`, near a value, relative to the unknowns.
-
-        With this weight, angles and distances do not depend on the width of the range.
-        """
+        """Return the weight of a parameter measured in units of `scale`, near a value, relative to the unknowns."""
+        # With this weight, angles and distances do not depend on the width of the range.
         return scale / (_OCTAVES * abs(value)) if self.is_relative and value != 0.0 else 1.0
 
     def along(self, parameter: str, system: System) -> Range:
@@ -110,14 +108,12 @@ def check_range(start: float, to: float | tuple[float, float]) -> Range:
 
 
 def scales_of(equation: OrbitEquation, orbit: Orbit, within: Range) -> NDArray[np.float64]:
-    """Return the scales of the unknowns and of the parameter, shape (N + 1,), for the branch of an orbit in a range.
-
-    Scales are bounded, so a part of a range is followed in the same way whatever the width of the whole
-    range. Frequencies and velocities are scaled by a typical frequency. Other parameters are scaled by the
-    width of the range, or by `Range.natural` if that is smaller, and the unknowns as in `unknown_scales`. Since the
-    motion may be a million times larger at the other end of the range, lengths are scaled by the largest expected
-    motion (`linear_growth`).
-    """
+    """Return the scales of the unknowns and of the parameter, shape (N + 1,), for the branch of an orbit in a range."""
+    # Scales are bounded, so a part of a range is followed in the same way whatever the width of the whole range.
+    # Frequencies and velocities are scaled by a typical frequency. Other parameters are scaled by the width of the
+    # range, or by `Range.natural` if that is smaller, and the unknowns as in `unknown_scales`. Since the motion may be
+    # a million times larger at the other end of the range, lengths are scaled by the largest expected motion
+    # (`linear_growth`).
     parameter = equation.parameter or ""
     length = _length(orbit, lambda: linear_growth(orbit.system, parameter, within))
     frequency = _typical_frequency(orbit)
@@ -126,10 +122,8 @@ def scales_of(equation: OrbitEquation, orbit: Orbit, within: Range) -> NDArray[n
 
 
 def with_natural_change(within: Range, equation: OrbitEquation, orbit: Orbit) -> Range:
-    """Return the range of a parameter that is not the frequency, with its `Range.natural` computed from an orbit.
-
-    The natural change would move the orbit by ten clearances; it is the value itself if that is larger.
-    """
+    """Return the range of a parameter that is not the frequency, with its `Range.natural` computed from an orbit."""
+    # The natural change would move the orbit by ten clearances; it is the value itself if that is larger.
     if within.is_relative:
         return within
     value = orbit.system[equation.parameter or ""]
@@ -145,20 +139,17 @@ def with_natural_change(within: Range, equation: OrbitEquation, orbit: Orbit) ->
 
 
 def unknown_scales(equation: OrbitEquation, orbit: Orbit) -> NDArray[np.float64]:
-    """Return the scales of the unknowns of an equation near an orbit, shape (N,).
-
-    Positions are scaled by the largest clearance (the natural length of a system with gaps), or by the amplitude of
-    the orbit if that is larger or no gap is within its reach; velocities by that length times the frequency. The scales
-    are divided among the unknowns so that an orbit that changes by a tenth of that length counts as 1 % of the range.
-    """
+    """Return the scales of the unknowns of an equation near an orbit, shape (N,)."""
+    # Positions are scaled by the largest clearance (the natural length of a system with gaps), or by the amplitude of
+    # the orbit if that is larger or no gap is within its reach; velocities by that length times the frequency. The
+    # scales are divided among the unknowns so that an orbit that changes by a tenth of that length counts as 1 % of the
+    # range.
     return equation.scales(_CLEARANCES * _length(orbit))
 
 
 def _length(orbit: Orbit, growth: Callable[[], float] | None = None) -> float:
-    """Return the largest clearance within reach of an orbit, or its amplitude if that is larger.
-
-    If no gap is within reach, the motion can still grow: by up to `growth`, until it closes the smallest gap.
-    """
+    """Return the largest clearance within reach of an orbit, or its amplitude if that is larger."""
+    # If no gap is within reach, the motion can still grow: by up to `growth`, until it closes the smallest gap.
     clearances = [
         orbit.system[f"{contact.stage_prefix(stage)}.clearance"]
         for contact in orbit.system.structure.contacts
@@ -180,11 +171,9 @@ def powers_of_two(scales: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _typical_frequency(orbit: Orbit) -> float:
-    """Return the frequency of an orbit, limited to the neighbourhood of the natural frequency of its system.
-
-    The natural frequency is the root mean square over the modes with all gaps open, or, for a system that only its
-    contacts support, with all gaps closed. Of a force by a formula it has the mean tangent over the orbit.
-    """
+    """Return the frequency of an orbit, limited to the neighbourhood of the natural frequency of its system."""
+    # The natural frequency is the root mean square over the modes with all gaps open, or, for a system that only its
+    # contacts support, with all gaps closed. Of a force by a formula it has the mean tangent over the orbit.
     system = orbit.system
     linear = linear_of(layout_of(system.structure), coefficients_of(system))
     closed = np.zeros(len(linear.deflections))
@@ -215,11 +204,9 @@ def _mean_stiffness(orbit: Orbit) -> NDArray[np.float64]:
 
 
 def linear_growth(system: System, parameter: str, within: Range) -> float:
-    """Return the largest amplitude that any coordinate reaches along a parameter while all gaps stay open.
-
-    Peaks are located by Brent's method between the neighbouring values, so that none is missed at light damping. The
-    result is 0 where linear theory does not apply, because a stage without clearance is not a linear spring.
-    """
+    """Return the largest amplitude that any coordinate reaches along a parameter while all gaps stay open."""
+    # Peaks are located by Brent's method between the neighbouring values, so that none is missed at light damping. The
+    # result is 0 where linear theory does not apply, because a stage without clearance is not a linear spring.
     if not _is_linear_inside_its_gaps(system):
         return 0.0
     from scipy.optimize import minimize_scalar  # imported late: slow to import, and rarely needed
@@ -260,11 +247,9 @@ def _is_linear_inside_its_gaps(system: System) -> bool:
 
 
 def _amplitude(system: System) -> float:
-    """Return the largest amplitude of a coordinate, summed over all harmonics, while all gaps are open.
-
-    Stages that have no clearance belong to the stiffness, and so do formulas. Displacements that are prescribed in
-    their deflections are loads.
-    """
+    """Return the largest amplitude of a coordinate, summed over all harmonics, while all gaps are open."""
+    # Stages that have no clearance belong to the stiffness, and so do formulas. Displacements that are prescribed in
+    # their deflections are loads.
     layout, n = layout_of(system.structure), system.size
     coefficients = coefficients_of(system)
     linear = linear_of(layout, coefficients)
@@ -354,19 +339,17 @@ class Corrector:
         trust: float = 0.0,
         near: float = math.inf,
     ) -> Correction | None:
-        """Return the point of the branch in the plane through `guess` with that `normal`; None if Newton fails.
-
-        Once the residual is within the tolerance (or within `trust`, if that is larger), one more short step is taken
-        without a further evaluation. It leaves about the square of the residual, so the point is accurate to rounding,
-        while the evaluation belongs to a point one such step away. `trust` is for multipliers that need few digits.
-        A step longer than `near`, or not much shorter than the step before, is always evaluated: where the branch
-        bends within 1e-10, a residual of 1e-10 says little, and the error after the step is not its square.
-
-        Each step solves the bordered system
-
-            [ G_u     G_a  ] [ du ]     [ -G ]
-            [ normal^T     ] [ da ]  =  [  0 ]
-        """
+        """Return the point of the branch in the plane through `guess` with that `normal`; None if Newton fails."""
+        # Once the residual is within the tolerance (or within `trust`, if that is larger), one more short step is taken
+        # without a further evaluation. It leaves about the square of the residual, so the point is accurate to
+        # rounding, while the evaluation belongs to a point one such step away. `trust` is for multipliers that need few
+        # digits. A step longer than `near`, or not much shorter than the step before, is always evaluated: where the
+        # branch bends within 1e-10, a residual of 1e-10 says little, and the error after the step is not its square.
+        #
+        # Each step solves the bordered system
+        #
+        #     [ G_u     G_a  ] [ du ]     [ -G ]
+        #     [ normal^T     ] [ da ]  =  [  0 ]
         x, last, before = guess, 0.0, np.inf
         for iteration in range(self.iterations + 1):
             unknowns = x[:-1] * self._unknown_scales
@@ -445,11 +428,9 @@ class Corrector:
     def crossed(
         self, x: NDArray[np.float64], tangent: NDArray[np.float64], arclength: float, count: int = 1
     ) -> BranchPoint:
-        """Return the branch point near `x` where others cross, in the plane of `count` directions.
-
-        The point is corrected in all directions except those of the other branches. In them the bordered Jacobian is
-        singular, and `x` is known more accurately than Newton's method could determine it.
-        """
+        """Return the branch point near `x` where others cross, in the plane of `count` directions."""
+        # The point is corrected in all directions except those of the other branches. In them the bordered Jacobian is
+        # singular, and `x` is known more accurately than Newton's method could determine it.
         evaluation = self.evaluate(x)
         left, sizes, ways = np.linalg.svd(self._bordered(evaluation, tangent))
         off = left.T @ np.append(-evaluation.residual, 0.0)
@@ -498,10 +479,8 @@ class Corrector:
         near: float = math.inf,
         within: float = math.inf,
     ) -> BranchPoint | None:
-        """Return the branch point in the plane through a guess, oriented along its normal or a given direction.
-
-        It is None if Newton fails, or leads farther away than `within`; `near` is as in `correct`.
-        """
+        """Return the branch point in the plane through a guess, oriented along its normal or a given direction."""
+        # It is None if Newton fails, or leads farther away than `within`; `near` is as in `correct`.
         correction = self.correct(guess, normal, near=near)
         if correction is None or correction.distance > within:
             return None
@@ -557,10 +536,8 @@ def length_of(vector: NDArray[np.float64]) -> float:
 
 
 def bounded_product(factors: list[float]) -> float:
-    """Return the product of nonzero numbers, with the correct sign even where its size overflows or underflows.
-
-    In that case its size is 1e300 or 1e-300, which is sufficient where only the sign matters.
-    """
+    """Return the product of nonzero numbers, with the correct sign even where its size overflows or underflows."""
+    # In that case its size is 1e300 or 1e-300, which is sufficient where only the sign matters.
     product = math.prod(factors)
     if 0.0 < abs(product) < math.inf:
         return product
@@ -572,10 +549,8 @@ def bounded_product(factors: list[float]) -> float:
 def ahead(
     earlier: BranchPoint | None, previous: BranchPoint | None, point: BranchPoint, step: float
 ) -> list[NDArray[np.float64]]:
-    """Return guesses for the point one step ahead, best first: by a polynomial through known points, by the tangent.
-
-    The polynomial is the cubic through two points or, if the point before them agrees, the quintic through three.
-    """
+    """Return guesses for the point one step ahead, best first: by a polynomial through known points, by the tangent."""
+    # The polynomial is the cubic through two points or, if the point before them agrees, the quintic through three.
     straight = point.x + step * point.tangent
     if previous is None or point.orbit.stuck:  # a cubic would amplify errors of what friction keeps, fivefold in a step
         return [straight]
@@ -596,12 +571,10 @@ def ahead(
 
 
 def interpolated(points: Sequence[BranchPoint], origin: BranchPoint, ahead: float) -> NDArray[np.float64] | None:
-    """Return the place ahead of a point on the polynomial through some points, with their tangents.
-
-    The polynomial is a function of the distance along the tangent at that point. Unlike the arclength, which sums
-    chords, this distance is exact, so that the order of the polynomial counts. The result is None if the branch turns
-    away from the tangent.
-    """
+    """Return the place ahead of a point on the polynomial through some points, with their tangents."""
+    # The polynomial is a function of the distance along the tangent at that point. Unlike the arclength, which sums
+    # chords, this distance is exact, so that the order of the polynomial counts. The result is None if the branch turns
+    # away from the tangent.
     along = origin.tangent
     rates = [float(point.tangent @ along) for point in points]
     if min(rates) < _ALONG:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.continuation.corrector import Zero, zero_in_step
-from gapwalk.continuation.curve_points import BranchPoint, Tracing, in_one_direction
-from gapwalk.continuation.walk import End, EndReason, Walk
+from gapwalk.continuation.curve_points import BranchPoint
+from gapwalk.continuation.walk import End, EndReason, Tracing, Walk, in_one_direction
 from gapwalk.notebook import Shown
 from gapwalk.summary import Rows, SummaryParts, Table, row_of, rows_of, summarizes
 
@@ -175,10 +175,8 @@ class CurveTrace(Iterator[tuple[Any, list[Any]]]):
 def joined(
     tracing: Tracing[Any, Any, Any], begin: Any, turned: Callable[[Any], Any], turned_event: Callable[[Any], Any]
 ) -> tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, Any]]:
-    """Return points, events and ends of a curve in one direction of travel, from its traces in one or two.
-
-    The first end is `begin` if there is one trace, or the last one alone closes the curve.
-    """
+    """Return points, events and ends of a curve in one direction of travel, from its traces in one or two."""
+    # The first end is `begin` if there is one trace, or the last one alone closes the curve.
     kept = slice(-1, None) if tracing.traces[-1].is_closed else slice(None)
     traces, steps = tracing.traces[kept], tracing.steps[kept]
     ends = [

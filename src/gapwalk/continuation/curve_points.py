@@ -1,20 +1,16 @@
-"""Tracing of a curve from its start, in one direction or in both directions one after the other, step by step."""
+"""Point of a branch: an orbit, its place on the branch, and the direction in which the branch continues."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.errors import Interrupted
 from gapwalk.orbit.floquet import Instability
 from gapwalk.orbit.orbit import Orbit, measure_names
 from gapwalk.summary import row_of
-
-# Point of a branch: an orbit, its place on the branch, and the direction in which the branch continues.
 
 
 class OrbitOnCurve:
@@ -80,10 +76,13 @@ def method_document(orbit: Orbit) -> dict[str, float]:
     return dict(zip(orbit.method.columns, method_values(orbit), strict=True))
 
 
-def point_row(point: Any) -> dict[str, Any]:
-    """Return the row of a point, special or not, in a table: its numbers, measures, and the values of its method."""
+def point_row(point: Any, measure: str = "") -> dict[str, Any]:
+    """Return the row of a point, special or not, in a table: its numbers, measures, and the values of its method.
+
+    `measure` is one more, if it is not among those of the coordinates.
+    """
     orbit, names = point.orbit, measure_names(point.orbit.system.coordinates)
-    measures = {name: orbit.measure(name) for name in names}
+    measures = {name: orbit.measure(name) for name in dict.fromkeys((*names, *filter(None, (measure,))))}
     return {**row_of(point), "measures": measures, **method_document(orbit)}
 
 
@@ -93,96 +92,3 @@ def motion_row(orbit: Orbit) -> dict[str, float]:
     states = [f"{name}(0)" for name in orbit.system.state_names]
     multipliers = [f"{part}.multiplier{i + 1}" for i in range(len(states)) for part in ("modulus", "argument")]
     return dict(zip((*states, *multipliers), (*orbit.state.tolist(), *polar), strict=True))
-
-
-D = TypeVar("D")
-S = TypeVar("S", bound=tuple[Any, ...])
-T = TypeVar("T", bound=Any)
-R = TypeVar("R")
-P = TypeVar("P")
-F = TypeVar("F")
-
-
-@dataclass(frozen=True)
-class TracingState(Generic[S]):
-    """Progress of a tracing: the state, the end and the steps of each direction that was begun."""
-
-    states: tuple[Any, ...]
-    ends: tuple[Any, ...]
-    steps: tuple[tuple[S, ...], ...]
-
-
-class Tracing(Iterator[S], Generic[D, T, S]):
-    """Iterator over the steps of a curve, traced in each direction in which it leaves its start.
-
-    A trace is an iterator over the steps in one direction. Its `end` is None while it continues; `is_closed` says that
-    the curve has returned to its start; one that is made with its `state` resumes it.
-
-    Attributes
-    ----------
-    steps
-        The steps that each trace has yielded.
-    """
-
-    def __init__(
-        self, beginnings: Sequence[D], begin: Callable[[D, Any], T], resume: TracingState[S] | None = None
-    ) -> None:
-        self._beginnings, self._begin = beginnings, begin
-        self.traces: list[T] = []
-        self.steps: list[list[S]] = []
-        for state, end, steps in zip(resume.states, resume.ends, resume.steps, strict=True) if resume else ():
-            self._begin_next(state, steps)
-            if end is not None:
-                self.traces[-1].end = end
-
-    def to_end(self, record: Callable[[Any], R], report: Callable[..., object] | None = None) -> R:
-        """Trace to the end, call `report` with the parts of each step, and return `record` of this tracing."""
-        try:
-            for step in self:
-                if report is not None:
-                    report(*step)
-        except KeyboardInterrupt:
-            if not self.traces:
-                raise
-            raise Interrupted(record(self)) from None
-        return record(self)
-
-    @property
-    def state(self) -> TracingState[S]:
-        """Progress so far: a tracing made with it as `resume` continues as if it had never been stopped."""
-        return TracingState(
-            tuple(trace.state for trace in self.traces),
-            tuple(trace.end for trace in self.traces),
-            tuple(map(tuple, self.steps)),
-        )
-
-    def __next__(self) -> S:
-        while True:
-            if self.traces:
-                try:
-                    step = next(self.traces[-1])
-                except StopIteration:
-                    if self.traces[-1].is_closed or len(self.traces) == len(self._beginnings):
-                        raise
-                else:
-                    self.steps[-1].append(step)
-                    return step
-            self._begin_next(None, ())
-
-    def _begin_next(self, state: Any, steps: Sequence[S]) -> None:
-        self.traces.append(self._begin(self._beginnings[len(self.traces)], state))
-        self.steps.append(list(steps))
-
-
-def in_one_direction(
-    walked: Sequence[Sequence[tuple[P, list[F]]]], first: P, turn: Callable[[P], P], turn_found: Callable[[F], F]
-) -> tuple[tuple[P, ...], tuple[F, ...]]:
-    """Join the steps of one or two traces into the points of a curve and the events between them."""
-    *back, ahead = walked
-    points, found = [first], []
-    for steps in back:
-        points = [*(turn(point) for point, _ in reversed(steps)), first]
-        found = [turn_found(each) for _, before in reversed(steps) for each in reversed(before)]
-    points += [point for point, _ in ahead]
-    found += [each for _, before in ahead for each in before]
-    return tuple(points), tuple(found)

@@ -1,4 +1,4 @@
-"""Walk: an iterator over the points of one branch, by pseudo-arclength continuation (Keller 1977).
+"""Walk over the points of one branch, by pseudo-arclength continuation (Keller 1977); tracing in both directions.
 
 The walk is independent of files and display, of shooting and harmonic balance, and of bifurcations. It can be stopped
 after any point and resumed from it. Every end has a reason.
@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Generic, Self, TypeVar
 
 import numpy as np
 from annotated_types import Ge
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from gapwalk.continuation.corrector import TRUST, Correction, Corrector, Range, ahead, hermite, length_of
 from gapwalk.continuation.curve_points import BranchPoint
-from gapwalk.errors import ModelError
+from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.bounds import Positive, check_fields
 
 # Options of a walk, and the control of its step size.
@@ -68,16 +68,14 @@ class WalkOptions:
 
 
 def next_step(step: float, correction: Correction, turn: float, options: WalkOptions) -> float:
-    """Return the step to try after an accepted step, before it is limited to the longest step.
-
-    Two conditions limit it: the corrector should converge in `options.iterations`, and the tangent should not turn
-    too far.
-
-    For the first, Newton's errors obey ``e_(j+1) = C e_j^2``, so with ``q = C e_0`` the last of k steps is about
-    ``e_0 q^(2^(k-1) - 1)``. This gives q, and from q the initial error from which the wanted number of steps would
-    reach the same accuracy: ``q^(2^(k - wanted) - 1)`` times the present one. The error of the tangent predictor
-    grows with the square of the step.
-    """
+    """Return the step to try after an accepted step, before it is limited to the longest step."""
+    # Two conditions limit it: the corrector should converge in `options.iterations`, and the tangent should not turn
+    # too far.
+    #
+    # For the first, Newton's errors obey ``e_(j+1) = C e_j^2``, so with ``q = C e_0`` the last of k steps is about
+    # ``e_0 q^(2^(k-1) - 1)``. This gives q, and from q the initial error from which the wanted number of steps would
+    # reach the same accuracy: ``q^(2^(k - wanted) - 1)`` times the present one. The error of the tangent predictor
+    # grows with the square of the step.
     taken, wanted = correction.iterations, options.iterations
     if taken < 2 or correction.last <= 0.0 or correction.last >= correction.distance:
         by_iterations = _LONGEST if taken <= wanted else _SHORTEST
@@ -145,6 +143,7 @@ class EndReason(Reason):
     STOPPED = "the walk was stopped before its end"
     INTERRUPTED = "the walk was interrupted"
     FAILED = "the numerics failed"
+    SETTLED = "beyond, the motion is settled at steps of the range"
     BEGINS = "the backbone begins here"
     AMPLITUDE = "the largest amplitude was reached"
     NO_SLOPE = "an equilibrium has no finite slope where a contact changes"
@@ -314,21 +313,17 @@ class Walk(Iterator[BranchPoint]):
             return point
 
     def _longest(self, point: BranchPoint, share: float) -> float:
-        """Return the step from a point that changes unknowns and parameter by no more than a share of their scales.
-
-        The parameter is measured by the width of the range, or by less for small values: see `Range.nearness`.
-        """
+        """Return the step from a point that changes unknowns and parameter by no more than a share of their scales."""
+        # The parameter is measured by the width of the range, or by less for small values: see `Range.nearness`.
         along = float(point.tangent[-1])
         width = self.within.width * self.within.nearness(point.value)
         across = math.sqrt(max(0.0, 1.0 - along * along))
         return share / math.hypot(across, along * float(self.corrector.scales[-1]) / width)
 
     def _weighed(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return a difference of points, or a tangent, in the metric of angles and distances near the present point.
-
-        The scale of the parameter is constant along the branch. In this metric, length and turn of a step do not
-        depend on that scale or on the range.
-        """
+        """Return a difference of points, or a tangent, in the metric of angles and distances near the present point."""
+        # The scale of the parameter is constant along the branch. In this metric, length and turn of a step do not
+        # depend on that scale or on the range.
         weight = self.within.weight(self.point.value, float(self.corrector.scales[-1]))
         if weight == 1.0:
             return vector
@@ -354,10 +349,8 @@ class Walk(Iterator[BranchPoint]):
         return correction, point, turn
 
     def _accepted(self, correction: Correction, guess: NDArray[np.float64]) -> tuple[BranchPoint | None, float]:
-        """Return the corrected point, and the angle by which the tangent turns in the step.
-
-        The point is None if it may lie on another branch: too far away, or turned too much.
-        """
+        """Return the corrected point, and the angle by which the tangent turns in the step."""
+        # The point is None if it may lie on another branch: too far away, or turned too much.
         chord = correction.x - self.point.x
         step = self.step * length_of(self._weighed(self.point.tangent))
         if length_of(self._weighed(correction.x - guess)) > _FAR * step:
@@ -439,3 +432,96 @@ def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
 def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     """Return the angle between two unit vectors, in radians."""
     return 2.0 * math.asin(min(1.0, length_of(a - b) / 2.0))
+
+
+D = TypeVar("D")
+S = TypeVar("S", bound=tuple[Any, ...])
+T = TypeVar("T", bound=Any)
+R = TypeVar("R")
+P = TypeVar("P")
+F = TypeVar("F")
+
+
+@dataclass(frozen=True)
+class TracingState(Generic[S]):
+    """Progress of a tracing: the state, the end and the steps of each direction that was begun."""
+
+    states: tuple[Any, ...]
+    ends: tuple[Any, ...]
+    steps: tuple[tuple[S, ...], ...]
+
+
+class Tracing(Iterator[S], Generic[D, T, S]):
+    """Iterator over the steps of a curve, traced in each direction in which it leaves its start.
+
+    A trace is an iterator over the steps in one direction. Its `end` is None while it continues; `is_closed` says that
+    the curve has returned to its start; one that is made with its `state` resumes it.
+
+    Attributes
+    ----------
+    steps
+        The steps that each trace has yielded.
+    """
+
+    def __init__(
+        self, beginnings: Sequence[D], begin: Callable[[D, Any], T], resume: TracingState[S] | None = None
+    ) -> None:
+        self._beginnings, self._begin = beginnings, begin
+        self.traces: list[T] = []
+        self.steps: list[list[S]] = []
+        for state, end, steps in zip(resume.states, resume.ends, resume.steps, strict=True) if resume else ():
+            self._begin_next(state, steps)
+            if end is not None:
+                self.traces[-1].end = end
+
+    def to_end(self, record: Callable[[Any], R], report: Callable[..., object] | None = None) -> R:
+        """Trace to the end, call `report` with the parts of each step, and return `record` of this tracing."""
+        try:
+            for step in self:
+                if report is not None:
+                    report(*step)
+        except KeyboardInterrupt:
+            if not self.traces:
+                raise
+            raise Interrupted(record(self)) from None
+        return record(self)
+
+    @property
+    def state(self) -> TracingState[S]:
+        """Progress so far: a tracing made with it as `resume` continues as if it had never been stopped."""
+        return TracingState(
+            tuple(trace.state for trace in self.traces),
+            tuple(trace.end for trace in self.traces),
+            tuple(map(tuple, self.steps)),
+        )
+
+    def __next__(self) -> S:
+        while True:
+            if self.traces:
+                try:
+                    step = next(self.traces[-1])
+                except StopIteration:
+                    if self.traces[-1].is_closed or len(self.traces) == len(self._beginnings):
+                        raise
+                else:
+                    self.steps[-1].append(step)
+                    return step
+            self._begin_next(None, ())
+
+    def _begin_next(self, state: Any, steps: Sequence[S]) -> None:
+        self.traces.append(self._begin(self._beginnings[len(self.traces)], state))
+        self.steps.append(list(steps))
+
+
+def in_one_direction(
+    walked: Sequence[Sequence[tuple[P, list[F]]]], first: P, turn: Callable[[P], P], turn_found: Callable[[F], F]
+) -> tuple[tuple[P, ...], tuple[F, ...]]:
+    """Join the steps of one or two traces into the points of a curve and the events between them."""
+    *back, ahead = walked
+    points, found = [first], []
+    for steps in back:
+        points = [*(turn(point) for point, _ in reversed(steps)), first]
+        found = [turn_found(each) for _, before in reversed(steps) for each in reversed(before)]
+    points += [point for point, _ in ahead]
+    found += [each for _, before in ahead for each in before]
+    return tuple(points), tuple(found)

@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
+from _thread import interrupt_main
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing import get_context
@@ -24,12 +26,15 @@ if TYPE_CHECKING:
     from types import TracebackType
     from typing import Self
 
+    from gapwalk.explorer.engine_tasks import Task
     from gapwalk.explorer.progress_stream import Progress
-    from gapwalk.explorer.tasks import Task
+
+
+_PAUSE = signal.SIGBREAK if sys.platform == "win32" else signal.SIGUSR1  # the signal that pauses the main thread
 
 
 def obey_control(held: Any) -> None:
-    """Pause, resume and end as the control pipe requests; call it in the main thread of the process."""
+    """Pause, resume, stop and end as the control pipe requests; call it in the main thread of the process."""
     free = threading.Event()
     free.set()
 
@@ -41,15 +46,21 @@ def obey_control(held: Any) -> None:
         assert main is not None
         try:
             while True:
-                if held.recv() == "pause":
-                    free.clear()
-                    signal.pthread_kill(main, signal.SIGUSR1)
-                else:
+                word = held.recv()
+                if word == "resume":
                     free.set()
+                    continue
+                if word == "pause":
+                    free.clear()
+                number = _PAUSE if word == "pause" else signal.SIGINT
+                if sys.platform == "win32":
+                    interrupt_main(number)
+                else:
+                    signal.pthread_kill(main, number)
         except (EOFError, OSError):
             os._exit(1)
 
-    signal.signal(signal.SIGUSR1, wait_until_free)
+    signal.signal(_PAUSE, wait_until_free)
     threading.Thread(target=watch, daemon=True).start()
 
 
@@ -103,9 +114,7 @@ class Engine:
         """Interrupt the current task; end the process if it does not react."""
         process = self._process
         self.resume()
-        if process.is_alive():
-            with suppress(ProcessLookupError):
-                os.kill(process.pid, signal.SIGINT)
+        self._say("stop")
         timer = threading.Timer(_PATIENCE, self._end_if_busy, (process, self._count))
         timer.daemon = True
         timer.start()
@@ -148,11 +157,12 @@ class Engine:
 
 def _work(line: Any, held: Any) -> None:
     """Do tasks, one after the other: the main function of the process."""
-    from gapwalk.explorer.tasks import do  # the server does not wait until this is loaded
+    from gapwalk.explorer.engine_tasks import do  # the server does not wait until this is loaded
 
     obey_control(held)
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    if sys.platform != "win32":
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     while True:
         try:
             task = line.recv()

@@ -139,10 +139,8 @@ def answers(asked: Asked) -> Iterator[dict[str, Any]]:
 
 
 def work(line: Any) -> None:
-    """Walk what is asked for, one after the other: the main function of the process.
-
-    It looks for a newer request after each point, and ends with its server, whose end of the pipe then closes.
-    """
+    """Walk what is asked for, one after the other: the main function of the process."""
+    # It looks for a newer request after each point, and ends with its server, whose end of the pipe then closes.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(EOFError, OSError):
         while True:

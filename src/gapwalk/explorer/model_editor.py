@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from gapwalk.errors import ModelError, StoreError
-from gapwalk.explorer.axis_quantities import quantity_words
+from gapwalk.explorer.diagram_lines import quantity_words
 from gapwalk.explorer.motion_panels import scenes_of
-from gapwalk.explorer.session import Session
-from gapwalk.explorer.workspace import MODEL, Workspace
+from gapwalk.explorer.server_state import Session
+from gapwalk.explorer.workspace_folder import MODEL, Workspace
 from gapwalk.model.model_file import check_model
 from gapwalk.model.model_source import MAX_BYTES, Source, parse_source, value_spans
 from gapwalk.model.modes import dissipation_doubts
@@ -187,10 +187,8 @@ def text_of(workspace: Workspace, name: str) -> dict[str, str]:
 
 
 def save_text(workspace: Workspace, name: str, text: str, stamp: str) -> dict[str, str]:
-    """Write a model file of the workspace, whole or not at all.
-
-    Line ends and the mark at the beginning of an existing file stay as they are there.
-    """
+    """Write a model file of the workspace, whole or not at all."""
+    # Line ends and the mark at the beginning of an existing file stay as they are there.
     path, content = _model_path(workspace, name), _checked_size(text)
     before = _stamp(path)
     if before and not stamp:

@@ -26,21 +26,20 @@ from gapwalk.bifurcation.loci import Codim2Point, LocusPoint
 from gapwalk.bifurcation.loci.gradient import Gradient, gradient, moving_names
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, at_once, words_of
 from gapwalk.continuation.curve_points import BranchPoint
-from gapwalk.ensemble.start import state_at_rest
+from gapwalk.ensemble.batch_flow import state_at_rest
 from gapwalk.errors import GapwalkError, ModelError
-from gapwalk.explorer.axis_quantities import is_at_hand, quantity
-from gapwalk.explorer.exploration import Line
+from gapwalk.explorer.diagram_lines import Line, is_at_hand, quantity
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.hysteresis import MODES, StickSlip, stick_slip
 from gapwalk.flow.motion import (
     Motion,
+    assembled_signals,
     contact_to_show,
     force_of,
     integrate,
     is_dry,
     sample,
     signal_names,
-    train_signals,
 )
 from gapwalk.model.contact import ContactForm
 from gapwalk.model.system import System
@@ -57,10 +56,8 @@ _STABILITY = ("stable", "below", "above", "pair", "neutral")
 
 
 def labels() -> tuple[str, ...]:
-    """Return the kinds of stability (see `Instability.label`), then of loci; the page receives their indices.
-
-    Their order is that of the lines in ``page/curves.js``, which takes those of loci from `locus_lines`.
-    """
+    """Return the kinds of stability (see `Instability.label`), then of loci; the page receives their indices."""
+    # Their order is that of the lines in ``page/curves.js``, which takes those of loci from `locus_lines`.
     return (*_STABILITY, *Kind.with_locus())
 
 
@@ -141,10 +138,8 @@ def nodes_of(
     first: int = 0,
     kind: Kind | None = None,
 ) -> list[Node]:
-    """Return the points and special points of a line in the order of the walk, from the point of index `first` on.
-
-    `kind` is the kind of a locus; None for a branch.
-    """
+    """Return the points and special points of a line in the order of the walk, from the point of index `first` on."""
+    # `kind` is the kind of a locus; None for a branch.
     begin = points[first].arclength if first and first < len(points) else -np.inf
     nodes = [
         (point.arclength, Node(i, point.orbit, _label(point, kind))) for i, point in enumerate(points) if i >= first
@@ -169,10 +164,8 @@ def _label(each: BranchPoint | SpecialPoint | LocusPoint | Codim2Point, kind: Ki
 
 
 def special_words(line: Line) -> list[dict[str, Any]]:
-    """Describe the special points of a line for the page: symbols, lines of text, and what can begin there.
-
-    Points at one place have one description. Those after the first are marked: the page draws only that.
-    """
+    """Describe the special points of a line for the page: symbols, lines of text, and what can begin there."""
+    # Points at one place have one description. Those after the first are marked: the page draws only that.
     names, every = (line.parameter, line.second), line.special_points
     if line.kind is not None:
         return [_words_of_codim2(each, names) for each in every if isinstance(each, Codim2Point)]
@@ -262,11 +255,9 @@ def _shares(found: StickSlip, name: str) -> dict[str, float]:
 
 
 def element_curve(sampled: Motion, index: int) -> dict[str, NDArray[np.float64]]:
-    """Return the curves that the page draws of an element, besides force and deflection.
-
-    It is the ``rate`` of the deflection of a rigid stop, whose force is no curve; and, if friction sticks by a spring,
-    the position of its ``slider``: the deflection less the extension of that spring.
-    """
+    """Return the curves that the page draws of an element, besides force and deflection."""
+    # It is the ``rate`` of the deflection of a rigid stop, whose force is no curve; and, if friction sticks by a
+    # spring, the position of its ``slider``: the deflection less the extension of that spring.
     system, form = sampled.system, sampled.system.structure.contacts[index]
     memories = system.structure.memories
     if index in memories:
@@ -446,7 +437,7 @@ def panels_of(motion: Orbit | Settled, signal: str, most: int = _SAMPLES) -> dic
         "v": {name: _rounded(sampled.signal(f"{name}'")) for name in names},
         "a": {name: _rounded(sampled.signal(f"{name}''")) for name in names},
         "struck": _struck(sampled, names),
-        "others": {signal: _rounded(sampled.signal(signal))} if signal in train_signals(system.structure) else {},
+        "others": {signal: _rounded(sampled.signal(signal))} if signal in assembled_signals(system.structure) else {},
         **_contacts(sampled, signal),
         "elements": None if found is None else elements_of(found),
         "log": log_of(sampled, found, _LOG),

@@ -10,13 +10,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+from gapwalk.bifurcation.band import Band
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusPoint
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError
-from gapwalk.studies.map import Map, MapSection
+from gapwalk.studies.bifurcation_map import Map, MapSection
 
 SECONDS = 0.25
 """Time between two reports of progress; more reports would only cost time in the page."""
@@ -56,9 +57,10 @@ class News:
     def __init__(self, report: Callable[[Progress], object]) -> None:
         self._report, self._progress, self._reported = report, Progress(), 0.0
 
-    def point(self, point: BranchPoint | LocusPoint, special_points: list[Any]) -> None:
+    def point(self, point: BranchPoint | LocusPoint | Band, special_points: list[Any]) -> None:
         """Add a new point of the branch or locus in progress, and the special points before it."""
-        self._progress.steps.append((point, special_points))
+        if not isinstance(point, Band):  # it is shown at the end, as a band
+            self._progress.steps.append((point, special_points))
         self._report_if_due()
 
     def locus(self, kind: Kind, second: str) -> None:

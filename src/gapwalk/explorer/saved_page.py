@@ -23,6 +23,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
+from gapwalk.answers.band_picture import Stretches
 from gapwalk.answers.run_up import RunUp
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.attractors.settle import Settled
@@ -32,9 +33,8 @@ from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.bifurcation.loci import Codim2Point, Locus
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
-from gapwalk.explorer.answer_view import AnswerView, drawn_on_paper, has_picture
-from gapwalk.explorer.axis_quantities import measure_name, quantity, quantity_words
-from gapwalk.explorer.exploration import Line, answer_lines, line_of
+from gapwalk.explorer.answer_view import AnswerView, HeardRunUp, drawn_on_paper, has_picture
+from gapwalk.explorer.diagram_lines import Line, line_of, measure_name, quantity, quantity_words
 from gapwalk.explorer.motion_panels import (
     Node,
     energy_table,
@@ -46,19 +46,18 @@ from gapwalk.explorer.motion_panels import (
     scenes_of,
     special_words,
 )
-from gapwalk.explorer.run_up_view import HeardRunUp
-from gapwalk.explorer.session import Session
+from gapwalk.explorer.opened_file import answer_lines
+from gapwalk.explorer.server_state import Session
 from gapwalk.explorer.what_next import at_special, neighbours, stretches
-from gapwalk.explorer.workspace import RECORD, verdict
-from gapwalk.files import open_file
+from gapwalk.explorer.workspace_folder import RECORDS, verdict
 from gapwalk.flow.motion import force_of
 from gapwalk.measurement.measured_record import is_run_up, read_run_up
-from gapwalk.model.measured.measured_table import NamedFile
+from gapwalk.model.measures import full_measure
 from gapwalk.model.system import System
-from gapwalk.model.words import full_measure, signal_words
+from gapwalk.model.words import signal_words
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.studies.bifurcation_map import Map
 from gapwalk.studies.export import write_whole
-from gapwalk.studies.map import Map
 from gapwalk.studies.result import Result
 from gapwalk.studies.settle_study import SettleFinding
 from gapwalk.studies.sweep_study import Sweep
@@ -166,7 +165,6 @@ class Blob:
 
 # Requests of the page about what is heard: order maps of a run-up, its sound, and measured records to lay over it.
 
-_HEADS = 20_000  # bytes of a CSV file in which its line of names is
 _LISTED = 100  # records
 _NAME = 300  # longest text of a request
 
@@ -194,7 +192,7 @@ class HeardRequests:
     def _heard(self, view: HeardRunUp, signal: str, name: str) -> dict[str, Any]:
         record: Tracked | None = None
         if name:
-            path = self.session.workspace.path(name, (RECORD,))
+            path = self.session.workspace.path(name, RECORDS)
             record = read_run_up(path, view.record.system, signal)
         return view.heard(signal, record, name)
 
@@ -221,22 +219,15 @@ class HeardRequests:
         )
 
     async def records(self, request: Request) -> Response:
-        """Return the names of the CSV files in the folder that have columns of time and of the speed."""
+        """Return the names of the files in the folder that have channels of time and of the speed."""
         study = self.session.exploration(_field(request, "file")).described()
         system = None if study is None else study.system
-        names = [] if system is None else [
-            name for name in self.session.workspace.records() if is_run_up(self._heads(name), system)
-        ]  # fmt: skip
+        names = [] if system is None else await self.session.flows.do(lambda: self._run_ups(system))
         return JSONResponse({"records": names[:_LISTED]})
 
-    def _heads(self, name: str) -> NamedFile:
-        """Return a CSV file with its line of names, and what else stands at its beginning."""
-        try:
-            with open_file(self.session.workspace.path(name, (RECORD,))) as file:
-                content = file.read(_HEADS)
-        except (OSError, ValueError):
-            content = b""
-        return NamedFile(name, content[: content.rfind(b"\n") + 1])
+    def _run_ups(self, system: System) -> list[str]:
+        folder = self.session.workspace
+        return [name for name in folder.records() if is_run_up(folder.path(name, RECORDS), system)]
 
     async def _sound(self, request: Request) -> Sound:
         view, signal = self._view(request), _field(request, "signal")
@@ -291,7 +282,13 @@ def lines_of(found: Any) -> Lines:
         case Sweep():
             return _answered(AnswerView(found))
         case Result(finding=None, map=None):
-            return _along(found.named)
+            lines = _along(found.named)
+            with_bands = any(branch.bands for branch in found.branches)
+            return (
+                lines._replace(answer=AnswerView(Stretches(found.branches, shown_measure(found.system, found.walked))))
+                if with_bands
+                else lines
+            )
         case Result(finding=None, map=chart) if chart is not None and chart.loci:
             return lines_of(chart)
         case Result(finding=SettleFinding() as finding):

@@ -7,9 +7,10 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 from gapwalk.errors import ModelError
-from gapwalk.explorer import plan
-from gapwalk.explorer.exploration import Entry, Exploration, State
-from gapwalk.explorer.workspace import RESULT
+from gapwalk.explorer import page_requests
+from gapwalk.explorer import request_tasks as plan
+from gapwalk.explorer.opened_file import Entry, Exploration, State
+from gapwalk.explorer.workspace_folder import RESULT
 from gapwalk.model.model_file import MATRICES
 from gapwalk.model.model_source import parse_source
 from gapwalk.orbit.method import Method, chosen
@@ -65,7 +66,7 @@ class _Script:
         self.names[entry.key] = name
         return name
 
-    def _compute(self, entry: Entry, action: plan.Compute | None, name: str) -> list[str]:
+    def _compute(self, entry: Entry, action: page_requests.Compute | None, name: str) -> list[str]:
         file = Path(self.exploration.name).name
         if action is None:
             return self._lines_of(entry, name, f"gw.open_result({file!r})")
@@ -76,7 +77,7 @@ class _Script:
             self.imports.add("from dataclasses import replace")
         return [f"study = gw.open_result({file!r}).study", *self._lines_of(entry, name, f"gw.run({changed})")]
 
-    def _study(self, entry: Entry, action: plan.Compute) -> str:
+    def _study(self, entry: Entry, action: page_requests.Compute) -> str:
         """Return the study of an entry, from the model at the time of its computation."""
         source = self._source(entry)
         if source is None:
@@ -114,7 +115,7 @@ class _Script:
             return [f"{name} = {result}.branches"]
         return [f"chart = {result}.map", f"{name} = (*chart.branches, *chart.loci)"]
 
-    def _walk(self, entry: Entry, action: plan.Walk, name: str) -> list[str]:
+    def _walk(self, entry: Entry, action: page_requests.Walk, name: str) -> list[str]:
         # Newton's method from the state, which is on the orbit already, as the walk began
         options = self._method(action.start)
         return [
@@ -123,12 +124,12 @@ class _Script:
             f"{name} = (gw.follow(orbit, {action.parameter!r}, {action.to!r}{options}),)",
         ]
 
-    def _switch(self, entry: Entry, action: plan.Switch, name: str) -> list[str]:
+    def _switch(self, entry: Entry, action: page_requests.Switch, name: str) -> list[str]:
         line, _ = self.exploration.special(action.start)
         options, within = self._method(action.start), f"({action.low!r}, {action.high!r})"
         return [f"{name} = (gw.follow({self._place(action.start)}, {line.parameter!r}, {within}{options}),)"]
 
-    def _search(self, entry: Entry, action: plan.Search, name: str) -> list[str]:
+    def _search(self, entry: Entry, action: page_requests.Search, name: str) -> list[str]:
         system = self._base_system(entry) if action.start is None else f"{self._motion(action.start)}.system"
         study = plan.plan(action, self.exploration)[1].study if entry.result is None else entry.result.study
         options = study.options
@@ -150,14 +151,14 @@ class _Script:
             f"{name} = others.branches",
         ]
 
-    def _locus(self, entry: Entry, action: plan.FollowLocus, name: str) -> list[str]:
+    def _locus(self, entry: Entry, action: page_requests.FollowLocus, name: str) -> list[str]:
         line, special = self.exploration.special(action.start)
         low, high = sorted((action.second_low, action.second_high))
         plane = f"{line.parameter!r}, {action.second!r}, {((action.low, action.high), (low, high))!r}"
         options = _option(plan.locus_method(special.orbit, self.exploration.origin(action.start)))
         return [f"{name} = (gw.follow_locus({self._place(action.start)}, {plane}{options}),)"]
 
-    def _settle(self, entry: Entry, action: plan.Settle, name: str) -> list[str]:
+    def _settle(self, entry: Entry, action: page_requests.Settle, name: str) -> list[str]:
         if action.start is None:
             system, start = self._base_system(entry), "'rest'"
         else:
@@ -169,7 +170,7 @@ class _Script:
         word = "classify" if settled is not None and settled.orbit is None else "settle"
         return [f"{name} = gw.{word}({system}, {start}{at})"]
 
-    def _runup(self, entry: Entry, action: plan.RunUp, name: str) -> list[str]:
+    def _runup(self, entry: Entry, action: page_requests.RunUp, name: str) -> list[str]:
         if action.start is None:
             system, own = self._base_system(entry), self.exploration.base().system
         else:
@@ -193,11 +194,11 @@ class _Script:
             else f"gw.studies.read_studies({source})[0].system"
         )
 
-    def _motion(self, place: plan.Place) -> str:
+    def _motion(self, place: page_requests.Place) -> str:
         """Return the motion at a place: an orbit, or a settled motion."""
         return f"{self._place(place)}.orbit" if place.special is not None else self._place(place)
 
-    def _place(self, place: plan.Place) -> str:
+    def _place(self, place: page_requests.Place) -> str:
         """Return the orbit, or the special point, at a place."""
         entry = self.exploration.entry(place.result)
         name = self.repeat(entry)
@@ -212,7 +213,7 @@ class _Script:
             raise ModelError(f"a place in {entry.title} names no point of a branch")
         return f"{line}.points[{place.point}].orbit"
 
-    def _method(self, place: plan.Place) -> str:
+    def _method(self, place: page_requests.Place) -> str:
         """Return the method of an orbit as an argument, if it is not the default."""
         return _option(plan.method_of(plan.orbit_at(place, self.exploration), self.exploration.origin(place)))
 

@@ -31,11 +31,11 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
 from gapwalk.answers.shown_measure import shown_measure
+from gapwalk.cache_folder import trusted
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.explorer.answer_view import AnswerView, drawn_on_paper
-from gapwalk.explorer.axis_quantities import MEASURE, quantity
+from gapwalk.explorer.diagram_lines import MEASURE, quantity
 from gapwalk.explorer.engine import Engine
-from gapwalk.explorer.exploration import Exploration
 from gapwalk.explorer.model_editor import checks, edit
 from gapwalk.explorer.motion_panels import (
     GradientWork,
@@ -46,14 +46,15 @@ from gapwalk.explorer.motion_panels import (
     details_of,
     panels_of,
 )
-from gapwalk.explorer.plan import Place, orbit_at
+from gapwalk.explorer.opened_file import Exploration
+from gapwalk.explorer.page_requests import Place
 from gapwalk.explorer.progress_stream import Events
+from gapwalk.explorer.request_tasks import orbit_at
 from gapwalk.explorer.saved_page import HeardRequests
 from gapwalk.explorer.script import script_of
-from gapwalk.explorer.session import Session
+from gapwalk.explorer.server_state import Session
 from gapwalk.explorer.what_next import next_of
-from gapwalk.explorer.workspace import Workspace, model_file
-from gapwalk.flow.flow_cache import trusted
+from gapwalk.explorer.workspace_folder import Workspace, model_file
 from gapwalk.studies.export import table_of
 
 # Checks of every request: only pages of this server may send requests, and only small ones.

@@ -12,8 +12,11 @@ from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError
-from gapwalk.explorer.exploration import Exploration, Line
-from gapwalk.explorer.plan import Place, is_same_system
+from gapwalk.explorer.diagram_lines import Line
+from gapwalk.explorer.opened_file import Exploration
+from gapwalk.explorer.page_requests import Place
+from gapwalk.explorer.request_tasks import is_same_system
+from gapwalk.model.measures import parsed
 from gapwalk.model.system import System
 from gapwalk.model.words import measure_words, parameter_symbol, value_words
 from gapwalk.orbit.orbit import Orbit
@@ -141,7 +144,8 @@ def _jump(special: SpecialPoint, way: float, measure: str, near: list[Stretch]) 
 def _unit_of(special: SpecialPoint, measure: str) -> str:
     """Return the unit of a measure with a space before it; empty for a plain number."""
     units = special.orbit.system.units
-    unit = units.signal(measure.partition(".")[2])[1] if units else ""
+    asked = parsed(measure)
+    unit = asked.unit(units) if asked else ""
     return f" {unit}" if unit else ""
 
 

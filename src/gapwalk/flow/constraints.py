@@ -31,6 +31,8 @@ class Constraint:
 
     Shapes: `vectors` (independent, n); `impulses` (n, independent).
 
+    Shapes: `impulses` (n, independent).
+
     Attributes
     ----------
     impulses : shape (n, independent)

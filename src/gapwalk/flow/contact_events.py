@@ -21,14 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import FlowError
-from gapwalk.flow.dry_state import Kink, largest
-from gapwalk.flow.dry_switches import DrySwitches, ModeSwitches, taylor_beginning, taylor_reach
 from gapwalk.flow.equations import BreakpointGeometry, Equations
 from gapwalk.flow.event_rule import Quotient, jump_of
 from gapwalk.flow.forces import Angles, accelerations
+from gapwalk.flow.friction_state import Kink, largest
+from gapwalk.flow.friction_switches import DrySwitches, ModeSwitches, taylor_beginning, taylor_reach
 from gapwalk.flow.impacts import Impacts
 
-COOLDOWN = 1e-9  # radians of theta; heyoka's automatic value is 0 for a start at rest on a breakpoint, and loops
+COOLDOWN = 1e-9  # radians of theta for which an event does not repeat
 _SLOW = 1e-6  # relative approach velocity below which a crossing may be a touch that ends within the cooldown
 _ON = 1e-13  # relative distance within which a motion counts as being on a breakpoint
 _LATE = 1e-6  # radians by which a slow crossing may be reported after it was set beside another event
@@ -54,51 +54,6 @@ class ContactEvent(NamedTuple):
     switch: int  #: The stage and its side: index into `Equations.switches`.
     enters: bool  #: True if the contact closes, False if it opens.
     velocity: float  #: Rate of the deflection over time; its absolute value is the approach velocity.
-
-
-class EventCall:
-    """Callbacks of one event, which call ``owner.at_event(index, ...)``; see `answer_events`.
-
-    heyoka copies the callbacks together with the integrator, and holds them where Python's garbage collector does not
-    look. A callback that refers to the owner of the integrator would keep both alive for good, 2 MB for each structure.
-    Callbacks therefore hold a weak reference, and each copy of an integrator has its own.
-    """
-
-    __slots__ = ("index", "owner")
-
-    def __init__(self, index: int) -> None:
-        self.index = index
-        self.owner: Any = None
-
-    def __deepcopy__(self, memo: Any) -> EventCall:
-        """Return the callback for a copy of the integrator, which has another owner."""
-        return EventCall(self.index)
-
-    def switch(self, integrator: Any, _direction: int) -> bool:
-        """Report a terminal event to the owner; return whether the integrator continues."""
-        return self.owner().at_event(self.index, integrator.time)
-
-    def mode(self, _integrator: Any, direction: int) -> bool:
-        """Report that a guard of a mode changes its sign; return whether the integrator continues."""
-        return self.owner().at_guard(self.index, direction)
-
-    def slip(self, _integrator: Any, direction: int) -> bool:
-        """Report an event of friction; return whether the integrator continues."""
-        return self.owner().at_slip(self.index, direction)
-
-    def restart(self, _integrator: Any, _direction: int) -> bool:
-        """Report that a new Taylor series begins, and nothing else; return whether the integrator continues."""
-        return self.owner().at_restart()
-
-    def turn(self, integrator: Any, theta: float, _direction: int) -> None:
-        """Report an event that does not stop the integrator."""
-        self.owner().at_event(self.index, theta)
-
-
-def answer_events(owner: Any, events: Iterable[Any]) -> None:
-    """Connect the callbacks of an integrator's events, methods of `EventCall`s, to ``owner.at_event``."""
-    for event in events:
-        event.callback.__self__.owner = ref(owner)
 
 
 class Switchboard(BreakpointGeometry):
@@ -133,10 +88,8 @@ class Switchboard(BreakpointGeometry):
         self.listener: Callable[[], Callable[[float], None] | None] | None = None  # (weak) of every event
 
     def attach(self, integrator, columns: int, readings: Any = None) -> None:
-        """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns.
-
-        `readings` are those of friction and rigid stops, if there are any.
-        """
+        """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns."""
+        # `readings` are those of friction and rigid stops, if there are any.
         self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
         self._columns, self._moving = columns, self._state[: 2 * self.n]
         self._is_plain = [  # nothing but the switch changes at its events
@@ -145,8 +98,18 @@ class Switchboard(BreakpointGeometry):
         ]
         self.modes.attach(integrator)
         self.dry.attach(integrator, columns, readings, self._coefficient_change())
-        if self.count or self.modes.mode_count or self.dry.count or self.equations.restarts:
-            answer_events(self, integrator.t_events)
+
+    def answer(self, kind: str, index: int, direction: int) -> bool:
+        """Answer an event of the integrator; return whether it continues."""
+        match kind:
+            case "switch":
+                return self.at_event(index, self._integrator.time)
+            case "mode":
+                return self.at_guard(index, direction)
+            case "slip":
+                return self.at_slip(index, direction)
+            case _:
+                return self.at_restart()
 
     @property
     def coefficients(self) -> NDArray[np.float64]:
@@ -168,10 +131,8 @@ class Switchboard(BreakpointGeometry):
     def start(
         self, coefficients: NDArray, directions: NDArray, theta: float, event_limit: int, unit: float = 1.0
     ) -> None:
-        """Set every switch for the state in the integrator, and begin a new log with lengths in multiples of `unit`.
-
-        `directions` are those of the coefficients along which there are sensitivities, shape (directions, number).
-        """
+        """Set every switch for the state in the integrator, and begin a new log with lengths in multiples of `unit`."""
+        # `directions` are those of the coefficients along which there are sensitivities, shape (directions, number).
         self.log, self.missed, self.event_limit, self._unit, self._counted = [], 0, event_limit, unit, theta
         if self.chatters:
             self.sums(_NOWHERE)
@@ -256,10 +217,8 @@ class Switchboard(BreakpointGeometry):
         return self._go_on(theta)
 
     def _settle(self, switch: int, theta: float, reported: bool = True) -> bool:
-        """Set one switch for a motion on its breakpoint; return whether that changes it.
-
-        A reported event that changes nothing shows that the one before it was missed.
-        """
+        """Set one switch for a motion on its breakpoint; return whether that changes it."""
+        # A reported event that changes nothing shows that the one before it was missed.
         if theta < self._left[switch]:
             return False
         velocity, before = self._rate(switch, theta), self._inside[switch]
@@ -311,11 +270,9 @@ class Switchboard(BreakpointGeometry):
         return max(abs(velocity), self._speeds[switch]) * passed <= self._rounding(switch)
 
     def _leaves(self, switch: int, velocity: float, theta: float) -> bool:
-        """Return True if a motion crosses the breakpoint of a stop that has let go, but has not left it yet.
-
-        It leaves in the third order of time, or at once after an impulse, and rounding of its position may be a
-        crossing until then.
-        """
+        """Return True if a motion crosses the breakpoint of a stop that has let go, but has not left it yet."""
+        # It leaves in the third order of time, or at once after an impulse, and rounding of its position may be a
+        # crossing until then.
         outwards = self._signs[switch] * velocity < 0.0
         return outwards and abs(velocity) * (theta - self._opened[switch]) <= self._rounding(switch)
 
@@ -329,11 +286,9 @@ class Switchboard(BreakpointGeometry):
             self.modes.refresh(theta, self._closed())
 
     def _settle_simultaneous(self, others: Iterable[int], theta: float) -> None:
-        """Set those of some other switches whose breakpoints are crossed at the same time.
-
-        If two events coincide, the integrator reports one, and the other only if rounding leaves a sign change of it.
-        Examples are the two sides of a gap of no width, two equal contacts, and a symmetric system.
-        """
+        """Set those of some other switches whose breakpoints are crossed at the same time."""
+        # If two events coincide, the integrator reports one, and the other only if rounding leaves a sign change of it.
+        # Examples are the two sides of a gap of no width, two equal contacts, and a symmetric system.
         state = self._moving.tolist()
         depths = self._depths(state, theta)
         # no motion is larger than that, so its size need not be known
@@ -357,18 +312,16 @@ class Switchboard(BreakpointGeometry):
             self._settle(other, theta, reported=False)
 
     def _leave(self, starts: dict[int, float], theta: float) -> None:
-        """Set the switches on whose breakpoints the motion starts, by the sides to which it leaves them.
-
-        Velocity and acceleration do not always decide: a mass at rest leaves in the third order under a sine, and two
-        orders later for each further mass through which it is pushed. Therefore the Taylor series of the motion
-        decides: its first non-zero term does not depend on the switch itself. It may depend on another one, which
-        then leaves earlier, so the series is evaluated again until nothing changes. A crossing before the motion has
-        left its breakpoint by more than rounding is not an event. `starts` are the depths of those switches.
-        """
+        """Set the switches on whose breakpoints the motion starts, by the sides to which it leaves them."""
+        # Velocity and acceleration do not always decide: a mass at rest leaves in the third order under a sine, and two
+        # orders later for each further mass through which it is pushed. Therefore the Taylor series of the motion
+        # decides: its first non-zero term does not depend on the switch itself. It may depend on another one, which
+        # then leaves earlier, so the series is evaluated again until nothing changes. A crossing before the motion has
+        # left its breakpoint by more than rounding is not an event. `starts` are the depths of those switches.
         distance = 2.0 * _ON * (self._scale + self._size(self._moving.tolist()))
         for _ in range(self.count):
-            self._integrator.step(max_delta_t=0.0, write_tc=True)
-            series, longest = self._integrator.tc[: self.n, 1:], taylor_reach(self._integrator.tc[: 2 * self.n])
+            known = self._integrator.series()
+            series, longest = known[: self.n, 1:], taylor_reach(known[: 2 * self.n])
             for switch, start in starts.items():
                 depths = self._vectors[switch] @ series
                 if self._lines[switch] is not None:
@@ -401,11 +354,9 @@ class Switchboard(BreakpointGeometry):
         return turning
 
     def _jump(self, switch: int, rate: float, inside: bool, theta: float) -> None:
-        """Transform the sensitivities at a jump of the force, without a reset of the state.
-
-        Then ``F+ - F-`` is the jump times ``-D / W`` and ``den`` the rate over W, so only their quotient is needed. It
-        stays finite if the jump vanishes with the rate, as for a viscous damper.
-        """
+        """Transform the sensitivities at a jump of the force, without a reset of the state."""
+        # Then ``F+ - F-`` is the jump times ``-D / W`` and ``den`` the rate over W, so only their quotient is needed.
+        # It stays finite if the jump vanishes with the rate, as for a viscous damper.
         if switch not in self._of_motion:
             directions, quotients = self._directions(), self._jumps[switch]
             assert quotients is not None
@@ -421,10 +372,8 @@ class Switchboard(BreakpointGeometry):
         columns[:, self.n : 2 * self.n] -= np.outer(shifts, (jump if inside else -jump) * push)
 
     def _shifts(self, switch: int, theta: float, known: tuple[NDArray, NDArray] | None = None) -> NDArray[np.float64]:
-        """Return the change of the deflection of a switch less its breakpoint, along each column.
-
-        Derivatives of the deflection vector and of the breakpoint along the directions may be known.
-        """
+        """Return the change of the deflection of a switch less its breakpoint, along each column."""
+        # Derivatives of the deflection vector and of the breakpoint along the directions may be known.
         columns = self._state[self.size :].reshape(self._columns, self.size)
         shifts = columns[:, : self.n] @ self._vectors[switch]
         if known is None:
@@ -497,6 +446,7 @@ class Switchboard(BreakpointGeometry):
 
     def _go_on(self, theta: float) -> bool:
         """Return whether the integrator continues after an event."""
+        self.dry.latest = theta
         if self.dry.sign_of:
             self._log_released(theta)
         if self.modes.mode_count and self.dry.count:
@@ -599,8 +549,8 @@ class Turn(NamedTuple):
 class TurningPoints:
     """The turning points that one integrator finds."""
 
-    def __init__(self, equations: Equations, taylor: Any, switches: Switchboard) -> None:
-        self._equations, self._taylor, self._switches = equations, taylor, switches
+    def __init__(self, equations: Equations, switches: Switchboard) -> None:
+        self._equations, self._switches = equations, switches
         self._turns: list[Turn] = []
         self._numbers, self._still = b"", dict[tuple[int, ...], list[int]]()  # what keeps still, by what is held
         layout = equations.layout
@@ -626,12 +576,11 @@ class TurningPoints:
                 self.vectors[event] = coefficients[slots]
             self._longest = float(np.abs(self.vectors).sum(axis=1).max())
 
-    def at_event(self, event: int, theta: float) -> None:
+    def at_event(self, event: int, theta: float, positions: list[float]) -> None:
         """Record where a coordinate or a deflection turns, at an event of the integrator."""
         if self._switches.dry.held and event in self._keeping_still():
             return  # its rate is 0 all the time, and changes its sign by rounding
-        positions = self._taylor.update_d_output(theta)[: self._size]
-        self._turns.append(Turn(event, theta, (positions if self._unit == 1.0 else positions * self._unit).tolist()))
+        self._turns.append(Turn(event, theta, [self._unit * each for each in positions[: self._size]]))
 
     def at_stop(self, theta: float) -> None:
         """Note an event of friction or stops, which stops the integrator: it may report no other at the same time."""
@@ -656,10 +605,8 @@ class TurningPoints:
         return known
 
     def found(self) -> list[Turn]:
-        """Return all turning points since the start, with those at events that stop the integrator.
-
-        Among these are the kinks of a coordinate with ``abs(v)`` or friction, and impacts.
-        """
+        """Return all turning points since the start, with those at events that stop the integrator."""
+        # Among these are the kinks of a coordinate with ``abs(v)`` or friction, and impacts.
         layout, coefficients = self._equations.layout, self._coefficients
         n, kinks = self._size, list(self._switches.dry.kinks)
         for theta, state in self._switches.modes.kinks:

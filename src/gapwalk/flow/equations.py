@@ -14,11 +14,26 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property, lru_cache, partial
 from typing import Any, NamedTuple
 
-import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.flow_cache import RunTimeParameters
+from gapwalk.flow.run_time import RunTimeParameters
+from gapwalk.flow.symbols import (
+    ANGLE,
+    FUNCTIONS,
+    ZERO,
+    Symbol,
+    cos,
+    derivative,
+    number,
+    parameter,
+    parameters_of,
+    replaced,
+    sin,
+    sqrt,
+    total,
+    variable,
+)
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots, Wave, coefficients_of, layout_of
 from gapwalk.model.laws import CLEARANCE, Friction, Host, Stages, StageTerms
 from gapwalk.model.structure import Structure
@@ -53,11 +68,9 @@ class LengthUnit:
         ]
 
     def natural(self, coefficients: NDArray[np.float64]) -> float:
-        """Return the smaller of the smallest clearance and the amplitude of a free mass under the loads.
-
-        It is 1 if both are 0. A clearance that is negligible compared with the motion does not determine its size: in
-        a unit of it, rounding alone would move the motion from one side of such a gap to the other.
-        """
+        """Return the smaller of the smallest clearance and the amplitude of a free mass under the loads."""
+        # It is 1 if both are 0. A clearance that is negligible compared with the motion does not determine its size: in
+        # a unit of it, rounding alone would move the motion from one side of such a gap to the other.
         clearances, time = coefficients[self._clearances], coefficients[0]
         gap = float(clearances[clearances > 0.0].min(initial=np.inf))
         load = float(np.abs(coefficients[self._loads]).max(initial=0.0))
@@ -113,10 +126,8 @@ def natural_length(layout: CoefficientLayout, coefficients: NDArray[np.float64])
 
 
 def smallness(system: System) -> float:
-    """Return the size, at most 1, below which states are negligible: tolerances are relative to it or more.
-
-    For systems whose clearances and motions are about 1 or larger it is 1, in the units of the system.
-    """
+    """Return the size, at most 1, below which states are negligible: tolerances are relative to it or more."""
+    # For systems whose clearances and motions are about 1 or larger it is 1, in the units of the system.
     length = _unit_of(system.structure).natural(coefficients_of(system))
     return length if length < _LARGE else 1.0
 
@@ -128,12 +139,6 @@ def magnitude(state: NDArray[np.float64], system: System) -> float:
 
 EDGE = 1e-7
 """Width of the edges of fractional powers, in units of length: nearer to 0 they are polynomials (`power_edge`)."""
-_ZERO = hy.expression(0.0)
-FUNCTIONS = {
-    **{name: getattr(hy, name) for name in ("sin", "cos", "exp", "log", "sqrt", "tanh")},
-    "pow": lambda base, power: (_ZERO + base) ** power,
-}
-"""Functions of formulas, of expressions."""
 _HIDDEN = {"tanh": (-19.0, 19.0), "exp": (-63.0, -54.0, -45.0, -36.0)}
 """Arguments of functions at which their growth becomes visible beside 1, or beside numbers up to 1e10 smaller."""
 _SMALL = 1e-4  # factor that keeps event functions smaller than the motion, for each root
@@ -146,11 +151,11 @@ class _ContactLaw(NamedTuple):
     Taylor series has to begin.
     """
 
-    force: hy.expression
-    slopes: list[tuple[NDArray[np.intp], list[hy.expression]]]
-    guards: list[hy.expression]
-    limits: tuple[hy.expression, hy.expression]
-    restarts: list[hy.expression]
+    force: Symbol
+    slopes: list[tuple[NDArray[np.intp], list[Symbol]]]
+    guards: list[Symbol]
+    limits: tuple[Symbol, Symbol]
+    restarts: list[Symbol]
 
 
 class _Seen(NamedTuple):
@@ -159,146 +164,125 @@ class _Seen(NamedTuple):
     `calls` are the functions that the law evaluates, with their arguments.
     """
 
-    rate: hy.expression
+    rate: Symbol
     stages: Stages
     numbers: dict[str, Any]
-    moves: list[tuple[hy.expression, hy.expression]]
-    motion: dict[hy.expression, hy.expression]
-    calls: list[tuple[str, hy.expression]]
+    moves: list[tuple[Symbol, Symbol]]
+    motion: dict[Symbol, Symbol]
+    calls: list[tuple[str, Symbol]]
 
 
 class Equations(RunTimeParameters):
     """The right-hand sides for one coefficient layout and one pattern of non-zero coefficients; see the base class."""
 
-    @property
-    def text(self) -> str:
-        """Text that identifies these equations, independent of the names of coordinates and contacts."""
-        structure = self.layout.structure
-        contacts = [
-            (repr(form.law), form.reciprocal, *(stage.side.value for stage in form.stages))
-            for form in structure.contacts
-        ]
-        variations = [(*variation[:4], [load for load, _ in variation.loads]) for variation in structure.variations]
-        slots = [np.flatnonzero(self.pattern).tolist(), *(slots.tolist() for slots in self.varying)]
-        ramp = "ramp " if self.ramp else ""
-        return f"{ramp}{structure.size} {contacts} {list(self.layout.orders)} {variations} {self.layout.cycles} {slots}"
-
     @cached_property
     def positions(self) -> list:
         """Symbols of the n positions."""
-        return [hy.make_vars(f"q{i}") for i in range(self.layout.structure.size)]
+        return [variable(f"q{i}") for i in range(self.layout.structure.size)]
 
     @cached_property
     def velocities(self) -> list:
         """Symbols of the n velocities ``v = dq/dt``."""
-        return [hy.make_vars(f"v{i}") for i in range(self.layout.structure.size)]
+        return [variable(f"v{i}") for i in range(self.layout.structure.size)]
 
     @cached_property
-    def rate(self) -> hy.expression:
+    def rate(self) -> Symbol:
         """Symbol of ``r = 1/W``, by which derivatives over t become derivatives over theta."""
         return 1.0 / self._speed if self.ramp else self._coefficient(0)
 
     @cached_property
-    def _speed(self) -> hy.expression:
+    def _speed(self) -> Symbol:
         """The speed W of a ramp: its square grows linearly with theta."""
-        growth, square = (hy.par[self.indices[len(self.pattern) - place]] for place in (2, 1))
-        return hy.sqrt(square + growth * hy.time)
+        growth, square = (parameter(self.indices[len(self.pattern) - place]) for place in (2, 1))
+        return sqrt(square + growth * ANGLE)
 
-    def gap(self, contact: int, stage: int) -> hy.expression:
-        """Return the weighted deflection of a contact past a breakpoint: the stage's event function.
-
-        The tolerance of the integrator is relative to the largest of the variables and the event functions. So the
-        event function of a distant breakpoint must not be larger than the motion.
-        """
+    def gap(self, contact: int, stage: int) -> Symbol:
+        """Return the weighted deflection of a contact past a breakpoint: the stage's event function."""
+        # The tolerance of the integrator is relative to the largest of the variables and the event functions. So the
+        # event function of a distant breakpoint must not be larger than the motion.
         slots, switch = self.layout.contacts[contact], self.switches.index((contact, stage))
-        depth = hy.par[self.first_weight + switch] * self._depth(self._deflection(slots), slots.stages[stage])
+        depth = parameter(self.first_weight + switch) * self._depth(self._deflection(slots), slots.stages[stage])
         if switch not in self.stops:
             return depth
-        held = hy.par[self.first_held + self.stops.index(switch)]  # then the reaction ends the contact
+        held = parameter(self.first_held + self.stops.index(switch))  # then the reaction ends the contact
         return (1.0 - held) * depth + held * self.reaction(self.layout.structure.reactions.index((contact, switch)))
 
-    def guard(self, contact: int, mode: int) -> hy.expression:
+    def guard(self, contact: int, mode: int) -> Symbol:
         """Return the event function of a mode of a law, which does not vanish while it waits (`ModeSwitches.wait`)."""
         guard = self._contact_laws[contact].guards[mode]
         if not self.may_wait:
             return guard
-        waits = hy.par[self.first_waiting + self.modes.index((contact, mode))]
+        waits = parameter(self.first_waiting + self.modes.index((contact, mode)))
         return (1.0 - waits) * guard + waits
 
     @cached_property
-    def restarts(self) -> list[hy.expression]:
-        """Event functions that vanish where the Taylor series of the motion has to begin again.
+    def restarts(self) -> list[Symbol]:
+        """Event functions that vanish where the Taylor series of the motion has to begin again."""
+        # The rest of ``tanh(u)`` to 1 or -1 is below rounding where ``|u| > 19``, and so are all its derivatives:
+        # nothing in the series shows that the function turns farther on, and a step would lead beyond it. The same
+        # holds for ``exp(u)`` far below 0. A step therefore ends where they become visible; from there the series shows
+        # it.
+        return list(dict.fromkeys(each for law in self._contact_laws for each in law.restarts))
 
-        The rest of ``tanh(u)`` to 1 or -1 is below rounding where ``|u| > 19``, and so are all its derivatives: nothing
-        in the series shows that the function turns farther on, and a step would lead beyond it. The same holds for
-        ``exp(u)`` far below 0. A step therefore ends where they become visible; from there the series shows it.
-        """
-        found = {str(each): each for law in self._contact_laws for each in law.restarts}
-        return list(found.values())
-
-    def slip_guards(self, place: int) -> list[hy.expression]:
-        """Return the two event functions of friction, by its place in `dry`: one for each direction of slip.
-
-        In stick they are what is left to the force at which slip begins. In slip rigid friction, which may turn round,
-        has its slip rate for the first one, and a spring in series for that of its direction; the other one does not
-        vanish. So the force of a spring that stops at its limit is no event of the function that has just had one.
-        """
+    def slip_guards(self, place: int) -> list[Symbol]:
+        """Return the two event functions of friction, by its place in `dry`: one for each direction of slip."""
+        # In stick they are what is left to the force at which slip begins. In slip rigid friction, which may turn
+        # round, has its slip rate for the first one, and a spring in series for that of its direction; the other one
+        # does not vanish. So the force of a spring that stops at its limit is no event of the function that has just
+        # had one.
         contact = self.dry[place]
-        stick, breakaway = hy.par[self.first_stick + place], self._contact_laws[contact].limits[1]
+        stick, breakaway = parameter(self.first_stick + place), self._contact_laws[contact].limits[1]
         if not self.layout.contacts[contact].form.law.has_memory:
             force = self.reaction(self.layout.structure.reactions.index((contact, -1)))
             return [
                 (1.0 - stick) * self.slip_rate(place) + stick * (breakaway - force),
                 (1.0 - stick) + stick * (breakaway + force),
             ]
-        force, slip = self._contact_laws[contact].force, hy.par[self.first_slip + place]
+        force, slip = self._contact_laws[contact].force, parameter(self.first_slip + place)
         return [
             (1.0 - stick) * (0.5 * (1.0 + side * slip) * self.slip_rate(place) + 0.5 * (1.0 - side * slip))
             + stick * (breakaway - side * force)
             for side in (1.0, -1.0)
         ]
 
-    def slip_rate(self, place: int) -> hy.expression:
-        """Return the rate at which friction slips, or would slip: that of its deflection, less those of its base.
-
-        In series with a spring, the spring follows its limit where that is not constant.
-        """
+    def slip_rate(self, place: int) -> Symbol:
+        """Return the rate at which friction slips, or would slip: that of its deflection, less those of its base."""
+        # In series with a spring, the spring follows its limit where that is not constant.
         contact = self.dry[place]
         law = self.layout.contacts[contact].form.law
         rate = self._base_rate(contact)
-        return rate - hy.par[self.first_slip + place] * self.creep(contact) if law.has_memory else rate
+        return rate - parameter(self.first_slip + place) * self.creep(contact) if law.has_memory else rate
 
-    def _base_rate(self, contact: int) -> hy.expression:
+    def _base_rate(self, contact: int) -> Symbol:
         slots = self.layout.contacts[contact]
         return self._deflection_rate(slots) - self._coefficient(slots.numbers["speed"])
 
-    def creep(self, contact: int) -> hy.expression:
+    def creep(self, contact: int) -> Symbol:
         """Return the rate over time of the extension of a spring at its limit; 0 if the limit is constant."""
         growth = self._along(self._contact_laws[contact].limits[0], self._motion)
-        if growth == _ZERO:
+        if growth == ZERO:
             return growth
         return growth / (self.rate * self._coefficient(self.layout.contacts[contact].numbers["stiffness"]))
 
-    def _along(self, function: hy.expression, motion: list) -> hy.expression:
+    def _along(self, function: Symbol, motion: list) -> Symbol:
         """Return the derivative of a function by theta along the motion, given the equations of what it depends on."""
-        known, parts = {str(variable): rate for variable, rate in motion}, []
-        for variable in hy.get_variables(function):
-            parts.append(hy.diff(function, hy.make_vars(variable)) * known[variable])
-        explicit = _slope_over_time(function)
-        if explicit != _ZERO:
-            parts.append(explicit)
-        return hy.sum(parts or [_ZERO])
+        known, parts = dict(motion), []
+        for leaf in sorted(function.leaves, key=repr):
+            if leaf.operation == "variable":
+                parts.append(derivative(function, leaf) * known[leaf])
+        parts.append(derivative(function, ANGLE))
+        return total(parts)
 
-    def reaction(self, number: int) -> hy.expression:
+    def reaction(self, number: int) -> Symbol:
         """Return a reaction, by its number in the structure: a sum over the columns of the accelerations."""
         row = self.layout.reactions[number]
         forces = [*self.positions, *self.velocities, *(law.force for law in self._contact_laws)]
         mean = len(forces)
         loads = [self._coefficient(row[mean]), *self._terms(row[mean + 1 :], self._waves)]
-        return hy.sum(loads) - hy.sum(self._terms(row[:mean], forces) or [_ZERO])
+        return total(loads) - total(self._terms(row[:mean], forces))
 
     @cached_property
-    def readings(self) -> list[hy.expression]:
+    def readings(self) -> list[Symbol]:
         """Values by which friction and held stops are decided, as functions of the state and the run-time parameters.
 
         The columns of the accelerations other than positions and velocities: forces of all contacts, 1, waves. Then for
@@ -308,71 +292,67 @@ class Equations(RunTimeParameters):
         for place, contact in enumerate(self.dry):
             found += [self.slip_rate(place), *self._contact_laws[contact].limits]
         found += self._extension_rates
-        return [_ZERO + each for each in found]
+        return [ZERO + each for each in found]
 
     @cached_property
-    def decisions(self) -> list[hy.expression]:
-        """Values by which friction that changes its mode alone is decided, under the coefficients of what is held.
-
-        For each friction: its slip rate, the force in slip, that at which slip begins, the derivative of the slip rate
-        over time with a constant limit, its reaction, and the derivatives by theta of the reaction and of the force at
-        which slip begins. Then the length of the vector of the velocities, and of the positions times W. Then the
-        accelerations.
-        """
+    def decisions(self) -> list[Symbol]:
+        """Values by which friction that changes its mode alone is decided, under the coefficients of what is held."""
+        # For each friction: its slip rate, the force in slip, that at which slip begins, the derivative of the slip
+        # rate over time with a constant limit, its reaction, and the derivatives by theta of the reaction and of the
+        # force at which slip begins. Then the length of the vector of the velocities, and of the positions times W.
+        # Then the accelerations.
         found, turning = [], [each / self.rate for each in self._accelerations]
         for place, contact in enumerate(self.dry):
-            limits, force = self._contact_laws[contact].limits, _ZERO
+            limits, force = self._contact_laws[contact].limits, ZERO
             bent = self._along(self._base_rate(contact), self._motion) / self.rate
             if (contact, -1) in self.layout.structure.reactions:
                 force = self.reaction(self.layout.structure.reactions.index((contact, -1)))
             growths = [self._along(each, self.state) for each in (force, limits[1])]
             found += [self.slip_rate(place), *limits, bent, force, *growths]
         speeds = [*self.velocities, *(q / self.rate for q in self.positions)]
-        speed = hy.sqrt(hy.sum([each * each for each in speeds]))
-        return [_ZERO + each for each in [*found, speed, *turning]]
+        speed = sqrt(total([each * each for each in speeds]))
+        return [ZERO + each for each in [*found, speed, *turning]]
 
     @cached_property
-    def _columns(self) -> list[hy.expression]:
+    def _columns(self) -> list[Symbol]:
         """Columns of the accelerations other than positions and velocities: forces of all contacts, 1, waves."""
-        return [*(law.force for law in self._contact_laws), hy.expression(1.0), *self._waves]
+        return [*(law.force for law in self._contact_laws), number(1.0), *self._waves]
 
     @cached_property
-    def tangents(self) -> tuple[list, list[hy.expression]]:
-        """Changes of the columns of the accelerations and of the limits of friction, and the symbols that they need.
-
-        Those are the state, its change, the change of theta, and those of the coefficients of `tangent_slots`.
-        """
+    def tangents(self) -> tuple[list, list[Symbol]]:
+        """Changes of the columns of the accelerations and of the limits of friction, and the symbols that they need."""
+        # Those are the state, its change, the change of theta, and those of the coefficients of `tangent_slots`.
         state = [*self.positions, *self.velocities, *self.extensions]
-        moved = [hy.make_vars(f"d{symbol}") for symbol in state]
-        turned, found = hy.make_vars("dtheta"), []
-        changed = {int(slot): hy.make_vars(f"dp{slot}") for slot in self.tangent_slots}
+        moved = [variable(f"d{symbol.value}") for symbol in state]
+        turned, found = variable("dtheta"), []
+        changed = {int(slot): variable(f"dp{slot}") for slot in self.tangent_slots}
         for function in self._bounded:
-            used = {int(str(each).removeprefix("p")) for each in hy.get_params(function)}
+            used = parameters_of(function)
             parts = [
-                hy.diff(function, hy.par[self.indices[slot]]) * change
+                derivative(function, parameter(self.indices[slot])) * change
                 for slot, change in changed.items()
                 if self.indices[slot] in used
             ]
-            parts += [self._changed(function, moved), _slope_over_time(function) * turned]
-            found.append(_ZERO + hy.sum(parts))
+            parts += [self._changed(function, moved), derivative(function, ANGLE) * turned]
+            found.append(ZERO + total(parts))
         return [*state, *moved, turned, *changed.values()], found
 
     @cached_property
-    def _bounded(self) -> list[hy.expression]:
+    def _bounded(self) -> list[Symbol]:
         limits = [limit for contact in self.dry for limit in self._contact_laws[contact].limits]
-        return [_ZERO + each for each in [*self._columns, *limits]]
+        return [ZERO + each for each in [*self._columns, *limits]]
 
     @cached_property
     def tangent_slots(self) -> list[int]:
         """Slots of the coefficients that directions change, and that `tangents` depend on."""
-        used = {int(str(each).removeprefix("p")) for function in self._bounded for each in hy.get_params(function)}
+        used = set[int]().union(*map(parameters_of, self._bounded))
         varying = sorted({int(slot) for slots in self.varying for slot in slots})
         return [slot for slot in varying if self.indices[slot] in used]
 
     @cached_property
     def extensions(self) -> list:
         """Symbols of the states of the contacts with a memory."""
-        return [hy.make_vars(f"z{i}m") for i in range(len(self.layout.structure.memories))]
+        return [variable(f"z{i}m") for i in range(len(self.layout.structure.memories))]
 
     @cached_property
     def _motion(self) -> list:
@@ -386,50 +366,45 @@ class Equations(RunTimeParameters):
         return self._motion + [(z, self.rate * rate) for z, rate in memories]
 
     @cached_property
-    def _extension_rates(self) -> list[hy.expression]:
+    def _extension_rates(self) -> list[Symbol]:
         """Rate of each extension over time: of its deflection in stick; in slip it follows the limit."""
         found = []
         for contact in self.layout.structure.memories:
             place = self.dry.index(contact)
-            slip, stick = hy.par[self.first_slip + place], hy.par[self.first_stick + place]
+            slip, stick = parameter(self.first_slip + place), parameter(self.first_stick + place)
             found.append(stick * self._base_rate(contact) + slip * self.creep(contact))
         return found
 
-    def fundamental(self) -> list:
-        """Return the equations of the state transition matrix, column by column: as many as a state has numbers."""
-        size = self.layout.structure.state_size
-        columns = []
-        for j in range(size):
-            columns += self._linearised([hy.make_vars(f"phi{i}_{j}") for i in range(size)])
-        return columns
+    @cached_property
+    def column(self) -> list[tuple[Symbol, Symbol]]:
+        """Equations of a change of the state, the same for each column of the transition matrix."""
+        return self._linearised([variable(f"d{symbol.value}") for symbol, _ in self.state])
 
-    def direction(self, index: int) -> list:
-        """Return the equations of the sensitivity to the coefficients along a direction given at run time."""
-        size = self.layout.structure.state_size
-        first = self.first_component(index)
-        equations = self._linearised([hy.make_vars(f"z{i}_{index}") for i in range(size)])
-        forced = []
-        for (variable, linear), (_, force) in zip(equations, self.state, strict=True):
-            terms, used = [linear], {int(str(each).removeprefix("p")) for each in hy.get_params(force)}
-            for component, slot in enumerate(self.varying[index].tolist()):
-                if self.indices[slot] in used:
-                    terms.append(hy.diff(force, hy.par[self.indices[slot]]) * hy.par[first + component])
-            forced.append((variable, hy.sum(terms)))
-        return forced
+    def forcing(self, index: int) -> list[Symbol]:
+        """Return what is added to these equations for the coefficients along a direction given at run time."""
+        first, found = self.first_component(index), []
+        for _, force in self.state:
+            used = parameters_of(force)
+            found.append(
+                total(
+                    derivative(force, parameter(self.indices[slot])) * parameter(first + component)
+                    for component, slot in enumerate(self.varying[index].tolist())
+                    if self.indices[slot] in used
+                )
+            )
+        return found
 
     def integrals(self) -> list:
         """Return the equations of the integrals over theta of each position and of its square."""
-        firsts = [(hy.make_vars(f"s{i}"), q) for i, q in enumerate(self.positions)]
-        return firsts + [(hy.make_vars(f"ss{i}"), q * q) for i, q in enumerate(self.positions)]
+        firsts = [(variable(f"s{i}"), q) for i, q in enumerate(self.positions)]
+        return firsts + [(variable(f"ss{i}"), q * q) for i, q in enumerate(self.positions)]
 
     @cached_property
-    def turning(self) -> list[tuple[NDArray[np.intp] | None, hy.expression]]:
-        """Event functions that vanish where a coordinate or a contact's deflection turns.
-
-        First the n velocities, then the deflection rates of those contacts that depend on more than one coordinate,
-        each with the slots of its deflection vector (None for a coordinate).
-        """
-        events: list[tuple[NDArray[np.intp] | None, hy.expression]] = [(None, v) for v in self.velocities]
+    def turning(self) -> list[tuple[NDArray[np.intp] | None, Symbol]]:
+        """Event functions that vanish where a coordinate or a contact's deflection turns."""
+        # First the n velocities, then the deflection rates of those contacts that depend on more than one coordinate,
+        # each with the slots of its deflection vector (None for a coordinate).
+        events: list[tuple[NDArray[np.intp] | None, Symbol]] = [(None, v) for v in self.velocities]
         for contact in self.layout.contacts:
             if np.count_nonzero(self.pattern[contact.deflection]) > 1 or contact.sway is not None:
                 events.append((contact.deflection, self._deflection_rate(contact)))
@@ -438,49 +413,49 @@ class Equations(RunTimeParameters):
     def _coefficient(self, slot: int):
         """Return the symbol of one coefficient, or the number 0 if it is not included."""
         if not self.pattern[slot]:
-            return _ZERO
-        found, count = hy.par[self.indices[int(slot)]], len(self.layout)
+            return ZERO
+        found, count = parameter(self.indices[int(slot)]), len(self.layout)
         for power in (1, 2) if self.ramp else ():
             if self.pattern[slot + power * count]:
-                found = found + hy.par[self.indices[slot + power * count]] * self._speed**power
+                found = found + parameter(self.indices[slot + power * count]) * self._speed**power
         return found
 
-    def _terms(self, slots, symbols) -> list[hy.expression]:
+    def _terms(self, slots, symbols) -> list[Symbol]:
         """Return the products of coefficients and symbols, without those that are zero."""
         return [
             self._coefficient(slot) * symbol for slot, symbol in zip(slots, symbols, strict=True) if self.pattern[slot]
         ]
 
-    def _dot(self, slots, symbols) -> hy.expression:
-        return hy.sum(self._terms(slots, symbols) or [_ZERO])
+    def _dot(self, slots, symbols) -> Symbol:
+        return total(self._terms(slots, symbols))
 
-    def _deflection(self, slots: ContactSlots, argument: int = 0) -> hy.expression:
+    def _deflection(self, slots: ContactSlots, argument: int = 0) -> Symbol:
         moved = self._dot(slots.deflections[argument], self.positions)
         wave = slots.waves.get(slots.form.law.arguments[argument])
         return moved if wave is None else moved + self._wave(wave)
 
-    def _deflection_rate(self, slots: ContactSlots, argument: int = 0) -> hy.expression:
+    def _deflection_rate(self, slots: ContactSlots, argument: int = 0) -> Symbol:
         moved = self._dot(slots.deflections[argument], self.velocities)
         wave = slots.waves.get(slots.form.law.arguments[argument])
         return moved if wave is None else moved + self._wave_rate(wave) / self.rate
 
     @cached_property
-    def _waves(self) -> list[hy.expression]:
+    def _waves(self) -> list[Symbol]:
         """Cosines, then sines, of all orders."""
-        return [wave(float(order) * hy.time) for wave in (hy.cos, hy.sin) for order in self.layout.orders]
+        return [wave(float(order) * ANGLE) for wave in (cos, sin) for order in self.layout.orders]
 
-    def _wave(self, wave: Wave) -> hy.expression:
+    def _wave(self, wave: Wave) -> Symbol:
         """Return the variation of a number."""
         cycles = [
             factor * (self._coefficient(low) + (self._coefficient(high) - self._coefficient(low)) * level)
             for (_, low, high, *_), level, factor in (
-                (self.layout.cycles[number], hy.par[self.first_level + number], factor)
+                (self.layout.cycles[number], parameter(self.first_level + number), factor)
                 for number, factor in wave.cycles
             )
         ]
-        return hy.sum([*self._terms(wave.lines, self._waves), *cycles] or [_ZERO])
+        return total([*self._terms(wave.lines, self._waves), *cycles])
 
-    def _wave_rate(self, wave: Wave) -> hy.expression:
+    def _wave_rate(self, wave: Wave) -> Symbol:
         """Return the derivative of a displacement by theta."""
         count, orders = len(self.layout.orders), self.layout.orders
         terms = [
@@ -495,12 +470,12 @@ class Equations(RunTimeParameters):
                 if self.pattern[slot]
             ),
         ]
-        return hy.sum(terms or [_ZERO])
+        return total(terms)
 
     @cached_property
     def _contact_laws(self) -> list[_ContactLaw]:
         """Force of each contact with its derivatives."""
-        laws, length = [], hy.par[self.length]
+        laws, length = [], parameter(self.length)
         for index, contact in enumerate(self.layout.contacts):
             law, seen = contact.form.law, self._seen(index)
             vectors, moves, motion = list(contact.deflections), seen.moves, seen.motion
@@ -510,43 +485,44 @@ class Equations(RunTimeParameters):
                 outside = self.layout.contacts[host]
                 seen.stages.host = Host(other.stages, outside.form.law.force(other.rate, other.stages, other.numbers))
                 vectors, moves, motion = [*vectors, *outside.deflections], moves + other.moves, motion | other.motion
-            force = _ZERO + law.force(seen.rate, seen.stages, seen.numbers)
+            force = ZERO + law.force(seen.rate, seen.stages, seen.numbers)
             force = force / length if law.is_formula else force
-            guards = [_ZERO + each for each in law.guards(seen.rate, seen.stages, seen.numbers)]
-            limits = [_ZERO] * 2
+            guards = [ZERO + each for each in law.guards(seen.rate, seen.stages, seen.numbers)]
+            limits = [ZERO] * 2
             if isinstance(law, Friction):
-                limits = [_ZERO + each(seen.stages, seen.numbers) for each in (law.limit, law.breakaway)]
+                limits = [ZERO + each(seen.stages, seen.numbers) for each in (law.limit, law.breakaway)]
             slopes = [
-                (vector, [hy.subs(hy.diff(force, each), motion) for each in pair])
+                (vector, replaced([derivative(force, each) for each in pair], motion))
                 for vector, pair in zip(vectors, moves, strict=True)
             ]
-            low, high = (hy.subs(each, motion) for each in limits)
-            guards = [hy.subs(each, motion) for each in guards]
-            restarts = [_restart(name, hy.subs(each, motion)) for name, each in seen.calls if name in _HIDDEN]
-            restarts = [each for each in restarts if hy.get_variables(each) or _slope_over_time(each) != _ZERO]
-            laws.append(_ContactLaw(hy.subs(force, motion), slopes, guards, (low, high), restarts))
+            force, low, high, *guards = replaced([force, *limits, *guards], motion)
+            calls = replaced([each for _, each in seen.calls], motion)
+            restarts = [_restart(name, each) for (name, _), each in zip(seen.calls, calls, strict=True)]
+            restarts = [each for each in restarts if not each.is_constant]
+            laws.append(_ContactLaw(force, slopes, guards, (low, high), restarts))
         return laws
 
     def _seen(self, index: int, prefix: str = "") -> _Seen:
         """Return a contact as its law sees it, in symbols of its own that begin with a prefix."""
-        contact, length = self.layout.contacts[index], hy.par[self.length]
+        contact, length = self.layout.contacts[index], parameter(self.length)
         law, names = contact.form.law, contact.form.law.arguments
         moves = [
-            hy.make_vars(f"{prefix}deflection{place}", f"{prefix}deflection_rate{place}") for place in range(len(names))
+            (variable(f"{prefix}deflection{place}"), variable(f"{prefix}deflection_rate{place}"))
+            for place in range(len(names))
         ]
-        given = [tuple(length * each for each in pair) if law.is_formula else tuple(pair) for pair in moves]
+        given = [(length * x, length * rate) if law.is_formula else (x, rate) for x, rate in moves]
         first, stages = self.first_switch + sum(len(each.stages) for each in self.layout.contacts[:index]), []
         for place, stage in enumerate(contact.stages):
             own = self._named(stage.numbers, stage.waves)
             depth = self._depth(moves[0][0], stage)
-            stages.append(StageTerms(stage.sign, depth, hy.par[first + place], stage.innermost, own))
+            stages.append(StageTerms(stage.sign, depth, parameter(first + place), stage.innermost, own))
         first = self.first_mode + sum(each.form.law.mode_count for each in self.layout.contacts[:index])
-        modes = [hy.par[first + mode] for mode in range(law.mode_count)]
-        calls: list[tuple[str, hy.expression]] = []
+        modes = [parameter(first + mode) for mode in range(law.mode_count)]
+        calls: list[tuple[str, Symbol]] = []
         functions = {**FUNCTIONS, **{name: partial(_noted, calls, name) for name in _HIDDEN}}
-        arguments = Stages(stages, hy.sum, dict(zip(names, given, strict=True)), modes, functions)
+        arguments = Stages(stages, total, dict(zip(names, given, strict=True)), modes, functions)
         if index in self.dry:
-            arguments.slip = hy.par[self.first_slip + self.dry.index(index)]
+            arguments.slip = parameter(self.first_slip + self.dry.index(index))
         if index in self.layout.structure.memories:
             arguments.extension = self.extensions[self.layout.structure.memories.index(index)]
         numbers = self._named(contact.numbers, contact.waves) | ({"_edge": EDGE * length} if law.is_formula else {})
@@ -576,8 +552,8 @@ class Equations(RunTimeParameters):
         return [
             self.rate
             * (
-                hy.sum([self._coefficient(row[mean]), *self._terms(row[mean + 1 :], self._waves)])
-                - hy.sum(self._terms(row[:mean], forces))
+                total([self._coefficient(row[mean]), *self._terms(row[mean + 1 :], self._waves)])
+                - total(self._terms(row[:mean], forces))
             )
             for row in self.layout.accelerations
         ]
@@ -595,44 +571,34 @@ class Equations(RunTimeParameters):
             ]
             if index in memories:
                 place = memories.index(index)
-                parts.append(hy.diff(law.force, self.extensions[place]) * dz[place])
-            changes.append(hy.sum(parts))
+                parts.append(derivative(law.force, self.extensions[place]) * dz[place])
+            changes.append(total(parts))
         forces = [*symbols[: 2 * n], *changes]
         rows = self.layout.accelerations[:, : len(forces)]
         return [
             *((symbol, self.rate * velocity) for symbol, velocity in zip(dq, dv, strict=True)),
-            *((symbol, self.rate * -hy.sum(self._terms(row, forces))) for symbol, row in zip(dv, rows, strict=True)),
+            *((symbol, self.rate * -total(self._terms(row, forces))) for symbol, row in zip(dv, rows, strict=True)),
             *(
                 (symbol, self._changed(rate, symbols))
                 for symbol, (_, rate) in zip(dz, self.state[2 * n :], strict=True)
             ),
         ]
 
-    def _changed(self, function: hy.expression, symbols: list) -> hy.expression:
+    def _changed(self, function: Symbol, symbols: list[Symbol]) -> Symbol:
         """Return the change of a function of the state for a change of the state."""
         state = [*self.positions, *self.velocities, *self.extensions]
-        used = {*hy.get_variables(function)}
-        parts = [
-            hy.diff(function, each) * change for each, change in zip(state, symbols, strict=True) if str(each) in used
-        ]
-        return hy.sum(parts or [_ZERO])
+        return total(derivative(function, each) * change for each, change in zip(state, symbols, strict=True))
 
 
-def _slope_over_time(function: hy.expression) -> hy.expression:
-    """Return the derivative of a function by the angle with the state kept."""
-    angle = hy.make_vars("angle")
-    return hy.subs(hy.diff(hy.subs(function, {hy.time: angle}), angle), {angle: hy.time})
-
-
-def _noted(calls: list[tuple[str, hy.expression]], name: str, argument: Any) -> hy.expression:
+def _noted(calls: list[tuple[str, Symbol]], name: str, argument: Any) -> Symbol:
     """Return a function of an argument, and note that it was evaluated."""
-    calls.append((name, _ZERO + argument))
+    calls.append((name, ZERO + argument))
     return FUNCTIONS[name](argument)
 
 
-def _restart(name: str, argument: hy.expression) -> hy.expression:
+def _restart(name: str, argument: Symbol) -> Symbol:
     """Return an expression that vanishes where the growth of a function becomes visible."""
-    found = hy.expression(1.0)
+    found = number(1.0)
     for place in _HIDDEN[name]:
         found = found * (_SMALL * (argument - place))
     return found
@@ -648,6 +614,8 @@ _CLOSE = 1e-6  # relative distance of two breakpoints of a contact within which 
 
 class BreakpointGeometry:
     """Geometry of the breakpoints of one compiled integrator.
+
+    Shapes: `signs` (count,).
 
     Attributes
     ----------

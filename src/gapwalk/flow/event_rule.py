@@ -49,10 +49,8 @@ def pass_event(
     reset: Formula,
     flows: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.float64]:
-    """Return the changes of the state after an event by the general rule, shape (columns, 2n).
-
-    Shapes: `changes` (columns, 2n); `directions` (columns, number of coefficients).
-    """
+    """Return the changes of the state after an event by the general rule, shape (columns, 2n)."""
+    # Shapes: `changes` (columns, 2n); `directions` (columns, number of coefficients).
     before, after = flows
     rows, step = len(changes), 1j * _STEP  # the last row below is the motion itself
     states = state + step * np.vstack((changes, before))
@@ -63,10 +61,8 @@ def pass_event(
 
 
 def jump_of(layout: CoefficientLayout, contact: int, stage: int) -> Callable[[NDArray[np.float64]], Quotient] | None:
-    """Return the jump of a contact's force where a stage closes, divided by the rate; None if it never jumps.
-
-    The result is a function of the coefficients that returns a function of the rate and of theta.
-    """
+    """Return the jump of a contact's force where a stage closes, divided by the rate; None if it never jumps."""
+    # The result is a function of the coefficients that returns a function of the rate and of theta.
     slots = layout.contacts[contact]
     products = closed_form_of(slots.form.law, slots.form.shapes)
     if products is None or (slots.varies and any(term.power == 0 for term in products)):

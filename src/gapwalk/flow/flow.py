@@ -1,7 +1,7 @@
 """The compiled flow: motions of a system over theta, with sensitivities and exact contact events.
 
-A `Flow` is compiled once for a structure and a pattern of non-zero coefficients (heyoka, Taylor series of high
-order, LLVM) and then serves every value. Each breakpoint of each contact is a terminal event, found to rounding.
+A `Flow` is a program of the compiled kernel (`gapwalk.flow.series_kernel`) for a structure and a pattern of non-zero
+coefficients; it serves every value. Each breakpoint of each contact is a terminal event, found to rounding.
 
 Method: docs/numerics/flow.md
 """
@@ -10,34 +10,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from copy import copy
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 from operator import itemgetter
 from threading import Lock
 from typing import NamedTuple, NoReturn, TypeVar
 from weakref import WeakMethod
 
-import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import FlowError
 from gapwalk.flow.constraints import reachable, reachable_masks
 from gapwalk.flow.contact_events import (
-    COOLDOWN,
     ContactEvent,
-    EventCall,
     Switchboard,
     Turn,
     TurningPoints,
-    answer_events,
 )
-from gapwalk.flow.dry_state import Hold, Kink, SlipEvent
 from gapwalk.flow.equations import Equations, LengthUnit
 from gapwalk.flow.event_rule import jump_of
-from gapwalk.flow.flow_cache import kept
 from gapwalk.flow.forces import CompiledReadings
+from gapwalk.flow.friction_state import Hold, Kink, SlipEvent
+from gapwalk.flow.integrator import Integrator, Outcome
+from gapwalk.flow.series_program import Program
 from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of, varying
 from gapwalk.model.laws import closed_form_of
 from gapwalk.model.structure import Structure
@@ -218,10 +214,8 @@ def _slots(equations: Equations) -> NDArray[np.intp]:
 
 
 def _terms(equations: Equations, contact: int, stage: int) -> list[list[tuple[float, list[int]]]] | None:
-    """Return the products by which a closed stage adds to the slopes of its force by deflection and rate.
-
-    None if one of them is not constant.
-    """
+    """Return the products by which a closed stage adds to the slopes of its force by deflection and rate."""
+    # None if one of them is not constant.
     slots = equations.layout.contacts[contact]
     found: list[list[tuple[float, list[int]]]] = [[], []]
     for term in closed_form_of(slots.form.law, slots.form.shapes) or ():
@@ -242,21 +236,12 @@ T = TypeVar("T")
 PERIOD = 2.0 * math.pi
 """One forcing period, in theta."""
 
-_TOLERANCE = 1e-15
 _TRIES = ((math.inf, 1e-13), (PERIOD / 128, 1e-11), (PERIOD / 2048, 1e-9))  # longest step, and `DrySwitches.unseen`
 _STEPS = 20_000  # Taylor steps per forcing period before a motion counts as divergent; usual are 20 to 2,000
 _EVENTS = 20_000  # contact events per forcing period before a motion counts as chattering without end
-_MOST = 64  # flows in the cache of a process, about 2 MB each for two degrees of freedom
-_MACHINE_CODE = 50_000_000  # bytes of machine code in heyoka's own cache, whose default bound is 2 GB
-_COMPACT_FROM = 150  # number of equations from which heyoka's compact mode saves more than it costs
-
-# number of orders of loads from which it does too: with 20 of them, 0.4 s to compile instead of 2.9 s
-_MANY_ORDERS = 16
-
-if hasattr(hy, "set_logger_level_critical"):
-    hy.set_logger_level_critical()  # a start at rest on a breakpoint once wrote a hundred million warnings
-hy.llvm_state.set_memcache_limit(min(_MACHINE_CODE, hy.llvm_state.get_memcache_limit()))
+_MOST = 64  # flows in the cache of a process
 _compiling = Lock()
+_NO_ANGLES = np.zeros(0)
 _NONE = np.zeros((0, 0, 0))  # derivatives of a motion that was sampled without them
 
 
@@ -314,41 +299,29 @@ class Flow:
         self.has_transition, self.has_survey, self.directions = transition, survey, len(equations.varying)
         # whether the transition matrix is integrated with the state, or follows from the events alone
         self.is_linear = transition and equations.layout.structure.size >= LARGE and LinearTransition.serves(equations)
-        right_hand_sides, integrated = list(equations.state), transition and not self.is_linear
-        if integrated:
-            right_hand_sides += equations.fundamental()
-        for index in range(self.directions):
-            right_hand_sides += equations.direction(index)
-        if survey:
-            right_hand_sides += equations.integrals()
-        with kept(f"{equations.text} transition={integrated} survey={survey}"):
-            self._compiled = hy.taylor_adaptive(
-                right_hand_sides,
-                state=np.zeros(len(right_hand_sides)),
-                pars=np.zeros(equations.first_coefficient + len(equations.active)),
-                t_events=[
-                    hy.t_event(equations.gap(*switch), callback=EventCall(index).switch, cooldown=COOLDOWN)
-                    for index, switch in enumerate(equations.switches)
-                ]
-                + [
-                    hy.t_event(equations.guard(*mode), callback=EventCall(index).mode, cooldown=COOLDOWN)
-                    for index, mode in enumerate(equations.modes)
-                ]
-                + [
-                    hy.t_event(guard, callback=EventCall(2 * place + number).slip, cooldown=COOLDOWN)
-                    for place in range(len(equations.dry))
-                    for number, guard in enumerate(equations.slip_guards(place))
-                ]
-                + [
-                    hy.t_event(place, callback=EventCall(index).restart, cooldown=COOLDOWN)
-                    for index, place in enumerate(equations.restarts)
-                ],
-                nt_events=[
-                    hy.nt_event(rate, EventCall(k).turn) for k, (_, rate) in enumerate(equations.turning) if survey
-                ],
-                tol=_TOLERANCE,
-                compact_mode=len(right_hand_sides) >= _COMPACT_FROM or len(equations.layout.orders) >= _MANY_ORDERS,
-            )
+        integrated = transition and not self.is_linear
+        columns = (self.size if integrated else 0) + self.directions
+        events = {
+            **{("switch", index): equations.gap(*switch) for index, switch in enumerate(equations.switches)},
+            **{("mode", index): equations.guard(*mode) for index, mode in enumerate(equations.modes)},
+            **{
+                ("slip", 2 * place + number): guard
+                for place in range(len(equations.dry))
+                for number, guard in enumerate(equations.slip_guards(place))
+            },
+            **{("restart", index): place for index, place in enumerate(equations.restarts)},
+        }
+        self.events = list(events)
+        self.program = Program(
+            equations.first_coefficient + len(equations.active),
+            equations.state,
+            equations.integrals() if survey else (),
+            columns=columns,
+            lane=equations.column if columns else (),
+            forced=[equations.forcing(index) for index in range(self.directions)],
+            events=list(events.values()),
+            turns=[rate for _, rate in equations.turning] if survey else (),
+        )
         self.readings = CompiledReadings(equations) if equations.dry or equations.stops else None
         self._lengths = LengthUnit(equations.layout)
         self._idle: list[_Integrator] = []
@@ -364,10 +337,8 @@ class Flow:
         keeps: int | None = None,
         sums: bool = True,
     ) -> Arc:
-        """Integrate a state from one theta to another.
-
-        Shapes: `state` (2n,).
-        """
+        """Integrate a state from one theta to another."""
+        # Shapes: `state` (2n,).
         return self._lend(lambda each: each.integrate(coefficients, state, start, stop, direction, keeps, sums))
 
     def sample(
@@ -377,11 +348,9 @@ class Flow:
         thetas: NDArray[np.float64],
         restarts: Restarts = (),
     ) -> Variations:
-        """Return the states at each of the increasing `thetas`, and the events, without derivatives.
-
-        The state given is that at ``thetas[0]``. At the angles of `restarts` the motion continues from their states.
-        Errors as in `integrate`.
-        """
+        """Return the states at each of the increasing `thetas`, and the events, without derivatives."""
+        # The state given is that at ``thetas[0]``. At the angles of `restarts` the motion continues from their states.
+        # Errors as in `integrate`.
         return self._lend(lambda each: each.sample(coefficients, state, thetas, restarts))
 
     def vary(
@@ -391,10 +360,8 @@ class Flow:
         thetas: NDArray[np.float64],
         direction: NDArray[np.float64] | None = None,
     ) -> Variations:
-        """Return states and their derivatives at the increasing `thetas`; parameters as in `sample` and `integrate`.
-
-        For a flow compiled with the transition matrix, and with as many directions as `direction` has rows.
-        """
+        """Return states and their derivatives at the increasing `thetas`; parameters as in `sample` and `integrate`."""
+        # For a flow compiled with the transition matrix, and with as many directions as `direction` has rows.
         return self._lend(lambda each: each.vary(coefficients, state, thetas, direction))
 
     def survey(
@@ -404,18 +371,14 @@ class Flow:
         thetas: NDArray[np.float64],
         restarts: Restarts = (),
     ) -> tuple[NDArray[np.float64], list[Turn], Variations]:
-        """Return the integrals of positions and squared positions, shape (2, n), all turns, and the sampled motion.
-
-        For a flow compiled for a survey. It is sampled at the increasing `thetas`, of which the first is the start, and
-        surveyed up to the last. Errors as in `integrate`, restarts as in `sample`.
-        """
+        """Return the integrals of positions and squared positions, shape (2, n), all turns, and the sampled motion."""
+        # For a flow compiled for a survey. It is sampled at the increasing `thetas`, of which the first is the start,
+        # and surveyed up to the last. Errors as in `integrate`, restarts as in `sample`.
         return self._lend(lambda each: each.survey(coefficients, state, thetas, restarts))
 
     def kinks(self, coefficients: NDArray[np.float64], state: NDArray[np.float64], stop: float) -> list[float]:
-        """Return the angles from 0 to `stop` at which a law has a kink, or a load jumps, in their order.
-
-        Without such laws and loads nothing is integrated. Errors as in `integrate`.
-        """
+        """Return the angles from 0 to `stop` at which a law has a kink, or a load jumps, in their order."""
+        # Without such laws and loads nothing is integrated. Errors as in `integrate`.
         if not self.equations.modes and not self.equations.layout.cycles:
             return []
         return self._lend(lambda each: each.find_kinks(coefficients, state, stop))
@@ -432,27 +395,31 @@ class Flow:
         try:
             return self._idle.pop()
         except IndexError:
-            return _Integrator(self, copy(self._compiled))
+            return _Integrator(self)
 
 
 class _Integrator:
     """One integrator of a flow, with its switches; one thread at a time uses it. Its methods are those of `Flow`."""
 
-    def __init__(self, flow: Flow, taylor: hy.taylor_adaptive) -> None:
+    def __init__(self, flow: Flow) -> None:
         self.equations, self.size = flow.equations, flow.size
         self.has_transition, self.has_survey, self.directions = flow.has_transition, flow.has_survey, flow.directions
+        self._switchboard = Switchboard(self.equations)
+        self._turns = TurningPoints(self.equations, self._switchboard)
+        taylor = Integrator(
+            flow.program,
+            [partial(self._switchboard.answer, *event) for event in flow.events],
+            self._turns.at_event,
+        )
         self._lengths, self._taylor, self._unit = flow._lengths, taylor, 1.0
         self._state, self._parameters = taylor.state, taylor.pars
         self._coefficients = self._parameters[self.equations.first_coefficient :]
         self._components = self._parameters[: self.equations.first_switch]
         self._own, self._rest = self._state[: self.size], self._state[self.size :]
-        self._switchboard = Switchboard(self.equations)
         self._linear = LinearTransition(self.equations) if flow.is_linear else None
         self._width = self.size * (self.has_transition and not flow.is_linear)  # columns of the transition matrix
         self._switchboard.attach(taylor, self._width + self.directions, flow.readings)
-        self._turns = TurningPoints(self.equations, taylor, self._switchboard)
         if flow.has_survey:
-            answer_events(self._turns, taylor.nt_events)
             self._switchboard.listener = WeakMethod(self._turns.at_stop)
         equations = self.equations
         self._active, self._length = equations.active, equations.length
@@ -502,36 +469,33 @@ class _Integrator:
         self, thetas: NDArray[np.float64], restarts: Restarts = (), longest_step: float = math.inf
     ) -> NDArray[np.float64]:
         """Integrate from the first of the increasing angles to the last, and return the state at each, in rows."""
-        start, stop, done, rows, taylor = float(thetas[0]), float(thetas[-1]), 0, [], self._taylor
+        start, stop, done, rows = float(thetas[0]), float(thetas[-1]), 0, []
         changes = self._switchboard.modes.jumps_between(start, stop) if self.equations.layout.cycles else []
         changes = sorted([*changes, *(each for each in restarts if start < each[0] < stop)], key=itemgetter(0))
         for angle, *change in [*changes, (stop,)]:
             end = int(np.searchsorted(thetas, angle, side="right")) if change else len(thetas)
-            own, done = thetas[done:end], end
-            whole = len(own) > 1 and own[0] == taylor.time and own[-1] == angle
-            whole = whole and (len(own) == 2 or (own[1:] > own[:-1]).all())
-            grid = own if whole else np.unique([taylor.time, *own, angle])
-            parts, left = [], grid
-            try:
-                while True:
-                    outcome, *_, found = taylor.propagate_grid(
-                        left, max_steps=self._max_steps, max_delta_t=longest_step
-                    )
-                    parts.append(found[bool(parts) :])
-                    if not self._switchboard.land():
-                        break
-                    left = np.array([taylor.time, *grid[grid > taylor.time]])
-            except ValueError:  # a formula overflows at once, and then the time of the integrator is not finite
-                self._refuse(hy.taylor_outcome.err_nf_state, start)
-            found = np.concatenate(parts) if len(parts) > 1 else found
-            if outcome != hy.taylor_outcome.time_limit:
-                self._refuse(outcome, start)
-            rows.append(found if whole else found[np.searchsorted(grid, own)])
+            rows += self._advance(start, angle, longest_step, thetas[done:end])[1]
+            done = end
             if len(change) == 1:
                 self._own[:] = change[0] / self._unit
             elif change:
                 self._switchboard.change_level(angle, *change)
-        return np.concatenate(rows) if len(rows) > 1 else rows[0]
+        return np.concatenate(rows)
+
+    def _advance(
+        self, start: float, stop: float, longest_step: float, thetas: NDArray[np.float64] = _NO_ANGLES
+    ) -> tuple[int, list[NDArray[np.float64]]]:
+        """Integrate to an angle; return the number of steps, and the states at some angles on the way."""
+        total, rows = 0, []
+        while True:
+            outcome, steps, found = self._taylor.propagate(stop, self._max_steps, longest_step, thetas)
+            total, thetas = total + steps, thetas[len(found) :]
+            rows.append(found)
+            if not self._switchboard.land():
+                break
+        if outcome is not Outcome.REACHED:
+            self._refuse(outcome, start)
+        return total, rows
 
     def find_kinks(self, coefficients, state, stop):
         self.integrate(coefficients, state, 0.0, stop)
@@ -608,15 +572,7 @@ class _Integrator:
         total, cycles = 0, self.equations.layout.cycles
         changes = self._switchboard.modes.jumps_between(start, stop) if cycles else []
         for angle, *change in [*changes, (stop,)]:
-            while True:
-                outcome, _, _, steps, *_ = self._taylor.propagate_until(
-                    angle, max_steps=self._max_steps, max_delta_t=longest_step
-                )
-                total += steps
-                if not self._switchboard.land():
-                    break
-            if outcome != hy.taylor_outcome.time_limit:
-                self._refuse(outcome, start)
+            total += self._advance(start, angle, longest_step)[0]
             if change:
                 self._switchboard.change_level(angle, *change)
         return total
@@ -635,7 +591,7 @@ class _Integrator:
             raise FlowError(
                 f"more than {_EVENTS} contact events in a forcing period, {where}: the motion chatters without end"
             )
-        if outcome == hy.taylor_outcome.err_nf_state or not np.all(np.isfinite(state)) or np.abs(state).max() > 1e12:
+        if outcome is Outcome.NOT_FINITE or not np.all(np.isfinite(state)) or np.abs(state).max() > 1e12:
             raise FlowError(
                 f"the motion diverges to infinity in the interval from theta = {start:.6g}; is there a stiffness, and "
                 "a damping that dissipates energy?"

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
-import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.constraints import Constraint
 from gapwalk.flow.equations import Equations
-from gapwalk.flow.flow_cache import kept
+from gapwalk.flow.integrator import Evaluator
+from gapwalk.flow.symbols import ANGLE, ZERO, Symbol, parameter, parameters_of, replaced, variable
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, CycleSlots, Wave
 from gapwalk.model.laws import Host, Stages, StageTerms
 from gapwalk.model.laws.formula import NUMPY_FUNCTIONS
@@ -34,28 +34,26 @@ class CompiledReadings:
         self._table: tuple[Any, Array] | None = None  # the last one, with what it is for
         self.state = [*equations.positions, *equations.velocities, *equations.extensions]
         self.readings, self.used = self._of_one_array(
-            [*self.state[: 2 * equations.layout.structure.size], *equations.readings]
+            [*self.state[: 2 * equations.layout.structure.size], *equations.readings], self.state
         )
         """The readings, and the run-time parameters on which they depend."""
         memories = equations.layout.structure.memories
-        self.follows = any(equations.creep(contact) != hy.expression(0.0) for contact in memories)
+        self.follows = any(equations.creep(contact) is not ZERO for contact in memories)
         """True if a spring follows a limit that is not constant: its rate depends on the modes of all friction."""
 
-    def _of_one_array(self, functions: list[hy.expression]) -> tuple[Any, slice]:
-        """Compile functions of the state, the angle and run-time parameters, in one array; return which parameters.
-
-        heyoka calls such a function twice as fast as one of a state, a time and parameters.
-        """
-        used = {int(str(each).removeprefix("p")) for function in functions for each in hy.get_params(function)}
+    @staticmethod
+    def _of_one_array(functions: list[Symbol], variables: list[Symbol]) -> tuple[Evaluator, slice]:
+        """Return functions of some variables, the angle and parameters, in one array; and which parameters."""
+        used = set[int]().union(*map(parameters_of, functions))
         places = range(min(used, default=0), max(used, default=-1) + 1)
-        angle, numbers = hy.make_vars("angle"), {hy.par[k]: hy.make_vars(f"number{k - places.start}") for k in places}
-        given = hy.subs(functions, {hy.time: angle, **numbers})
-        return hy.cfunc(given, vars=[*self.state, angle, *numbers.values()]), slice(places.start, places.stop)
+        angle, numbers = variable("angle"), {parameter(k): variable(f"number{k}") for k in places}
+        given = replaced(functions, {ANGLE: angle, **numbers})
+        return Evaluator(given, [*variables, angle, *numbers.values()]), slice(places.start, places.stop)
 
     @cached_property
     def decisions(self) -> tuple[Any, slice]:
         """The function of `Equations.decisions`, and the run-time parameters on which it depends."""
-        return self._of_one_array(self._equations.decisions)
+        return self._of_one_array(self._equations.decisions, self.state)
 
     @cached_property
     def _is_plain(self) -> bool:
@@ -65,10 +63,8 @@ class CompiledReadings:
         return not (self._equations.modes or layout.cycles or self._equations.formulas or varies)
 
     def along(self, coefficients: Array, states: Array, thetas: Array, slips: Array) -> Array | None:
-        """Return the columns of the accelerations, then `Readings.friction` of all contacts, at samples of a motion.
-
-        Shapes: `states`, `thetas` (samples, state_size), (samples,); `slips` (contacts that are friction,).
-        """
+        """Return the columns of the accelerations, then `Readings.friction` of all contacts, at samples of a motion."""
+        # Shapes: `states`, `thetas` (samples, state_size), (samples,); `slips` (contacts that are friction,).
         if not self._is_plain:
             return None
         equations, n, size = self._equations, self._equations.layout.structure.size, states.shape[1]
@@ -100,16 +96,16 @@ class CompiledReadings:
         return self._table[1]
 
     @cached_property
-    def _tangents(self) -> Any:
-        variables, expressions = self._equations.tangents
-        with kept(f"{self._equations.text} tangents"):
-            return hy.cfunc(expressions, vars=variables)
+    def _tangents(self) -> tuple[Evaluator, slice]:
+        variables, functions = self._equations.tangents
+        return self._of_one_array(functions, variables)
 
     def tangents(self, state: Array, parameters: Array, theta: float, changes: Sequence[Array]) -> Array:
         """Return the derivatives of what the accelerations consist of, and of the limits, along some changes."""
-        function = self._tangents
-        given = parameters[: function.nparams]
-        return np.array([function(np.concatenate((state, each)), pars=given, time=theta) for each in changes])
+        function, used = self._tangents
+        numbers = parameters[used]
+        given = [np.concatenate((state, each, [theta], numbers)) for each in changes]
+        return function(np.array(given).T).T
 
 
 class Angles:
@@ -186,10 +182,8 @@ def is_at_high(cycle: CycleSlots, coefficients: NDArray, theta: NDArray | float)
 def contact_deflections(
     layout: CoefficientLayout, coefficients: NDArray, theta: NDArray | float, q: NDArray, derivative: int = 0
 ) -> NDArray:
-    """Return the first deflection of each contact, shape (..., contacts), for positions of shape (..., n).
-
-    The derivative 1 is its rate over time, for velocities in place of positions.
-    """
+    """Return the first deflection of each contact, shape (..., contacts), for positions of shape (..., n)."""
+    # The derivative 1 is its rate over time, for velocities in place of positions.
     if not layout.contacts:
         return np.zeros((*q.shape[:-1], 0))
     angles = Angles(layout, coefficients, theta)
@@ -208,12 +202,10 @@ def contact_forces(
     angles: Angles | None = None,
     dry: Dry | None = None,
 ) -> NDArray:
-    """Return the contact forces ``f_k``, shape (..., contacts), for positions and velocities of shape (..., n).
-
-    `closed` is as in `contact_force`; `angles` replaces `theta` if it is known already. Friction that sticks rigidly
-    has no force of its own: its reaction is among the accelerations. Without `dry`, friction slips by the sign of its
-    rate, and springs in series with it have no extension.
-    """
+    """Return the contact forces ``f_k``, shape (..., contacts), for positions and velocities of shape (..., n)."""
+    # `closed` is as in `contact_force`; `angles` replaces `theta` if it is known already. Friction that sticks rigidly
+    # has no force of its own: its reaction is among the accelerations. Without `dry`, friction slips by the sign of its
+    # rate, and springs in series with it have no extension.
     angles, forces, structure = angles or Angles(layout, coefficients, theta), [], layout.structure
     moves, friction = [], 0
     for slots in layout.contacts:
@@ -267,29 +259,42 @@ def contact_force(
     return force / unit if law.is_formula else force
 
 
+class Named(Protocol):
+    """A source of the values of parameters at an angle, as `Angles` is."""
+
+    def named(self, numbers: Mapping[str, int], waves: Mapping[str, Wave]) -> dict[str, Any]:
+        """Return the values of some parameters by name."""
+        ...
+
+
 def stages_of(
     slots: ContactSlots,
-    angles: Angles,
+    angles: Named,
     moves: Sequence[tuple[Any, Any]],
     closed: Sequence[bool] | None = None,
     extra: Mapping[str, Any] | None = None,
     decide: Callable[[int, Any], Any] | None = None,
+    within: Callable[[Any, float], tuple[Any, Any]] | None = None,
+    functions: Mapping[str, Callable] = NUMPY_FUNCTIONS,
 ) -> Stages:
-    """Return the arguments of the law of a contact.
-
-    Parameters are as in `contact_force`, and ``extra`` numbers of guards; ``decide`` returns the value of a mode from
-    its number and its guard, by default from the sign of the guard.
-    """
+    """Return the arguments of the law of a contact."""
+    # Parameters are as in `contact_force`, and ``extra`` numbers of guards; ``decide`` returns the value of a mode from
+    # its number and its guard, by default from the sign of the guard. Another arithmetic has ``functions`` of its own,
+    # and ``within``, which returns depth and mode of a stage from the signed depth and the side.
     law, stages = slots.form.law, []
     for number, stage in enumerate(slots.stages):
         values = angles.named(stage.numbers, stage.waves)
         depth = moves[0][0] - stage.sign * values["clearance"]
-        inside = stage.sign * np.real(depth) > 0.0 if closed is None else np.asarray(closed[number])
-        # the formula must not overflow far outside a stage
-        stages.append(StageTerms(stage.sign, np.where(inside, depth, 0.0), inside * 1.0, stage.innermost, values))
+        if within is None:
+            inside = stage.sign * np.real(depth) > 0.0 if closed is None else np.asarray(closed[number])
+            # the formula must not overflow far outside a stage
+            own = np.where(inside, depth, 0.0), inside * 1.0
+        else:
+            own = within(depth, stage.sign)
+        stages.append(StageTerms(stage.sign, *own, stage.innermost, values))
     deflections = dict(zip(law.arguments, moves, strict=True))
     modes: list[Any] = [0.0] * law.mode_count
-    found = Stages(stages, deflections=deflections, modes=modes, functions=NUMPY_FUNCTIONS)
+    found = Stages(stages, deflections=deflections, modes=modes, functions=functions)
     for mode in range(law.mode_count):  # a guard may depend on earlier modes
         guard = law.guards(moves[0][1], found, angles.named(slots.numbers, slots.waves) | dict(extra or {}))[mode]
         modes[mode] = np.where(np.real(guard) > 0.0, 1.0, 0.0) if decide is None else decide(mode, guard)
@@ -307,11 +312,9 @@ def accelerations(
     unit: float = 1.0,
     dry: Dry | None = None,
 ) -> NDArray:
-    """Return accelerations ``q''`` over time (not theta), shape (..., n).
-
-    `closed` is as in `contact_force`, `levels` and `unit` as in `Angles`, `dry` as in `contact_forces`. Where friction
-    sticks or a stop is held, the coefficients are those of `gapwalk.flow.constraints.constrained`.
-    """
+    """Return accelerations ``q''`` over time (not theta), shape (..., n)."""
+    # `closed` is as in `contact_force`, `levels` and `unit` as in `Angles`, `dry` as in `contact_forces`. Where
+    # friction sticks or a stop is held, the coefficients are those of `gapwalk.flow.constraints.constrained`.
     angles = Angles(layout, coefficients, theta, levels, unit)
     forces = contact_forces(layout, coefficients, theta, q, v, closed, angles, dry)
     return balance(coefficients[layout.accelerations], q, v, forces, angles.waves)

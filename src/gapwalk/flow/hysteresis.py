@@ -32,14 +32,7 @@ _JUMP = 1e-9  # rad: distance from a breakpoint of the samples on both sides, wh
 
 @dataclass(frozen=True, eq=False)
 class Hysteresis(Pictured):
-    """The force of a contact while its deflection is ``mean + amplitude * cos(theta)``, over one cycle.
-
-    Examples
-    --------
-    >>> loop = gw.analysis.hysteresis(system, amplitude=1.2, frequency=1.0)
-    >>> loop.contact, loop.force.shape, loop.breakpoints
-    ('stop', (725,), (1.0,))
-    """
+    """The force of a contact while its deflection is ``mean + amplitude * cos(theta)``, over one cycle."""
 
     #: contact, law: Name of the contact, and its force law.
     contact: str
@@ -59,10 +52,8 @@ class Hysteresis(Pictured):
 
     @property
     def equivalent_damping(self) -> float:
-        """Viscous damping with the same loss: ``loss / (pi W amplitude^2)``.
-
-        It is the damping of the describing function, so it does not depend on the frequency.
-        """
+        """Viscous damping with the same loss: ``loss / (pi W amplitude^2)``."""
+        # It is the damping of the describing function, so it does not depend on the frequency.
         return self.loss / (math.pi * self.frequency * self.amplitude**2)
 
 

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from gapwalk.flow.dry_state import depth_changes
-from gapwalk.flow.dry_switches import DrySwitches, ModeSwitches
 from gapwalk.flow.event_rule import pass_event
 from gapwalk.flow.forces import Angles, accelerations
+from gapwalk.flow.friction_state import depth_changes
+from gapwalk.flow.friction_switches import DrySwitches, ModeSwitches
 from gapwalk.model.coefficients import ContactSlots
 
 # Complete chatter: infinitely many impacts on a rigid stop that follow each other ever faster, summed at once.
@@ -92,10 +92,8 @@ class Chatter(NamedTuple):
 
 
 def sum_chatter(stop: Stop, theta: Array, q: Array, v: Array) -> Chatter | None:
-    """Sum all impacts that follow one on a stop; None if they do not end, or not as smoothly as needed.
-
-    Shapes: `theta`, `q`, `v` (...), (..., n), (..., n).
-    """
+    """Sum all impacts that follow one on a stop; None if they do not end, or not as smoothly as needed."""
+    # Shapes: `theta`, `q`, `v` (...), (..., n), (..., n).
     n, side = q.shape[-1], stop.side
     sums, own = _sums(complex(stop.restitution)), slice(2 * n + 1, 2 * n + 2)
     away = -side * (v @ stop.vector + stop.sway(theta)[0])[..., None]
@@ -242,11 +240,9 @@ class Impacts:
         self._longest, self.rest = _LONG, None
 
     def strike(self, switch: int, theta: float) -> list[int]:
-        """Reset the state at an impact on the stop of a switch, and transform its derivatives.
-
-        Impacts that would last together for a moment only are summed up: the contact is held from here on. Their
-        impulses act along one direction, so that leaves an error of the second order of that time.
-        """
+        """Reset the state at an impact on the stop of a switch, and transform its derivatives."""
+        # Impacts that would last together for a moment only are summed up: the contact is held from here on. Their
+        # impulses act along one direction, so that leaves an error of the second order of that time.
         dry, begin, first = self._dry, self._dry.read(theta), self._dry.stop_reaction[switch]
         before, struck = dry.state[: dry.size].copy(), [first]
         reset = partial(self._reset, struck, ())
@@ -300,10 +296,8 @@ class Impacts:
         return 2.0 * max(left, 0.0) / (float(dry.base[0]) * towards * (1.0 - restitution))
 
     def _sum(self, number: int, theta: float) -> Rest | None:
-        """Return where all impacts to come on a stop, or those before the next place, end.
-
-        None if they do not, if they are few, or if something else happens meanwhile.
-        """
+        """Return where all impacts to come on a stop, or those before the next place, end."""
+        # None if they do not, if they are few, or if something else happens meanwhile.
         dry, n, layout = self._dry, self._dry.n, self._layout
         if dry.held or dry.slots or self._modes.mode_count or layout.cycles:
             return None
@@ -405,12 +399,14 @@ class Impacts:
         dry, rest, n = self._dry, self.rest, self._dry.n
         assert rest is not None
         self.rest = None
-        dry.state[: 2 * n] = rest.state
+        # at rest on the stop it is exactly there: nothing else tells how large a rate is that is only rounding
+        ends = [rest.reaction] * rest.ends
+        dry.state[: 2 * n] = self._reset((), ends, rest.state, dry.base, rest.theta)
         if dry.columns:
             dry.rows()[:] = rest.changes
         else:
             dry.state[2 * n : 2 * n + 2 * n][: len(dry.state) - 2 * n] += rest.integrals[: len(dry.state) - 2 * n]
-        dry.after_impact(rest.theta, [rest.reaction] * rest.ends)
+        dry.after_impact(rest.theta, ends)
         now = dry.read(rest.theta)
         if dry.columns:
             flow = np.concatenate((now.velocities, now.accelerations)) * float(dry.base[0])

@@ -24,15 +24,16 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.flow.constraints import Constraint
 from gapwalk.flow.contact_events import ContactEvent
-from gapwalk.flow.dry_state import Hold, Kink, SlipEvent
 from gapwalk.flow.flow import PERIOD, Restarts, flow_of, flow_with
 from gapwalk.flow.forces import Angles, Dry, accelerations, balance, contact_deflections, contact_forces
+from gapwalk.flow.friction_state import Hold, Kink, SlipEvent
 from gapwalk.model.bounds import Finite, Positive, check
 from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
 from gapwalk.model.contact import ContactForm
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.drivetrain.train_parts import Displacing
 from gapwalk.model.loads import Line
+from gapwalk.model.paced_matrices import PacedMatrices
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
@@ -62,10 +63,8 @@ class DryModes(NamedTuple):
         return DryModes(self.slips[sample], self.held[sample])
 
     def order(self, structure: Structure) -> list[int]:
-        """Return the numbers of the reactions held at one instant: stops first.
-
-        Where they depend on each other, friction has no reaction.
-        """
+        """Return the numbers of the reactions held at one instant: stops first."""
+        # Where they depend on each other, friction has no reaction.
         reactions = structure.reactions
         return sorted(np.flatnonzero(self.held).tolist(), key=lambda each: (reactions[each][1] < 0, each))
 
@@ -139,10 +138,8 @@ def forces_and_accelerations(
     z: NDArray,
     modes: DryModes | None,
 ) -> tuple[NDArray, NDArray]:
-    """Compute the forces of all contacts, reactions included, and the accelerations; real or complex.
-
-    Shapes: `theta` (samples,); `q`, `v` (samples, n); `z` (samples, memories).
-    """
+    """Compute the forces of all contacts, reactions included, and the accelerations; real or complex."""
+    # Shapes: `theta` (samples,); `q`, `v` (samples, n); `z` (samples, memories).
     angles = Angles(layout, coefficients, theta)
     if modes is None:
         forces = contact_forces(layout, coefficients, theta, q, v, angles=angles)
@@ -196,10 +193,8 @@ class Motion:
         holds: Iterable[Hold] = (),
         impacts: Iterable[Kink] = (),
     ) -> Motion:
-        """Make a motion from its states, shape (samples, state_size), and its logs.
-
-        Shapes: `theta` (samples,); `states` (samples, state_size).
-        """
+        """Make a motion from its states, shape (samples, state_size), and its logs."""
+        # Shapes: `theta` (samples,); `states` (samples, state_size).
         q, v, z = np.split(states, (system.size, 2 * system.size), axis=1)
         return cls(system, theta, q, v, tuple(events), z, tuple(slips), tuple(holds), tuple(impacts))
 
@@ -292,10 +287,8 @@ class Motion:
         return self._of_train[:, place] * signal_factor(self.system, name)
 
     def impulses(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the impulses of a signal where rigid stops strike, which `signal` leaves out.
-
-        An acceleration or a force is infinite there for no time; its integral is that of the jump of velocities.
-        """
+        """Return the impulses of a signal where rigid stops strike, which `signal` leaves out."""
+        # An acceleration or a force is infinite there for no time; its integral is that of the jump of velocities.
         place, structure, size = signal_place(self.system, name), self.system.structure, self.system.size
         theta = np.array([impact.theta for impact in self.impacts])
         jumps = np.array([after - before for before, after in (impact.velocities for impact in self.impacts)])
@@ -308,15 +301,15 @@ class Motion:
         rest = np.zeros_like(jumps)
         columns = [rest, rest, jumps, forces, *(np.zeros((len(theta), 1)),) * (structure.state_size - 2 * size)]
         columns += [np.zeros((len(theta), len(structure.friction)))]
-        if train_signals(structure):
-            still = train_histories(self.system, theta, rest, rest, rest, np.zeros_like(forces))
-            columns.append(train_histories(self.system, theta, rest, rest, jumps, forces) - still)
+        if assembled_signals(structure):
+            still = assembled_histories(self.system, theta, rest, rest, rest, np.zeros_like(forces))
+            columns.append(assembled_histories(self.system, theta, rest, rest, jumps, forces) - still)
         sizes = self.system.frequency * np.hstack(columns)[:, place] * signal_factor(self.system, name)
         return theta[sizes != 0.0], sizes[sizes != 0.0]
 
     @cached_property
     def _of_train(self) -> NDArray[np.float64]:
-        return train_histories(self.system, self.theta, self.q, self.v, self.a, self.forces)
+        return assembled_histories(self.system, self.theta, self.q, self.v, self.a, self.forces)
 
     @cached_property
     def _coefficients(self) -> NDArray[np.float64]:
@@ -413,15 +406,14 @@ def switch_names(system: System) -> list[tuple[str, str, int]]:
 
 
 def signal_place(system: System, name: str) -> int:
-    """Return the place of a signal in `signal_names`.
-
-    The name of a contact is short for its force, unless a coordinate has that name. In a drive train it is not short
-    for the force, because a link's name is that of its deflection.
-    """
+    """Return the place of a signal in `signal_names`."""
+    # The name of a contact is short for its force, unless a coordinate has that name. In a drive train it is not short
+    # for the force, because a link's name is that of its deflection.
     known = signal_names(system)
     if name in known:
         return known.index(name)
-    forces = {} if train_signals(system.structure) else {form.name: form for form in system.structure.contacts}
+    is_train = isinstance(system.structure.assembly, TrainAssembly)
+    forces = {} if is_train else {form.name: form for form in system.structure.contacts}
     if name not in forces:
         raise ModelError(f"there is no signal {name!r}; {did_you_mean(str(name), known, 'signals are')}")
     return known.index(force_of(forces[name]))
@@ -432,7 +424,7 @@ def signal_names(system: System) -> list[str]:
     derivatives = [name + dash for dash in ("", "'", "''") for name in system.coordinates]
     structure, extensions = system.structure, system.state_names[2 * system.size :]
     modes = [f"{structure.contacts[index].name}.slip" for index in structure.friction]
-    return [*derivatives, *map(force_of, structure.contacts), *extensions, *modes, *train_signals(structure)]
+    return [*derivatives, *map(force_of, structure.contacts), *extensions, *modes, *assembled_signals(structure)]
 
 
 def force_of(contact: ContactForm) -> str:
@@ -440,14 +432,48 @@ def force_of(contact: ContactForm) -> str:
     return f"{contact.name}.force"
 
 
-def train_signals(structure: Structure) -> list[str]:
-    """Return names such as ``box''`` of an inertia, ``clutch.torque`` of a link; none without a drive train."""
+def assembled_signals(structure: Structure) -> list[str]:
+    """Return names of signals that an assembly makes: of a drive train, or of states without inertia.
+
+    Of a state ``z`` they are ``z`` and its rate ``z'``: another coordinate carries it. Of a train they are ``box''`` of
+    an inertia, ``clutch.torque`` of a link, ``bearing.speed`` of one that slips as the train turns (its whole slip),
+    and ``box.angle``, ``box.speed``, ``box.acceleration``: those of an inertia beside the rotation at the mean speed.
+    """
     assembly = structure.assembly
+    if isinstance(assembly, PacedMatrices):
+        return [f"{name}{dash}" for dash in ("", "'") for name in assembly.states]
     if not isinstance(assembly, TrainAssembly):
         return []
     form = assembly.form
     links = [f"{link.name}.torque" for link in form.links if not link.rigid]
-    return [*(f"{name}''" for name in form.inertias), *links]
+    slips = [f"{form.links[number].name}.speed" for number in form.turning]
+    quick = [name for name in form.inertias if name not in form.slow]  # of others no acceleration is known
+    of_inertias = [f"{name}.{what}" for what in ("angle", "speed") for name in form.inertias]
+    of_inertias += [f"{name}.acceleration" for name in quick]
+    return [*(f"{name}''" for name in quick), *links, *slips, *of_inertias]
+
+
+def acceleration_names(system: System) -> list[str]:
+    """Return the names of the accelerations: of the inertias of a train, otherwise of the coordinates."""
+    assembly = system.structure.assembly
+    if isinstance(assembly, TrainAssembly):
+        return [f"{name}.acceleration" for name in assembly.form.inertias if name not in assembly.form.slow]
+    return [f"{name}''" for name in system.coordinates]
+
+
+def accelerations_at(system: System, contact: str) -> list[str]:
+    """Return the names of the accelerations of the parts that a contact meets."""
+    assembly = system.structure.assembly
+    if isinstance(assembly, TrainAssembly):
+        link = next(link for link in assembly.form.links if f"{contact}.".startswith(f"{link.name}."))
+        inertias = assembly.form.inertias
+        # the part that can fly is held by fewer links than the one that it meets
+        held = {end: sum(end in each.ends for each in assembly.form.links if not each.drag) for end in link.ends}
+        ends = {inertias[end] for end in link.ends if end < len(inertias) and held[end] == min(held.values())}
+        known = acceleration_names(system)
+        return [name for name in known if name.rpartition(".")[0] in ends] or known
+    vector = system.vector(next(each for each in system.structure.contacts if each.name == contact).vectors[0])
+    return [f"{name}''" for name, weight in zip(system.coordinates, vector, strict=True) if weight]
 
 
 def signal_factor(system: System, name: str) -> float:
@@ -455,7 +481,7 @@ def signal_factor(system: System, name: str) -> float:
     return 1.0 if system.units is None else system.units.signal(name)[0]
 
 
-def train_histories(
+def assembled_histories(
     system: System,
     theta: NDArray | float,
     q: NDArray,
@@ -463,16 +489,18 @@ def train_histories(
     a: NDArray,
     forces: NDArray,
 ) -> NDArray:
-    """Compute all signals of a train, shape (samples, signals), real or complex.
-
-    Shapes: `theta` (samples,); `q`, `v`, `a` (samples, n); `forces` (samples, contacts).
-    """
+    """Compute all signals of `assembled_signals`, shape (samples, signals), real or complex."""
+    # Shapes: `theta` (samples,); `q`, `v`, `a` (samples, n); `forces` (samples, contacts).
     assembly = system.structure.assembly
-    assert isinstance(assembly, TrainAssembly)
+    assert isinstance(assembly, TrainAssembly | PacedMatrices)
+    if (lagging := assembly.lagging(system.values)) is not None:
+        q, v = q + v @ lagging.T, v + a @ lagging.T
+    if isinstance(assembly, PacedMatrices):
+        slow = list(assembly.massless)
+        return np.hstack((q[..., slow], v[..., slow]))
     form, train = assembly.form, assembly.numbers(system.values)
     rates, a = v + train.leaks * q, a + train.leaks * v  # of the angles, which include those of slipping links
-    angle = np.asarray(theta)
-    whole = [_wave(lines, angle) for lines in train.sizes]
+    angle, orders = np.asarray(theta), layout_of(system.structure).orders
     displaced = np.zeros((*np.shape(theta), len(form.links)), dtype=train.values.dtype)
     for torque in form.torques:
         numbers = form.numbers(torque.harmonic.parameters, train.values)
@@ -481,17 +509,50 @@ def train_histories(
             spring = [*numbers, train.stiffness[link], train.damping[link]]
             lines = replace(torque.harmonic, kind=kind).lines(train.values[0], spring)
             displaced[..., link] += factor * _wave(lines, angle)
-    moved = a @ train.angles.T + np.stack(whole, axis=-1) @ train.turning.T
+    # the rotation as a whole by loads that repeat, beside the one that is a coordinate, and its integrals of the mean 0
+    mean, *waves = train.driven(orders).T
+    moved, speeds, turned = a @ train.angles.T + mean, rates @ train.angles.T, q @ train.angles.T
+    for order, cosine, sine in zip(orders, waves[: len(orders)], waves[len(orders) :], strict=True):
+        if cosine.any() or sine.any():
+            c, s, pace = np.cos(order * angle)[..., None], np.sin(order * angle)[..., None], order * train.values[0]
+            moved = moved + c * cosine + s * sine
+            speeds = speeds + (s * cosine - c * sine) / pace
+            turned = turned - (c * cosine + s * sine) / pace**2
     # the torque of each link: of its permanent spring and damper, and of its contact
     torques = displaced + train.stiffness * (q @ train.deflections.T) + train.damping * (rates @ train.deflections.T)
+    torques = torques + train.steady_drags
     for place, (number, _) in enumerate(form.contacts):
         torques[..., number] += forces[..., place]
-    return np.hstack((moved, torques[..., [number for number, link in enumerate(form.links) if not link.rigid]]))
+    slips = (rates @ train.deflections.T + train.mean_slips)[..., list(form.turning)]
+    known = [number for number, link in enumerate(form.links) if not link.rigid]
+    moved = moved[..., [number for number in range(len(form.inertias)) if number not in form.massless]]
+    return np.hstack((moved, torques[..., known], slips, turned, speeds, moved))
+
+
+def one_sided_drags(structure: Structure) -> list[str]:
+    """Return the names of the drags whose torque is that of one direction of slip; see `drags_turned_back`."""
+    assembly = structure.assembly
+    if not isinstance(assembly, TrainAssembly):
+        return []
+    links = [assembly.form.links[number] for number in assembly.form.turning]
+    return [link.name for link in links if link.own is not None and link.way and (link.parts or "constant" in link.own)]
+
+
+def drags_turned_back(motion: Motion) -> list[str]:
+    """Return the names of the drags that slip in the other direction somewhere along a motion.
+
+    Their constant, square and Stribeck torques are those of the direction of the mean slip, without an event where the
+    slip ends: beyond it they are wrong.
+    """
+    slips = {name: motion.signal(f"{name}.speed") for name in one_sided_drags(motion.system.structure)}
+    return [name for name, slip in slips.items() if slip.min() * slip.max() <= 0.0]
 
 
 def _wave(lines: Iterable[Line], theta: NDArray) -> NDArray:
     """Return the sum of some lines at some angles."""
-    return np.sum([cosine * np.cos(h * theta) + sine * np.sin(h * theta) for h, cosine, sine in lines], axis=0)
+    return np.zeros_like(theta) + np.sum(
+        [cosine * np.cos(h * theta) + sine * np.sin(h * theta) for h, cosine, sine in lines], axis=0
+    )
 
 
 # A motion at the nodes of Gauss's rule, for integrals along it that are accurate to rounding.
@@ -515,10 +576,8 @@ class Quadrature(NamedTuple):
 
 
 def quadrature(system: System, state: NDArray[np.float64], periods: int, restarts: Restarts = ()) -> Quadrature:
-    """Integrate the motion from a state at theta = 0 and sample it at Gauss nodes over some forcing periods.
-
-    At the angles of `restarts` the motion continues from their states.
-    """
+    """Integrate the motion from a state at theta = 0 and sample it at Gauss nodes over some forcing periods."""
+    # At the angles of `restarts` the motion continues from their states.
     end = PERIOD * periods
     flow, coefficients = flow_of(system), coefficients_of(system)
     parts = pairwise([(0.0, state), *restarts, (end, state)])
@@ -591,13 +650,14 @@ class Signal:
         modes = motion.modes if is_dry(system.structure) else None
         forces, a = forces_and_accelerations(layout, numbers, angles, q, v, z, modes)
         columns = [q, v, a, forces, z, *([] if modes is None else [modes.slips])]
-        if of_train := train_signals(system.structure):
-            if coefficients is not None and any(name in of_train for name, _ in self.terms):
+        if of_train := assembled_signals(system.structure):
+            is_train = isinstance(system.structure.assembly, TrainAssembly)
+            if is_train and coefficients is not None and any(name in of_train for name, _ in self.terms):
                 raise ModelError(
                     f"the slope of {self.name} by a parameter is not known: it depends on the parts of the train "
                     "themselves; fit to a coordinate, or to its acceleration"
                 )
-            columns.append(train_histories(system, angles, q, v, a, forces))
+            columns.append(assembled_histories(system, angles, q, v, a, forces))
         everything: NDArray[np.complex128] = np.hstack(columns)
         shifted = everything.imag / _STEP
         factors = [(signal_place(system, name), factor * signal_factor(system, name)) for name, factor in self.terms]
@@ -619,13 +679,11 @@ def signal_of(system: System, given: str | Mapping[str, float] | Signal) -> Sign
 
 
 def contact_to_show(system: System, signal: str, forces: NDArray[np.float64]) -> int:
-    """Return the place of the contact whose force a picture shows by default.
-
-    It is the one that the signal names. Otherwise it is a contact that touches, if possible one that acts on the
-    signal's coordinate, and of these the one with the largest force.
-
-    Shapes: `forces` (contacts,).
-    """
+    """Return the place of the contact whose force a picture shows by default."""
+    # It is the one that the signal names. Otherwise it is a contact that touches, if possible one that acts on the
+    # signal's coordinate, and of these the one with the largest force.
+    #
+    # Shapes: `forces` (contacts,).
     base, coordinates, sizes = signal.rstrip("'"), system.coordinates, np.nan_to_num(forces)
 
     def rank(place: int) -> tuple[bool, bool, bool, float]:
@@ -638,3 +696,69 @@ def contact_to_show(system: System, signal: str, forces: NDArray[np.float64]) ->
 
 def _size(factor: float) -> str:
     return "" if abs(factor) == 1.0 else f"{abs(factor):g} "
+
+
+# The depth of a motion beyond the breakpoint of a switch, with its derivatives.
+
+
+class Gauge:
+    """Gauge of the depth of a motion beyond the breakpoint of a switch: positive where the stage is closed.
+
+    The deflection may contain a prescribed displacement, so the depth depends on the angle too.
+    """
+
+    def __init__(self, layout: CoefficientLayout, switch: int) -> None:
+        stages = [(contact, stage) for contact in layout.contacts for stage in contact.stages]
+        self._layout = layout
+        self._contact, stage = stages[switch]
+        self._clearance, self._sign = stage.clearance, stage.sign
+
+    @property
+    def sways(self) -> bool:
+        """True if the deflection contains a prescribed displacement."""
+        return self._contact.sway is not None
+
+    def vector(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative of the depth by the positions, shape (n,)."""
+        return self._sign * coefficients[self._contact.deflection]
+
+    def read(
+        self, coefficients: NDArray[np.float64], theta: float, state: NDArray[np.float64]
+    ) -> tuple[float, float, float]:
+        """Return the depth beyond the breakpoint, and its first and second derivatives over time."""
+        turning = float(self.vector(coefficients) @ acceleration_at(self._layout, coefficients, theta, state))
+        return *self.depth(coefficients, theta, state), turning + self._sway(coefficients, theta, 2)
+
+    def depth(self, coefficients: NDArray[np.float64], theta: float, state: NDArray[np.float64]) -> tuple[float, float]:
+        """Return the depth beyond the breakpoint, and its derivative over time."""
+        n, vector = self._layout.structure.size, self.vector(coefficients)
+        depth, rate = (float(vector @ each) for each in (state[:n], state[n : 2 * n]))
+        depth, rate = (each + self._sway(coefficients, theta, order) for order, each in enumerate((depth, rate)))
+        return depth - float(coefficients[self._clearance]), rate
+
+    def _sway(self, coefficients: NDArray[np.float64], theta: float, order: int) -> float:
+        """Return the contribution of a prescribed displacement to the derivative of some order."""
+        if self._contact.sway is None:
+            return 0.0
+        return self._sign * float(Angles(self._layout, coefficients, theta).sway(self._contact, 0, order))
+
+    def slopes(
+        self,
+        coefficients: NDArray[np.float64],
+        direction: NDArray[np.float64],
+        theta: float,
+        state: NDArray[np.float64],
+    ) -> tuple[float, float]:
+        """Return the derivatives of the depth and of its rate along a direction of the coefficients, at one state."""
+        n, vector = self._layout.structure.size, self.vector(direction)
+        depth, rate = float(vector @ state[:n]), float(vector @ state[n : 2 * n])
+        if (sway := self._contact.sway) is not None:
+            count, orders = len(self._layout.orders), np.array(self._layout.orders, dtype=float)
+            waves, (cosines, sines) = Angles(self._layout, coefficients, theta).waves, np.split(coefficients[sway], 2)
+            by_time = np.concatenate((-orders * waves[count:], orders * waves[:count])) / coefficients[0]
+            depth += self._sign * float(direction[sway] @ waves)
+            # the rate over time is that over theta times the frequency, which may be along the direction
+            over_theta = orders @ (sines * waves[:count] - cosines * waves[count:])
+            by_frequency = -float(over_theta) * direction[0] / coefficients[0] ** 2
+            rate += self._sign * (float(direction[sway] @ by_time) + by_frequency)
+        return depth - float(direction[self._clearance]), rate

@@ -10,13 +10,15 @@ piece of constant acceleration is ``t = 2 (theta - theta0) / (W0 + W)``. Loads t
 of W of degree 2, found from the coefficients themselves.
 
 A train whose speed is held by a reaction needs a torque to run up: at each instant the reaction drives the inertias of
-all its parts. That torque, ``a sum(J r^2)`` in terms of the reaction's own shaft, acts on the reaction's inertia.
+all its parts. That torque, ``a sum(J r^2)`` in terms of the reaction's own shaft, acts on the reaction's inertia. The
+mean slips of drags grow with the speed, and their torques with the first and second power of it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +27,9 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow import Flow, Variations
 from gapwalk.flow.forces import Angles, balance
-from gapwalk.model.coefficients import layout_of
-from gapwalk.model.drivetrain.train_assembly import TrainAssembly
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly, structure_of
+from gapwalk.model.laws.formula import is_computed
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 
@@ -44,6 +47,10 @@ class Ramped:
     def __post_init__(self) -> None:
         for problem in _problems(self.system):
             raise ModelError(f"a run-up of this system is not possible: {problem}")
+        assembly = self.system.structure.assembly
+        if isinstance(assembly, TrainAssembly) and assembly.form.has_turn:
+            free = structure_of(replace(assembly, form=replace(assembly.form, keeps_speed=False)))
+            object.__setattr__(self, "system", System.from_values(free, self.system.values))
         assert self.growth.shape[0] == 3  # refuses what is no parabola of the speed
 
     @cached_property
@@ -62,11 +69,17 @@ class Ramped:
         known = np.array([at(factor) for factor in _NODES])
         found = np.linalg.solve(np.vander(_NODES, increasing=True), known)
         scale = np.abs(known).max(axis=0)
+        forcing = layout.accelerations[:, 2 * layout.structure.size + len(layout.contacts) :]
+        # what cancels is rounding of the largest load
+        scale[forcing] = np.maximum(scale[forcing], np.finfo(float).eps / _EXACT * scale[forcing].max(initial=0.0))
         constant = np.ptp(known, axis=0) <= _EXACT * scale
         found[0, constant], found[1:, constant] = known[1, constant], 0.0
         found[np.abs(found) <= _EXACT * scale] = 0.0
         loads = np.zeros(len(layout), dtype=bool)
-        loads[layout.accelerations[:, 2 * layout.structure.size + len(layout.contacts) :]] = True
+        loads[forcing] = True
+        for contact in layout.contacts:
+            own = {each.name: slot for each, slot in contact.parameters()} if not contact.stages else {}
+            loads[[slot for name, slot in own.items() if is_computed(name)]] = True
         errors = [
             np.abs(np.polynomial.polynomial.polyval(each, found) - at(each)) > 100 * _EXACT * scale for each in _CHECKS
         ]
@@ -92,10 +105,15 @@ class Ramped:
             return none
         torque = np.zeros(len(form.inertias))
         torque[form.reaction] = np.sum(train.inertia * train.speeds**2) / train.speeds[form.reaction]
-        if not form.is_free:  # the coordinates of a free train do not turn with it
+        if not form.is_free or form.has_turn:  # the other coordinates of a free train do not turn with it
             torque -= train.inertia * train.speeds
-        bodies, flexed, _ = train.flexed
-        return flexed @ (bodies.T @ torque) / (float(units.turns) * units.angle)
+        reference = 1.0 if form.reference is None else float(train.speeds[form.reference])
+        if form.massless:
+            moved: Any = np.linalg.solve(self.system.matrix("mass"), train.angles.T @ torque)
+        else:
+            bodies, flexed, _ = train.flexed
+            moved = flexed @ (bodies.T @ torque)
+        return moved * form.pace / reference
 
     @cached_property
     def flow(self) -> Flow:
@@ -104,12 +122,12 @@ class Ramped:
         pattern = np.zeros(3 * count + 2, dtype=bool)
         pattern[: 3 * count] = (self.growth != 0.0).ravel()
         pattern[:count] |= pattern[: 3 * count].reshape(3, count).any(axis=0)
-        pattern[self._means] |= self.carried != 0.0
+        pattern[self.means] |= self.carried != 0.0
         pattern[[0, -2, -1]] = True
         return _compile(self.system.structure, pattern.tobytes())
 
     @cached_property
-    def _means(self) -> NDArray[np.intp]:
+    def means(self) -> NDArray[np.intp]:
         """Slots of the constant accelerations."""
         layout = layout_of(self.system.structure)
         return layout.accelerations[:, 2 * layout.structure.size + len(layout.contacts)]
@@ -119,7 +137,7 @@ class Ramped:
         speed = np.asarray(speed, dtype=float)
         found = np.multiply.outer(speed**0, self.growth[0])
         found = found + np.multiply.outer(speed, self.growth[1]) + np.multiply.outer(speed**2, self.growth[2])
-        found[..., self._means] += acceleration * self.carried
+        found[..., self.means] += acceleration * self.carried
         found[..., 0] = 1.0 / speed
         return found
 
@@ -132,10 +150,8 @@ class Ramped:
         speed: NDArray[np.float64],
         acceleration: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Return the accelerations ``q''`` over time, shape (samples, n).
-
-        Shapes: `theta`, `speed`, `acceleration` (samples,); `q`, `v` (samples, n); `forces` (samples, contacts).
-        """
+        """Return the accelerations ``q''`` over time, shape (samples, n)."""
+        # Shapes: `theta`, `speed`, `acceleration` (samples,); `q`, `v` (samples, n); `forces` (samples, contacts).
         layout = layout_of(self.system.structure)
         waves = Angles(layout, self.growth[0], theta).waves
         total = np.multiply.outer(acceleration, self.carried)
@@ -153,7 +169,7 @@ class Ramped:
         """
         square, growth = speed**2 - 2.0 * acceleration * thetas[0], 2.0 * acceleration
         given = self.growth.copy()
-        given[0, self._means] += acceleration * self.carried
+        given[0, self.means] += acceleration * self.carried
         given[0, 0] = 1.0 / speed  # only the size of motions is judged by it
         return self.flow.sample(np.concatenate((given.ravel(), [growth, square])), state, thetas)
 
@@ -161,15 +177,17 @@ class Ramped:
 def _problems(system: System):
     """Yield the reasons why a system cannot run up, one sentence each."""
     structure, layout = system.structure, layout_of(system.structure)
-    if any(form.law.is_dry for form in structure.contacts):
-        yield "it has dry friction, whose modes are decided at constant speed; leave the friction out"
+    numbers = coefficients_of(system)
+    for slots in layout.contacts:
+        if "static" in slots.numbers and numbers[slots.numbers["static"]] != 1.0:
+            yield f"at rest the friction of {slots.form.name} is larger than in slip; write static = 1.0"
     if any(form.law.rebounds for form in structure.contacts):
         yield "it has a rigid stop, whose impacts are decided at constant speed; give the stop a stiffness"
     for slots in layout.contacts:
         if any(argument in slots.waves for argument in slots.form.law.arguments):
             yield f"a displacement is added to the deflection of {slots.form.name}; leave that load out"
     for load in structure.equations.harmonics:
-        if load.factor is not None:
+        if load.is_scaled:
             yield f"the load {load.name} has a factor over the speed; give it a constant amplitude, or growth 1 or 2"
 
 

@@ -1,7 +1,7 @@
 """Friction that slips, sticks or turns round alone: where nothing else is held, and nothing else changes its mode.
 
 This is how nearly all events of friction are, thousands in a walk. Their outcome is known in closed form, from one
-evaluation of the forces. Where several contacts are held or change together, `gapwalk.flow.dry_switches` decides.
+evaluation of the forces. Where several contacts are held or change together, `gapwalk.flow.friction_switches` decides.
 """
 
 from __future__ import annotations
@@ -12,8 +12,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.dry_state import DryState, Kink, Readings, SlipEvent, extension_changes, margin_growth, rate_changes
 from gapwalk.flow.equations import Equations
+from gapwalk.flow.friction_state import (
+    DryState,
+    Kink,
+    Readings,
+    SlipEvent,
+    extension_changes,
+    largest,
+    margin_growth,
+    rate_changes,
+)
 
 SETTLING = 1e-7
 """Radians after a change within which a guard of the new mode vanishes by rounding."""
@@ -145,11 +154,9 @@ class LoneFriction(DryState):
         return True
 
     def _spring_changes_alone(self, place: int, second: bool, direction: int, theta: float) -> bool:
-        """Let a spring in series slip at its limit, or stick where its slip ends, while nothing else changes.
-
-        Its force does not jump, and its limit is constant: changes of the motion go on, but for those of its extension,
-        which are those of the limit in slip. Return False if it decides nothing.
-        """
+        """Let a spring in series slip at its limit, or stick where its slip ends, while nothing else changes."""
+        # Its force does not jump, and its limit is constant: changes of the motion go on, but for those of its
+        # extension, which are those of the limit in slip. Return False if it decides nothing.
         memory, side = self.memory_of[place], self.slips[place]
         if memory is None or self.held or self.sign_of or not self.has_constant_limit[place]:
             return False
@@ -229,10 +236,8 @@ class LoneFriction(DryState):
         return turning <= self._slow(found[-n:])
 
     def _slow(self, accelerations: list[float]) -> float:
-        """Return the acceleration below which slip may turn round at once, by what the velocities need in a period.
-
-        Those of the moment alone do not tell: where one coordinate moves, the slip rate is its only velocity.
-        """
+        """Return the acceleration below which slip may turn round at once, by what the velocities need in a period."""
+        # Those of the moment alone do not tell: where one coordinate moves, the slip rate is its only velocity.
         return TURNS * max(*map(abs, accelerations), self.speed() / self.base.item(0))
 
     def soon(self, now: Readings, theta: float) -> Readings:
@@ -244,11 +249,9 @@ class LoneFriction(DryState):
         return later
 
     def _only_pauses(self, place: int, turning: float, theta: float, now: Readings) -> bool:
-        """Return True if friction whose slip rate vanishes would slip on before rounding shows that it sticks.
-
-        `turning` is the acceleration in the direction of slip. If slip ended for such a moment, as next to a point of
-        grazing-sliding, the force would leave its bound by rounding only, and its return could be missed.
-        """
+        """Return True if friction whose slip rate vanishes would slip on before rounding shows that it sticks."""
+        # `turning` is the acceleration in the direction of slip. If slip ended for such a moment, as next to a point of
+        # grazing-sliding, the force would leave its bound by rounding only, and its return could be missed.
         if not -self._slow(now.accelerations.tolist()) < turning < 0.0:
             return False
         later = self.slips[place] * self.slip_acceleration(place, self.soon(now, theta), theta + LATER)
@@ -307,7 +310,12 @@ class LoneFriction(DryState):
         """Return True if the slip rate of friction that slips vanishes at the same time as an event."""
         if not self.slips[place] or theta - self._begun[place] <= SETTLING:
             return False
-        return self._vanishes(place, now.friction[place][0], self.slip_acceleration(place, now, theta))
+        slots, rate = self.slots[place], now.friction[place][0]
+        # nearly always it is far too fast, whatever its acceleration
+        fastest = largest(now.accelerations) * float(np.abs(self.vectors[self.equations.dry[place]]).sum())
+        if slots.sway is None and abs(rate) > _TOGETHER * fastest * self.base.item(0):
+            return False
+        return self._vanishes(place, rate, self.slip_acceleration(place, now, theta))
 
     def _vanishes(self, place: int, rate: float, change: float) -> bool:
         """Return True if a slip rate with some change over time vanishes now, and ends slip."""

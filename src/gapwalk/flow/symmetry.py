@@ -35,11 +35,9 @@ class Symmetry:
     shift: float  #: Forcing periods by which the motion is shifted: 0 or 1/2.
 
     def defect(self, extremes: NDArray[np.float64], floor: float = 0.0) -> float:
-        """Return the asymmetry of an orbit by its `Orbit.extremes`, as a share of its largest amplitude.
-
-        Extremes and means do not depend on where a motion begins, so the shift does not matter. An amplitude below
-        `floor` counts as `floor`: anything much smaller is rounding.
-        """
+        """Return the asymmetry of an orbit by its `Orbit.extremes`, as a share of its largest amplitude."""
+        # Extremes and means do not depend on where a motion begins, so the shift does not matter. An amplitude below
+        # `floor` counts as `floor`: anything much smaller is rounding.
         largest, smallest, mean = (extremes[list(self.order), k] for k in range(3))
         flipped = np.array(self.signs) < 0
         here = np.column_stack((largest, smallest, mean))
@@ -63,11 +61,9 @@ class Symmetry:
 
 
 def symmetries_of(system: System) -> tuple[Symmetry, ...]:
-    """Return the symmetries of a system at its present values, other than the identity.
-
-    They are found by comparing accelerations at random states, which works for every force law. With more than four
-    coordinates, only a change of all signs and the reversed order are examined.
-    """
+    """Return the symmetries of a system at its present values, other than the identity."""
+    # They are found by comparing accelerations at random states, which works for every force law. With more than four
+    # coordinates, only a change of all signs and the reversed order are examined.
     n, generator = system.size, np.random.default_rng(_SEED)
     theta = generator.uniform(0.0, math.tau, _SAMPLES)
     # at size 0 only the loads act, which large forces would hide; then at size 1, and beyond each of the clearances
@@ -91,11 +87,9 @@ def finds_all(system: System) -> bool:
 def _holds(
     symmetry: Symmetry, system: System, theta: NDArray[np.float64], states: Sequence[tuple[NDArray[np.float64], ...]]
 ) -> bool:
-    """Return True if the accelerations at states that the symmetry maps onto each other are mapped likewise.
-
-    `states` are positions, velocities and accelerations. The springs of friction, the stages that host it, and rigid
-    stops are not in the accelerations: they are compared one by one.
-    """
+    """Return True if the accelerations at states that the symmetry maps onto each other are mapped likewise."""
+    # `states` are positions, velocities and accelerations. The springs of friction, the stages that host it, and rigid
+    # stops are not in the accelerations: they are compared one by one.
     layout, coefficients, order = layout_of(system.structure), coefficients_of(system), list(symmetry.order)
     if not _moves_dry(symmetry, layout, coefficients, theta):
         return False
@@ -114,11 +108,9 @@ def _holds(
 def _moves_dry(
     symmetry: Symmetry, layout: CoefficientLayout, coefficients: NDArray[np.float64], theta: NDArray[np.float64]
 ) -> bool:
-    """Return True if each friction element and rigid stop is mapped to one with the same numbers.
-
-    An element of the deflection ``e.q`` and the acceleration D becomes one of ``s e P`` and ``s P D``, where P is the
-    symmetry and s a sign: so its displacement, the speed of its base and its side change their signs with s.
-    """
+    """Return True if each friction element and rigid stop is mapped to one with the same numbers."""
+    # An element of the deflection ``e.q`` and the acceleration D becomes one of ``s e P`` and ``s P D``, where P is the
+    # symmetry and s a sign: so its displacement, the speed of its base and its side change their signs with s.
     order, signs = list(symmetry.order), np.array(symmetry.signs, dtype=float)
     here, there = (
         _dry_elements(layout, coefficients, theta),

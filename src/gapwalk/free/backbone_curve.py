@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from gapwalk.continuation.corrector import Corrector, Zero, check_range, powers_of_two
 from gapwalk.continuation.curve import Curve, CurveEvent, CurveTrace, Happens, crossing, joined, reason_first, turn
-from gapwalk.continuation.curve_points import BranchPoint, Tracing
-from gapwalk.continuation.walk import End, EndReason, Walk, WalkOptions
+from gapwalk.continuation.curve_points import BranchPoint
+from gapwalk.continuation.walk import End, EndReason, Tracing, Walk, WalkOptions
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.flow.equations import smallness
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
@@ -202,11 +202,9 @@ class BackboneEquation:
         return Evaluation(residual, transition_of(arc)[size:, :size] / frequency, by_frequency, arc)
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> BackbonePoint:
-        """Return the free vibration of a solution.
-
-        The second half of a motion is the first, backwards, so that the monodromy matrix is ``R A^-1 R A`` with the
-        transition matrix A of the first half, and R, which turns velocities round.
-        """
+        """Return the free vibration of a solution."""
+        # The second half of a motion is the first, backwards, so that the monodromy matrix is ``R A^-1 R A`` with the
+        # transition matrix A of the first half, and R, which turns velocities round.
         arc, size = evaluation.evidence, self.system.size
         half = transition_of(arc)
         turn = np.diag(np.repeat([1.0, -1.0], size))

@@ -61,10 +61,8 @@ _FEW = 8  # coordinates that are displaced one by one
 def tangents(
     layout: CoefficientLayout, coefficients: NDArray[np.float64], q: NDArray[np.float64], v: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return stiffness and damping for small motions about states, per unit of mass, each shape (..., n, n).
-
-    They are exact to rounding, by a complex step; at a breakpoint those of its open side.
-    """
+    """Return stiffness and damping for small motions about states, per unit of mass, each shape (..., n, n)."""
+    # They are exact to rounding, by a complex step; at a breakpoint those of its open side.
     steps = 1j * _STEP * np.eye(q.shape[-1])
     with np.errstate(all="ignore"):
         by_positions = [np.imag(accelerations(layout, coefficients, 0.0, q + step, v + 0j)) for step in steps]
@@ -79,10 +77,8 @@ def companion(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> N
 
 
 def length_at_rest(system: System, positions: NDArray[np.float64]) -> float:
-    """Return a length of a system: its largest clearance, or the smallest motion that is not small, or 1.
-
-    Shapes: `positions` (n,).
-    """
+    """Return a length of a system: its largest clearance, or the smallest motion that is not small, or 1."""
+    # Shapes: `positions` (n,).
     gaps = [slope.clearance for spring in springs_of(system) for slope in spring.slopes if slope.clearance > 0.0]
     if gaps:
         return max(gaps)
@@ -227,10 +223,8 @@ def damping_values(system: System, damping: NDArray[np.float64]) -> dict[str, fl
 
 
 def _check_reversible(system: System) -> None:
-    """Refuse a system whose motions do not run backwards, by running one: that shows any loss, whatever its law.
-
-    Gyroscopic terms turn with the motion.
-    """
+    """Refuse a system whose motions do not run backwards, by running one: that shows any loss, whatever its law."""
+    # Gyroscopic terms turn with the motion.
     flow, coefficients = flow_of(system), coefficients_of(system)
     turned = coefficients_of(system.at(damping_values(system, -system.matrix("damping"))))
     size = 2.0 * max((slope.clearance for spring in springs_of(system) for slope in spring.slopes), default=1.0) or 1.0
@@ -251,12 +245,10 @@ def _check_reversible(system: System) -> None:
 
 
 def potential_of(system: System, positions: NDArray[np.float64]) -> float:
-    """Return the potential energy at some positions, relative to zero positions, in the units of the model.
-
-    The forces of contacts are integrated along the straight line from zero, piece by piece between breakpoints. It is
-    nan if the stiffness matrix is not symmetric or a contact acts along another vector than its deflection: then the
-    equations were multiplied by something, and do not show their energy.
-    """
+    """Return the potential energy at some positions, relative to zero positions, in the units of the model."""
+    # The forces of contacts are integrated along the straight line from zero, piece by piece between breakpoints. It is
+    # nan if the stiffness matrix is not symmetric or a contact acts along another vector than its deflection: then the
+    # equations were multiplied by something, and do not show their energy.
     if not shows_energy(system):
         return float("nan")
     total = 0.5 * float(positions @ system.matrix("stiffness") @ positions) - float(static_load(system) @ positions)
@@ -425,12 +417,10 @@ class FreeEquation(OrbitEquation):
         return Evaluation(residual, by_unknowns, by_parameter, arcs)
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> FreeOrbit:
-        """Return the orbit of a solution.
-
-        The multipliers are those of the return map to the section ``v_k = 0``, whose derivative is that of the flow
-        with its part along the motion taken out, and the trivial one. The change by the frequency is a multiple of the
-        rate of the state at the end.
-        """
+        """Return the orbit of a solution."""
+        # The multipliers are those of the return map to the section ``v_k = 0``, whose derivative is that of the flow
+        # with its part along the motion taken out, and the trivial one. The change by the frequency is a multiple of
+        # the rate of the state at the end.
         arcs: list[Arc] = evaluation.evidence
         around = composed(arcs)
         assert around.sensitivity is not None
@@ -508,10 +498,8 @@ class FreeEquation(OrbitEquation):
 
 
 def at_rest(system: System, state: NDArray[np.float64], coordinate: int) -> NDArray[np.float64]:
-    """Return the next state of a motion at which a coordinate is at its largest deflection, within a period.
-
-    The state itself is returned if the coordinate does not turn round.
-    """
+    """Return the next state of a motion at which a coordinate is at its largest deflection, within a period."""
+    # The state itself is returned if the coordinate does not turn round.
     flow, coefficients = flow_of(system), coefficients_of(system)
     thetas = np.linspace(0.0, PERIOD, _TIMES + 1)
     states = flow.sample(coefficients, state, thetas).states

@@ -54,18 +54,14 @@ class WorkBalance:
     load: str  #: Name of a load with one order, such as ``harmonic1``.
 
     def amplitudes(self, point: BackbonePoint, harmonics: tuple[int, ...]) -> list[float]:
-        """Return the amplitude of the load that balances the losses if it drives each of some harmonics.
-
-        It is infinite where the free vibration has no such harmonic, or where the load does no work on it.
-        """
+        """Return the amplitude of the load that balances the losses if it drives each of some harmonics."""
+        # It is infinite where the free vibration has no such harmonic, or where the load does no work on it.
         lost, done = self._work(point, harmonics)
         return [lost / abs(each) if each else np.inf for each in done]
 
     def states(self, point: BackbonePoint, harmonic: int, amplitude: float) -> list[NDArray[np.float64]]:
-        """Return the states of a free vibration at the two phases at which a load of some amplitude balances losses.
-
-        They are those at the angle 0 of the excitation; guesses of the forced motions, shape (2n,) each.
-        """
+        """Return the states of a free vibration at the two phases at which a load of some amplitude balances losses."""
+        # They are those at the angle 0 of the excitation; guesses of the forced motions, shape (2n,) each.
         lost, (done,) = self._work(point, (harmonic,))
         share = lost / (amplitude * abs(done)) if done else np.inf
         if not 0.0 < share <= 1.0:
@@ -80,10 +76,8 @@ class WorkBalance:
         return found
 
     def _work(self, point: BackbonePoint, harmonics: tuple[int, ...]) -> tuple[float, list[complex]]:
-        """Return the mean power of the losses, and for each harmonic the complex one of the load with amplitude 1.
-
-        Its real part belongs to the phase at which both begin together.
-        """
+        """Return the mean power of the losses, and for each harmonic the complex one of the load with amplitude 1."""
+        # Its real part belongs to the phase at which both begin together.
         theta = PERIOD * np.arange(_WORK_SAMPLES) / _WORK_SAMPLES
         system = self.line.system.at({self.pace: point.value})
         states, weights = self._motion(system, point, theta)
@@ -381,10 +375,8 @@ def _turns(column: NDArray[np.float64]) -> list[int]:
 def _refined(
     balance: WorkBalance, harmonic: int, ratio: Fraction, column: NDArray[np.float64], k: int
 ) -> IslandBirth | None:
-    """Return the extreme of the amplitude near a point, among free vibrations corrected onto the backbone.
-
-    There is none where the harmonic vanishes: the amplitude is infinite there, whatever the load.
-    """
+    """Return the extreme of the amplitude near a point, among free vibrations corrected onto the backbone."""
+    # There is none where the harmonic vanishes: the amplitude is infinite there, whatever the load.
     from scipy.optimize import minimize_scalar  # imported late: it takes long
 
     joins = bool(column[k] > column[k - 1])

@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch, switch
-from gapwalk.bifurcation.branch_tracer import BranchTracer
-from gapwalk.bifurcation.follow import join
+from gapwalk.bifurcation.follow import BranchTracer, join
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector, Range, check_range, powers_of_two
 from gapwalk.continuation.curve import numbered
-from gapwalk.continuation.curve_points import BranchPoint, Tracing
-from gapwalk.continuation.walk import EndReason, WalkOptions
+from gapwalk.continuation.curve_points import BranchPoint
+from gapwalk.continuation.walk import EndReason, Tracing, WalkOptions
 from gapwalk.errors import ConvergenceError, Interrupted, ModelError, NumericalError
 from gapwalk.flow.equations import magnitude
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import accelerations
 from gapwalk.flow.motion import check_state
+from gapwalk.free.equilibrium_walk import HOPF, RestEvent, Rests, equilibria_of, follow_rest
 from gapwalk.free.free_shooting import (
     FreeOrbit,
     FreeShooting,
@@ -33,7 +33,6 @@ from gapwalk.free.free_shooting import (
     tangents,
     without_excitation,
 )
-from gapwalk.free.rest_walk import HOPF, RestEvent, Rests, equilibria_of, follow_rest
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.equilibria import find_equilibria
 from gapwalk.model.system import System, check_system
@@ -56,11 +55,9 @@ _STILL = 1e-9  # size of a motion, relative to its state, that has died away
 
 
 def at_hopf(system: System, parameter: str, hopf: RestEvent, within: Range) -> BranchStart:
-    """Return the beginning of the periodic motions at a Hopf point.
-
-    The branch begins at the equilibrium, as an orbit without amplitude, along the complex eigenvector of its pair: the
-    coordinate that swings most begins at its largest deflection.
-    """
+    """Return the beginning of the periodic motions at a Hopf point."""
+    # The branch begins at the equilibrium, as an orbit without amplitude, along the complex eigenvector of its pair:
+    # the coordinate that swings most begins at its largest deflection.
     values = {parameter: hopf.value, system.structure.pace: 1.0}
     pace = hopf.frequency / system.at(values).frequency
     there = system.at({**values, system.structure.pace: pace})
@@ -355,10 +352,8 @@ def _beginnings(start: object, system: System, parameter: str, to: float | tuple
 
 
 def _has_turned(tracer: BranchTracer, steps: Sequence[tuple[BranchPoint, list[SpecialPoint]]]) -> bool:
-    """Return True if the coordinate at rest at the start of the period went from its largest to its smallest value.
-
-    Then the motion has shrunk to an equilibrium in the last step, and grows again with the opposite phase.
-    """
+    """Return True if the coordinate at rest at the start of the period went from its largest to its smallest value."""
+    # Then the motion has shrunk to an equilibrium in the last step, and grows again with the opposite phase.
     last, point = (steps[-2][0] if len(steps) > 1 else tracer.first), steps[-1][0]
     if tracer.beginning.singular and last is tracer.first:
         return False
@@ -539,9 +534,11 @@ def self_excited(
         if not is_known(rests, system[parameter], positions):
             rests.append(follow_rest(system, parameter, within, start=positions, walk=walk, report=report))
     found = SelfExcited(parameter, within, tuple(rests))
-    done = 0
+    done, told = 0, None if report is None else lambda point, special: report(point)
     while done < len(found.beginnings):
-        found, done = with_cycle(found, found.beginnings[done], walk, report), done + 1
+        beginning, done = found.beginnings[done], done + 1
+        if not is_reached(found, beginning):
+            found = with_cycle(found, cycle_from(found.system, found.parameter, found.within, walk, beginning, told))
     return found
 
 
@@ -571,9 +568,11 @@ def is_known(rests: Sequence[Rests], value: float, positions: NDArray[np.float64
     return False
 
 
-def is_reached(found: SelfExcited, hopf: RestEvent) -> bool:
+def is_reached(found: SelfExcited, hopf: RestEvent | SpecialPoint) -> bool:
     """Return True if a branch of motions has come from another Hopf point to this one, and ended there."""
     low, high = found.within
+    if not isinstance(hopf, RestEvent):
+        return False
     for cycle in found.cycles:
         last = cycle.points[-1]
         if cycle.ends[-1].reason is not EndReason.AT_REST or abs(last.value - hopf.value) > _NEAR * (high - low):
@@ -583,20 +582,25 @@ def is_reached(found: SelfExcited, hopf: RestEvent) -> bool:
     return False
 
 
-def with_cycle(
-    found: SelfExcited,
+def cycle_from(
+    system: System,
+    parameter: str,
+    within: tuple[float, float],
+    walk: WalkOptions | None,
     start: RestEvent | SpecialPoint,
-    walk: WalkOptions | None = None,
-    report: Callable[[Any], None] | None = None,
-) -> SelfExcited:
-    """Return what was found with the branch of motions from a beginning, or with the reason why there is none."""
-    if isinstance(start, RestEvent) and is_reached(found, start):
-        return found
-    told = None if report is None else lambda point, special: report(point)
+    report: Callable[[Any, Any], None] | None = None,
+) -> Branch | str:
+    """Return the branch of motions from a beginning, or in words why there is none; a piece of work for any process."""
     try:
-        cycle = follow_self_excited(start, found.system, found.parameter, found.within, walk=walk, report=told)
+        return follow_self_excited(start, system, parameter, within, walk=walk, report=report)
     except NumericalError as error:
         name = "Hopf point" if isinstance(start, RestEvent) else start.kind_words
-        return replace(found, failures=(*found.failures, f"from the {name} at {start.value:.6g}: {error}"))
+        return f"from the {name} at {start.value:.6g}: {error}"
+
+
+def with_cycle(found: SelfExcited, cycle: Branch | str) -> SelfExcited:
+    """Return what was found with a branch of motions, or with the reason why there is none."""
+    if isinstance(cycle, str):
+        return replace(found, failures=(*found.failures, cycle))
     failures = [f"motions {len(found.cycles) + 1}: {end}" for end in cycle.failures]
     return replace(found, cycles=(*found.cycles, cycle), failures=(*found.failures, *failures))

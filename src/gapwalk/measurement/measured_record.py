@@ -5,11 +5,8 @@ from __future__ import annotations
 import io
 import math
 import os
-import struct
-import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.attractors.spectrum import Tracked
 from gapwalk.errors import ModelError
-from gapwalk.files import content_of
 from gapwalk.flow.flow import PERIOD
-from gapwalk.model.measured.measured_table import NamedFile, WantedColumn, parse_csv, read_heads, read_table
+from gapwalk.model.channels.channel_file import MAX_SAMPLES as MAX_CHANNEL
+from gapwalk.model.channels.channel_file import ChannelFile, ColumnHead, NamedFile, open_channels
+from gapwalk.model.measured.measured_table import WantedColumn, read_heads, read_table
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind, Unit, read_unit
@@ -155,52 +153,7 @@ def _time_problems(time: NDArray[np.float64]) -> Iterator[str]:
         )
 
 
-# Reading of a measured record from a CSV or MAT file; both are treated as data only, and their sizes are limited.
-#
-# Numeric vectors are read from MAT files of MATLAB 5 to 7 without SciPy's compiled reader, which crashes on damaged
-# files. The format is that of "MAT-File Format" (The MathWorks), level 5: a header of 128 bytes, then elements, each
-# with a tag of type and length. A variable is an element of elements (flags, dimensions, name, numbers), possibly
-# compressed.
-
-_HEADER = 128
-_MATRIX, _COMPRESSED = 14, 15
-_HEAD = 4096  # bytes of a compressed variable that must contain its flags, dimensions and name
-_NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
-_CLASSES = {1: "cell", 2: "struct", 3: "object", 4: "char", 5: "sparse", 6: "double", 7: "single"}
-_INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
-_KINDS = {**_CLASSES, **{8 + place: name for place, name in enumerate(_INTEGERS)}}
-_COMPLEX = 0x0800
-
-NUMERIC = ("double", "single", *_INTEGERS)
-"""Classes of variables that contain numbers."""
-MAX_BYTES = 100_000_000
-"""A larger file is refused."""
-
 FIELDS = ("time", "acceleration", "speed")
-
-
-@dataclass(frozen=True)
-class MatVariable:
-    """A variable of a MAT file; its numbers are read on request."""
-
-    kind: str  #: Its class, as named by MATLAB.
-    shape: tuple[int, ...]  #: Its dimensions.
-    is_complex: bool  #: True if it has imaginary parts.
-    order: str
-    payload: bytes
-    compressed: bool
-
-    def values(self) -> NDArray[np.float64]:
-        """Return its numbers in one row; only for a variable of a numeric class."""
-        count = math.prod(self.shape)
-        content = self.payload
-        if self.compressed:
-            content = _unpacked(content, _HEAD + 8 * count * (1 + self.is_complex))[8:]
-        kind, data = _first(content, self.order, 4)[3]
-        numbers = np.frombuffer(data, self.order + _NUMBERS[kind])
-        if len(numbers) != count:
-            raise ValueError(f"a variable has {len(numbers)} numbers, but should have {count}")
-        return numbers.astype(float)
 
 
 def read_measurement(
@@ -217,8 +170,8 @@ def read_measurement(
     ----------
     path
         A CSV file (a line of column names, then numbers, separated by commas, semicolons or tabs; lines that begin with
-        ``#`` are comments; where commas do not separate numbers, they may be decimal ones), or a MAT file of MATLAB up
-        to version 7 with a vector for each column.
+        ``#`` are comments; where commas do not separate numbers, they may be decimal ones), or a MAT, HDF5, Excel,
+        MDF, TDMS or UFF file with a channel for each column.
     columns
         Names of the columns in the file, as in ``{"time": "t [s]", "acceleration": "a3"}``; by default ``time``,
         ``acceleration`` and, if there is one, ``speed``.
@@ -246,11 +199,11 @@ def read_measurement(
     path = Path(path)
     wanted = _wanted(columns or {})
     try:
-        content = content_of(path, MAX_BYTES, "cut a few tens of periods out of it")
-    except ValueError as error:
-        raise ModelError(f"{path} {error}") from None
-    try:
-        table = (_read_mat if path.suffix.lower() == ".mat" else _read_csv)(content, wanted)
+        with open_channels(path, "time,acceleration") as file:
+            places = {field: _place(file, field, name) for field, name in wanted.items()}
+            if "speed" not in places and (speed := _named(file, "speed")):
+                places["speed"] = speed[0]
+            table = file.numbers(places, MAX_SAMPLES)
         return Record(name=path.name, **table).scaled(time_scale, scale, speed_scale)
     except ModelError as error:
         text = str(error)
@@ -265,116 +218,31 @@ def _wanted(columns: Mapping[str, str]) -> dict[str, str]:
     return {field: field for field in FIELDS[:2]} | dict(columns)
 
 
-def _read_mat(content: bytes, wanted: Mapping[str, str]) -> dict[str, NDArray[np.float64]]:
-    held = mat_variables(content)
-    _require(list(held), wanted)
-    names = dict(wanted)
-    if "speed" not in names and "speed" in held:
-        names["speed"] = "speed"
-    for field, name in names.items():  # before anything is unpacked
-        found = held[name]
-        if found.kind not in NUMERIC or found.is_complex or sum(length != 1 for length in found.shape) > 1:
-            kind = f"complex {found.kind}" if found.is_complex else found.kind
-            raise ModelError(
-                f"{name} (for {field}) is of class {kind} and shape {found.shape}; it must be a vector of real numbers"
-            )
-        if math.prod(found.shape) > MAX_SAMPLES:
-            raise ModelError(f"{name} has {math.prod(found.shape):,} samples; give at most {MAX_SAMPLES:,}")
-    try:
-        return {field: held[name].values() for field, name in names.items()}
-    except (ValueError, KeyError, struct.error, zlib.error) as error:
-        raise damaged(error) from None
+def _named(file: ChannelFile, name: str) -> list[int]:
+    """Return the channels of a name, as it is written in the file, or with their group before it."""
+    ways: tuple[Callable[[ColumnHead], str], ...] = (
+        lambda head: head.text,
+        lambda head: f"{head.group}/{head.name}" if head.group else head.name,
+        lambda head: head.name if file.row != "line" else head.text,  # a line of names has the unit in the name
+    )
+    found = ([place for place, head in enumerate(file.heads) if way(head) == name] for way in ways)
+    return next(filter(None, found), [])
 
 
-def mat_variables(content: bytes) -> dict[str, MatVariable]:
-    """Return the variables of a MAT file by name; raise a ModelError if it is not a MAT file."""
-    if content[:19] == b"MATLAB 7.3 MAT-file":
-        raise ModelError("it is a MAT file of version 7.3, which cannot be read; save it with save(..., '-v7')")
-    order = {b"IM": "<", b"MI": ">"}.get(content[126:_HEADER])
-    if order is None:
-        raise ModelError("it is not a MAT file of version 5 to 7; save it with save(..., '-v7')")
-    try:
-        return dict(_variables(content, order))
-    except (ValueError, KeyError, struct.error, zlib.error, UnicodeDecodeError) as error:
-        raise damaged(error) from None
+def _place(file: ChannelFile, field: str, name: str) -> int:
+    """Return the channel for a field; of several times, the record is said to have groups."""
+    found = _named(file, name)
+    if len(found) == 1:
+        return found[0]
+    known = list(dict.fromkeys(head.text for head in file.heads if head.text))[:20]
+    write = f'Name it: columns = {{ {field} = "..." }}'
+    if found:
+        groups = [f"{file.heads[place].group}/{file.heads[place].name}" for place in found[:20]]
+        raise ModelError(f"{len(found)} channels may be {field}: {' and '.join(map(repr, groups))}. {write}")
+    raise ModelError(f"there is no column {name!r} for {field}; {did_you_mean(name, known, 'columns are')}. {write}")
 
 
-def _variables(content: bytes, order: str) -> Iterator[tuple[str, MatVariable]]:
-    for kind, payload in _elements(content[_HEADER:], order):
-        if kind == _MATRIX:
-            yield _variable(payload, payload, order, compressed=False)
-        elif kind == _COMPRESSED:
-            yield _variable(_unpacked(payload, _HEAD)[8:], payload, order, compressed=True)
-
-
-def _elements(content: bytes, order: str) -> Iterator[tuple[int, bytes]]:
-    """Yield type and content of each element; the last one may be incomplete if only the beginning was unpacked."""
-    place = 0
-    while place + 8 <= len(content):
-        kind, length = struct.unpack(f"{order}II", content[place : place + 8])
-        if kind >> 16:  # a small element: its content is in the tag
-            length, kind = kind >> 16, kind & 0xFFFF
-            if length > 4:
-                raise ValueError(f"a small data element states a length of {length} bytes; the largest is 4")
-            yield kind, content[place + 4 : place + 4 + length]
-            place += 8
-            continue
-        yield kind, content[place + 8 : place + 8 + length]
-        place += 8 + length + (0 if kind == _COMPRESSED else -length % 8)
-
-
-def _variable(head: bytes, payload: bytes, order: str, *, compressed: bool) -> tuple[str, MatVariable]:
-    (_, flags), (_, sizes), (_, name) = _first(head, order, 3)
-    (word,) = struct.unpack(f"{order}I", flags[:4])
-    shape = struct.unpack(f"{order}{len(sizes) // 4}i", sizes)
-    if any(length < 0 for length in shape):
-        raise ValueError(f"a variable has the shape {shape}")
-    found = MatVariable(_KINDS.get(word & 0xFF, "unknown"), shape, bool(word & _COMPLEX), order, payload, compressed)
-    return name.decode("utf-8"), found
-
-
-def _first(content: bytes, order: str, count: int) -> list[tuple[int, bytes]]:
-    """Return the first `count` elements."""
-    found = list(islice(_elements(content, order), count))
-    if len(found) < count:
-        raise ValueError("a variable ends early")
-    return found
-
-
-def _unpacked(payload: bytes, longest: int) -> bytes:
-    """Decompress at most `longest` bytes, whatever length the file claims."""
-    return zlib.decompressobj().decompress(payload, longest)
-
-
-def damaged(error: Exception) -> ModelError:
-    """Create the error for a file with inconsistent contents."""
-    return ModelError(f"it is a damaged MAT file: {error}")
-
-
-def _require(known: list[str], wanted: Mapping[str, str]) -> None:
-    for field, name in wanted.items():
-        if name not in known:
-            shown = [head for head in known[:20] if head]
-            raise ModelError(
-                f"there is no column {name!r} for {field}; {did_you_mean(name, shown, 'columns are')}. "
-                f'Name it: columns = {{ {field} = "..." }}'
-            )
-
-
-def _read_csv(content: bytes, wanted: Mapping[str, str]) -> dict[str, NDArray[np.float64]]:
-    try:
-        text = parse_csv(content, "time,acceleration", MAX_SAMPLES, "cut a few tens of periods out of it")
-    except ModelError as error:
-        is_text = "UTF-8" not in str(error)
-        raise error if is_text else ModelError(f"{error}; a MAT file has the ending .mat") from None
-    _require(list(text.heads), wanted)
-    places = {field: text.heads.index(name) for field, name in wanted.items()}
-    if "speed" not in places and "speed" in text.heads:
-        places["speed"] = text.heads.index("speed")
-    return text.numbers(places)
-
-
-# Measured run-ups: a signal and the speed over time, from a CSV file, resampled over the angle of the excitation.
+# Measured run-ups: a signal and the speed over time, from a file, resampled over the angle of the excitation.
 
 _LEAST_PER_PERIOD, _MOST = 8, 4096  # samples per forcing period over the angle
 _PERIODS = 4  # forcing periods of the shortest record
@@ -388,9 +256,9 @@ def read_run_up(
     Parameters
     ----------
     file
-        A CSV file with columns of time, speed and the signal, such as ``time (s), speed (rpm), mesh.force (N m)``; or
-        its text as ``io.StringIO``. Without units for a system without them. The speed is that of the system's first
-        parameter.
+        A file of any format with channels of time, speed and the signal, such as ``time (s), speed (rpm), mesh.force
+        (N m)``; or the text of a CSV file as ``io.StringIO``. Without units for a system without them. The speed is
+        that of the system's first parameter.
     system
         The system.
     signal
@@ -430,6 +298,7 @@ def read_run_up(
             WantedColumn(pace, kinds[1], ("speed", "frequency", "n")),
             WantedColumn(signal, kind, (signal.rstrip("'"),), name=column, key="column"),
         ],
+        most=MAX_CHANNEL,
     )
     time = table["time"].values()
     speed = table[pace].values(None if units is None else units.of(QuantityKind.FREQUENCY))
@@ -437,10 +306,11 @@ def read_run_up(
     steps = np.diff(time)
     if len(time) < 2 or np.any(steps <= 0.0):
         wrong = int(np.argmax(steps <= 0.0)) if len(time) > 1 else 0
-        raise ModelError(f"{table.name}: time does not increase in line {table.lines[min(wrong + 1, len(time) - 1)]}")
+        raise ModelError(f"{table.name}: time does not increase in {table.where(min(wrong + 1, len(time) - 1))}")
     if np.any(speed <= 0.0):
         raise ModelError(
-            f"{table.name}: {pace} is {speed.min():g} in line {table.lines[int(np.argmin(speed))]}; it must be positive"
+            f"{table.name}: {pace} is {speed.min():g} in {table.where(int(np.argmin(speed)))}; it must be positive: "
+            "cut the record to where the shaft turns, or give the magnitude of the speed"
         )
     pulse = speed * system.structure.frequency
     theta = np.concatenate(([0.0], np.cumsum(0.5 * (pulse[1:] + pulse[:-1]) * steps)))
@@ -489,7 +359,7 @@ def value_columns(source: NamedFile, system: System, signal: str) -> list[str]:
     return [head.text for head in heads if head.is_of(kind)]
 
 
-def is_run_up(source: NamedFile, system: System) -> bool:
+def is_run_up(source: str | os.PathLike[str] | NamedFile, system: System) -> bool:
     """Return True if a file has columns of time and of the speed, so that it may be a measured run-up."""
     try:
         heads = read_heads(source)

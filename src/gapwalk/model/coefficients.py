@@ -239,9 +239,9 @@ class CoefficientLayout:
         return found
 
     @cached_property
-    def frequency_in_loads(self) -> bool:
-        """True if the frequency enters the loads, and not through 1/W alone."""
-        return any(load.depends_on_frequency for load in self.structure.harmonics)
+    def frequency_enters(self) -> bool:
+        """True if the frequency enters loads or other numbers, and not through 1/W alone."""
+        return self.assembled.is_paced or any(load.depends_on_frequency for load in self.structure.harmonics)
 
     def moved_by_speed(self, values: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return a mask of the coefficients that loads with a factor over the speed change, at any speed.
@@ -249,10 +249,11 @@ class CoefficientLayout:
         The factor may vanish at one speed, or stay the same in a part of its table, so that its slope there does not
         tell.
         """
-        if not any(load.factor is not None for load in self.structure.harmonics):
+        if not any(load.is_scaled for load in self.structure.harmonics):
             return np.zeros(len(self), dtype=bool)
         table, values, found = self.table(values), self.assembled.expand(values), np.zeros(len(self))
         lines = self._load_lines(values, only_factors=True)
+        lines *= np.sqrt(np.arange(1.0, len(lines) + 1.0))[:, None]  # equal loads do not cancel
         self._set_loads(found, table, lines)
         return found != 0.0
 
@@ -284,10 +285,15 @@ class CoefficientLayout:
         lines = np.zeros((1 + len(harmonics), 1 + 2 * count), values.dtype)
         lines[0, 0] = not only_factors  # the constant load
         for row, (load, places) in enumerate(zip(harmonics, self._load_places, strict=True), start=1):
-            if only_factors and load.factor is None:
+            if only_factors and not load.is_scaled:
                 continue
-            give = load.plain_lines if only_factors else load.lines
-            for order, cosine, sine in give(values.item(0), map(values.item, places)):
+            if only_factors:  # what is 0 at one speed may not be at another
+                at = (values.item(0), *(point for points, _ in load.tables for point in points))
+                given = [line for each in at for line in load.plain_lines(each, map(values.item, places))]
+                given = [(order, abs(cosine), abs(sine)) for order, cosine, sine in given]
+            else:
+                given = load.lines(values.item(0), map(values.item, places))
+            for order, cosine, sine in given:
                 column = 1 + self.orders.index(order) if order else 0
                 lines[row, column] += cosine
                 if order:
@@ -301,9 +307,11 @@ class CoefficientLayout:
 
     def table(self, values: NDArray[Any]) -> NDArray[Any]:
         """Compute ``M^-1 [K | C | d_1 ... | m | s_1 ...]``, with the shapes s of the loads, from the same vector."""
-        if self.assembled.assembly:
-            return self.assembled.assembly.accelerations(values)
-        n = self.structure.size
+        assembly, n = self.assembled.assembly, self.structure.size
+        if assembly is not None:
+            if (found := assembly.accelerations(values)) is not None:
+                return found
+            values = assembly.expand(values)
         return np.linalg.solve(values[self.structure.block("mass", n, n)], values[self._column_places])
 
 
@@ -366,7 +374,7 @@ class ParameterLine:
     @cached_property
     def _only_period(self) -> bool:
         """True if the parameter is the frequency, and enters through 1/W alone."""
-        return self._place == 0 and not layout_of(self.system.structure).frequency_in_loads
+        return self._place == 0 and not layout_of(self.system.structure).frequency_enters
 
     def system_at(self, value: float) -> System:
         """Return the system at one value of the parameter; unlike `System.at`, without checks."""
@@ -513,6 +521,11 @@ class PathAssembly:
     def units(self) -> Units | None:
         """The units of the system's parameters."""
         return self.structure.units
+
+    @property
+    def is_paced(self) -> bool:
+        """See `Assembly.is_paced`."""
+        return self.structure.is_paced
 
     def expand(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return the values of the equations of motion."""

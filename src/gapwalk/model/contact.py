@@ -24,6 +24,7 @@ from gapwalk.model.laws import (
     law_of,
     law_with,
 )
+from gapwalk.model.laws.formula import is_computed
 from gapwalk.model.problems import WITHIN
 from gapwalk.model.registry import Parameter
 
@@ -82,6 +83,9 @@ class Stage:
     #: Further parameters of the stage by name: those of the force law of the contact, and `hysteresis`, the limit of
     #: dry friction while the stage is closed (`friction` acts by it).
     numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
+    #: The middle of the gap, at most as far from 0 as the clearance: then each side has a stage of its own, with
+    #: ``positive`` or ``negative`` in the names of its parameters.
+    centre: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "side", side_of(self.side))
@@ -91,6 +95,22 @@ class Stage:
         if parameter.name in ("clearance", "stiffness", "cubic"):
             return getattr(self, parameter.name)
         return self.numbers.get(parameter.name, parameter.default)
+
+    @property
+    def sides(self) -> tuple[Stage, ...]:
+        """The stage, or one for each of its sides where its gap has another centre than 0."""
+        if not self.centre:
+            return (self,)
+        found = []
+        for side in (each for each in (Side.POSITIVE, Side.NEGATIVE) if each.signs[0] in self.side.signs):
+            clearance = self.clearance + side.signs[0] * self.centre
+            clearance = 0.0 if abs(clearance) < _ROUNDED * self.clearance else clearance
+            name = self.name if self.side is not Side.BOTH else f"{self.name}_{side}".removeprefix("_")
+            found.append(replace(self, clearance=clearance, side=side, name=name, centre=0.0))
+        return tuple(found)
+
+
+_ROUNDED = 1e-12  # of a clearance
 
 
 @dataclass(frozen=True, init=False)
@@ -137,6 +157,7 @@ class Contact:
                 '{"impact_damping": 0.1}'
             )
         known, given = law_of(law), {**(numbers or {}), **more}
+        stages = [side for stage in stages for side in stage.sides]
         if any(HYSTERESIS.name in stage.numbers for stage in stages) and known in LAWS.values() and not known.rebounds:
             known = Hysteretic(known.name)
         own = {each.name: given.get(each.name, each.default) for each in known.parameters}
@@ -185,7 +206,8 @@ def force(
         ``s'``.
     law
         The formula, with ``+ - * / **``, parentheses, ``sin cos exp log sqrt tanh abs min max`` and ``pi``; see
-        `gapwalk.model.laws.formula`. All other names are parameters.
+        `gapwalk.model.laws.formula`. All other names are parameters, and ``W``, if it has no value, is the angular
+        frequency of the excitation (the speed of a rotor).
     acts_on
         The vector along which it acts, on the left-hand side of the equations of motion like a spring; by default its
         deflection. Required if there are several.
@@ -218,7 +240,10 @@ def force(
             f"force {name!r} has {len(names)} deflections, so it must be said where it acts; write acts_on, as in "
             '{"q1": 1.0}'
         )
-    return Contact(name, deflection, (), acts_on, Expression(law, names), numbers, **more)  # type: ignore
+    formula = Expression(law, names)
+    if "W" not in {*names, *(numbers or {}), *more}:  # then it is the frequency
+        formula = formula.with_frequency("W")
+    return Contact(name, deflection, (), acts_on, formula, numbers, **more)  # type: ignore
 
 
 def friction(
@@ -486,7 +511,7 @@ def _number_problems(contact: Contact, given: Mapping[str, float]) -> Iterator[s
                 hint = f"its parameters are {', '.join(sorted(own)) or 'those of its stages'}"
             yield f"{name} is {value}, but the law is {law.name!r}; {hint}"
     for name, value in contact.numbers.items():
-        if value is None:
+        if value is None and not is_computed(name):
             yield f"{name} is missing; the law {law.name!r} needs it"
     if all(value is not None for value in contact.numbers.values()):
         yield from law.problems(contact.numbers)

@@ -28,6 +28,7 @@ from pydantic import (
 )
 
 from gapwalk.errors import ModelError
+from gapwalk.model.channels.channel_file import NamedFile
 from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.contact import force as make_force
 from gapwalk.model.drivetrain.train_orders import Counted
@@ -35,16 +36,18 @@ from gapwalk.model.laws import FRICTION, Expression
 from gapwalk.model.laws.formula import FormulaError, formula_of
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.loads.load import OverSpeed, over_speed_data, read_factor
-from gapwalk.model.measured.measured_table import NamedFile, WantedColumn, read_table
+from gapwalk.model.measured.measured_table import WantedColumn, read_table
 from gapwalk.model.measured.spring_curve import ERROR, Corner, Curve, spring_curve
 from gapwalk.model.model_source import Source
 from gapwalk.model.problems import Problem, did_you_mean, given
 from gapwalk.model.registry import Parameter
 from gapwalk.model.schema import (
     MAX_COORDINATES,
+    Count,
     Direction,
     Name,
     Names,
+    NonNegative,
     Number,
     Order,
     OwnName,
@@ -59,6 +62,7 @@ from gapwalk.model.schema import (
     tagged,
     with_placeholders,
 )
+from gapwalk.model.states import STATE_KINDS, State, StateKind, state_of
 from gapwalk.model.units import QuantityKind, Unit, has_unit
 
 
@@ -99,7 +103,7 @@ class ForcePart(Element):
     def enter(self, names: Names) -> None:
         """See `Element.enter`."""
         try:
-            names.elements.setdefault("force", []).append(self.force(names.coordinates or []))
+            names.elements.setdefault("force", []).append(self.force([*(names.coordinates or []), *names.states]))
         except FormulaError as error:
             raise ValueError(f"law is {given(self.law)}, column {error.column}: {error.reason}") from None
         except ModelError as error:
@@ -138,9 +142,84 @@ class ForcePart(Element):
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                 raise ModelError(f"{name} is {given(value)}; it must be a finite number")
         for name in known:
+            if name == "W":  # the frequency
+                continue
             if name not in numbers:
                 raise ModelError(f"{name} is missing; the formula {given(self.law)} needs it: write {name} = 1.0")
         return dict(numbers)
+
+
+# The tables of states without inertia in a model file, ``[[state]]`` and those of kinds with formulas of their own.
+
+
+class StateBase(Element):
+    """A state without inertia: the keys that all of its tables have."""
+
+    name: OwnName = Field(description="formulas call the state by it, and its parameters begin with it")
+
+    def enter(self, names: Names) -> None:
+        """See `Element.enter`."""
+        try:
+            made = self.state()
+            names.taken |= {each.name for each in made.contacts([*(names.coordinates or []), *names.states])}
+        except ModelError as error:
+            kind = getattr(type(self), "kind", None)
+            word = kind.name if kind else "state"
+            raise ValueError(f"is refused: {str(error).removeprefix(f'{word} {self.name!r}: ')}") from None
+        names.elements.setdefault("state", []).append(made)
+
+    def state(self) -> State:
+        """Make the state."""
+        raise NotImplementedError
+
+
+class StatePart(StateBase):
+    """A state by formulas: ``[[state]]``. All keys that the schema does not know are parameters of the formulas."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    rate: Text = Field(description='write the formula of its rate, as in "(x - z)*k/c": z is the state itself')
+    force: Text = ""
+    deflection: Direction | None = None
+    deflections: Annotated[dict[Name, Direction], Field(min_length=1, max_length=MAX_COORDINATES)] | None = None
+    acts_on: Direction | None = None
+
+    def state(self) -> State:
+        """Make the state."""
+        if self.deflections and self.deflection:
+            raise ModelError("deflection is given together with deflections; leave one of the two out")
+        moves: Any = self.deflections or self.deflection
+        numbers: Any = self.model_extra or {}
+        return State(self.name, self.rate, moves, force=self.force, acts_on=self.acts_on, numbers=numbers)
+
+
+class KindOfStateBase(StateBase):
+    """A state of a kind that has formulas of its own."""
+
+    state_kind: ClassVar[StateKind]
+
+    deflection: Direction = Field(description="write by which coordinates it deflects, as in { q1 = 1.0 }")
+
+    def state(self) -> State:
+        """Make the state."""
+        known = [*self.state_kind.whole, *(each.name for each in self.state_kind.parameters)]
+        return state_of(
+            self.state_kind.name, self.name, self.deflection, **{each: getattr(self, each) for each in known}
+        )
+
+
+def state_fields() -> dict[str, Any]:
+    """Make the fields of the tables of states, one list for each kind."""
+    parts: dict[str, Any] = {"state": StatePart}
+    for kind in STATE_KINDS.values():
+        fields: dict[str, Any] = {
+            each.name: (number_of(each), Field(description=each.words) if each.default is None else each.default)
+            for each in kind.parameters
+        }
+        fields |= {name: (int, default) for name, default in kind.whole.items()}
+        parts[kind.name] = create_model(f"{kind.name.title()}Part", __base__=KindOfStateBase, **fields)
+        parts[kind.name].state_kind = kind
+    return {key: (list[part], Field(default=[], max_length=MAX_COORDINATES)) for key, part in parts.items()}
 
 
 # The table of dry friction in a model file, ``[[friction]]``, in systems and in drive trains.
@@ -273,7 +352,7 @@ class LoadBase(Element):
 
     def load(self, *, units: bool, **changes: Any) -> Any:
         """Make the load, with other values of some keys."""
-        counted = ("mesh", "turns_of")  # of loads of drive trains
+        counted = ("mesh", "turns_of", "pole_pairs", "slots")  # of loads of drive trains
         numbers = {name: value for name, value in dict(self).items() if value is not None and name not in counted}
         numbers |= changes
         if not self.kind.is_periodic:
@@ -291,13 +370,18 @@ class TrainLoadBase(LoadBase):
     order: _TrainOrder = 1  # pyright: ignore[reportIncompatibleVariableOverride]
     mesh: Name | None = None
     turns_of: Name | None = None
+    pole_pairs: Count | None = None
+    slots: Count | None = None
 
     def load(self, *, units: bool, **changes: Any) -> Load | Counted:
         """Make the load, with the way in which its order is counted."""
         mesh, turns_of, order = self.mesh or "", self.turns_of or "", self.order
         is_whole = float(order).is_integer()
         load = super().load(units=units, order=int(order) if is_whole else 1, **changes)
-        return load if is_whole and not (mesh or turns_of) else Counted(load, mesh, turns_of, order)
+        if is_whole and not (mesh or turns_of or self.pole_pairs or self.slots):
+            return load
+        given = order if "order" in self.model_fields_set else None
+        return Counted(load, mesh, turns_of, given, self.pole_pairs, self.slots)
 
 
 def default_name(key: str, table: Mapping[str, Any], taken: Collection[str]) -> str:
@@ -317,13 +401,13 @@ _Varied = Annotated[
     | Annotated[dict[Text, Number], Field(min_length=1), tagged("factors")],
     by_shape(factors=Mapping, names=list, name=object),
 ]
-_FILE = 'write the name of a CSV file, as in file = "gas.csv"'
+_FILE = 'write the name of a CSV file, as in {} = "gas.csv"'
 
 
 def _is_file(value: object) -> NamedFile:
     """Refuse what is not the name of a file; the file has been read before."""
     if not isinstance(value, NamedFile):
-        raise ValueError(f"is {given(value)}; {_FILE}")
+        raise ValueError(f"is {given(value)}; {_FILE.format('file')}")
     return value
 
 
@@ -344,6 +428,7 @@ def _over_speed(value: object, info: ValidationInfo[Names]) -> OverSpeed:
 _PLAIN = {
     int: Annotated[int, Field(strict=True)],
     float: Number,
+    float | None: Annotated[Number | None, Field()],
     str: Text,
     OverSpeed: Annotated[Any, PlainValidator(_over_speed)],
     NamedFile: Annotated[Any, PlainValidator(_is_file)],
@@ -395,10 +480,13 @@ def _load_part(kind: type[Load], base: type[LoadBase]) -> type[LoadBase]:
     hints, own = get_type_hints(kind), [name for name in named if name not in {*fields, "acts_on", "order", "name"}]
     keys = kind.table_keys or {name: (hints[name], named[name].default) for name in own}
     for name, (type_, default) in keys.items():
-        number = _PLAIN.get(type_, type_)
+        number, words = _PLAIN.get(type_, type_), _FILE.format(name)
         if name in kind.frequencies:
             number = Annotated[Positive, measured(QuantityKind.FREQUENCY)]
-        fields[name] = (number, Field(description=_FILE) if default is ... else default)
+        elif isinstance(type_, QuantityKind):
+            bound = Positive if default is ... else NonNegative
+            number, words = Annotated[bound, measured(type_)], f"it is {type_.words} > 0"
+        fields[name] = (number, Field(description=words) if default is ... else default)
     if "varies" not in named:
         fields["acts_on"] = (Direction, Field(description="write on which coordinates it acts, as in { q1 = 1.0 }"))
     part = create_model(f"{kind.__name__}Part", __base__=base, **fields)

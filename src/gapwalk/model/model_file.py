@@ -17,11 +17,12 @@ from typing import Any, TypeVar, get_args
 from pydantic import ValidationError
 
 from gapwalk.errors import ModelError
+from gapwalk.model.channels.channel_file import NamedFile, endings
 from gapwalk.model.drivetrain.train_file import TrainBase, describes_train, train_part, train_problems
 from gapwalk.model.element_tables import CURVED, MeasuredCurve, measured_curve, with_curves
 from gapwalk.model.loads import LOADS
 from gapwalk.model.matrix_file import arranged, read_labelled, split_name
-from gapwalk.model.measured.measured_table import NamedFile, path_of, read_named
+from gapwalk.model.measured.measured_table import path_of, read_named
 from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import SystemBase, system_of, system_part
 from gapwalk.model.problems import WITHIN, Path, Problem, did_you_mean, dotted, given, idea_of
@@ -31,7 +32,7 @@ from gapwalk.model.units import has_unit
 
 MATRICES = ("mass", "damping", "stiffness")
 """Keys of a model file that may name a file with a matrix."""
-LOAD_FILES = ("file", "over_speed")
+LOAD_FILES = ("file", "over_speed", "pressure")
 """Keys of the tables of loads that may name a file with columns of numbers; ``over_speed`` may be a formula too."""
 
 _TOP = "the top of the file, above the first table in brackets"
@@ -97,10 +98,16 @@ def checked_model(source: Source) -> tuple[Model | None, list[Problem], System |
         try:
             system = part.system(read[-1].elements)
         except ModelError as error:
-            problems = [*train_problems(error, source)] if is_train else [source.problem(refusal(error))]
+            problems = [*train_problems(error, source)] if is_train else [_refused(error, source)]
         else:
             return Model(system, part.title, _digest(files)), [], system
     return None, problems, None if is_train else _with_names(full.data, read[-1])
+
+
+def _refused(error: ModelError, source: Source) -> Problem:
+    """Return the problem of a system that is refused as a whole, at the key with which the message begins."""
+    key = str(error).split(maxsplit=1)[0]
+    return source.problem(refusal(error, key), (key,)) if key in MATRICES else source.problem(refusal(error))
 
 
 def _with_names(data: Mapping[str, Any], names: Names) -> System | None:
@@ -109,6 +116,8 @@ def _with_names(data: Mapping[str, Any], names: Names) -> System | None:
         tables = data.get(key, [])
         if not isinstance(tables, list) or len(names.elements.get(key, ())) != len(tables):
             return None
+    if len(names.elements.get("state", ())) != len(names.states):
+        return None
     coordinates = names.coordinates or []
     with suppress(ModelError):
         return system_of(names.elements, coordinates=coordinates, stiffness=[0.0] * len(coordinates))
@@ -210,7 +219,7 @@ def _named(source: Source) -> list[tuple[Path, str]]:
     return [
         (path, name)
         for path, name in found
-        if isinstance(name, str) and (path[-1] != "over_speed" or name.lower().endswith(".csv"))
+        if isinstance(name, str) and (path[-1] != "over_speed" or name.lower().endswith(endings()))
     ]
 
 

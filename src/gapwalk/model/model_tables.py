@@ -32,13 +32,14 @@ from gapwalk.model.contact import (
     Stage,
     order_problems,
 )
-from gapwalk.model.element_tables import Element, ForcePart, friction_part, load_fields
+from gapwalk.model.element_tables import Element, ForcePart, friction_part, load_fields, state_fields
 from gapwalk.model.laws import HYSTERESIS, LAWS, STIFFNESS, Law, Rigid, law_of, law_parameters, law_with
 from gapwalk.model.loads import LOADS
 from gapwalk.model.problems import given
 from gapwalk.model.registry import Parameter
 from gapwalk.model.schema import (
     MAX_COORDINATES,
+    Centre,
     Direction,
     Matrix,
     Name,
@@ -95,8 +96,8 @@ def stage_of(part: Part, name: str) -> Stage:
             found["stiffness"] = RIGID
     found |= {key: value for key, value in of_stage.items() if value is not None}
     plain = {key: found.pop(key) for key in ("clearance", "stiffness", "cubic") if key in found}
-    side = getattr(part, "side", None) or Side.BOTH
-    return Stage(**{"clearance": 0.0, **plain}, side=side, name=name, numbers=found)
+    side, centre = getattr(part, "side", None) or Side.BOTH, getattr(part, "centre", None) or 0.0
+    return Stage(**{"clearance": 0.0, **plain}, side=side, name=name, numbers=found, centre=centre)
 
 
 def given_of(part: Part, which: str) -> dict[str, Any]:
@@ -183,7 +184,7 @@ def _in_order(tables: object, handler: Callable[[object], Any]) -> Any:
 def _order_problem(tables: object) -> str | None:
     """Describe the first error in the order of those stages whose clearance is a plain number."""
     stages = [table for table in tables if isinstance(table, Mapping)] if isinstance(tables, list) else []
-    known = [(table.get("side", Side.BOTH), table.get("clearance")) for table in stages]
+    known = [(table.get("side", Side.BOTH), table.get("clearance")) for table in stages if "centre" not in table]
     numbers = [
         (Side(side), clearance)
         for side, clearance in known
@@ -203,7 +204,8 @@ def _stage_part() -> type[StageBase]:
     fields = law_fields("stage_parameters")
     check: Any = {"belongs_to_the_law": field_validator(*fields)(classmethod(belongs_to_the_law))}
     check["suits_the_stiffness"] = field_validator("restitution", HYSTERESIS.name)(classmethod(_suits_the_stiffness))
-    fields |= {"side": (SideName, Side.BOTH), HYSTERESIS.name: friction_fields()[HYSTERESIS.name]}
+    fields |= {"side": (SideName, Side.BOTH), "centre": (Centre, 0.0)}
+    fields[HYSTERESIS.name] = friction_fields()[HYSTERESIS.name]
     bounce: Any = Annotated[Number, Field(ge=0.0, le=1.0)]
     fields["restitution"] = (bounce | None, Field(None, validate_default=True))
     return create_model("StagePart", __base__=StageBase, __validators__=check, **fields)
@@ -329,7 +331,7 @@ def _is_in_one_place(cls: type[Part], value: object, info: ValidationInfo[Names]
     if "stage" not in info.data:
         return value
     if info.data["stage"] is None:
-        return value if info.field_name == "side" else belongs_to_the_law(cls, value, info)
+        return value if info.field_name in ("side", "centre") else belongs_to_the_law(cls, value, info)
     if value is not None:
         raise ValueError("is given together with tables [[contact.stage]]; move it into one of them")
     return value
@@ -411,12 +413,15 @@ class SystemBase(Part):
     mass: RegularMatrix | None = None
     stiffness: Matrix = Field(description="write the matrix K, a list of rows")
     damping: DampingField | None = None
+    gyroscopic: Matrix | None = None
+    centrifugal: Matrix | None = None
+    over_speed: dict[Text, Text] = Field(default={})
     mean: Vector = Field(default={})
     force: Annotated[list[ForcePart], Field(max_length=MAX_COORDINATES)] = Field(default=[])
     frequency: Positive | None = None
     study: Annotated[Any, AfterValidator(study_tables)] = None
     measurement: Any = None
-    reduction: Any = None  # read by `gapwalk.studies.reduced`
+    reduction: Any = None  # read by `gapwalk.studies.study_file`
 
     def system(self, elements: Mapping[str, list[Any]]) -> System:
         """Make the system, with what its tables have made; at the frequency 1 if the file gives none."""
@@ -428,6 +433,9 @@ class SystemBase(Part):
             mass=self.mass,
             mean=self.mean,
             frequency=self.frequency or 1.0,
+            gyroscopic=self.gyroscopic,
+            centrifugal=self.centrifugal,
+            over_speed=self.over_speed,
         )
 
 
@@ -440,6 +448,7 @@ def system_of(elements: Mapping[str, list[Any]], **keys: Any) -> System:
             *(each for key in ("friction", "force") for each in elements.get(key, ())),
         ],
         harmonics=[_displacing(load, contacts) for load in loads_of(elements)],
+        states=elements.get("state", ()),
         **keys,
     )
 
@@ -467,12 +476,15 @@ def system_part() -> type[SystemBase]:
     of_stages, own = law_fields("stage_parameters"), dict(sorted(law_fields("parameters").items()))
     side: Any = Annotated[SideName | None, Field(validate_default=True)]
     checks: Any = {
-        "is_in_one_place": field_validator(*of_stages, "side")(classmethod(_is_in_one_place)),
+        "is_in_one_place": field_validator(*of_stages, "side", "centre")(classmethod(_is_in_one_place)),
         "suits_the_law": field_validator(*own)(classmethod(_suits_the_law)),
     }
     fields: dict[str, Any] = {"stage": (stages_field(1) | None, None), **of_stages, "side": (side, None), **own}
+    fields["centre"] = (Annotated[Centre | None, Field(validate_default=True)], None)
     fields |= friction_fields()
     contact: Any = create_model("ContactPart", __base__=ContactBase, __validators__=checks, **fields)
     contacts: Any = (list[contact], Field(default=[], max_length=MAX_COORDINATES))
     friction: Any = (list[friction_part()], Field(default=[], max_length=MAX_COORDINATES))
-    return create_model("SystemPart", __base__=SystemBase, contact=contacts, friction=friction, **load_fields())
+    return create_model(
+        "SystemPart", __base__=SystemBase, contact=contacts, friction=friction, **state_fields(), **load_fields()
+    )

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import layout_of
 from gapwalk.model.contact import ContactForm
-from gapwalk.model.drivetrain.train_assembly import TrainAssembly, of_angles
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.equilibria import Equilibrium, tangent
+from gapwalk.model.paced_matrices import PacedMatrices
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.spring import springs_of
 from gapwalk.model.system import System
@@ -28,6 +29,26 @@ SYMMETRIC = 1e-9  # relative asymmetry of a matrix that counts as rounding
 _LARGE = 40  # coordinates beyond which no other masses are looked for: the equations grow with the fourth power
 
 Array = NDArray[np.float64]
+
+
+def states_of(system: System) -> tuple[str, ...]:
+    """Return the names of the states without inertia of a system, or of the inertias without any of a train."""
+    assembly = system.structure.assembly
+    if isinstance(assembly, TrainAssembly):
+        return assembly.form.slow
+    return assembly.states if isinstance(assembly, PacedMatrices) else ()
+
+
+def _of_angles(
+    system: System, stiffness: NDArray[np.float64], damping: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return stiffness and damping matrices with the angles of slips as coordinates, from those by the slips."""
+    assembly = system.structure.assembly
+    if not isinstance(assembly, TrainAssembly) or not assembly.form.adrift:
+        return stiffness, damping
+    stiffness = stiffness.copy()
+    stiffness[:, assembly.form.adrift] = 0.0  # no spring acts on such an angle, nor any contact
+    return stiffness, damping - system.matrix("mass") * assembly.numbers(system.values).leaks
 
 
 def gyroscopic_part(system: System, stiffness: Array, damping: Array) -> Array | None:
@@ -92,6 +113,11 @@ def mass_of_energy(system: System, *, strict: bool = False) -> Array:
     symmetric mass matrix A with ``A M^-1 d = e`` for each contact, and a symmetric ``A M^-1 K``. If `strict`, a
     symmetric mass matrix alone is not taken for it.
     """
+    if states := states_of(system):
+        raise ModelError(
+            f"no energy is known of a system with states without inertia ({', '.join(states)}): its springs and "
+            "dampers in series are not told apart; leave them out, or look at the motion and its multipliers"
+        )
     n, mass, stiffness = system.size, system.matrix("mass"), system.matrix("stiffness")
     forms = _single(system)
     known = is_symmetric(mass)
@@ -180,6 +206,16 @@ class Clearances(StrEnum):
     """As stuck, and every rigid stop is held."""
 
 
+@dataclass(frozen=True)
+class ModeState:
+    """The stages that are closed, and the friction that sticks, in a linearisation irrespective of the mean load."""
+
+    text: str  #: The state in words.
+    #: For each contact the number of its stages that are closed, on the positive side; negative: on the other one.
+    closed: tuple[int, ...]
+    stuck: bool = False  #: True if dry friction sticks.
+
+
 @dataclass(frozen=True, eq=False)
 class Modes(Shown):
     """Undamped natural vibrations, slowest first.
@@ -196,7 +232,8 @@ class Modes(Shown):
     #: shape (n, modes): A mode in each column, by the coordinates. Complex where gyroscopic terms let coordinates move
     #: one after the other: the motion is the real part of the column times ``exp(i W t)``.
     shapes: NDArray[np.float64] | NDArray[np.complex128]
-    #: shape (modes,): Shares of critical damping, of light damping; NaN where the frequency is 0 or NaN.
+    #: shape (modes,): Shares of critical damping, of light damping (exact with states without inertia); NaN where the
+    #: frequency is 0 or NaN.
     damping_ratios: NDArray[np.float64]
     coordinates: tuple[str, ...]  #: Names of the coordinates.
     inertias: tuple[str, ...]  #: Names of the inertias of a drive train; otherwise empty.
@@ -212,10 +249,12 @@ class Modes(Shown):
         return f"Modes({shown}{', ...' if len(self) > 6 else ''})"
 
 
-def find_modes(system: System, at: Equilibrium | str = Clearances.CLOSED) -> Modes:
+def find_modes(system: System, at: Equilibrium | ModeState | str = Clearances.CLOSED) -> Modes:
     """Compute natural frequencies and modes of a system without losses.
 
-    Gyroscopic terms, the skew part of the damping matrix, lose no energy and are kept.
+    Gyroscopic terms, the skew part of the damping matrix, lose no energy and are kept. States without inertia join
+    springs and dampers in series, which belong to the vibrations: then the modes are those with all losses, and what
+    does not vibrate is no mode.
 
     Parameters
     ----------
@@ -255,9 +294,17 @@ def find_modes(system: System, at: Equilibrium | str = Clearances.CLOSED) -> Mod
         stiffness, damping = tangent(system, closed, stuck=stuck)
         if stuck:
             left, right = _left_free(system, stops=at == Clearances.HELD)
+    elif isinstance(at, ModeState):
+        closed = [spring.first(count) for spring, count in zip(springs_of(system), at.closed, strict=True)]
+        stiffness, damping = tangent(system, closed, stuck=at.stuck)
+        if at.stuck:
+            left, right = _left_free(system, stops=False)
     else:
         raise ModelError(f"at is {at!r}; it must be an equilibrium, or {did_you_mean(str(at), [*Clearances])}")
-    stiffness, damping = of_angles(system, stiffness, damping)
+    if states_of(system):
+        mass, damping, stiffness = (left.T @ each @ right for each in (system.matrix("mass"), damping, stiffness))
+        return _damped_modes(system, mass, damping, stiffness, right)
+    stiffness, damping = _of_angles(system, stiffness, damping)
     gyroscopic = gyroscopic_part(system, stiffness, damping)
     losses = damping if gyroscopic is None else damping - gyroscopic
     mass, stiffness, losses = (left.T @ each @ right for each in (system.matrix("mass"), stiffness, losses))
@@ -278,6 +325,29 @@ def find_modes(system: System, at: Equilibrium | str = Clearances.CLOSED) -> Mod
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.where(frequencies > 0, decay / frequencies, np.nan)
     return Modes(frequencies, shapes / largest, ratios, system.coordinates, inertias, np.real(angles / largest))
+
+
+def _damped_modes(system: System, mass: Array, damping: Array, stiffness: Array, basis: Array) -> Modes:
+    """Compute the modes of a system with states without inertia: size and damping ratio of each pair of eigenvalues."""
+    assembly, n = system.structure.assembly, len(mass)
+    rows = np.linalg.solve(mass, np.hstack((stiffness, damping)))
+    found = np.linalg.eig(np.block([[np.zeros((n, n)), np.eye(n)], [-rows]]))
+    values, vectors = (each.astype(np.complex128) for each in found)
+    ahead = np.flatnonzero(values.imag > _ZERO_RATE * np.abs(values).max(initial=0.0))
+    ahead = ahead[np.argsort(np.abs(values[ahead]), kind="stable")]
+    values, shapes = values[ahead], basis @ vectors[:n, ahead]
+    assert isinstance(assembly, TrainAssembly | PacedMatrices)
+    lagging = assembly.lagging(system.values)
+    assert lagging is not None
+    shapes = shapes + values * (lagging @ shapes)
+    names, inertias, angles = assembly.names.coordinates, (), np.zeros((0, len(values)))
+    if isinstance(assembly, TrainAssembly):
+        names, inertias = system.coordinates, assembly.form.inertias
+        angles = assembly.numbers(system.values).angles @ shapes
+    sizes = angles if angles.size else shapes
+    largest = sizes[np.abs(sizes).argmax(axis=0), range(len(values))]
+    frequencies = np.abs(values)
+    return Modes(frequencies, shapes / largest, -values.real / frequencies, names, inertias, np.real(angles / largest))
 
 
 def _left_free(system: System, *, stops: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -331,8 +401,10 @@ def dissipation_doubts(system: System) -> list[str]:
     The rates at which the damping takes energy out of free motions are the eigenvalues of ``M^-1 C``. If one is
     negative, motions grow until a contact limits them, or without limit; if all are zero, resonances have no limit.
     """
+    if states_of(system):  # they damp by themselves
+        return []
     doubts = []
-    damping = of_angles(system, system.matrix("stiffness"), system.matrix("damping"))[1]
+    damping = _of_angles(system, system.matrix("stiffness"), system.matrix("damping"))[1]
     rates = np.linalg.eigvals(np.linalg.solve(system.matrix("mass"), damping)).real
     dragging = any(not form.stages and form.law.is_damped for form in system.structure.contacts)
     if not dragging and (not damping.any() or _is_gyroscopic(system, damping)):

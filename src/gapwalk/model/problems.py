@@ -74,6 +74,11 @@ IDEAS = (
         "unbalance|imbalance|eccentric\\w*|rotating_?(mass|force)|growth_?(order|power)",
         "the force of an unbalance is a [[harmonic]] with growth = 2: it grows with the square of the frequency",
     ),
+    Idea(
+        "rotating",
+        "a rotating mass makes no torque at a steady speed: add it times the square of the crank radius to the inertia "
+        "of the throw",
+    ),
     Idea("delay|time_?delay|retard\\w*", "delays cannot be modelled: the state is that of now"),
     Idea(
         "sweep_?rate|run_?up|transient\\w*",
@@ -205,9 +210,9 @@ def did_you_mean(word: str, known: Sequence[str], what: str = "they are") -> str
 
 
 WITHIN = (
-    "a contact is open where its deflection is 0. For a gap from 0.15 to 0.35 write clearance = 0.1, half of its "
-    "width, count the coordinate from its middle 0.25, and take the stiffness matrix times this position from the mean "
-    "load"
+    "a contact is open where its deflection is 0. For a gap from -0.05 to 0.15 write clearance = 0.1, half of its "
+    "width, and centre = 0.05; for one from 0.15 to 0.35 write clearance = 0.1, count the coordinate from its middle "
+    "0.25, and take the stiffness matrix times this position from the mean load"
 )
 """The way to write a gap that does not contain the zero position."""
 

@@ -213,9 +213,11 @@ class ParameterNames(Sequence[str]):
         known = list(self) if len(self) <= _FEW else [block.prefix for block in self.blocks if block.rank == 0]
         friction = name.replace(".hysteresis", "_friction.limit")  # hysteresis in a file is an element of its own
         near = [friction] if friction != name and friction in known else near_names(name, known)
-        if not near:
-            last = name.rsplit(".", 1)[-1]
-            near = [each for each in known if each.rsplit(".", 1)[-1] == last][:3]
+        if not near:  # those of the same part, else the same of other parts
+            pairs = [(each.rpartition("."), each) for each in known]
+            (part, _, last) = name.rpartition(".")
+            near = [each for pair, each in pairs if part and pair[0] == part]
+            near = (near or [each for pair, each in pairs if pair[2] == last])[:3]
         if not near and name in PACES:
             near = known[:1]  # the other of the two
         if near:

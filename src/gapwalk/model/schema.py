@@ -27,6 +27,7 @@ from gapwalk.model.laws import Law, law_of
 from gapwalk.model.loads import check_order
 from gapwalk.model.problems import Path, did_you_mean, given
 from gapwalk.model.registry import Parameter
+from gapwalk.model.states import STATE_KINDS
 from gapwalk.model.units import QuantityKind, has_unit, read_quantity
 from gapwalk.model.value_checks import mass_problems
 
@@ -81,10 +82,22 @@ class Names:
     """Names in a file that may have problems, for the validators of one pass."""
 
     coordinates: list[str] | None
+    states: list[str] = field(default_factory=list)  # without inertia
+    damping: Any = None  # as the file has it
     what: str = "coordinate"
     taken: set[str] = field(
         # First parts of the names of other parameters: a contact of that name would make them ambiguous.
-        default_factory=lambda: {"frequency", "speed", "mass", "damping", "stiffness", "mean", "study"}
+        default_factory=lambda: {
+            "frequency",
+            "speed",
+            "mass",
+            "damping",
+            "stiffness",
+            "gyroscopic",
+            "centrifugal",
+            "mean",
+            "study",
+        }
     )
     units: bool = False  # whether quantities have units
     # What the tables make: the contacts of each, or its load; by the keys of the tables.
@@ -99,7 +112,17 @@ class Names:
             return cls(None)
         if not all(isinstance(name, str) for name in names):
             return cls(None)
-        return cls(list(dict.fromkeys(names)))  # a name that is repeated by mistake is one coordinate
+        tables = [table for key in ("state", *STATE_KINDS) for table in _tables(data, key)]
+        states = [table["name"] for table in tables if isinstance(table.get("name"), str)]
+        once = [*dict.fromkeys(names)]  # a name that is repeated by mistake is one coordinate
+        return cls(once, states, data.get("damping"))
+
+    def is_idle(self, place: int) -> bool:
+        """Return True if the damping of the file leaves out the coordinate of a number."""
+        if not isinstance(self.damping, list) or place >= len(self.damping):
+            return not (isinstance(self.damping, Mapping) and self.damping.get("stiffness"))
+        row = self.damping[place]
+        return not (any(row) if isinstance(row, list) else row)
 
     @classmethod
     def of_train(cls, data: Any) -> Names:
@@ -108,7 +131,13 @@ class Names:
         tables = tables if isinstance(tables, list) else []
         names = [table.get("name") for table in tables if isinstance(table, Mapping)]
         known = [*dict.fromkeys(name for name in names if isinstance(name, str))] or None
-        return cls(known, "inertia", units=any(has_unit(value) for value in _quantities(data)))
+        return cls(known, what="inertia", units=any(has_unit(value) for value in _quantities(data)))
+
+
+def _tables(data: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
+    """Return the tables of one key in the content of a file that may have any problems."""
+    tables = data.get(key)
+    return [table for table in tables if isinstance(table, Mapping)] if isinstance(tables, list) else []
 
 
 def _quantities(data: Any) -> Iterator[object]:
@@ -216,7 +245,7 @@ def _word(name: str) -> str:
 
 def _coordinate(name: str, info: ValidationInfo[Names]) -> str:
     known = info.context.coordinates
-    if known and name not in known:
+    if known and name not in (*known, *info.context.states):
         raise ValueError(f"names no {info.context.what}; {did_you_mean(name, known)}")
     return name
 
@@ -249,7 +278,12 @@ def _square(matrix: list, info: ValidationInfo[Names]) -> list[list[float]]:
 def _regular(mass: list[list[float]], info: ValidationInfo[Names]) -> list[list[float]]:
     if not info.context.coordinates:
         return mass
-    for problem in mass_problems(info.context.coordinates, np.array(mass)):
+    matrix, names = np.array(mass), info.context.coordinates
+    if len(matrix) == len(names):  # rows of zeros are of coordinates without inertia
+        idle = np.array(list(map(info.context.is_idle, range(len(names)))))
+        kept = np.flatnonzero(matrix.any(axis=0) | matrix.any(axis=1) | idle)
+        matrix, names = matrix[np.ix_(kept, kept)], [names[place] for place in kept]
+    for problem in mass_problems(names, matrix) if names else ():
         raise ValueError(problem.removeprefix("mass "))
     return mass
 
@@ -284,6 +318,7 @@ OwnName = Annotated[Name, AfterValidator(claim)]
 Angle = Annotated[Number, BeforeValidator(_radians)]
 Torque = Annotated[Number, measured(QuantityKind.TORQUE)]
 Clearance = Annotated[NonNegative, measured(QuantityKind.ANGLE)]
+Centre = Annotated[Number, measured(QuantityKind.ANGLE)]
 CubicStiffness = Annotated[Number, measured(QuantityKind.CUBIC)]
 Order = Annotated[int, BeforeValidator(_whole)]
 InertiaName = AfterValidator(_coordinate)

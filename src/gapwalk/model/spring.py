@@ -189,6 +189,12 @@ class Spring:
         sides = [[each for each in self.slopes if each.sign == sign] for sign in (1, -1)]
         return tuple(next(side for side in sides if side)[:1])
 
+    def first(self, count: int) -> tuple[Slope, ...]:
+        """Return the first stages on the positive side; on the other one for a negative count, or where none is."""
+        sides = {sign: [each for each in self.slopes if each.sign == sign] for sign in (1, -1)}
+        chosen = sides[1 if count > 0 and sides[1] else -1]
+        return tuple(chosen[: abs(count)])
+
     def ranges(self) -> Iterator[Range]:
         """Return the ranges of the deflection in which no stage closes or opens, with the closed stages."""
         up, down = ([each for each in self.slopes if each.sign == sign] for sign in (1, -1))

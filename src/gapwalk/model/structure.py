@@ -148,14 +148,20 @@ class Assembly(Protocol):
         """Units of these numbers; None if they are plain numbers."""
         ...
 
+    @property
+    def is_paced(self) -> bool:
+        """True if numbers of the equations of motion depend on the frequency or speed, beside those of loads."""
+        ...
+
     def expand(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return the values of the equations of motion in their order, real or complex as its own values."""
         ...
 
-    def accelerations(self, values: NDArray[Any]) -> NDArray[Any]:
+    def accelerations(self, values: NDArray[Any]) -> NDArray[Any] | None:
         """Return ``M^-1 [K | C | d_1 ... | m | s_1 ...]``, with columns of all contacts and loads, shape (n, columns).
 
-        Computed directly, zeros remain exact; a flow is compiled for the other entries only.
+        Computed directly, zeros remain exact; a flow is compiled for the other entries only. None if they follow from
+        the matrices of `expand`.
         """
         ...
 
@@ -237,6 +243,11 @@ class Structure:
         """The units of the parameters; None if they are plain numbers."""
         return self.assembly.units if self.assembly else None
 
+    @property
+    def is_paced(self) -> bool:
+        """True if numbers of the equations of motion depend on the frequency or speed, beside those of loads."""
+        return self.assembly is not None and self.assembly.is_paced
+
     @cached_property
     def pace(self) -> str:
         """The name of the first parameter: ``frequency``, or ``speed`` in a train that is driven at a speed."""
@@ -305,10 +316,9 @@ class Structure:
         """The range of the first parameter in which all loads are known: that of their tables over the speed."""
         low, high, names = 0.0, math.inf, []
         for load in self.harmonics:
-            if load.factor is not None and load.factor.table is not None:
-                first, last = load.factor.limits
-                low, high = max(low, first / self.frequency), min(high, last / self.frequency)
-                names.append(load.factor.table.name)
+            for points, name in load.tables:
+                low, high = max(low, points[0] / self.frequency), min(high, points[-1] / self.frequency)
+                names.append(name)
         return PaceLimits(low, high, " and ".join(dict.fromkeys(names)))
 
     @cached_property

@@ -6,7 +6,7 @@ import math
 import os
 import reprlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -16,7 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Bounded, Finite
 from gapwalk.model.contact import Contact, ContactForm
+from gapwalk.model.laws.formula import is_computed
 from gapwalk.model.loads import Load, LoadForm
+from gapwalk.model.loads.load import FactorOverSpeed
+from gapwalk.model.paced_matrices import GROWING, PacedMatrices
+from gapwalk.model.states import LAG, State, carried, shared
 from gapwalk.model.structure import JumpTerm, Structure
 from gapwalk.model.units import Units
 from gapwalk.model.value_checks import checked
@@ -181,6 +185,14 @@ class System(Shown):
         The terms of the periodic excitation, or loads of other kinds that repeat with it.
     frequency
         The fundamental frequency W (angular), > 0.
+    gyroscopic, centrifugal : array_like or sparse, shape (n, n)
+        Matrices G and H of a rotor that turns at the speed W: ``W G`` is added to the damping, ``W**2 H`` to the
+        stiffness. A force by a formula may contain W, too.
+    over_speed
+        Factors of other numbers that depend on the frequency, by their names: ``{"brake.limit": "1 + 0.1*W"}``.
+    states
+        States without inertia. A coordinate whose row and column of the mass matrix are zero is one, too: its equation
+        is of first order by its damping.
 
     Raises
     ------
@@ -210,47 +222,74 @@ class System(Shown):
         mean: Mapping[str, float] | None = None,
         harmonics: Sequence[Load] = (),
         frequency: float = 1.0,
+        *,
+        gyroscopic: ArrayLike | None = None,
+        centrifugal: ArrayLike | None = None,
+        over_speed: Mapping[str, str] | None = None,
+        states: Sequence[State] = (),
     ) -> None:
-        names = tuple(coordinates)
-        n = len(names)
-        problems: list[str] = list(_name_problems(names, contacts, harmonics))
+        names, n = (*coordinates, *(state.name for state in states)), len(coordinates)
+        problems: list[str] = []
+        contacts, copies = [*contacts], {}
+        for state in states:
+            try:
+                made = state.contacts(names)
+            except ModelError as error:
+                problems.append(str(error))
+            else:
+                contacts, copies = [*contacts, *made], copies | dict(shared(made))
+        problems += _name_problems(names, contacts, harmonics)
         law = damping if isinstance(damping, ProportionalDamping | ModalDamping) else None
-        matrices = [
-            _matrix(what, given, n, default, problems)
+        matrices = {
+            what: _matrix(what, given, n, default, problems)
             for what, given, default in (
                 ("mass", mass, np.eye(n)),
                 ("damping", None if law else damping, np.zeros((n, n))),
                 ("stiffness", stiffness, np.zeros((n, n))),
             )
-        ]
-        if law and not problems and all(np.isfinite(matrix).all() for matrix in matrices):
+        }
+        if law and not problems and all(np.isfinite(matrix).all() for matrix in matrices.values()):
             try:
-                matrices[1] = law.matrix(matrices[0], matrices[2])
+                matrices["damping"] = law.matrix(matrices["mass"], matrices["stiffness"])
             except ModelError as error:
                 problems.append(f"damping: {error}")
-        parts: list[ArrayLike] = [[frequency], *(matrix.ravel() for matrix in matrices)]
-        parts.append(_vector("mean", mean or {}, names, problems))
-        for harmonic in harmonics:
-            parts.append([*harmonic.values()])
-            if harmonic.varies:
-                continue
-            parts.append(_vector(f"{harmonic.name}.acts_on", harmonic.acts_on, names, problems))
-        for contact in contacts:
-            for vector, given in zip(ContactForm.of(contact).vectors, contact.vectors, strict=True):
-                parts.append(_vector(vector, given, names, problems))
-            if contact.force is not None:
-                parts.append(_vector(f"{contact.name}.force", contact.force, names, problems))
-            parts.append([*contact.values()])
+        given_growing = {"gyroscopic": gyroscopic, "centrifugal": centrifugal}
+        growing = tuple(name for name, given in given_growing.items() if given is not None)
+        matrices |= {name: _matrix(name, given_growing[name], n, np.zeros((n, n)), problems) for name in growing}
+        matrices = {what: np.pad(matrix, (0, len(states))) for what, matrix in matrices.items()}
+        matrices["damping"][range(n, len(names)), range(n, len(names))] = 1.0  # z' of each state, in its equation
+        parts: dict[str, Any] = {"frequency": [frequency], **matrices}
+        parts["mean"] = _vector("mean", mean or {}, names, problems)
+        for load, form in zip(harmonics, map(LoadForm.of, harmonics), strict=True):
+            parts |= {name: [value] for name, value in zip(form.parameters, load.values(), strict=True)}
+            if not load.varies:
+                parts[form.shape] = _vector(form.shape, load.acts_on, names, problems)
+        for contact, form in zip(contacts, map(ContactForm.of, contacts), strict=True):
+            vectors = dict(zip(form.vectors, contact.vectors, strict=True))
+            vectors |= {} if contact.force is None else {form.push: contact.force}
+            found: dict[str, Any] = {name: _vector(name, given, names, problems) for name, given in vectors.items()}
+            numbers = zip(form.parameters, contact.values(), strict=True)
+            found |= {name: [value] for name, value in numbers if value is not None}  # the others follow from W
+            parts |= {copies.get(name, name): given for name, given in found.items()}
         if problems:
             raise ModelError("\n".join(problems))
-        structure = Structure(
-            names,
-            tuple(ContactForm.of(contact) for contact in contacts),
-            tuple(map(LoadForm.of, harmonics)),
-        )
+        at_rest = ~(matrices["mass"].any(axis=0) | matrices["mass"].any(axis=1))
+        massless = tuple(np.flatnonzero(at_rest).tolist())
+        slow = {names[place] for place in massless}
+        contacts, harmonics, copies = carried(slow, contacts, harmonics, copies)
+        forms = tuple(map(ContactForm.of, contacts))
+        inner = tuple(f"{name}{LAG}" if name in slow else name for name in names)
+        structure = Structure(inner, forms, tuple(map(LoadForm.of, harmonics)))
+        factors = tuple((name, FactorOverSpeed(text)) for name, text in (over_speed or {}).items())
+        if slow or growing or factors or any(is_computed(name) for form in forms for name in form.parameters):
+            lag = 1.0 / frequency if slow and frequency > 0.0 else 0.0
+            assembly = PacedMatrices(structure, growing, factors, massless, lag, len(states), tuple(copies.items()))
+            structure = replace(structure, assembly=assembly)
+        for name, _ in factors:
+            structure.place(name)  # refuses what there is not
         _ = structure.variations  # refuses what there is not
-        values = np.concatenate([np.asarray(part, dtype=float) for part in parts])
-        self._set(structure, checked(structure, values))
+        values = [np.ravel(np.asarray(parts[block.prefix], dtype=float)) for block in structure.names.blocks]
+        self._set(structure, checked(structure, np.concatenate(values)))
 
     def at(self, changes: Mapping[str, float | str] | None = None, **more: float | str) -> System:
         """Return the system with other parameter values.
@@ -570,7 +609,7 @@ def _vector(what: str, given: Mapping[str, float], names: tuple[str, ...], probl
 def _name_problems(coordinates, contacts, harmonics):
     if not coordinates:
         yield "coordinates is empty; name at least one degree of freedom"
-    taken = {"frequency", "mass", "damping", "stiffness", "mean"}
+    taken = {"frequency", "mass", "damping", "stiffness", "mean", *GROWING}
     for kind, names in (
         ("coordinate", coordinates),
         ("contact", [contact.name for contact in contacts]),

@@ -51,6 +51,9 @@ inch = 0.0254 meter = in
 foot = 12 inch = ft
 pound = 453.59237 gram = lb
 pound_force = 4.4482216152605 newton = lbf
+pascal = newton / meter ** 2 = Pa
+bar = 1e5 pascal
+psi = pound_force / inch ** 2
 """
 
 _LONGEST = 60
@@ -114,6 +117,7 @@ def registry_of_units() -> Any:
 
 
 _DEGREE = math.pi / 180.0
+_PER_MINUTE = 30.0 / math.pi  # rpm of a rad/s
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,8 +176,12 @@ class QuantityKind(Enum):
     FREQUENCY = "a frequency or speed", "radian/second", Unit("Hz", 2.0 * math.pi), ("rpm", "Hz", "rad/s"), 0, -1, 0
     RATE = "a rate", "radian/second", Unit("rad/s", 1.0), ("rpm", "rad/s", "deg/s"), 1, -1, 0
     ACCELERATION = "an acceleration", "radian/second**2", Unit("rad/s^2", 1.0), ("rad/s^2", "deg/s^2"), 1, -2, 0
+    LENGTH = "a length", "meter", Unit("m", 1.0), ("mm", "m"), 0, 0, 0
     TIME = "a time", "second", Unit("s", 1.0), ("s", "ms"), 0, 1, 0
     PHASE = "a phase", "radian", Unit("deg", _DEGREE), ("deg", "rad"), 0, 0, 0
+    # of cylinders: with its crank a mass is an inertia, which the angles of the train do not scale
+    MASS = "a mass", "kilogram", Unit("kg", 1.0), ("kg",), 0, 2, 1
+    PRESSURE = "a pressure", "pascal", Unit("bar", 1e5), ("bar", "MPa", "Pa"), 0, 0, 0
 
     def __init__(
         self, words: str, reference: str, unit: Unit, usual: tuple[str, ...], angle: int, time: int, torque: int
@@ -193,6 +201,8 @@ _BY_WORD = {
     "stiffness": QuantityKind.STIFFNESS,
     "hysteresis_stiffness": QuantityKind.STIFFNESS,
     "damping": QuantityKind.DAMPING,
+    "centre": QuantityKind.ANGLE,
+    "radius": QuantityKind.LENGTH,
 }
 
 
@@ -351,11 +361,15 @@ class Units:
     #: stiffness, a displacement, the parameters of a formula. Those without a kind have the unit that follows.
     own: tuple[tuple[str, QuantityKind | None, Unit], ...] = ()
     shaft: str = field(default="", compare=False)  #: Name of that shaft's inertia; empty if there is none.
+    #: Inertias with a radius, in m, at which their accelerations are counted.
+    radii: tuple[tuple[str, float], ...] = ()
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts are inconsistent."""
         if self.turns is not None and not self.turns > 0:
             raise ValueError(f"{self.turns} is no number of periods in a turn")
+        if not all(0.0 < radius < math.inf for _, radius in self.radii):
+            raise ValueError("a radius is not positive")
 
     def of(self, kind: QuantityKind) -> Unit:
         """Return the unit of a kind."""
@@ -431,8 +445,9 @@ class Units:
     def signal(self, name: str) -> tuple[float, str]:
         """Return the factor from consistent units to the unit of a signal of a motion, and that unit.
 
-        Positions, deflections and velocities are as in states, accelerations in rad/s^2, torques in N m. The mode of
-        friction has none.
+        Positions, deflections and velocities are as in states, torques in N m; speeds of inertias and of slips in rpm.
+        Accelerations are in rad/s^2, but ``gear.acceleration`` of an inertia with a radius is in m/s^2 at that radius.
+        The mode of friction has none.
 
         Returns
         -------
@@ -443,8 +458,12 @@ class Units:
         """
         if name.endswith(".slip"):
             return 1.0, ""
-        if name.endswith("''"):
+        if (owner := name.removesuffix(".acceleration")) != name and owner in self._radii:
+            return self.angle * self._radii[owner], "m/s^2"
+        if name.endswith(("''", ".acceleration")):
             return self.angle, "rad/s^2"
+        if name.endswith(".speed"):
+            return self.angle * _PER_MINUTE, "rpm"
         return 1.0, "N m" if name.endswith((".torque", ".force")) else self.state(name)
 
     def state(self, name: str) -> str:
@@ -460,6 +479,10 @@ class Units:
     @cached_property
     def _units(self) -> dict[QuantityKind, Unit]:
         return dict(self.chosen)
+
+    @cached_property
+    def _radii(self) -> dict[str, float]:
+        return dict(self.radii)
 
     @cached_property
     def _own(self) -> dict[str, tuple[QuantityKind | None, Unit]]:

@@ -65,9 +65,10 @@ def _number_problems(structure: Structure, values: NDArray[np.float64]) -> Itera
         given = {each.name: float(values[structure.place(f"{load.name}.{each.name}")]) for each in load.kind.parameters}
         yield from (f"{load.name}.{problem}" for problem in load.kind.problems(given))
     for contact in structure.contacts:
-        own = {
-            each.name: float(values[structure.place(f"{contact.name}.{each.name}")]) for each in contact.law.parameters
-        }
+        names = {each.name: f"{contact.name}.{each.name}" for each in contact.law.parameters}
+        if not all(name in structure.names for name in names.values()):
+            continue  # a train computes the others
+        own = {each: float(values[structure.place(name)]) for each, name in names.items()}
         yield from (f"{contact.name}.{problem}" for problem in contact.law.problems(own))
     inner: dict[tuple[int, int], float] = {}
     for index, side, place in sorted(structure.breakpoints, key=lambda each: (each.contact, -each.side)):
@@ -110,8 +111,8 @@ def mass_problems(coordinates: Sequence[str], mass: NDArray[np.float64]) -> Iter
         values = np.linalg.eigvalsh(scaled) if symmetric else np.linalg.svd(scaled, compute_uv=False)
     if np.abs(values).min() <= 1e-13 * np.abs(values).max():
         yield (
-            f"mass is singular{rows}; every coordinate needs an inertia. A system that can turn as a whole is written "
-            "in relative coordinates"
+            f"mass is singular{rows}; every coordinate needs an inertia, or damping by which it has a rate. "
+            "A system that can turn as a whole is written in relative coordinates"
         )
     elif symmetric and values.min() < 0:
         yield (
@@ -196,8 +197,8 @@ def _dissipation_problems(structure: Structure, values: NDArray[np.float64]) -> 
     expanded = structure.expand(values)
     ways = np.array([expanded[plain.block(forms[place].vectors[0], n)] for place in found])
     with np.errstate(all="ignore"):
-        if structure.assembly:
-            table = structure.assembly.accelerations(values)
+        table = structure.assembly.accelerations(values) if structure.assembly else None
+        if table is not None:
             pushes = table[:, [2 * n + place for place in found]]
         else:
             pushed = np.array([expanded[plain.block(forms[place].push, n)] for place in found])

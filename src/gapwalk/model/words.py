@@ -2,22 +2,12 @@
 
 from __future__ import annotations
 
-import re
-
 from gapwalk.model.laws import FRICTION, HYSTERESIS, law_parameters
+from gapwalk.model.measures import parsed
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind, Units
 
 _ALL = 17  # digits that tell any two numbers apart
-
-_MEASURES = {
-    "half": "amplitude of {} (half the peak to peak)",
-    "max": "maximum of {}",
-    "min": "minimum of {}",
-    "mean": "mean of {}",
-    "rms": "root mean square of {}",
-}
-
 
 _OF = ("amplitude", "phase")  # as in "clearance of stage2"; so are the parameters of force laws, but stiffness
 
@@ -34,15 +24,14 @@ def parameter_symbol(name: str, units: Units | None = None) -> str:
 
 def measure_words(name: str, units: Units | None = None) -> str:
     """Return the label of an axis for a measure such as ``half.q1`` or ``h1/2.q1``."""
-    kind, _, signal = name.partition(".")
-    harmonic = "harmonic" if units is None or units.turns is None else "order"
-    words = _MEASURES[kind].format(signal) if kind in _MEASURES else f"amplitude of {harmonic} {kind[1:]} of {signal}"
-    return _with(words, units and units.signal(signal)[1])
+    asked = parsed(name)
+    return name if asked is None else _with(asked.words(units), asked.unit(units))
 
 
 def measure_symbol(name: str, units: Units | None = None) -> str:
     """Return the short form of a measure, for tables: ``max x [deg]``."""
-    return _with(name.replace(".", " ", 1), units and units.signal(name.partition(".")[2])[1])
+    asked = parsed(name)
+    return _with(name.replace(".", " ", 1), asked and asked.unit(units))
 
 
 def state_words(coordinate: str, units: Units | None = None) -> str:
@@ -122,11 +111,3 @@ def _symbol(name: str, units: Units | None) -> str:
 
 def _with(words: str, unit: str | None) -> str:
     return f"{words} [{unit}]" if unit else words
-
-
-def full_measure(measure: str, coordinates: tuple[str, ...]) -> str:
-    """Return the full name of a measure: ``half`` is that of the first coordinate, ``q1`` means ``half.q1``."""
-    if measure in coordinates:
-        return f"half.{measure}"
-    is_kind = measure in _MEASURES or re.fullmatch(r"h\d+(/\d+)?", measure)
-    return f"{measure}.{coordinates[0]}" if is_kind else measure

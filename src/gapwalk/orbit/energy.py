@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.flow.dry_state import Kink
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.forces import Angles, contact_force
+from gapwalk.flow.friction_state import Kink
 from gapwalk.flow.motion import Quadrature, quadrature
 from gapwalk.model.coefficients import ContactSlots, coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly

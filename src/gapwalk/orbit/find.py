@@ -13,7 +13,8 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.ensemble.start import state_at_rest
+from gapwalk.ensemble.batch_flow import state_at_rest
+from gapwalk.ensemble.lanes import Lanes, prefers_lanes
 from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError, UnfitError
 from gapwalk.flow.contact_events import RestOnJumpError
 from gapwalk.flow.equations import magnitude, natural_length
@@ -21,6 +22,7 @@ from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.motion import check_state
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.modes import dissipation_doubts
+from gapwalk.model.static_force import formulas_of
 from gapwalk.model.system import System, check_system
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit, sensitivity
@@ -37,7 +39,9 @@ _RATIOS = (1.25, 0.8, 1.6, 0.625, 2.5, 0.4)  # of the frequency at which an orbi
 
 Starts = Iterator[tuple[str, Callable[[], NDArray[np.float64]]]]
 _TRANSIENT = 400  # largest number of forcing periods before Newton's method starts
+_EXACTLY = 8  # the same for the end of a transient whose beginning took equal steps
 _GROWS = 1e9  # factor from the smallest size of a transient beyond which it diverges
+_ASIDE = 1e-3  # of the natural length: beside a place where a formula has no value
 _BEYOND_EDGE = [1e-8 * 4.0**power for power in range(8)]  # lengths from where friction still slips to one side
 _SETTLED = 1e-4  # relative change over one orbit below which Newton's method starts
 
@@ -136,11 +140,9 @@ def _solution(equation: OrbitEquation, guess: NDArray[np.float64], newton: Newto
 
 
 def _off_the_edge(equation: OrbitEquation, orbit: Orbit, newton: Newton | None) -> Orbit:
-    """Return an orbit near one in which rigid friction slips to one side only, without that slip.
-
-    Such slip is rounding: a motion creeps to the edge of a continuum, ever more slowly, and is no orbit until it is
-    there. At the edge, rounding would decide whether friction sticks. So the position is a little beyond it.
-    """
+    """Return an orbit near one in which rigid friction slips to one side only, without that slip."""
+    # Such slip is rounding: a motion creeps to the edge of a continuum, ever more slowly, and is no orbit until it is
+    # there. At the edge, rounding would decide whether friction sticks. So the position is a little beyond it.
     structure, coefficients, n = orbit.system.structure, coefficients_of(orbit.system), orbit.system.size
     layout = layout_of(structure)
     for contact in [each for each, switch in structure.reactions if switch < 0]:
@@ -167,21 +169,32 @@ def initial_state(system: System, start: str | Sequence[float] | NDArray[np.floa
     if not isinstance(start, str):
         return check_state(system, start)
     if start == "rest":
-        return state_at_rest(system)
+        return _at_rest(system)
     if start == "settle":
-        return settle(system, state_at_rest(system), period)
+        return settle(system, _at_rest(system), period)
     raise ModelError(f'start is {start!r}; write "rest", "settle" or a state of {system.state_size} numbers')
 
 
-def settle(system: System, state: NDArray[np.float64], period: int = 1) -> NDArray[np.float64]:
-    """Integrate the transient from a state until it nearly repeats after `period` forcing periods.
+def _at_rest(system: System) -> NDArray[np.float64]:
+    """Return the state at rest, or one beside it where a formula has no finite value or slope there."""
+    state, n = state_at_rest(system), system.size
+    if any(not each.at(state[:n], state[n : 2 * n]).is_finite for each in formulas_of(system)):
+        aside = _ASIDE * natural_length(layout_of(system.structure), coefficients_of(system))
+        state[:n] += aside * np.cos(np.arange(n) + 1.0)
+    return state
 
-    A motion that grows without a bound, as in an unstable linear system, is no start: the first state is returned. One
-    that a jump of a force holds at rest from the start begins in motion instead, as the loads might not set it free.
-    """
+
+def settle(system: System, state: NDArray[np.float64], period: int = 1) -> NDArray[np.float64]:
+    """Integrate the transient from a state until it nearly repeats after `period` forcing periods."""
+    # A motion that grows without a bound, as in an unstable linear system, is no start: the first state is returned.
+    # One that a jump of a force holds at rest from the start begins in motion instead, as the loads might not set it
+    # free.
     flow, coefficients, first = flow_of(system), coefficients_of(system), state
+    most = _TRANSIENT
+    if prefers_lanes(system):
+        state, most = _by_equal_steps(system, state, period), _EXACTLY
     largest = math.inf
-    for _ in range(max(1, _TRANSIENT // period)):
+    for _ in range(max(1, most // period)):
         try:
             following = flow.integrate(coefficients, state, 0.0, PERIOD * period).state
         except RestOnJumpError:
@@ -201,12 +214,28 @@ def settle(system: System, state: NDArray[np.float64], period: int = 1) -> NDArr
     return state
 
 
+def _by_equal_steps(system: System, state: NDArray[np.float64], period: int) -> NDArray[np.float64]:
+    """Return the state after most of a transient, less accurately and many times as fast; the same if it diverges."""
+    lanes = Lanes(system.structure, coefficients_of(system)[None], state[None], kinds=())
+    before = following = state
+    for _ in range(max(1, _TRANSIENT // period)):
+        for _ in range(period):
+            lanes.advance()
+        (following,) = lanes.states
+        if lanes.diverged.any():
+            return state
+        if np.abs(following - before).max() <= _SETTLED * magnitude(following, system):
+            break
+        before = following
+    return following
+
+
 def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
     """Return the orbit found from a transient, or else the first found from another start."""
     system, period, settled = equation.system, equation.period, None
     doubts = dissipation_doubts(system)
     try:
-        settled = settle(system, state_at_rest(system), period)
+        settled = settle(system, _at_rest(system), period)
         return _solved(equation, equation.start(settled), newton)
     except NumericalError as error:
         if isinstance(error, RestOnJumpError) or (settled is None and not doubts):
@@ -214,7 +243,7 @@ def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
         first = error
 
     def settled_at(other: System) -> Orbit:
-        return _solved(ShootingEquation(other, None, period), settle(other, state_at_rest(other), period), newton)
+        return _solved(ShootingEquation(other, None, period), settle(other, _at_rest(other), period), newton)
 
     tried = ["a transient from rest"]
     for words, state in other_starts(system, period, settled, settled_at):
@@ -228,6 +257,7 @@ def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
         f"Give a state near the orbit (start = [...]), follow it from another value of {name}, or look for another "
         f"period (period = {2 * period}): `gapwalk.settle` shows what the motion settles on"
     )
+    doubts = [*doubts, *_overruns(system)]
     if doubts:
         advice = ". ".join(f"{text[0].upper()}{text[1:]}" for text in doubts)
     raise ConvergenceError(
@@ -235,15 +265,29 @@ def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
     ) from first
 
 
+def _overruns(system: System) -> Iterator[str]:
+    """Say which contacts on one side, as freewheels, the mean load holds open for ever."""
+    from gapwalk.model.equilibria import find_equilibria  # imported late: rarely needed
+
+    free = [
+        each.name
+        for each in system.structure.contacts
+        if each.stages and not each.law.is_dry and len({sign for _, sign in each.sides}) == 1
+    ]
+    if free and not find_equilibria(system):
+        yield (
+            f"{' or '.join(free)} acts on one side only, and nothing holds the mean load: it overruns for ever, so "
+            "that no motion repeats. Write the other side, a load that it can carry, or a drag in its place"
+        )
+
+
 def other_starts(
     system: System, period: int, settled: NDArray[np.float64] | None, find: Callable[[System], Orbit]
 ) -> Starts:
-    """Yield states near which an orbit may be, the cheapest first: a description of each, and a function for it.
-
-    If the orbit is unstable, the motion settles on another one around it, or on chaos. Such motions come near the orbit
-    now and then, and it lies near their mean. Otherwise it is found at a frequency at which it is stable, and followed
-    to this one.
-    """
+    """Yield states near which an orbit may be, the cheapest first: a description of each, and a function for it."""
+    # If the orbit is unstable, the motion settles on another one around it, or on chaos. Such motions come near the
+    # orbit now and then, and it lies near their mean. Otherwise it is found at a frequency at which it is stable, and
+    # followed to this one.
     if settled is not None:
         flow, coefficients, motion = flow_of(system), coefficients_of(system), [settled]
         try:
@@ -258,7 +302,7 @@ def other_starts(
             nearest = np.argsort(np.linalg.norm(np.diff(states, axis=0), axis=1))[:_NEAREST]
             yield from (("states that nearly repeat", lambda state=state: state) for state in states[nearest])
             yield "their mean", lambda: states.mean(axis=0)
-    yield "rest", lambda: state_at_rest(system)
+    yield "rest", lambda: _at_rest(system)
     name = system.structure.names[0]
     for ratio in _RATIOS:
         other = system.at({name: ratio * system[name]})
@@ -268,7 +312,7 @@ def other_starts(
 
         def balanced() -> NDArray[np.float64]:
             equation = Balance(harmonics=10).pose(system, None, period)
-            unknowns, evaluation = solve(equation, equation.start(state_at_rest(system)), 0.0)
+            unknowns, evaluation = solve(equation, equation.start(_at_rest(system)), 0.0)
             return equation.orbit(unknowns, 0.0, evaluation).state
 
         yield "harmonic balance", balanced

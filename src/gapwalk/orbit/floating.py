@@ -56,10 +56,8 @@ def centre_of(
     states: NDArray[np.float64],
     picks: Sequence[Any] = (max, min),
 ) -> Centre:
-    """Compute the centre of the deflection of a contact over one period, or one of its extremes.
-
-    Shapes: `states` (segments, state_size).
-    """
+    """Compute the centre of the deflection of a contact over one period, or one of its extremes."""
+    # Shapes: `states` (segments, state_size).
     deflection = _Deflection(light, slots, coefficients)
     turns = [turn for number, pair in enumerate(pairwise(knots)) for turn in deflection.turns(number, *pair, states)]
     n, size = flow.equations.layout.structure.size, states.shape[1]
@@ -166,19 +164,15 @@ _LOOSE = (0, 1)  # phases of `Orbit.held` of a stop on which the motion never re
 
 
 def unheld(system: System) -> NDArray[np.float64]:
-    """Return the directions in which the stiffness matrix has no spring, orthonormal, shape (n, ways).
-
-    There, only contacts and formulas can restrain the system.
-    """
+    """Return the directions in which the stiffness matrix has no spring, orthonormal, shape (n, ways)."""
+    # There, only contacts and formulas can restrain the system.
     _, sizes, rows = np.linalg.svd(system.matrix("stiffness"))
     return rows[sizes <= _NOTHING * sizes[0]].T
 
 
 def floats(orbit: Orbit, ways: NDArray[np.float64]) -> str:
-    """Return the reason why an orbit is not isolated, but one of a family, with advice; empty if it is isolated.
-
-    Shapes: `ways` (n, ways).
-    """
+    """Return the reason why an orbit is not isolated, but one of a family, with advice; empty if it is isolated."""
+    # Shapes: `ways` (n, ways).
     if not ways.shape[1]:
         return ""
     system, touching, opened = orbit.system, [], []
@@ -207,7 +201,7 @@ def floats(orbit: Orbit, ways: NDArray[np.float64]) -> str:
     if isinstance(assembly := system.structure.assembly, TrainAssembly):
         deflections = assembly.numbers(system.values).deflections @ ways
         for link, moved in zip(assembly.form.links, deflections, strict=True):
-            if link.drag and np.abs(moved).max() > _NOTHING:
+            if link.slides and np.abs(moved).max() > _NOTHING:
                 advice = f"give {link.name} a stiffness, however small, or begin where the contact closes"
                 break
     if not opened:
@@ -226,10 +220,8 @@ def _are_held(formulas: Sequence[StaticForce], orbit: Orbit, ways: NDArray[np.fl
 
 
 def _held(formula: StaticForce, orbit: Orbit, samples: int) -> NDArray[np.float64]:
-    """Return the vectors along which a formula restrains the system somewhere on an orbit, shape (rows, n).
-
-    A formula of the rate alone restrains nothing, and neither does one where its force is constant.
-    """
+    """Return the vectors along which a formula restrains the system somewhere on an orbit, shape (rows, n)."""
+    # A formula of the rate alone restrains nothing, and neither does one where its force is constant.
     motion = orbit.motion(samples)
     slopes = formula.at(motion.q, motion.v).stiffness
     slopes = slopes[np.isfinite(slopes).all(axis=1)]

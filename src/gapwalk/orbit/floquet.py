@@ -52,13 +52,11 @@ class Instability(NamedTuple):
 
 
 def multipliers(transitions: Sequence[NDArray[np.float64]]) -> NDArray[np.complex128]:
-    """Return the eigenvalues of the product of the segments' transition matrices, largest modulus first.
-
-    Large multipliers would spoil the accuracy of the others if the product were formed. So it is kept as ``U D V`` with
-    a graded diagonal D between well-conditioned matrices, by a pivoted QR decomposition for each factor, and the
-    eigenvalues are those of the graded matrix ``D (V U)`` (Bai, Lee, Li and Xu 2011, Linear Algebra and its
-    Applications 435, on long chains of products).
-    """
+    """Return the eigenvalues of the product of the segments' transition matrices, largest modulus first."""
+    # Large multipliers would spoil the accuracy of the others if the product were formed. So it is kept as ``U D V``
+    # with a graded diagonal D between well-conditioned matrices, by a pivoted QR decomposition for each factor, and the
+    # eigenvalues are those of the graded matrix ``D (V U)`` (Bai, Lee, Li and Xu 2011, Linear Algebra and its
+    # Applications 435, on long chains of products).
     matrix = transitions[0]
     if len(transitions) > 1:
         left, sizes, right = np.eye(len(matrix)), np.ones(len(matrix)), np.eye(len(matrix))
@@ -88,10 +86,8 @@ def classify(values: NDArray[np.complex128], error: float = 0.0) -> Instability:
 
 
 def _rounding(value: complex, values: Sequence[complex], largest: float) -> float:
-    """Return the rounding error of a multiplier's modulus: the nearer the next one, the larger, as of a double root.
-
-    Of a conjugate pair it is that of their product, which does not depend on their distance.
-    """
+    """Return the rounding error of a multiplier's modulus: the nearer the next one, the larger, as of a double root."""
+    # Of a conjugate pair it is that of their product, which does not depend on their distance.
     rounded = _ROUNDED * max(1.0, largest)
     others = [abs(other - value) for other in values if other != value and other != value.conjugate()]
     return rounded / min(1.0, max(min(others, default=1.0), math.sqrt(rounded)))
@@ -108,10 +104,8 @@ def nearest_to_circle(values: NDArray[np.complex128]) -> float:
 
 
 def largest_move(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
-    """Return the largest move of a multiplier from one set to the other, with nearest multipliers paired.
-
-    Multipliers outside the unit circle count relative to their size; very small ones do not count.
-    """
+    """Return the largest move of a multiplier from one set to the other, with nearest multipliers paired."""
+    # Multipliers outside the unit circle count relative to their size; very small ones do not count.
     first, second = (sorted(each.tolist(), key=abs, reverse=True) for each in (a, b))
     count = max(sum(abs(value) > _SMALL for value in each) for each in (first, second))
     if count > _FEW:
@@ -142,3 +136,9 @@ def _largest_of_many(first: NDArray[np.complex128], second: NDArray[np.complex12
         largest = float(moves[row, column])
         moves[row], moves[:, column] = np.inf, np.inf
     return largest
+
+
+def change_words(before: Instability, after: Instability) -> str:
+    """Return a change of stability in words."""
+    texts = [f"unstable({side.total})" if side.total else side.label for side in (before, after)]
+    return texts[0] if texts[0] == texts[1] else " -> ".join(texts)

@@ -26,7 +26,7 @@ class Method(Bounded):
     overrides `truncation` and `harmonics`. Three functions depend on the class of the orbits, and may be registered
     with a method: the space in which orbits are distinguished (`gapwalk.bifurcation.orbit_on_branch.space_of`), the
     plane in which loci are followed (`gapwalk.bifurcation.loci.follow_locus.plane_of`), and the residual of Fourier
-    lines (`gapwalk.verification.verify_balanced.imbalance`). Their defaults suit unknowns that are states at some
+    lines (`gapwalk.verification.verify_orbits.imbalance`). Their defaults suit unknowns that are states at some
     angles, one after the other, the first at theta = 0.
 
     Attributes

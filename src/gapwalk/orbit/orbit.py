@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.contact_events import ContactEvent, Turn
-from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.equations import magnitude
 from gapwalk.flow.flow import PERIOD, Arc, Flow, Restarts, flow_of
 from gapwalk.flow.forces import Angles, contact_deflections
-from gapwalk.flow.motion import Motion, Signal, sample
+from gapwalk.flow.friction_state import SlipEvent
+from gapwalk.flow.motion import Motion, Signal, drags_turned_back, one_sided_drags, sample, switch_names
 from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
+from gapwalk.model.measures import EXAMPLES, KINDS, MeasureName, full_measure, parsed
 from gapwalk.model.problems import near_names
 from gapwalk.model.system import System, pace_text
-from gapwalk.model.words import full_measure
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability, classify
 from gapwalk.orbit.method import Method
@@ -84,38 +84,70 @@ class Turns(NamedTuple):
 
 def measure(orbit: Orbit, name: str) -> float:
     """See `Orbit.measure`."""
-    coordinates = orbit.system.coordinates
-    kind, _, signal = full_measure(name, coordinates).partition(".")
-    if kind in MEASURES:
-        if signal in coordinates:
-            row = orbit.extremes[coordinates.index(signal)]
-        else:
-            motion = orbit.motion(8 * orbit.samples)
-            values = motion.signal(signal)  # its largest sample is its maximum to about 1e-5
-            row = values.max(), values.min(), values[:-1].mean(), np.sqrt(np.mean(values[:-1] ** 2))
-            impulses = motion.impulses(signal)[1]
-            if len(impulses):  # of rigid stops: it is infinite there
-                struck = [(impulses > 0.0).any(), (impulses < 0.0).any()]
-                high, low = np.where(struck, (np.inf, -np.inf), row[:2])
-                row = high, low, row[2] + impulses.sum() / (PERIOD * orbit.period), np.inf
-        if kind == "half":
-            return float(row[0] - row[1]) / 2
-        return float(row[("max", "min", "mean", "rms").index(kind)])
-    if kind.startswith("h") and signal and not near_names(kind, MEASURES):
-        return abs(harmonic(orbit, kind[1:], signal))
-    if near := near_names(name, [*coordinates, *(f"{each}.{q}" for each in MEASURES for q in coordinates)]):
-        raise ModelError(f"there is no measure {name!r}; did you mean {' or '.join(near)}?")
-    raise ModelError(
-        f"there is no measure {name!r}; write one of {', '.join(MEASURES)}, h0, h1, ... , a dot and a signal, "
-        f"such as half.{coordinates[0]}"
-    )
+    coordinates, units = orbit.system.coordinates, orbit.system.units
+    full = full_measure(name, coordinates)
+    asked = parsed(full)
+    if asked is None:
+        kind, _, signal = full.partition(".")
+        if kind.startswith("h") and signal and not near_names(kind, MEASURES):
+            return abs(harmonic(orbit, kind[1:], signal))  # which says what an order is
+        if near := near_names(name, [*coordinates, *(f"{each}.{q}" for each in KINDS for q in coordinates)]):
+            raise ModelError(f"there is no measure {name!r}; did you mean {' or '.join(near)}?")
+        raise ModelError(
+            f"there is no measure {name!r}; write one of {EXAMPLES}, a dot and a signal, such as half.{coordinates[0]}"
+        )
+    value = _measured(orbit, asked)
+    if asked.over is not None:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = float(np.divide(value, _measured(orbit, asked.over)))
+    return asked.level(value, units) if asked.is_level else value
+
+
+def _measured(orbit: Orbit, asked: MeasureName) -> float:
+    """Return a measure in the unit of its signal."""
+    coordinates, signal = orbit.system.coordinates, asked.signal
+    if asked.orders:
+        return math.hypot(*(abs(each) for each in harmonics(orbit, asked.orders, signal)))
+    if signal in coordinates:
+        row = orbit.extremes[coordinates.index(signal)]
+    else:
+        motion = orbit.motion(8 * orbit.samples)
+        values = motion.signal(signal)  # its largest sample is its maximum to about 1e-5
+        row = values.max(), values.min(), values[:-1].mean(), np.sqrt(np.mean(values[:-1] ** 2))
+        impulses = motion.impulses(signal)[1]
+        if len(impulses):  # of rigid stops: it is infinite there
+            struck = [(impulses > 0.0).any(), (impulses < 0.0).any()]
+            high, low = np.where(struck, (np.inf, -np.inf), row[:2])
+            row = high, low, row[2] + impulses.sum() / (PERIOD * orbit.period), np.inf
+    if asked.kind in ("half", "peak_to_peak"):
+        return float(row[0] - row[1]) / (2 if asked.kind == "half" else 1)
+    return float(row[("max", "min", "mean", "rms").index(asked.kind)])
 
 
 def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
-    """Return the complex amplitude of a harmonic (``Re(c exp(i h theta))``); its order is a multiple of 1/m.
+    """Return the complex amplitude of a harmonic (``Re(c exp(i h theta))``); its order is a multiple of 1/m."""
+    # Orders count turns of the forcing frequency, or of a shaft whose speed is a parameter.
+    return harmonics(orbit, (order,), signal)[0]
 
-    Orders count turns of the forcing frequency, or of a shaft whose speed is a parameter.
-    """
+
+def harmonics(orbit: Orbit, orders: Sequence[str | int | Fraction], signal: str) -> list[complex]:
+    """Return the complex amplitudes of some harmonics, as `harmonic` does."""
+    places = [_line_of(orbit, order) for order in orders]
+    motion = orbit.motion(4 * orbit.samples)
+    values = motion.signal(signal)[:-1]
+    lines = np.fft.rfft(values) / len(values)
+    theta, sizes = motion.impulses(signal)
+    found = []
+    for order, line in zip(orders, places, strict=True):
+        if line >= len(lines):
+            raise ModelError(f"harmonic {order} lies beyond the {len(lines) - 1} lines that this orbit resolves")
+        pulses = np.sum(sizes * np.exp(-1j * line / orbit.period * theta)) / (PERIOD * orbit.period)
+        found.append(complex(lines[line] + pulses) * (1 if line == 0 else 2))
+    return found
+
+
+def _line_of(orbit: Orbit, order: str | int | Fraction) -> int:
+    """Return the number of the line of an order in the spectrum over one period."""
     turns = orbit.system.turns
     try:
         line = Fraction(order) / (turns or 1) * orbit.period
@@ -124,14 +156,7 @@ def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
     if line.denominator != 1 or line < 0:
         step = f"1/{orbit.period} of W" if turns is None else f"multiples of order {Fraction(turns) / orbit.period}"
         raise ModelError(f"a period-{orbit.period} orbit has harmonics of {step}, not of {order}")
-    motion = orbit.motion(4 * orbit.samples)
-    values = motion.signal(signal)[:-1]
-    lines = np.fft.rfft(values) / len(values)
-    if line >= len(lines):
-        raise ModelError(f"harmonic {order} lies beyond the {len(lines) - 1} lines that this orbit resolves")
-    theta, sizes = motion.impulses(signal)
-    pulses = np.sum(sizes * np.exp(-1j * int(line) / orbit.period * theta)) / (PERIOD * orbit.period)
-    return complex(lines[int(line)] + pulses) * (1 if line == 0 else 2)
+    return int(line)
 
 
 class Survey(NamedTuple):
@@ -474,6 +499,11 @@ class Orbit(Shown):
         angles = PERIOD * self.period * np.arange(count + 1) / count
         return sample(self.system, self.state, angles, self.known_states)
 
+    @cached_property
+    def turned_back(self) -> tuple[str, ...]:
+        """The drags that slip in the other direction for a while, in which their torques are wrong."""
+        return tuple(drags_turned_back(self.motion())) if one_sided_drags(self.system.structure) else ()
+
     def begun_in(self, state: NDArray[np.float64]) -> Orbit:
         """Return the orbit with another state at theta = 0, such as that of another phase."""
         return self if np.array_equal(state, self.state) else replace(self, state=state, restarts=_NO_STATES)
@@ -549,14 +579,18 @@ class Orbit(Shown):
     def measure(self, name: str) -> float:
         """Return one measure of the motion by its name, such as ``half.q1``, ``max.q1''`` or ``rms.stage2``.
 
-        The first part is ``max``, ``min``, ``half`` (half the peak-to-peak), ``mean``, ``rms`` or ``h0``, ``h1``, ...
-        (amplitude of a harmonic of W; ``h1/2`` for half of it); the second a signal.
+        The first part is ``max``, ``min``, ``half`` (half the peak-to-peak), ``peak_to_peak``, ``mean``, ``rms``; or
+        ``h0``, ``h1``, ... or ``order1``, ... (amplitude of a harmonic of W, or of an order per turn of a shaft;
+        ``h1/2`` for half of it, ``order2+4+6`` for the root of the sum of squares); the second a signal. ``a/b`` is the
+        ratio of two measures, or of one of two signals: ``order2.input.speed/flywheel.speed``. With ``db.`` in front
+        it is a level in dB: see `gapwalk.model.measures`.
         """
         return measure(self, name)
 
     def __repr__(self) -> str:
         state = ", ".join(f"{value:.6g}" for value in self.state[:4])
         kept = "".join(f", {words}" for words in kept_words(self.system.structure, self.stuck))
+        kept += "".join(f", {name} turns back, against its torque" for name in self.turned_back)
         return (
             f"Orbit(period {self.period} at {pace_text(self.system)}, {self.instability.words}, "
             f"contacts {self.pattern}{kept}, state ({state}{', ...' if len(self.state) > 4 else ''}))"
@@ -576,10 +610,8 @@ def stroboscopic(orbit: Orbit) -> NDArray[np.float64]:
 
 
 def returns(orbit: Orbit, count: int) -> NDArray[np.float64]:
-    """Return the first `count` states at the start of a forcing period, at most all; shape (count, state_size).
-
-    Where the survey of the motion has them, which a walk needs of each point, nothing more is integrated.
-    """
+    """Return the first `count` states at the start of a forcing period, at most all; shape (count, state_size)."""
+    # Where the survey of the motion has them, which a walk needs of each point, nothing more is integrated.
     known = orbit._survey.returns if orbit.is_exact else None
     return orbit.strobes(count) if known is None else known[:count]
 
@@ -596,11 +628,9 @@ def is_same(a: Orbit, b: Orbit, tolerance: float = SAME) -> bool:
 
 
 def phases(orbit: Orbit) -> NDArray[np.float64]:
-    """Return the states at theta = 0 of all orbits that are this motion with another phase, m * `repeats` of them.
-
-    If the excitation repeats three times in a forcing period, shifting a motion by a third of it gives another orbit
-    that is the same motion.
-    """
+    """Return the states at theta = 0 of all orbits that are this motion with another phase, m * `repeats` of them."""
+    # If the excitation repeats three times in a forcing period, shifting a motion by a third of it gives another orbit
+    # that is the same motion.
     count = repeats(orbit.system)
     return orbit.strobes(orbit.period * count, PERIOD / count)
 
@@ -742,3 +772,9 @@ def _grid(orbit: Orbit, theta: NDArray[np.float64]) -> tuple[NDArray[np.float64]
     """Return increasing angles from 0 within one period that include the given ones, and the indices of these."""
     grid, back = np.unique(np.concatenate(([0.0], theta % (PERIOD * orbit.period))), return_inverse=True)
     return grid, back[1:]
+
+
+def describe_switch(orbit: Orbit, switch: int) -> str:
+    """Return contact, stage and side of a switch, such as ``stage2 -``."""
+    contact, stage, side = switch_names(orbit.system)[switch]
+    return f"{contact}{'.' + stage if stage else ''} {'+' if side > 0 else '-'}"

@@ -6,7 +6,7 @@ Newton's method here solves for one orbit at fixed parameters, damped so that it
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol
@@ -46,17 +46,13 @@ class Equation(Protocol):
         ...
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Return residual and derivatives; raise a NumericalError where they do not exist.
-
-        Shapes: `unknowns` (N,).
-        """
+        """Return residual and derivatives; raise a NumericalError where they do not exist."""
+        # Shapes: `unknowns` (N,).
         ...
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
-        """Return the orbit of a solution.
-
-        Shapes: `unknowns` (N,).
-        """
+        """Return the orbit of a solution."""
+        # Shapes: `unknowns` (N,).
         ...
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
@@ -166,14 +162,7 @@ class OrbitEquation:
 
 
 class Evaluation(NamedTuple):
-    """Residual and derivatives at one point.
-
-    Examples
-    --------
-    >>> equation = gw.Shooting().pose(system, "frequency")
-    >>> float(np.abs(equation.evaluate(equation.unknowns(orbit), 0.6).residual).max()) < 1e-9
-    True
-    """
+    """Residual and derivatives at one point."""
 
     residual: NDArray[np.float64]  #: shape (N,): Zero on an orbit.
     by_unknowns: NDArray[np.float64]  #: shape (N, N): Its derivative with respect to the unknowns.
@@ -222,30 +211,32 @@ def solve(
     )
 
 
+def places_beside(x: NDArray[np.float64], scales: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Return unknowns and value 1e-14 aside, always in the same directions: nearer, much of the rounding is the same.
+
+    Shapes: `x`, `scales` (N + 1,).
+    """
+    sizes = np.append(scales[:-1] * float(np.abs(x[:-1] / scales[:-1]).max()), abs(float(x[-1])))
+    return [x + _BESIDE * sizes * way for way in _ways(len(x))]
+
+
 def roundings(
-    equation: Equation,
-    unknowns: NDArray[np.float64],
-    value: float,
+    x: NDArray[np.float64],
     evaluation: Evaluation,
-    scales: NDArray[np.float64],
+    places: Sequence[NDArray[np.float64]],
+    evaluations: Iterable[Evaluation],
 ) -> NDArray[np.float64]:
-    """Return samples of the rounding errors of a residual, shape (samples, N).
+    """Return samples of the rounding errors of a residual, shape (samples, N), from its evaluations at `places_beside`.
 
-    The equation is evaluated 1e-14 aside, always in the same directions: nearer, much of the rounding is the same. What
-    differs there from the linear change is rounding, however it arises: in each step of a flow, and amplified by what
-    follows it.
-
-    Shapes: `scales` (N + 1,).
+    What differs there from the linear change is rounding, however it arises: in each step of a flow, and amplified by
+    what follows it.
     """
     assert evaluation.by_parameter is not None
-    x = np.append(unknowns, value)
-    sizes = np.append(scales[:-1] * float(np.abs(unknowns / scales[:-1]).max()), abs(value))
     samples = []
-    for way in _ways(len(x)):
-        beside = x + _BESIDE * sizes * way
-        off = beside - x
+    for place, beside in zip(places, evaluations, strict=True):
+        off = place - x
         linear = evaluation.by_unknowns @ off[:-1] + evaluation.by_parameter * off[-1]
-        samples.append(equation.evaluate(beside[:-1], float(beside[-1])).residual - evaluation.residual - linear)
+        samples.append(beside.residual - evaluation.residual - linear)
     return np.array(samples)
 
 

@@ -18,19 +18,19 @@ from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError, FlowError
-from gapwalk.flow.breakpoints import Gauge
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.equations import natural_length
 from gapwalk.flow.event_rule import jump_of, jumping_switches
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
 from gapwalk.flow.forces import Angles
+from gapwalk.flow.motion import Gauge
 from gapwalk.flow.symmetry import Symmetry, symmetries_of
 from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.floating import centre_of
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation, roundings
+from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation, places_beside, roundings
 from gapwalk.orbit.sticking import Closure, never_slipping, released, stuck_in, transition_of
 
 _SEGMENTS = 1000  # largest number of segments
@@ -181,11 +181,9 @@ class ShootingEquation(OrbitEquation):
         return replace(self, options=replace(self.options, segments=count)) if count <= _SEGMENTS else None
 
     def divided(self, state: NDArray[np.float64]) -> Iterator[tuple[ShootingEquation, NDArray[np.float64]]]:
-        """Yield equations with more segments, and the states of the motions from and to a state that meet best.
-
-        An error of the state grows as the square root of the largest multiplier up to the middle of the period, from
-        either end.
-        """
+        """Yield equations with more segments, and the states of the motions from and to a state that meet best."""
+        # An error of the state grows as the square root of the largest multiplier up to the middle of the period, from
+        # either end.
         structure, finer = self.system.structure, self.finer()
         if structure.reactions or structure.friction or self.begin or self.marks:
             return
@@ -345,10 +343,8 @@ class ShootingEquation(OrbitEquation):
     def carried(
         self, state: NDArray[np.float64], change: NDArray[np.float64], value: float, start: float, stop: float
     ) -> NDArray[np.float64]:
-        """Return the change of a motion and of the parameter at an angle, as the change of the state at a later one.
-
-        Shapes: `state` (state_size,); `change` (state_size + 1,).
-        """
+        """Return the change of a motion and of the parameter at an angle, as the change of the state at a later one."""
+        # Shapes: `state` (state_size,); `change` (state_size + 1,).
         coefficients, direction = self.coefficients(value)
         arc = self._flow.integrate(coefficients, state, start, stop, direction)
         return np.append(transition_of(arc) @ change[:-1] + change[-1] * _sensitivity(arc), change[-1])
@@ -375,10 +371,8 @@ class ShootingEquation(OrbitEquation):
 
 
 def assembled(arcs: list[Arc], states: NDArray[np.float64]) -> Evaluation:
-    """Assemble residual and derivatives from the segments' arcs and their initial states.
-
-    The states have the shape (segments, state_size).
-    """
+    """Assemble residual and derivatives from the segments' arcs and their initial states."""
+    # The states have the shape (segments, state_size).
     count, size = states.shape
     if count == 1:  # the usual case, evaluated at each iteration: no block has to be placed
         (arc,) = arcs
@@ -425,10 +419,8 @@ def _shallowest(arcs: list[Arc]) -> float:
 
 
 def _modes_go_on(arcs: list[Arc]) -> bool:
-    """Return True if all friction begins each arc in the mode in which it ends the arc before.
-
-    A spring in slip whose extension is a little within its limit would stick at first, until it is there again.
-    """
+    """Return True if all friction begins each arc in the mode in which it ends the arc before."""
+    # A spring in slip whose extension is a little within its limit would stick at first, until it is there again.
     if not arcs[0].slips:
         return True
     ends = [{event.contact: event.slip for event in arc.slips} for arc in arcs]
@@ -498,11 +490,9 @@ class Held(NamedTuple):
 
 
 def touches(orbit: Orbit) -> list[Touch]:
-    """Return all places where a deflection turns near a breakpoint, or crosses it and returns, nearest first.
-
-    For a crossing, the depth is computed from the velocity there. In a rigid stop nothing is deep; an impact has the
-    depth that the motion would reach without it.
-    """
+    """Return all places where a deflection turns near a breakpoint, or crosses it and returns, nearest first."""
+    # For a crossing, the depth is computed from the velocity there. In a rigid stop nothing is deep; an impact has the
+    # depth that the motion would reach without it.
     rigid = {switch for _, switch in orbit.system.structure.reactions}
     places: list[tuple[float, int, float | None]] = [
         (theta, switch, depth)
@@ -605,13 +595,11 @@ class TouchEquation:
         return self.hold(self.hold(start, 0.0), depth)
 
     def _struck(self, start: Held, depth: float) -> NDArray[np.float64]:
-        """Return a start for Newton's method with a touch of a force that jumps, from an orbit that just misses it.
-
-        An impact changes the motion in proportion to its velocity, the root of the depth. Derivatives of that are
-        large, but they vanish while the depth does not change. So the first steps leave them out. The very first one
-        does not integrate the motion: an impact that nothing makes up for may let the next touch begin before its
-        segment does, as another impact.
-        """
+        """Return a start for Newton's method with a touch of a force that jumps, from an orbit that just misses it."""
+        # An impact changes the motion in proportion to its velocity, the root of the depth. Derivatives of that are
+        # large, but they vanish while the depth does not change. So the first steps leave them out. The very first one
+        # does not integrate the motion: an impact that nothing makes up for may let the next touch begin before its
+        # segment does, as another impact.
         unknowns = np.append(start.states.ravel(), start.value) + (depth - start.depth) * start.slope * self._scales
         for number in range(_SIMPLE):
             depths, rows = self._depths(unknowns)
@@ -647,11 +635,9 @@ class TouchEquation:
         return residual
 
     def _at_depth(self, unknowns: NDArray[np.float64], depth: float) -> NDArray[np.float64]:
-        """Return unknowns with positions at which each touch has exactly a depth.
-
-        The depth is the square of the velocity of an impact, so the square of a step changes it as much
-        as the step itself; Newton's method would not converge otherwise.
-        """
+        """Return unknowns with positions at which each touch has exactly a depth."""
+        # The depth is the square of the velocity of an impact, so the square of a step changes it as much as the step
+        # itself; Newton's method would not converge otherwise.
         found, n = unknowns.copy(), self._own.system.size
         for _ in range(_EXACTLY):
             missing = depth - self._depths(found)[0]
@@ -688,8 +674,11 @@ class TouchEquation:
     def rounding(self, held: Held) -> float:
         """Return the largest change of the value of an orbit by rounding of the residual; see `roundings`."""
         unknowns = held.states.ravel()
-        matrix = self._bordered(held.evaluation, self._depths(np.append(unknowns, held.value))[1])
-        samples = roundings(self._posed, unknowns, held.value, held.evaluation, self._scales)
+        x = np.append(unknowns, held.value)
+        matrix = self._bordered(held.evaluation, self._depths(x)[1])
+        places = places_beside(x, self._scales)
+        asides = [self._posed.evaluate(place[:-1], float(place[-1])) for place in places]
+        samples = roundings(x, held.evaluation, places, asides)
         right = np.zeros((len(matrix), len(samples)))
         right[: len(unknowns)] = (samples * self._weights[: len(unknowns)]).T
         return float(np.abs(np.linalg.lstsq(matrix, right, rcond=None)[0][-1]).max() * self._scales[-1])
@@ -709,11 +698,9 @@ class TouchEquation:
         raise ConvergenceError(f"the segment before the touch is too short at theta = {touch.theta:.6g}")
 
     def _turns_up_to(self, touch: Touch, lead: float) -> float:
-        """Return a share of the way from a turn to where the acceleration changes its sign, ``|a|^3 / (3 j^2)``.
-
-        A motion that misses the breakpoint by more may not turn at all. Impacts that follow each other ever faster end
-        where their acceleration vanishes, so there this way is short.
-        """
+        """Return a share of the way from a turn to where the acceleration changes its sign, ``|a|^3 / (3 j^2)``."""
+        # A motion that misses the breakpoint by more may not turn at all. Impacts that follow each other ever faster
+        # end where their acceleration vanishes, so there this way is short.
         gauge, coefficients = (
             Gauge(layout_of(self._near.system.structure), touch.switch),
             coefficients_of(self._near.system),
@@ -724,14 +711,12 @@ class TouchEquation:
         return _TURNING * abs(touch.acceleration) ** 3 / (3.0 * jerk**2) if jerk else np.inf
 
     def _solve(self, unknowns: NDArray[np.float64], depth: float) -> Held:
-        """Solve for a prescribed depth of all touches by Newton's method, down to rounding.
-
-            [ G_u         G_a       ] [ du ]     [ -G                    ]
-            [ depths_u    depths_a  ] [ da ]  =  [ wanted depth - depths ]
-
-        In a symmetric motion each simultaneous touch adds an equation, but the additional conditions are not
-        independent. They make the system regular even where another branch crosses on which one touch is deeper.
-        """
+        """Solve for a prescribed depth of all touches by Newton's method, down to rounding."""
+        #     [ G_u         G_a       ] [ du ]     [ -G                    ]
+        #     [ depths_u    depths_a  ] [ da ]  =  [ wanted depth - depths ]
+        #
+        # In a symmetric motion each simultaneous touch adds an equation, but the additional conditions are not
+        # independent. They make the system regular even where another branch crosses on which one touch is deeper.
         before, strikes = np.inf, self._jumps and depth * self.free < 0.0
         if strikes and len(self._switches) > 1:  # an impact that is off would throw the next one far off
             unknowns = self._at_depth(unknowns, depth)
@@ -793,11 +778,9 @@ def _reach(
     theta: float,
     state: NDArray[np.float64],
 ) -> tuple[float, NDArray[np.float64], float]:
-    """Return the depth at which a deflection will turn, and its derivatives by the state and along a direction.
-
-    The acceleration is taken as constant. Its own derivatives are left out, since their effect is of second order
-    in a short time.
-    """
+    """Return the depth at which a deflection will turn, and its derivatives by the state and along a direction."""
+    # The acceleration is taken as constant. Its own derivatives are left out, since their effect is of second order in
+    # a short time.
     depth, speed, turning = gauge.read(coefficients, theta, state)
     if turning == 0.0:
         raise ConvergenceError("the deflection does not turn at the breakpoint")

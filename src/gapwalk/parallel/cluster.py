@@ -8,12 +8,14 @@ import time
 import warnings
 from collections.abc import Callable
 from concurrent.futures import Future, wait
+from functools import partial
 from textwrap import shorten
 from typing import Any
 from weakref import WeakKeyDictionary
 
 from gapwalk.errors import GapwalkError, ModelError, WorkError
 from gapwalk.model.registry import extensions
+from gapwalk.parallel.shared import Shared, do_shared
 from gapwalk.results.result_file import sources, versions
 
 _CONNECT = 10.0  # seconds
@@ -22,7 +24,7 @@ _TELL = 10.0  # seconds after which it is reported that all workers have gone; o
 _PATIENCE = 120.0  # seconds after which the work ends if all workers have gone
 _AHEAD = 2  # pieces under way for each worker: the next one waits there while the last one's result travels
 _EXAMPLE = "such as tcp://node7:8786"
-_DECISIVE = ("gapwalk", "sources", "heyoka")  # if they differ, results may differ by more than rounding
+_DECISIVE = ("gapwalk", "sources", "llvmlite", "numba")  # the code that does the work; other versions only warn
 
 
 class Cluster:
@@ -52,6 +54,7 @@ class Cluster:
         self._faults: dict[str, str] = {}  # of the workers that have answered; "" for none
         self._good: frozenset[str] = frozenset()  # the workers that may do the work
         self._sent: WeakKeyDictionary[Future[Any], frozenset[str]] = WeakKeyDictionary()  # which of them may do each
+        self._function = b"", None  # what is there: its key, and its bytes as a task, which the scheduler can repeat
         self._seen = self._last_good = 0.0  # times; the latter is 0 until there is a worker
         self._is_told = False
         try:
@@ -70,9 +73,12 @@ class Cluster:
     def prepare(self) -> None:
         """Do nothing, because the workers run already."""
 
-    def begin(self, function: Callable[[Any], Any], piece: Any) -> Future[Any]:
-        """Have a worker do a piece."""
-        future = self._executor.submit(do_piece, function, piece, self._modules, self._ours, workers=sorted(self._good))
+    def begin(self, function: Shared, piece: Any) -> Future[Any]:
+        """Have a worker do a piece; the function goes to the workers apart, from one to the other."""
+        if self._function[0] != function.key:
+            self._function = function.key, self._client.submit(bytes, function.packed, pure=False)
+        task = *self._function, piece, self._modules, self._ours
+        future = self._executor.submit(_do_shared_piece, *task, workers=sorted(self._good))
         self._sent[future] = self._good
         return future
 
@@ -178,6 +184,10 @@ def do_piece(function: Callable[[Any], Any], piece: Any, modules: tuple[str, ...
     if fault := difference(expected, software(modules), "the worker"):
         raise ReplacedError(fault)
     return function(piece)
+
+
+def _do_shared_piece(key: bytes, packed: bytes, *task: Any) -> Any:
+    return do_piece(partial(do_shared, key, packed), *task)
 
 
 def difference(ours: dict[str, str], theirs: dict[str, str], worker: str) -> str:

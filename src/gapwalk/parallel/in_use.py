@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from importlib import import_module
 
-_IN_USE = {"gapwalk.ensemble.kernel": ("numba",)}  # it takes half a second
+_IN_USE = {"gapwalk.ensemble.kernel_source": ("numba",)}  # it takes half a second
 
 for _owner, _names in _IN_USE.items():
     if _owner in sys.modules:

@@ -6,22 +6,26 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import forkserver, get_context
+from multiprocessing import get_context
 from types import ModuleType
 from typing import Any
 
+from gapwalk.parallel.shared import Shared, do_shared
 from gapwalk.parallel.threads import THREAD_VARIABLES, children_in_one_thread
+
+METHOD = "forkserver" if sys.platform == "linux" else "spawn"
+"""How processes start."""
 
 _starting = threading.Lock()  # what a process inherits is changed for this process as a whole
 
 
 def local_cores() -> int:
     """Return the number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):  # not on macOS
+    if sys.platform == "linux":
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
@@ -43,20 +47,19 @@ class Processes:
 
     def __init__(self, count: int) -> None:
         self.size = count
-        self._context = get_context("forkserver" if sys.platform == "linux" else "spawn")
+        self._context = get_context(METHOD)
         self._held, self._control = self._context.Pipe(duplex=False)
         self._pools = [self._pool() for _ in range(count)]
         self._last: list[Future[Any] | None] = [None] * count
+        self._has = [b""] * count  # the function that each process was sent last
 
     def prepare(self) -> None:
-        """Start the server, unless there is one; it loads gapwalk while this process prepares the first piece.
-
-        Once there is a server it stays as it is, with what it has loaded. So it starts as late as possible: when work
-        begins, and the modules of that work are loaded here; or earlier, where the work is foreseen (`start_server`).
-        """
+        """Start the server, unless there is one; it loads gapwalk while this process prepares the first piece."""
+        # Once there is a server it stays as it is, with what it has loaded. So it starts as late as possible: when work
+        # begins, and the modules of that work are loaded here; or earlier, where the work is foreseen (`start_server`).
         start_server(sorted(name for name in sys.modules if name.startswith("gapwalk.")))
 
-    def begin(self, function: Callable[[Any], Any], piece: Any) -> Future[Any]:
+    def begin(self, function: Shared, piece: Any) -> Future[Any]:
         """Give a piece to an idle process; if none is idle, all are busy only with abandoned pieces."""
         self.prepare()
         places = range(self.size)
@@ -65,7 +68,7 @@ class Processes:
             future = self._submit(place, function, piece)
         except BrokenProcessPool:  # it has died: with its last piece, or while it had none
             self._pools[place].shutdown(wait=False)
-            self._pools[place] = self._pool()
+            self._pools[place], self._has[place] = self._pool(), b""
             future = self._submit(place, function, piece)
         self._last[place] = future
         return future
@@ -89,14 +92,19 @@ class Processes:
     def _pool(self) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(1, self._context, initializer=_begin, initargs=(self._held, dict(os.environ)))
 
-    def _submit(self, place: int, function: Callable[[Any], Any], piece: Any) -> Future[Any]:
+    def _submit(self, place: int, function: Shared, piece: Any) -> Future[Any]:
+        packed = None if self._has[place] == function.key else function.packed
         with undisturbed():
-            return self._pools[place].submit(function, piece)
+            future = self._pools[place].submit(do_shared, function.key, packed, piece)
+        self._has[place] = function.key
+        return future
 
 
 def start_server(modules: Sequence[str]) -> None:
     """Begin to start the server from which processes are forked, unless there is one; on Linux."""
-    if sys.platform == "linux":
+    if METHOD == "forkserver":
+        from multiprocessing import forkserver
+
         get_context("forkserver").set_forkserver_preload([*modules, "gapwalk.parallel.in_use"])
         with undisturbed():
             forkserver.ensure_running()
@@ -123,13 +131,10 @@ def end_with_holder(held: Any) -> None:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Start processes inside this block so that they ignore Ctrl-C and do not run the user's script.
-
-    Spawned processes import the main script, so it would have to guard its last lines by ``if __name__ == ...``. The
-    pieces of work need nothing of it.
-    """
-    blocks = hasattr(signal, "pthread_sigmask")
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if blocks else set()
+    """Start processes inside this block so that they ignore Ctrl-C and do not run the user's script."""
+    # Spawned processes import the main script, so it would have to guard its last lines by ``if __name__ == ...``. The
+    # pieces of work need nothing of it.
+    before = set() if sys.platform == "win32" else signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         with _starting:
             main = sys.modules["__main__"]
@@ -140,5 +145,5 @@ def undisturbed() -> Iterator[None]:
             finally:
                 sys.modules["__main__"] = main
     finally:
-        if blocks:
+        if sys.platform != "win32":
             signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -5,21 +5,23 @@ Method: docs/numerics/results.md
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
-from typing import Any, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 from warnings import warn
 
 from gapwalk.errors import WorkError
 from gapwalk.model.registry import extensions
 from gapwalk.parallel.processes import Processes, local_cores
+from gapwalk.parallel.shared import Shared
+from gapwalk.pieces import Here, around
 
 # The progress of a job, and the time until it is done.
 
@@ -88,7 +90,7 @@ class Executor(Protocol):
         """Begin to start the processes, without waiting for them; called again for each job."""
         ...
 
-    def begin(self, function: Callable[[Any], Any], piece: Any) -> Future[Any]:
+    def begin(self, function: Shared, piece: Any) -> Future[Any]:
         """Have a piece of work done; its result, or its error, comes in the future."""
         ...
 
@@ -105,7 +107,7 @@ class Executor(Protocol):
         ...
 
 
-class Workers:
+class Workers(Here):
     """Executor of independent pieces of work, several at a time; see `local_workers`.
 
     Parameters
@@ -173,32 +175,31 @@ class Workers:
             known = partial(_do_with, tuple(modules), function) if modules else function
             yield from _Run(self.executor, known, pieces, is_needed, in_order).go()
             return
-        index = 0
-        while index < len(pieces):
-            if is_needed(index):
-                yield index, function(pieces[index])
-            index += 1
+        yield from super().each(function, pieces, is_needed)
 
-    def run(
-        self,
-        function: Callable[[Work], Result],
-        pieces: Sequence[Work],
-        accept: Callable[[int, Result], None],
-        is_needed: Callable[[int], bool] = lambda index: True,
-        *,
-        in_order: bool = True,
-    ) -> None:
-        """Do the pieces that are needed, and hand the index and the result of each to `accept`; otherwise as `each`.
+    def several(self, function: Callable[[Work], Result], pieces: Sequence[Work]) -> Iterator[tuple[int, Result]]:
+        """Do all pieces, in the order of completion; short ones are sent several at a time, to take a second.
+
+        The results do not depend on that.
 
         Parameters
         ----------
-        function, pieces, is_needed, in_order
+        function, pieces
             As in `each`.
-        accept
-            Called with the index and the result of each piece.
+
+        Yields
+        ------
+        index, result
+            The index of a piece, and what the function returned.
         """
-        for index, result in self.each(function, pieces, is_needed, in_order=in_order):
-            accept(index, result)
+        if self.executor is None:
+            yield from self.each(function, pieces)
+            return
+        tasks = _Tasks(pieces, self)
+        for number, (seconds, outcomes) in self.each(partial(_do_several, function), tasks, in_order=False):
+            tasks.note(seconds, len(outcomes))
+            for index, outcome in zip(tasks.indices[number], outcomes, strict=False):
+                yield index, outcome.value()
 
 
 def _do_with(modules: Sequence[str], function: Callable[[Any], Any], piece: Any) -> Any:
@@ -218,7 +219,7 @@ class _Run:
     """One call of `Workers.each` by other processes."""
 
     def __init__(self, executor: Executor, function, pieces, is_needed, in_order: bool) -> None:
-        self._executor, self._function, self._pieces = executor, function, pieces
+        self._executor, self._function, self._pieces = executor, Shared(function), pieces
         self._is_needed, self._in_order = is_needed, in_order
         self._begun = self._accepted = 0
         self._again: deque[int] = deque()
@@ -317,9 +318,6 @@ def _failed(error: Exception) -> Future[Any]:
     return future
 
 
-_around: ContextVar[Workers | None] = ContextVar("workers", default=None)
-
-
 @contextmanager
 def local_workers(count: int | Workers | None = None) -> Iterator[Workers]:
     """Start workers for a while: local processes, or inside of `on_cluster` those of the cluster.
@@ -348,9 +346,8 @@ def local_workers(count: int | Workers | None = None) -> Iterator[Workers]:
     if isinstance(count, Workers):
         yield count
         return
-    around = _around.get()
-    if around is not None:
-        yield around
+    if isinstance(hired := around.get(), Workers):
+        yield hired
         return
     count = local_cores() if count is None else max(1, count)
     if count == 1:
@@ -381,7 +378,7 @@ def on_cores(count: int | None = None) -> Iterator[Workers]:
     >>> len(found.members)
     2
     """
-    with local_workers(count) as workers, _for_all(workers):
+    with local_workers(count) as workers, for_all(workers):
         yield workers
 
 
@@ -416,7 +413,7 @@ def on_cluster(scheduler: str) -> Iterator[Workers]:
     """
     from gapwalk.parallel.cluster import Cluster  # it needs Dask, which is an extra
 
-    with _hired(Cluster(scheduler)) as workers, _for_all(workers):
+    with _hired(Cluster(scheduler)) as workers, for_all(workers):
         yield workers
 
 
@@ -431,10 +428,231 @@ def _hired(executor: Executor) -> Iterator[Workers]:
 
 
 @contextmanager
-def _for_all(workers: Workers) -> Iterator[None]:
+def for_all(workers: Workers) -> Iterator[None]:
     """Use these workers for all work inside the `with` block."""
-    token = _around.set(workers)
+    token = around.set(workers)
     try:
         yield
     finally:
-        _around.reset(token)
+        around.reset(token)
+
+
+# Pieces of work of which one may make others of its group superfluous: several at a time, each of another group.
+#
+# Pieces are accepted in their order, each only if it is needed then. Where those that are in progress at the same time
+# make one another superfluous, two processes take as long as one: so whoever is free begins with another group.
+
+# Items of work that leave further work to be done, whose costs differ much: all of it in small pieces.
+
+Item = TypeVar("Item")
+Further = TypeVar("Further")
+Part = TypeVar("Part")
+
+
+def do_in_stages(
+    first: Callable[[Item], Result],
+    items: Sequence[Item],
+    further: Callable[[Item, Result], Sequence[Further]],
+    second: Callable[[Further], Part],
+    workers: Workers,
+) -> Iterator[tuple[int, Result, list[Part]]]:
+    """Do items of work, and what each of them leaves to be done: items whose costs differ much end in small pieces."""
+    # What an item leaves is done before further items are begun, by whoever is free.
+    queue: _StageQueue = _StageQueue(items)
+    results: dict[int, Result] = {}
+    parts: dict[int, dict[int, Part]] = {}
+    counts: dict[int, int] = {}
+    for number, found in workers.each(partial(_do_stage, first, second), queue, in_order=False):
+        index, place = queue.origin(number)
+        if place is None:
+            left = further(items[index], found)
+            results[index], parts[index], counts[index] = found, {}, len(left)
+            queue.add(index, left)
+        else:
+            parts[index][place] = found
+        if len(parts[index]) == counts[index]:
+            own = parts.pop(index)
+            yield index, results.pop(index), [own[k] for k in range(len(own))]
+
+
+def _do_stage(first: Callable[[Any], Any], second: Callable[[Any], Any], piece: tuple[bool, Any]) -> Any:
+    is_first, item = piece
+    return first(item) if is_first else second(item)
+
+
+class _StageQueue(Sequence[tuple[bool, Any]]):
+    """Pieces whose order is decided when each begins: what earlier items have left, then the next item."""
+
+    def __init__(self, items: Sequence[Any]) -> None:
+        self._items, self._next = items, 0
+        self._left: deque[tuple[int, int, Any]] = deque()
+        self._begun: list[tuple[int, int | None, Any]] = []
+
+    def add(self, index: int, pieces: Sequence[Any]) -> None:
+        """Add the pieces that an item has left."""
+        self._left += [(index, place, piece) for place, piece in enumerate(pieces)]
+
+    def origin(self, number: int) -> tuple[int, int | None]:
+        """Return the index of the item of a piece, and its place among those that the item has left; else None."""
+        return self._begun[number][:2]
+
+    def __len__(self) -> int:
+        return len(self._begun) + len(self._left) + len(self._items) - self._next
+
+    def __getitem__(self, number: Any) -> Any:
+        if number == len(self._begun):
+            if self._left:
+                self._begun.append(self._left.popleft())
+            else:
+                self._begun.append((self._next, None, self._items[self._next]))
+                self._next += 1
+        _, place, piece = self._begun[number]
+        return place is None, piece
+
+
+Piece = TypeVar("Piece")
+
+_AHEAD = 64  # pieces after the one whose turn it is, among which the next one to begin is chosen
+
+
+def do_by_groups(
+    function: Callable[[Piece], Result],
+    pieces: Sequence[Piece],
+    groups: Sequence[Hashable],
+    is_needed: Callable[[int], bool],
+    workers: Workers,
+) -> Iterator[tuple[int, Result]]:
+    """Do the pieces that are needed, in their order; those in progress are of different groups, if possible."""
+    queue = _GroupQueue(pieces, groups, is_needed)
+    for number, outcome in outcomes(function, queue, workers):
+        queue.take(number, outcome)
+        yield from queue.in_turn()
+
+
+class Outcome(NamedTuple):
+    """What a function returned for a piece, or the error that it raised."""
+
+    result: Any
+    error: Exception | None = None
+
+    def value(self) -> Any:
+        """Return the result, or raise the error."""
+        if self.error is not None:
+            raise self.error
+        return self.result
+
+
+def outcomes(function: Callable[[Any], Any], pieces: Sequence[Any], workers: Workers) -> Iterator[tuple[int, Outcome]]:
+    """Do pieces of which some may prove superfluous: an error counts only if its piece is needed."""
+    try:
+        yield from workers.each(partial(_attempt, function), pieces, in_order=False)
+    except WorkError as error:
+        if not error.pieces:
+            raise
+        yield from ((number, Outcome(None, error)) for number in error.pieces)
+
+
+def _attempt(function: Callable[[Any], Any], piece: Any) -> Outcome:
+    try:
+        return Outcome(function(piece))
+    except Exception as error:
+        return Outcome(None, error)
+
+
+_TASK = 1.0  # seconds that a task of several pieces takes at least, if there are enough of them
+
+
+def _do_several(function: Callable[[Any], Any], pieces: Sequence[Any]) -> tuple[float, list[Outcome]]:
+    """Return the time of some pieces, with their outcomes up to the first error."""
+    begun, found = time.perf_counter(), list[Outcome]()
+    for piece in pieces:
+        found.append(_attempt(function, piece))
+        if found[-1].error is not None:
+            break
+    return time.perf_counter() - begun, found
+
+
+class _Tasks(Sequence[Sequence[Any]]):
+    """Pieces in their order, of which each task takes as many as the time of those before suggests."""
+
+    def __init__(self, pieces: Sequence[Any], workers: Workers) -> None:
+        self._pieces, self._workers = pieces, workers
+        self.indices: list[range] = []
+        self._next, self._done, self._seconds = 0, 0, 0.0
+
+    def note(self, seconds: float, count: int) -> None:
+        """Note the time of a task."""
+        self._done, self._seconds = self._done + count, self._seconds + seconds
+
+    def __len__(self) -> int:
+        return len(self.indices) + (self._next < len(self._pieces))
+
+    def __getitem__(self, number: Any) -> Any:
+        if number == len(self.indices):
+            left = len(self._pieces) - self._next
+            # the last tasks are short, so that all workers end together
+            enough = math.ceil(_TASK * self._done / self._seconds) if self._seconds > 0.0 else 1
+            count = max(1, min(enough, left // (2 * self._workers.count)))
+            self.indices.append(range(self._next, self._next + count))
+            self._next += count
+        return [self._pieces[index] for index in self.indices[number]]
+
+
+class _GroupQueue(Sequence[Any]):
+    """Pieces whose order is decided when each begins."""
+
+    def __init__(self, pieces: Sequence[Any], groups: Sequence[Hashable], is_needed: Callable[[int], bool]) -> None:
+        self._pieces, self._groups, self._is_needed = pieces, groups, is_needed
+        self._begun: list[int] = []
+        self._outcomes: dict[int, Outcome] = {}
+        self._turn = 0
+        self._superfluous: set[int] = set()
+
+    def take(self, number: int, outcome: Outcome) -> None:
+        """Take the outcome of a piece."""
+        self._outcomes[self._begun[number]] = outcome
+
+    def in_turn(self) -> Iterator[tuple[int, Any]]:
+        """Yield the next pieces that are done and needed; raise the error of one of them."""
+        while self._turn < len(self._pieces):
+            if self._is_left_out(self._turn):
+                self._outcomes.pop(self._turn, None)
+            elif self._turn in self._outcomes:
+                yield self._turn, self._outcomes.pop(self._turn).value()
+            else:
+                return
+            self._turn += 1
+
+    def __len__(self) -> int:
+        """Number of pieces that were begun, and one more if one can begin."""
+        return len(self._begun) + (self._next() is not None)
+
+    def __getitem__(self, number: Any) -> Any:
+        if number == len(self._begun):
+            index = self._next()
+            if index is None:
+                raise IndexError(number)
+            self._begun.append(index)
+        return self._pieces[self._begun[number]]
+
+    def _next(self) -> int | None:
+        """Return the piece to begin: the first of a group in which nothing is undecided before it."""
+        # If there is none, one whose neighbour in its group is not in progress either; else the first.
+        begun, undecided = set(self._begun), dict[Hashable, int]()
+        others: list[tuple[bool, int]] = []
+        for k in range(self._turn, min(self._turn + _AHEAD, len(self._pieces))):
+            if k not in begun and self._is_left_out(k):
+                continue
+            before = undecided.get(self._groups[k])
+            undecided[self._groups[k]] = k
+            if k in begun:
+                continue
+            if before is None:
+                return k
+            others.append((before in begun and before not in self._outcomes, k))
+        return min(others)[1] if others else None
+
+    def _is_left_out(self, index: int) -> bool:
+        if index not in self._superfluous and not self._is_needed(index):
+            self._superfluous.add(index)
+        return index in self._superfluous

@@ -11,17 +11,37 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from gapwalk.answers.order_map import DEPTH, OrderMap, order_map
+from gapwalk.answers.run_up import JumpDelay, RunUp
+from gapwalk.answers.scan import FAILS, HOLDS, UNKNOWN, Scan
+from gapwalk.answers.shown_measure import shown_measure
+from gapwalk.answers.tolerance import BINS, Tolerance, reach
+from gapwalk.attractors.spectrum import turns_of
 from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.special_point import Kind
 from gapwalk.errors import ModelError
-from gapwalk.model.words import measure_words, parameter_words
+from gapwalk.model.system import System
+from gapwalk.model.words import measure_words, parameter_symbol, parameter_words, signal_words
 from gapwalk.picture_parts import Bar, Description, NamedCurve, Panel, Parts, Picture, Series, Shade
 from gapwalk.plot import style
 from gapwalk.plot.branches import cut, draw_branches, line_entries, pieces_of, smooth_line
 from gapwalk.plot.cells import draw_locus, fill_colors
-from gapwalk.plot.picture import AnyFigure, Drawing, Finish, write_answer, write_legend, write_letters
-from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION, stroke, symbols
+from gapwalk.plot.motions import fill_waterfall
+from gapwalk.plot.picture import (
+    AnyFigure,
+    Drawing,
+    Finish,
+    Inches,
+    draws,
+    write_answer,
+    write_heading,
+    write_legend,
+    write_letters,
+)
+from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION, dots, stroke, symbols
 
 # The names are those of the style sheet of the page.
 TINTS = {
@@ -80,6 +100,7 @@ _DASHES = (0, (4, 2))  # of what is unstable
 _THIN = 0.57  # width of a line in a panel below, which has dots on it
 _CLOSE = 0.12  # share of the range below which the texts of two lines would touch
 _OFFSET: Any = {"textcoords": "offset points"}
+_RIGHT = 0.92  # share of the range beyond which a text is left of its point
 _LINE = 60  # letters in a line of a reason why nothing is drawn
 
 Entries = dict[str, Any]
@@ -373,4 +394,354 @@ def _write_notes(ax: Axes, series: Sequence[Series], shade: Shade | None) -> Non
                 shift, side = (9.0, "bottom") if is_up else (-9.0, "top")
                 place = {"xytext": (0.0, shift), "ha": "center", "va": side}
             color = _look(each.look)[0]
+            if shade is None and x > ax.get_xlim()[0] + _RIGHT * np.ptp(
+                ax.get_xlim()
+            ):  # else it would cross the border
+                place = {**place, "ha": "right", "xytext": (0.0, place["xytext"][1])}
             ax.annotate(note, (x, y), fontsize="small", color=color, **_OFFSET, **place)
+
+
+# Pictures of run-ups: the time history over the speed with the response below, and largest forces over the rate.
+
+_BELOW = 80.0  # dB below the highest level that cuts show
+_DELAY = "#f9dfcc"
+_DASHED, _DOTTED = (0, (4, 2)), (0, (1, 1.2))
+_CUTS: Any = (
+    (BLUE, 1.3),
+    (VERMILLION, 1.3, _DASHED),
+    (GREEN, 1.3, _DOTTED),
+    (BLACK, 0.8),
+)  # orders; of more, all as the last
+_LEVELS: Any = (("#b3b3b3", 3.2), (PURPLE, 1.6, _DASHED))  # overall, below all others, and rattle
+_FINE_HISTORY = 40_000  # points of a history up to which all are drawn
+
+
+def _run_up_size(
+    run: RunUp, signal: str = "", *, branch: Branch | None = None, orders: float = 0.0, **_: object
+) -> Inches:
+    return 8.0, 4.4 + 3.4 * (branch is not None) + 3.0 * (orders > 0.0)
+
+
+@draws(RunUp, panels=True, size=_run_up_size)
+def draw_run_up(
+    run: RunUp,
+    figure: AnyFigure,
+    signal: str = "",
+    *,
+    branch: Branch | None = None,
+    orders: float = 0.0,
+    window: int = 8,
+    title: str = "",
+) -> Finish:
+    """Draw a signal of a run-up over the speed; below it the response that a slow sweep meets, and an order map."""
+    signal = signal or run.loudest
+    delays: tuple[JumpDelay, ...] = ()
+    if branch is not None and run.course.is_one_way:
+        delays = run.delays(branch, run.coordinate_of(signal))
+    write_answer(figure, title, [*run.sentences, *(each.words(run.system) for each in delays)])
+    heights = [1.0, *[0.95] * (branch is not None), *[0.85, 0.7] * (orders > 0.0)]
+    panels = figure.subplots(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0].tolist()
+    if len(panels) > 1:
+        write_letters(panels)
+    draw_history_over_speed(run, panels[0], signal)
+    finish = None if branch is None else _lay_over(run, panels[1], branch, run.coordinate_of(signal), delays)
+    if orders > 0.0:
+        _draw_map(order_map(run, signal, orders, turns=window), panels[-2], panels[-1])
+        for ax in panels[-2:] if run.course.is_invertible else ():
+            _match_speeds(run, ax, float(run.waterfall(signal, orders, turns_of(run.system, window)).values[0]))
+    return finish
+
+
+def _match_speeds(run: RunUp, ax: Axes, first: float) -> None:
+    """Give a panel of a map, which counts its speeds from the first one, the range of the run-up."""
+    low, high = float(run.speed.min()), float(run.speed.max())
+    sign = 1.0 if run.speed[-1] > run.speed[0] else -1.0
+    ticks = [tick for tick in MaxNLocator(8, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high) if low <= tick <= high]
+    ax.set_xticks([sign * (tick - first) for tick in ticks], [f"{tick:g}" for tick in ticks])
+    ax.set_xlim(sign * (low - first), sign * (high - first))
+
+
+@draws(OrderMap, panels=True, size=(8.0, 6.4))
+def draw_order_map(found: OrderMap, figure: AnyFigure, *, hertz: bool = False, title: str = "") -> None:
+    """Draw an order map; below it the cuts through it, the overall level and that of rattle, over the same values."""
+    write_heading(figure, title)
+    above, below = figure.subplots(2, 1, height_ratios=[1.0, 0.75])
+    _draw_map(found, above, below, in_hertz=hertz)
+    write_letters([above, below])
+
+
+def _draw_map(found: OrderMap, above: Axes, below: Axes, *, in_hertz: bool = False) -> None:
+    """Draw a map in dB, and its cuts and levels."""
+    spectra = found.spectra
+    mesh = fill_waterfall(spectra, above, levels=(found.levels, DEPTH), in_hertz=in_hertz)
+    above.figure.colorbar(mesh, ax=above, label=f"level [{found.unit}]", pad=0.01, extend="min")
+    if not in_hertz:
+        above.set_ylabel("multiples of Ω" if spectra.turns is None else "order")  # the room is small
+    above.set_title(f"{spectra.signal}: {spectra.window}", fontsize="small", loc="left")
+    ticks, words = above.get_xticks(), [each.get_text() for each in above.get_xticklabels()]
+    places = np.concatenate(([0.0], np.cumsum(np.maximum(np.abs(np.diff(spectra.values)), 1e-12))))
+    entries = []
+    rms = [(f"order {order:g}" if spectra.turns else f"{order:g} Ω", spectra.cut(order)) for order in found.cuts]
+    looks = [*_CUTS[: len(rms)], *[_CUTS[-1]] * (len(rms) - len(_CUTS))]
+    levels = [(text, found.levels(sizes)) for text, sizes in rms]
+    levels += [(text.partition(", root")[0], found.levels(sizes * np.sqrt(2.0))) for text, sizes in found.lines()]
+    top = max(float(np.max(sizes[np.isfinite(sizes)], initial=-np.inf)) for _, sizes in levels)
+    for (text, sizes), look in zip(levels, [*looks, *_LEVELS], strict=False):
+        if (sizes > top - _BELOW).any():
+            options = stroke(*look)
+            below.plot(places, np.where(np.isfinite(sizes), sizes, np.nan), **options, zorder=2 + (look in _CUTS))
+            entries.append((text, options))
+    if in_hertz and spectra.units:  # the cuts through the map are lines there
+        for order in found.cuts:
+            above.plot(places, order * spectra.pitch, **stroke(GREY, 0.6, (0, (1, 2))))
+    below.set_xticks(ticks, words)
+    below.set_xlim(above.get_xlim())
+    if np.isfinite(top):  # what is quieter than the map shows is cut off; above is room for the letter
+        below.set_ylim(max(below.get_ylim()[0], top - _BELOW), top + 0.12 * _BELOW)
+    below.set(ylabel=f"level [{found.unit}]", xlabel=above.get_xlabel())
+    above.set_xlabel("")
+    write_legend(below, entries, "above")
+
+
+def _force(system: System) -> str:
+    return "torque" if system.units else "force"
+
+
+def _lay_over(run: RunUp, ax: Axes, branch: Branch, coordinate: str, delays: Sequence[JumpDelay]) -> Finish:
+    """Draw the response, half the range of each period of the run-up over it, and the delays of jumps shaded."""
+    finish = draw_branches(branch, ax, f"half.{coordinate}", legend=False, labels=False)
+    speed, half = run.half(coordinate)
+    ax.set_autoscale_on(True)
+    ax.plot(speed, half, zorder=6, **dots(4.5, VERMILLION))
+    ax.autoscale_view()
+    ax.set_autoscale_on(False)
+    late = [each for each in delays if np.isfinite(each.jump)]
+    for delay in late:
+        ax.axvspan(*sorted((delay.fold, delay.jump)), color=_DELAY, linewidth=0, zorder=0)
+    if run.course.is_invertible:
+        ax.set_xlim(run.speed.min(), run.speed.max())
+        ax.margins(x=0.01)
+    entries: list[tuple[str, Any]] = [("run-up, each period", dots(4.5, VERMILLION)), *line_entries([branch])]
+    entries += [("from the fold to the jump", _DELAY)] * bool(late)
+    write_legend(ax, entries, "above")
+    return finish
+
+
+_LONG_LABEL = 22  # letters above which the unit of an axis is on a line of its own
+
+
+def draw_history_over_speed(run: RunUp, ax: Axes, signal: str) -> None:
+    """Draw one signal over the speed, or over time where the speed does not change in one direction."""
+    values, units = run.signal(signal), run.system.units
+    over_speed = run.course.is_invertible
+    every = max(1, len(values) // _FINE_HISTORY)
+    x = run.speed if over_speed else run.time
+    ax.plot(x[::every], values[::every], **stroke(GREY, 0.5), zorder=2)
+    entries = [("motion", stroke(GREY, 0.8))]
+    if over_speed:
+        speed, low, high = run.envelope(signal)
+        for side in (low, high):
+            ax.plot(speed, side, **stroke(BLUE, 1.3), zorder=4)
+        entries += [("extremes of each period", stroke(BLUE, 1.3))]
+    peaks = [peak for peak in run.peaks if peak.force]
+    for peak in peaks:
+        ax.axvline(peak.speed if over_speed else peak.time, **stroke(VERMILLION, 0.8, (0, (4, 3))), zorder=1)
+    entries += [(f"largest contact {_force(run.system)}", stroke(VERMILLION, 0.8, (0, (4, 3))))] * bool(peaks)
+    ax.set_xlabel(parameter_words(run.system.structure.pace, units) if over_speed else "time" + " [s]" * bool(units))
+    words = signal_words(signal, units)
+    ax.set_ylabel("\n[".join(words.rsplit(" [", 1)) if len(words) > _LONG_LABEL else words)
+    ax.margins(x=0.01)
+    if over_speed:
+        ax.set_xlim(run.speed.min(), run.speed.max())
+    write_legend(ax, entries, "above")
+
+
+# Picture of tolerances: the response, the distributions of its special points, and what matters for each.
+
+# From dark to light and of different hues (Okabe and Ito 2008), so that neighbours also differ in grey.
+_FILLS = ("#0b56a4", "#f3c55b", "#8fcdf1", "#d55e00", "#9adbc3", "#7a3b69", "#f0e442", "#cc79a7")
+_REST, _MOST = "#dedede", len(_FILLS)
+_WIDE = 0.82  # height of a distribution, as a share of its row
+_NARROW = 0.05  # share of the range below which the widest distribution is a needle
+_SHOWN = 0.003, 0.997  # quantiles between which a distribution is drawn at least
+
+
+def _tolerance_size(found: Tolerance, measure: str = "", **_: object) -> tuple[float, float]:
+    return 8.0, 5.4 + 0.5 * len(found.points)
+
+
+@draws(Tolerance, panels=True, size=_tolerance_size)
+def draw_tolerance(found: Tolerance, figure: AnyFigure, measure: str = "", *, title: str | None = None) -> Finish:
+    """Draw the nominal response, below it the distribution of each special point, and bars of Sobol indices."""
+    rows = max(1, len(found.points))
+    halves: Any = figure.subfigures(2, 1, height_ratios=[3.6, 1.6 + 0.5 * rows])
+    top, bottom = halves
+    ax = top.subplots()
+    low, high = reach(found)
+    measure = measure or shown_measure(found.branch.system, found)
+    finish = draw_branches(found.branch, ax, measure, legend="above", within=(low, high))
+    left, right = bottom.subplots(1, 2, sharey=True, width_ratios=[2.2, 1.0])
+    is_narrow = _is_narrow(found, high - low)
+    _draw_distributions(left, found, None if is_narrow else (low, high))
+    _draw_indices(right, bottom, found)
+    if found.band is not None:
+        for panel in (ax,) if is_narrow else (ax, left):
+            panel.axvspan(*found.band, color=style.SHADE, zorder=0)
+    text = f"{int(found.known.sum()):,} samples of {len(found.names)} parameters"
+    if found.band is not None and found.known.any():
+        symbol = parameter_symbol(found.parameter, found.branch.system.units)
+        between = f"{found.band[0]:g} and {found.band[1]:g}"
+        text += f": a fold between {symbol} = {between} in {found.chance(*found.band)}"
+    write_answer(figure, title or "", [text])
+    return finish
+
+
+def _is_narrow(found: Tolerance, width: float) -> bool:
+    """Return True if the distributions are needles in the range of the picture."""
+    low, high = found.quantiles(0.05, 0.95)
+    return bool(np.nanmax(high - low, initial=0.0) < _NARROW * width)
+
+
+def _draw_distributions(ax: Axes, found: Tolerance, within: tuple[float, float] | None) -> None:
+    """Draw a row for each point: its distribution, its median and the middle 90 % of it."""
+    # Without a range, each distribution is drawn about the nominal value, which is written beside it.
+    origins = np.array([0.0 if within else special.value for special in found.points])
+    quantiles = found.quantiles(0.05, 0.5, 0.95) - origins
+    values = found.values[found.known] - origins
+    for row, special in enumerate(found.points):
+        column = values[:, row][~np.isnan(values[:, row])]
+        look = style.symbol_style(special.kind)
+        color = style.GREY if special.kind is Kind.GRAZING else look.color
+        if len(column) > 1:
+            heights, edges = np.histogram(column, bins=min(BINS, max(5, int(np.sqrt(len(column))))))
+            top = row + 0.4 - _WIDE * heights / heights.max()
+            ax.stairs(top, edges, baseline=row + 0.4, fill=True, color=color, alpha=0.45, zorder=2)
+            low, middle, high = quantiles[:, row]
+            ax.plot([low, high], [row + 0.4] * 2, color=style.BLACK, linewidth=style.points(1.6), zorder=3)
+            ax.plot([middle], [row + 0.4], "|", color=style.BLACK, markersize=style.points(8), zorder=3)
+        ax.plot(
+            [special.value - origins[row]], [row + 0.4], "o", color=style.BLACK, markersize=style.points(3), zorder=4
+        )
+    texts = [f"{each.kind}{f' {each.contact}' if each.contact else ''}" for each in found.points]
+    if within is None:
+        texts = [f"{text}  {each.value:.5g}" for text, each in zip(texts, found.points, strict=True)]
+    for row, chance in enumerate(found.exists if found.known.any() else ()):
+        if chance.count < chance.samples:
+            texts[row] += f"\nin {100.0 * chance.value:.3g} %"
+    ax.set_yticks(range(len(texts)), texts)
+    words = parameter_words(found.parameter, found.branch.system.units)
+    if within is None:
+        farthest = float(np.nanmax(np.abs(found.quantiles(*_SHOWN) - origins), initial=0.0))
+        ax.set(xlim=(-1.05 * farthest, 1.05 * farthest), xlabel=f"shift of {words}")
+    else:
+        ax.set(xlim=within, xlabel=words)
+    ax.set_ylim(len(texts) - 0.5, -0.6)
+    ax.xaxis.set_major_locator(MaxNLocator(5))
+    ax.set_title("distribution; bar: middle 90 %, dot: nominal", fontsize=style.points(8.5))
+
+
+def _draw_indices(ax: Axes, figure: AnyFigure, found: Tolerance) -> None:
+    """Draw first-order Sobol indices as stacked bars; what is left is grey."""
+    first = np.array([np.nan_to_num(each.first) for each in found.influences]).reshape(-1, len(found.names))
+    order = np.argsort(-first.sum(axis=0), kind="stable")[:_MOST].tolist()
+    rows, left = np.arange(len(first)), np.zeros(len(first))
+    entries = []
+    for color, k in zip(_FILLS, order, strict=False):
+        options = {"color": color, "edgecolor": style.BLACK, "linewidth": style.points(0.4)}
+        ax.barh(rows, first[:, k], 0.6, left=left, **options)
+        entries.append((found.names[k], color))
+        left = left + first[:, k]
+    ax.barh(rows, np.maximum(0.0, 1.0 - left), 0.6, left=left, color=_REST, zorder=1)
+    entries.append(("interactions and rest", _REST))
+    ax.set(xlim=(0.0, 1.0), xlabel="share of the variance")
+    ax.set_title("what matters (Sobol)", fontsize=style.points(8.5))
+    ax.tick_params(axis="y", labelleft=False)
+    write_legend(figure, entries)
+
+
+# Picture of a scan: the best variations with what each claim comes to, and how many others fulfil as many.
+
+_ROWS = 12  # variations that are drawn
+_COLORS = {HOLDS: "#2f8f6b", FAILS: "#e9e8e2", UNKNOWN: "#ffffff"}
+_WORDS = {HOLDS: "holds", FAILS: "no", UNKNOWN: "unknown"}
+_INKS = {HOLDS: "#ffffff", FAILS: "#6a6a66", UNKNOWN: "#6a6a66"}
+_TRIED, _RANDOM = "#0b56a4", "#f3c55b"
+_WIDEST = 46  # letters of a variation in one line
+
+
+def _rows(found: Scan) -> list[int]:
+    return [0, *(index for index in found.best[:_ROWS] if found.scores[index] > 0)]
+
+
+def _scan_size(found: Scan, **_: object) -> tuple[float, float]:
+    return 9.0, 2.6 + 0.34 * (len(_rows(found)) + len(found.claims))
+
+
+@draws(Scan, panels=True, size=_scan_size)
+def draw_scan(found: Scan, figure: AnyFigure, *, title: str | None = None) -> Finish | None:
+    """Draw a table of the best variations and claims, and beside it the shares of variations by number of claims."""
+    claims = [f"claim {number}: {claim.words}" for number, claim in enumerate(found.claims, start=1)]
+    write_answer(figure, title or "", [found.sentence, *claims])
+    panels: Any = figure.subplots(1, 2, width_ratios=[2.0, 1.0])
+    _draw_table(panels[0], found)
+    _draw_shares(panels[1], found)
+    return None
+
+
+def _draw_table(ax: Axes, found: Scan) -> None:
+    rows, count = _rows(found), len(found.claims)
+    for place, index in enumerate(rows):
+        for claim, verdict in enumerate(found.holds[index].tolist()):
+            ax.add_patch(_cell(claim, place, _COLORS[verdict]))
+            ax.text(claim, place, _WORDS[verdict], ha="center", va="center", color=_INKS[verdict], fontsize="small")
+    ax.set_xlim(-0.5, count - 0.5)
+    ax.set_ylim(len(rows) - 0.5, -0.5)
+    ax.set_xticks(range(count), [f"claim {number}" for number in range(1, count + 1)])
+    ax.set_yticks(range(len(rows)), [_short(found.words(index)) for index in rows], fontsize="small")
+    ax.tick_params(length=0, top=False, right=False)
+    ax.tick_params(axis="x", labeltop=True, labelbottom=False)
+    ax.spines[:].set_visible(False)
+    ax.grid(visible=False)
+
+
+def _cell(x: float, y: float, color: str):
+    from matplotlib.patches import Rectangle
+
+    return Rectangle((x - 0.47, y - 0.44), 0.94, 0.88, facecolor=color, edgecolor=GREY, linewidth=0.4)
+
+
+def _short(words: str) -> str:
+    """Break a long description after a comma."""
+    if len(words) <= _WIDEST or ", " not in words:
+        return words
+    head, _, tail = words.partition(", ")
+    return f"{head},\n{tail}"
+
+
+def _draw_shares(ax: Axes, found: Scan) -> None:
+    """Draw the share of variations by the number of claims that they fulfil: of those tried, and of random ones."""
+    scores = np.arange(len(found.claims) + 1)
+    groups = [("tried", found.variations.tried, _TRIED), ("random neighbours", found.variations.neighbours, _RANDOM)]
+    height = 0.38
+    for place, (name, which, color) in enumerate(groups):
+        own = found.scores[which & (found.holds != UNKNOWN).any(axis=1)]
+        if not len(own):
+            continue
+        shares = np.array([(own == score).mean() for score in scores])
+        where = scores + (place - 0.5) * height
+        ax.barh(where, shares, height, color=color, label=f"{name}: {len(own):,}")
+        for y, score, share in zip(where, scores, shares, strict=True):
+            ax.annotate(
+                f"{int((own == score).sum())}",
+                (share, y),
+                textcoords="offset points",
+                xytext=(3, 0),
+                va="center",
+                fontsize="small",
+            )
+    ax.set_xlim(0.0, 1.18)
+    ax.set_yticks(scores)
+    ax.yaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.set_xlabel("share of variations")
+    ax.set_ylabel("claims that hold")
+    ax.legend(loc="lower right", bbox_to_anchor=(1.02, 1.0), fontsize="small", frameon=False)

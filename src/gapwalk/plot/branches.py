@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple
 
@@ -17,13 +19,31 @@ from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 from scipy.sparse.csgraph import connected_components
 
+from gapwalk.answers.band_picture import band_series
 from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.curve_points import BranchPoint
-from gapwalk.model.words import full_measure, measure_words, parameter_words
+from gapwalk.errors import ModelError
+from gapwalk.model.measures import full_measure
+from gapwalk.model.problems import did_you_mean
+from gapwalk.model.words import measure_words, parameter_words, state_words
+from gapwalk.orbit.orbit import stroboscopic
 from gapwalk.plot import style
-from gapwalk.plot.picture import WIDE, Finish, draws, open_window, shorten_label, write_legend
-from gapwalk.plot.style import CLUSTER, GREY, points, stroke
+from gapwalk.plot.picture import (
+    WIDE,
+    AnyFigure,
+    Finish,
+    Inches,
+    draws,
+    open_window,
+    shorten_label,
+    stacked,
+    write_heading,
+    write_legend,
+    write_letters,
+)
+from gapwalk.plot.style import CLUSTER, GREY, SHADE, birth_options, broken, period_options, points, stroke
 
 # Placement of labels next to points, and of close-ups of dense regions, in free places of a picture.
 
@@ -61,10 +81,8 @@ class Label(NamedTuple):
 
 
 def place_labels(ax: Axes, labels: list[Label], curve: NDArray[np.float64], symbols: NDArray[np.float64]) -> None:
-    """Write labels into a picture with final limits and layout.
-
-    Shapes: `curve`, `symbols` (points, 2).
-    """
+    """Write labels into a picture with final limits and layout."""
+    # Shapes: `curve`, `symbols` (points, 2).
     unit = ax.figure.dpi / 72.0  # pixels in a point
     inside = ax.get_window_extent()
     line = _clipped(_dense(ax.transData.transform(curve), 2.0 * unit), inside)
@@ -91,12 +109,10 @@ def place_labels(ax: Axes, labels: list[Label], curve: NDArray[np.float64], symb
 
 
 def clusters_of(ax: Axes, symbols: NDArray[np.float64]) -> list[NDArray[np.intp]]:
-    """Return the groups of symbols that would lie on one another in a picture with final limits, as their indices.
-
-    Symbols closer than they are wide are merged into their middle, again and again, until no two marks touch.
-
-    Shapes: `symbols` (points, 2).
-    """
+    """Return the groups of symbols that would lie on one another in a picture with final limits, as their indices."""
+    # Symbols closer than they are wide are merged into their middle, again and again, until no two marks touch.
+    #
+    # Shapes: `symbols` (points, 2).
     places = ax.transData.transform(symbols) * (72.0 / ax.figure.dpi)
     groups = [np.array([number]) for number in range(len(places))]
     merged = True
@@ -119,10 +135,8 @@ def clusters_of(ax: Axes, symbols: NDArray[np.float64]) -> list[NDArray[np.intp]
 
 
 def apart(ax: Axes, places: NDArray[np.float64]) -> list[int]:
-    """Return the indices of ticks that can be told apart in a picture with final limits, in their order.
-
-    Shapes: `places` (points, 2).
-    """
+    """Return the indices of ticks that can be told apart in a picture with final limits, in their order."""
+    # Shapes: `places` (points, 2).
     spots = ax.transData.transform(places) * (72.0 / ax.figure.dpi)
     kept: list[int] = []
     for number, place in enumerate(spots):
@@ -212,10 +226,8 @@ def crowded_region(ax: Axes, symbols: NDArray[np.float64]) -> Region | None:
 
 
 def draw_closeup(ax: Axes, region: Region, curve: NDArray[np.float64]) -> Axes | None:
-    """Create empty axes for a region in the largest free place of the picture; None if no place is large enough.
-
-    Shapes: `curve` (points, 2).
-    """
+    """Create empty axes for a region in the largest free place of the picture; None if no place is large enough."""
+    # Shapes: `curve` (points, 2).
     inside = ax.transAxes.inverted()
     line = inside.transform(ax.transData.transform(curve))
     (left, low), (right, high) = inside.transform(
@@ -438,11 +450,12 @@ def draw_branches(
     within: tuple[float, float] | None = None,
 ) -> Finish:
     """Draw a branch, or several over the same parameter."""
-    branches = [branches] if isinstance(branches, Branch) else list(branches)
+    branches = [branches, *branches.beyond] if isinstance(branches, Branch) else list(branches)
     first = branches[0]
     measure = full_measure(measure, first.system.coordinates)
     drawing = _Drawing(branches, measure)
     drawing.draw_lines(ax)
+    settled = _draw_bands(ax, branches, measure)
     name_axes(ax, first, measure)
     ax.margins(x=0.02, y=0.06)
     ax.autoscale_view()
@@ -450,8 +463,23 @@ def draw_branches(
         ax.set(xlim=within, ylim=extent_of(drawing.curve, *within))
     ax.set_autoscale_on(False)  # labels are placed for these limits
     if legend:
-        write_legend(ax, line_entries(branches), "above" if legend == "above" else "below")
+        write_legend(ax, [*line_entries(branches), *settled], "above" if legend == "above" else "below")
     return partial(drawing.finish, ax, labels, closeup)
+
+
+def _draw_bands(ax: Axes, branches: Sequence[Branch], measure: str) -> list[tuple[str, dict[str, Any]]]:
+    """Draw the settled motions of branches; return the entries of a legend."""
+    entries = []
+    for each in band_series(branches, measure):
+        if is_wide := each.mark == "between":
+            ax.fill_between(each.x, *np.asarray(each.y), color=style.VERMILLION, alpha=0.18, linewidth=0, zorder=1)
+        else:
+            ax.plot(each.x, each.y, zorder=2.4, **stroke(style.VERMILLION, 1.0))
+        if each.text:
+            entries.append(
+                (each.text, stroke(style.VERMILLION, 6.0, alpha=0.3) if is_wide else stroke(style.VERMILLION, 1.0))
+            )
+    return entries
 
 
 def line_entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str, Any]]]:
@@ -527,10 +555,8 @@ class _Drawing:
 def _gathered(
     ax: Axes, shown: Sequence[tuple[Kind, float, float]]
 ) -> tuple[list[tuple[Kind, float, float]], NDArray[np.float64]]:
-    """Draw marks with numbers in place of points that would lie on one another; return the others, and the marks.
-
-    Ticks at grazing points hide nothing: they are left out only where they are too close to be told apart.
-    """
+    """Draw marks with numbers in place of points that would lie on one another; return the others, and the marks."""
+    # Ticks at grazing points hide nothing: they are left out only where they are too close to be told apart.
     ticks = [each for each in shown if each[0] is Kind.GRAZING]
     named = [each for each in shown if each[0] is not Kind.GRAZING]
     symbols = np.array([(x, y) for _, x, y in named]).reshape(-1, 2)
@@ -565,3 +591,221 @@ def _draw_ticks(ax: Axes, places: NDArray[np.float64], curve: NDArray[np.float64
         ),
         autolim=False,
     )
+
+
+# Pictures of diagrams: a measure of all motions, and their stroboscopic states.
+#
+# In the stroboscopic picture a motion of period m gives m curves, its states one forcing period apart.
+
+Range = tuple[float, float]
+
+_NAMED = 16  # most names in a picture
+_MANY, _MOST = 8, 0.8  # fewest branch origins for a close-up, and the fraction of all origins that it must contain
+_PART = 0.45  # largest fraction of the whole range for a close-up
+
+
+class Birth(NamedTuple):
+    """A special point at which other branches begin or end: parameter, point, and the period of its branch."""
+
+    value: float
+    point: BranchPoint
+    period: int
+
+
+def births_of(diagram: Diagram) -> Iterator[Birth]:
+    """Yield the special points of a diagram at which other branches begin or end."""
+    for member in diagram.members:
+        for index, special in enumerate(member.branch.special_points):
+            if diagram.attached(member.name, index):
+                yield Birth(special.value, special.point, member.period)
+
+
+def crowded_range(values: Sequence[float], within: Range) -> Range | None:
+    """Return the range of the parameter in which most branches begin, if it is only a part of the whole range."""
+    births = np.sort(values)
+    count = math.ceil(_MOST * len(births))
+    if count < _MANY:
+        return None
+    widths = births[count - 1 :] - births[: len(births) - count + 1]
+    first = int(np.argmin(widths))
+    low, high = within
+    pad = _PAD * widths[first]
+    left, right = max(low, births[first] - pad), min(high, births[first + count - 1] + pad)
+    return (float(left), float(right)) if right - left < _PART * (high - low) else None
+
+
+def _closeup(diagram: Diagram, closeup: Range | Literal[False] | None) -> Range | None:
+    if closeup is None:
+        return crowded_range([birth.value for birth in births_of(diagram)], diagram.within)
+    return closeup or None
+
+
+def _size(diagram: Diagram, closeup: Range | Literal[False] | None = None, **_: object) -> Inches:
+    return stacked(3 if _closeup(diagram, closeup) else 2)
+
+
+@draws(Diagram, panels=True, size=_size)
+def draw_diagram(
+    diagram: Diagram,
+    figure: AnyFigure,
+    measure: str = "half",
+    *,
+    labels: bool = True,
+    legend: bool = True,
+    closeup: Range | Literal[False] | None = None,
+    title: str = "",
+) -> Finish:
+    """Draw a diagram in two panels over its parameter, and a third one for a close-up."""
+    # The first panel shows a measure of all motions; the second one shows their states once per forcing period, so that
+    # a motion of period m gives m curves.
+    if not diagram.members:
+        raise ModelError("the diagram has no branches yet, so there is nothing to draw")
+    measure = full_measure(measure, diagram.branches[0].system.coordinates)
+    crowd = _closeup(diagram, closeup)
+    strobes = Strobes(diagram, measure.partition(".")[2])
+    panels = figure.subplots(3 if crowd else 2, 1, height_ratios=[1.0] + [1.25] * (2 if crowd else 1))
+    write_heading(figure, title)
+    write_letters(panels)
+    for panel in panels[1:]:
+        strobes.draw(panel)
+    # panels a and b cover the same range; panel c covers the close-up, which is shaded in b
+    panels[1].margins(x=0.02, y=0.06)
+    panels[1].autoscale_view()
+    panels[0].sharex(panels[1])
+    if crowd:
+        panels[1].axvspan(*crowd, color=SHADE, linewidth=0, zorder=0.5)
+        panels[2].set(xlim=crowd, ylim=extent_of(strobes.curve, *crowd))
+        panels[2].set_title("the shaded range of b", fontsize="small")
+    for panel in panels[1:]:
+        panel.set_autoscale_on(False)
+    if legend:
+        strobes.write_legend(panels[1])
+    above = "above" if legend else False
+    finish = draw_branches(diagram.branches, panels[0], measure, labels=labels, legend=above, closeup=True)
+    return partial(_finish, finish, strobes, panels[1:] if labels else [], crowd)
+
+
+def _finish(finish: Finish, strobes: Strobes, panels: Sequence[Axes], crowd: Range | None) -> None:
+    if finish:
+        finish()
+    for panel, without in zip(panels, (crowd, None), strict=False):
+        strobes.draw_names(panel, without=without)
+
+
+@draws(Diagram)
+def draw_strobes(
+    diagram: Diagram,
+    ax: Axes,
+    measure: str = "",
+    *,
+    labels: bool = True,
+    legend: bool = True,
+    within: Range | None = None,
+) -> Finish:
+    """Draw one panel of a diagram: the states of all motions once per forcing period, or a measure of them."""
+    if not diagram.members:
+        raise ModelError("the diagram has no branches yet, so there is nothing to draw")
+    coordinates = diagram.branches[0].system.coordinates
+    if measure and measure not in coordinates:
+        if "." not in full_measure(measure, coordinates):
+            raise ModelError(f"there is no coordinate {measure!r}; {did_you_mean(measure, coordinates)}")
+        return draw_branches(diagram.branches, ax, measure, labels=labels, legend=legend, within=within)
+    strobes = Strobes(diagram, measure)
+    strobes.draw(ax)
+    left, right = within or diagram.within
+    pad = 0.0 if within else 0.02 * (right - left)
+    ax.set(xlim=(left - pad, right + pad), ylim=extent_of(strobes.curve, left, right))
+    ax.set_autoscale_on(False)
+    if legend:
+        strobes.write_legend(ax, (left, right))
+    return partial(strobes.draw_names, ax) if labels else None
+
+
+class Strobes:
+    """Curves of the states of a diagram, for the whole picture and for a close-up."""
+
+    def __init__(self, diagram: Diagram, coordinate: str) -> None:
+        self.system = diagram.branches[0].system
+        names = self.system.coordinates
+        self.diagram, self.coordinate = diagram, coordinate if coordinate in names else names[0]
+        self.periods = sorted({member.period for member in diagram.members})
+        self._place = names.index(self.coordinate)
+        self.pieces: list[tuple[DiagramBranch, list[Piece]]] = [
+            (member, cut(member.branch, self._states)) for member in diagram.members
+        ]
+        self.births = list(births_of(diagram))
+
+    def draw(self, ax: Axes) -> None:
+        """Draw all curves (short periods over long ones), origins of branches, and unexplained steps."""
+        for rank, period in reversed(list(enumerate(self.periods))):
+            for stable in (False, True):
+                curves = [
+                    (piece.x, y)
+                    for member, pieces in self.pieces
+                    for piece in pieces
+                    for y in piece.y.T
+                    if member.period == period and (piece.label == "stable") == stable
+                ]
+                if curves:
+                    options = period_options(rank, stable)
+                    ax.plot(*joined(curves), zorder=(4 if stable else 3) - 0.1 * rank, **options)
+            births = [birth for birth in self.births if birth.period == period]
+            if births:
+                values = np.repeat([birth.value for birth in births], period)
+                states = np.concatenate([self._states(birth.point) for birth in births])
+                ax.plot(values, states, zorder=5 - 0.1 * rank, **birth_options(rank))
+        for member in self.diagram.members:
+            draw_unexplained(ax, unexplained_places(member.branch, self._states))
+        ax.set_xlabel(parameter_words(self.diagram.parameter, self.system.units))
+        ax.set_ylabel(broken(state_words(self.coordinate, self.system.units)))
+
+    def write_legend(self, ax: Axes, within: Range | None = None) -> None:
+        """Write a legend of the colours of periods above the axes, up to the longest period within a range."""
+        low, high = within or (-math.inf, math.inf)
+        periods = {
+            member.period
+            for member in self.diagram.members
+            if ((member.branch.values >= low) & (member.branch.values <= high)).any()
+        }
+        shown = [period for period in self.periods if period <= max(periods, default=0)]
+        entries = [(f"period {period}", period_options(rank, stable=True)) for rank, period in enumerate(shown)]
+        for text, stable in (("stable", True), ("unstable", False)):
+            entries.append((text, period_options(0, stable) | {"color": GREY}))
+        if self.births:
+            entries.append(("a branch begins or ends", birth_options(0)))
+        write_legend(ax, entries + unexplained_entries(self.diagram.branches), "above")
+
+    def draw_names(self, ax: Axes, without: Range | None = None) -> None:
+        """Write names next to the branches of the two shortest periods, outside of a given range of the parameter."""
+        counts = Counter(member.period for member in self.diagram.members)
+        named = [period for period in self.periods[:2] if counts[period] > 1 or period != self.periods[0]]
+        labels = [
+            label
+            for member, pieces in self.pieces
+            if member.period in named and (label := self._label(member, pieces, ax.get_xlim(), without))
+        ]
+        if 0 < len(labels) <= _NAMED:
+            place_labels(ax, labels, self.curve, np.empty((0, 2)))
+
+    @cached_property
+    def curve(self) -> NDArray[np.float64]:
+        """All curves joined, with rows of nan between them, shape (points, 2)."""
+        curves = [(piece.x, y) for _, pieces in self.pieces for piece in pieces for y in piece.y.T]
+        return np.column_stack(joined(curves))
+
+    def _label(
+        self, member: DiagramBranch, pieces: Sequence[Piece], shown: Range, without: Range | None
+    ) -> Label | None:
+        """Return the name of a branch at its point farthest from the other curves; None if that is not shown."""
+        x, y = (np.concatenate(parts) for parts in zip(*((piece.x, piece.y[:, 0]) for piece in pieces), strict=True))
+        inside = (x >= shown[0]) & (x <= shown[1])
+        if without:
+            inside &= (x < without[0]) | (x > without[1])
+        if not inside.any():
+            return None
+        middle = float(np.nanmedian(self.curve[:, 1]))
+        best = int(np.argmax(np.where(inside, np.abs(y - middle), -1.0)))
+        return Label(member.name, float(x[best]), float(y[best]))
+
+    def _states(self, point: BranchPoint) -> NDArray[np.float64]:
+        return stroboscopic(point.orbit)[:, self._place]

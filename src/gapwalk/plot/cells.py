@@ -240,10 +240,8 @@ def draw_locus(ax: Axes, plane: tuple[str, str], locus: Locus) -> dict[str, Any]
 def draw_sweep(
     sweep: Sweep, figure: AnyFigure, signal: str | None = None, *, title: str = "", legend: bool = True
 ) -> Finish:
-    """Draw the section points of a sweep over its parameter, below a strip of regimes for each lane.
-
-    The points are drawn as an image, so that pictures with a hundred thousand points remain small as SVG or PDF.
-    """
+    """Draw the section points of a sweep over its parameter, below a strip of regimes for each lane."""
+    # The points are drawn as an image, so that pictures with a hundred thousand points remain small as SVG or PDF.
     _check(sweep, signal)
     shown = _shown_lanes(sweep)
     above = len(shown) * _STRIP

@@ -16,8 +16,9 @@ from gapwalk.attractors.compare_motions import Contrast, LinePair, SignalPair
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.flow.flow import PERIOD
 from gapwalk.measurement.fit import Alignment, Fit
+from gapwalk.model.measures import full_measure
 from gapwalk.model.units import Units
-from gapwalk.model.words import full_measure, measure_words, order_words, pace_words, parameter_words
+from gapwalk.model.words import measure_words, order_words, pace_words, parameter_words
 from gapwalk.orbit.orbit import signal_along
 from gapwalk.plot import style
 from gapwalk.plot.branches import pieces_of

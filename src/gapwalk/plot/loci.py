@@ -19,7 +19,8 @@ from gapwalk.bifurcation.loci import Codim2, Codim2Point, Locus
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError
-from gapwalk.model.words import full_measure, measure_words, parameter_words
+from gapwalk.model.measures import full_measure
+from gapwalk.model.words import measure_words, parameter_words
 from gapwalk.plot import style
 from gapwalk.plot.branches import (
     Label,
@@ -30,8 +31,8 @@ from gapwalk.plot.branches import (
     unexplained_places,
 )
 from gapwalk.plot.picture import WIDE, AnyFigure, Finish, draws, write_legend, write_letters
-from gapwalk.studies.family import Connection, Family, Fate
-from gapwalk.studies.map import Map
+from gapwalk.studies.bifurcation_map import Map
+from gapwalk.studies.branch_family import Connection, Family, Fate
 
 _ONE = 6.0  # distance, in points, below which two symbols of one kind share a name
 
@@ -56,10 +57,8 @@ def _isola() -> dict[str, Any]:
 
 @draws(Map, size=(WIDE[0], 5.6), shows="its loci over two parameters")
 def draw_map(chart: Map, ax: Axes, *, labels: bool = True, legend: bool = True) -> Finish:
-    """Draw all loci of a map in the plane of its two parameters.
-
-    A thin line is a section, on which branches were computed; the isolas on it (closed branches) are bars.
-    """
+    """Draw all loci of a map in the plane of its two parameters."""
+    # A thin line is a section, on which branches were computed; the isolas on it (closed branches) are bars.
     xlim, ylim = _shown(chart)
     ax.set(xlim=xlim, ylim=ylim)
     units = chart.sections[0].branches[0].system.units if chart.branches else None

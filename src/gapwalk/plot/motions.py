@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import Any, cast
@@ -11,8 +11,10 @@ from typing import Any, cast
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
+from matplotlib.colors import LightSource, LogNorm, Normalize
+from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, MultipleLocator
+from mpl_toolkits.mplot3d import Axes3D
 from numpy.typing import NDArray
 
 from gapwalk.attractors.section import Section, strobe
@@ -21,16 +23,28 @@ from gapwalk.attractors.spectrum import Spectrum, SpectrumOptions, Waterfall, sp
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.forces import Angles
-from gapwalk.flow.hysteresis import Hysteresis, stick_slip
+from gapwalk.flow.hysteresis import Hysteresis, StickSlip, stick_slip
 from gapwalk.flow.motion import Motion, contact_to_show, integrate
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.modes import Modes
 from gapwalk.model.system import System
 from gapwalk.model.words import line_words, order_words, pace_words, parameter_words, signal_words
+from gapwalk.orbit.energy import Energy
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.branches import Label, place_labels
-from gapwalk.plot.picture import NARROW, WIDE, AnyFigure, Finish, Inches, draws, is_narrow, write_heading, write_legend
+from gapwalk.plot.picture import (
+    NARROW,
+    WIDE,
+    AnyFigure,
+    Finish,
+    Inches,
+    draws,
+    is_narrow,
+    write_heading,
+    write_legend,
+    write_letters,
+)
 from gapwalk.plot.style import (
     AXIS,
     BLACK,
@@ -45,6 +59,7 @@ from gapwalk.plot.style import (
     stroke,
     symbols,
 )
+from gapwalk.tori.torus import TURN, Torus, at_phases
 
 _SPECTRUM_DEPTH = 1e-4  # smallest line that is shown, relative to the largest
 _NAMED, _NOTABLE = 5, 0.03  # most lines with names, and their smallest height, relative to the largest
@@ -58,6 +73,8 @@ _LOOPS = ((BLACK, "-"), (VERMILLION, (0, (4, 1.5))), (BLUE, (0, (1.3, 1.3))), (G
 
 _WATERFALL_DEPTH = 1e-3  # smallest amplitude with a colour, relative to the largest
 _TICKS = 8
+Levels = tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], float]
+"""A function from amplitudes to levels in dB, and the range of the levels that is shown."""
 _COLOURS = "viridis_r"  # perceptually uniform for any colour vision
 
 _MODES = 6  # most modes that are shown
@@ -150,10 +167,8 @@ def _draw_loop(motion: Motion, contact: str, ax: Axes) -> None:
 
 
 def breakpoints(motion: Motion, signal: str) -> list[NDArray[np.float64]]:
-    """Return the values of a coordinate at which a contact that depends only on it opens or closes, at each sample.
-
-    They move with a displacement that is prescribed in the deflection.
-    """
+    """Return the values of a coordinate at which a contact that depends only on it opens or closes, at each sample."""
+    # They move with a displacement that is prescribed in the deflection.
     system = motion.system
     if signal not in system.coordinates:
         return []
@@ -247,10 +262,8 @@ def draw_settled(
     options: SpectrumOptions | None = None,
     title: str | None = None,
 ) -> Finish:
-    """Draw a settled motion: time history, spectrum, section, and the loop of a contact's force.
-
-    The layout follows figures 17 to 19 of Padmanabhan and Singh (1995), and the loop follows their figures 5 and 6.
-    """
+    """Draw a settled motion: time history, spectrum, section, and the loop of a contact's force."""
+    # The layout follows figures 17 to 19 of Padmanabhan and Singh (1995), and the loop follows their figures 5 and 6.
     write_heading(figure, _settled_title(motion) if title is None else title)
     settled = _as_settled(motion)
     system = settled.system
@@ -313,18 +326,21 @@ def draw_hysteresis(loops: Hysteresis | Sequence[Hysteresis], ax: Axes, names: S
 
 @draws(Waterfall)
 def draw_waterfall(found: Waterfall, ax: Axes, *, depth: float = _WATERFALL_DEPTH) -> None:
-    """Draw the amplitudes of all orders along a branch as colours, on a logarithmic scale.
-
-    The horizontal axis is the path along the branch; a dashed line marks each fold, where the parameter reverses.
-    """
+    """Draw the amplitudes of all orders along a branch as colours, on a logarithmic scale."""
+    # The horizontal axis is the path along the branch; a dashed line marks each fold, where the parameter reverses.
     mesh = fill_waterfall(found, ax, depth)
     ax.figure.colorbar(
         mesh, ax=ax, label=f"amplitude of {signal_words(found.signal, found.units)}", pad=0.02, extend="min"
     )
 
 
-def fill_waterfall(found: Waterfall, ax: Axes, depth: float = _WATERFALL_DEPTH) -> Any:
-    """Draw a waterfall without the bar of its colours; return the colours."""
+def fill_waterfall(
+    found: Waterfall, ax: Axes, depth: float = _WATERFALL_DEPTH, levels: Levels | None = None, *, in_hertz: bool = False
+) -> Any:
+    """Draw a waterfall without the bar of its colours; return the colours.
+
+    With a function from amplitudes to levels in dB, and their range, colours are levels.
+    """
     steps = np.diff(found.values)
     places = np.concatenate(([0.0], np.cumsum(np.maximum(np.abs(steps), 1e-12))))  # along the branch
     turns = 1 + np.flatnonzero(steps[:-1] * steps[1:] < 0.0)
@@ -333,11 +349,21 @@ def fill_waterfall(found: Waterfall, ax: Axes, depth: float = _WATERFALL_DEPTH) 
     spacing = float(found.orders[1]) if len(found.orders) > 1 else 1.0
     middles = 0.5 * (places[:-1] + places[1:])
     ends = np.concatenate((places[:1], middles, places[-1:])) if len(middles) else places[0] + np.array([-0.5, 0.5])
+    if levels is None:
+        norm: Any = LogNorm(depth * largest, largest)
+        cells = np.maximum(heights.T, 0.1 * depth * largest)
+    else:
+        top = float(levels[0](np.array(largest)))
+        norm, cells = Normalize(top - levels[1], top), np.maximum(levels[0](heights.T), top - 2.0 * levels[1])
+    upwards = np.append(found.orders[1:] - 0.5 * spacing, found.orders[-1] + 0.5 * spacing)
+    if in_hertz:
+        pitch = np.interp(ends, places, found.pitch)
+        ends, upwards = np.broadcast_to(ends, (len(upwards), len(ends))), np.outer(upwards, pitch)
     mesh = ax.pcolormesh(
         ends,
-        np.append(found.orders[1:] - 0.5 * spacing, found.orders[-1] + 0.5 * spacing),
-        np.maximum(heights.T, 0.1 * depth * largest),
-        norm=LogNorm(depth * largest, largest),
+        upwards,
+        cells,
+        norm=norm,
         cmap=mpl.colormaps[_COLOURS].with_extremes(under="white"),
         rasterized=True,
     )
@@ -349,7 +375,8 @@ def fill_waterfall(found: Waterfall, ax: Axes, depth: float = _WATERFALL_DEPTH) 
     time = "time" + " [s]" * bool(found.units)
     words = time if found.parameter == "time" else parameter_words(found.parameter, found.units)
     ax.set_xlabel(words + (", along the branch" if len(turns) else ""))
-    ax.set_ylabel(order_words(found.units))
+    hertz = "frequency [Hz]" if found.units else "angular frequency"
+    ax.set_ylabel(hertz if in_hertz else order_words(found.units))
     return mesh
 
 
@@ -383,7 +410,9 @@ def draw_modes(modes: Modes, figure: AnyFigure, system: System, *, title: str = 
     write_heading(figure, title)
     panels = figure.subplots(min(len(modes), _MODES), 1, sharex=True, squeeze=False)[:, 0]
     assembly = system.structure.assembly
-    held = isinstance(assembly, TrainAssembly) and not assembly.form.is_free
+    held = isinstance(assembly, TrainAssembly) and any(
+        assembly.form.ground in link.ends for link in assembly.form.links if not (link.drag or link.loose)
+    )
     names = (*(modes.inertias or modes.coordinates), *["ground"] * held)
     for number, ax in enumerate(panels):
         _draw_mode(system, modes, number, ax, len(names))
@@ -406,9 +435,9 @@ def _draw_mode(system: System, modes: Modes, number: int, ax: Axes, places: int)
     assembly = system.structure.assembly
     if isinstance(assembly, TrainAssembly):
         # Angles referred to the first inertia, the largest of them 1, so that the line is continuous across gears.
-        heights = modes.angles[:, number] / assembly.numbers(system.values).speeds
+        heights = modes.angles[:, number] / assembly.numbers(system.values).referring
         heights = np.append(heights / np.abs(heights).max(), 0.0)[:places]
-        for link in assembly.form.links:
+        for link in (each for each in assembly.form.links if max(each.ends) < places):  # without drags on the casing
             ends = list(link.ends)
             ax.plot(ends, heights[ends], **stroke(BLUE, 1.4, "--" if link.contact else "-"))
     else:
@@ -417,3 +446,147 @@ def _draw_mode(system: System, modes: Modes, number: int, ax: Axes, places: int)
             ax.plot(-modes.shapes[:, number].imag, **symbols("o", 5))
         ax.vlines(range(len(heights)), 0.0, heights, color=BLUE, linewidth=1.4)
     ax.plot(heights, **symbols("o", 4, BLACK))
+
+
+# Pictures of friction and rigid stops: phases below a time history, hysteresis loops, and bars of energy.
+
+_FILLS = {"slip +": VERMILLION, "slip -": BLUE, "stick": GREY, "held": GREEN}
+_ROW = 0.34  # inches of a row of the strip
+_MOST = 4  # loops in a row
+
+
+def _phases_size(found: StickSlip, **_: object) -> Inches:
+    return 7.0, 5.2 + _ROW * len(found.elements)
+
+
+@draws(StickSlip, panels=True, size=_phases_size)
+def draw_stick_slip(
+    found: StickSlip, figure: AnyFigure, signal: str | None = None, *, loops: tuple[str, ...] | None = None
+) -> None:
+    """Draw a time history with stick phases shaded, a strip of the modes of each element below, and their loops."""
+    motion, names = found.motion, found.elements
+    shown = loops if loops is not None else names[:_MOST]
+    outer = figure.add_gridspec(2 if shown else 1, 1, height_ratios=[3.0, 2.2] if shown else [1.0])
+    upper = outer[0].subgridspec(2, 1, height_ratios=[2.2, 0.25 + 0.28 * len(names)], hspace=0.08)
+    history = figure.add_subplot(upper[0])
+    strip = figure.add_subplot(upper[1], sharex=history)
+    draw_history(motion, history, signal)
+    history.set_xlabel("")
+    history.tick_params(labelbottom=False)
+    draw_strip(found, strip, history)
+    if shown:
+        lower = outer[1].subgridspec(1, len(shown))
+        for place, name in enumerate(shown):
+            draw_history(motion, figure.add_subplot(lower[place]), contact=name)
+
+
+def draw_strip(found: StickSlip, ax: Axes, above: Axes) -> None:
+    """Draw a row for each element: bars of its modes, and ticks where it is struck; the legend is above other axes."""
+    names, used = found.elements, list[str]()
+    for phase in found.phases:
+        row = len(names) - 1 - names.index(phase.element)
+        width = (phase.end - phase.start) / PERIOD
+        ax.broken_barh([(phase.start / PERIOD, width)], (row - 0.36, 0.72), facecolors=_FILLS[phase.mode], linewidth=0)
+        used.append(phase.mode)
+    for strike in found.strikes:
+        row = len(names) - 1 - names.index(strike.element)
+        ax.vlines(strike.theta / PERIOD, row - 0.42, row + 0.42, color=BLACK, linewidth=0.9)
+    ax.set_yticks(range(len(names)), names[::-1])
+    ax.set_ylim(-0.6, len(names) - 0.4)
+    ax.grid(visible=False)
+    ax.tick_params(axis="y", length=0)
+    ax.set_xlabel("forcing periods")
+    entries = [Patch(facecolor=colour, label=mode) for mode, colour in _FILLS.items() if mode in used]
+    if found.strikes:
+        entries.append(ax.plot([], [], **stroke(BLACK, 0.9), label="impact")[0])  # type: ignore[arg-type]
+    above.legend(handles=entries, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
+
+
+def _energy_size(book: Energy, **_: object) -> Inches:
+    return 6.4, 1.3 + 0.32 * (len(book.work) + len(book.losses))
+
+
+@draws(Energy, size=_energy_size)
+def draw_energy(book: Energy, ax: Axes, *, power: bool = False) -> None:
+    """Draw a bar for each load that does work, and for each element that takes energy."""
+    rows = [(each, VERMILLION) for each in book.work] + [(each, BLUE) for each in book.losses]
+    for place, (item, colour) in enumerate(rows):
+        value = item.power if power else item.energy
+        ax.barh(-place - 0.6 * (place >= len(book.work)), value, height=0.66, color=colour, linewidth=0)
+        ax.annotate(
+            f"{value:.4g}",
+            (max(value, 0.0), -place - 0.6 * (place >= len(book.work))),
+            xytext=(4, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize="small",
+        )
+    labels = [item.element if item.kind in item.element else f"{item.element}: {item.kind}" for item, _ in rows]
+    ax.set_yticks([-place - 0.6 * (place >= len(book.work)) for place in range(len(rows))], labels)
+    ax.tick_params(axis="y", length=0)
+    ax.axvline(0.0, **AXIS.options())
+    ax.grid(visible=False, axis="y")
+    ax.margins(x=0.16)
+    units = book.system.units is not None
+    what = "mean power" + " [W]" * units if power else "energy in one period of the orbit" + " [J]" * units
+    ax.set_xlabel(f"{what}: work of loads, and losses")
+
+
+# Picture of one torus: in the stroboscopic section, and as a surface in space.
+
+_PALE = "#7fbce6"
+_CURVES = (BLUE, VERMILLION, GREEN, PURPLE, BLACK)
+_FINE = 400  # points of a curve
+_ANGLES = 48  # angles of the excitation in a picture in space, per forcing period
+
+
+def _torus_size(torus: Torus, *_: object, **__: object) -> Inches:
+    return 3.2 * min(torus.curves, _MOST) + 4.4, 4.2
+
+
+@draws(Torus, panels=True, size=_torus_size)
+def draw_torus(torus: Torus, figure: AnyFigure, coordinate: str = "", *, title: str = "") -> None:
+    """Draw each curve of a torus in the stroboscopic section, and the torus in space."""
+    names, units = torus.system.coordinates, torus.system.units
+    coordinate = coordinate or names[0]
+    place = names.index(coordinate)
+    rate = torus.system.size + place
+    count = min(torus.curves, _MOST)
+    grid = figure.add_gridspec(1, count + 1, width_ratios=[*[1.0] * count, 1.4])
+    write_heading(figure, title)
+    panels = [figure.add_subplot(grid[number]) for number in range(count)]
+    for number, (panel, curve) in enumerate(zip(panels, torus.sections, strict=False)):
+        closed = at_phases(curve, np.linspace(0.0, TURN, _FINE))
+        panel.plot(closed[:, place], closed[:, rate], **stroke(_CURVES[number], 1.4, "-"))
+        panel.set_xlabel(signal_words(coordinate, units))
+        panel.margins(0.08)
+        panel.xaxis.set_major_locator(MaxNLocator(4))
+        if count > 1:
+            panel.set_title(f"forcing period {number + 1} of {torus.curves}", fontsize="small")
+    panels[0].set_ylabel(signal_words(f"{coordinate}'", units))
+    write_letters(panels)
+    space = figure.add_subplot(grid[count], projection="3d")
+    assert isinstance(space, Axes3D)
+    _draw_surface(space, torus, place, rate)
+
+
+def _draw_surface(space: Axes3D, torus: Torus, place: int, rate: int) -> None:
+    """Draw the torus as a surface: position and velocity turn about an axis with the angle of the excitation."""
+    states = torus.surface(_ANGLES)
+    angles = np.linspace(0.0, PERIOD, states.shape[0])[:, None]  # one turn for all m forcing periods
+    x, y = states[:, :, place], states[:, :, rate] / torus.system.frequency
+    middle, size = x.mean(), float(max(np.ptp(x), np.ptp(y)))
+    radius = 1.6 * size + x - middle
+    light = LightSource(azdeg=315, altdeg=50)
+    space.plot_surface(
+        radius * np.cos(angles), radius * np.sin(angles), y,
+        color=_PALE, lightsource=light, linewidth=0, rcount=states.shape[0], ccount=states.shape[1],
+    )  # fmt: skip
+    widths = [float(np.ptp(each)) for each in (radius * np.cos(angles), radius * np.sin(angles), y)]
+    space.set_box_aspect(widths, zoom=1.35)
+    space.set_axis_off()
+    space.view_init(elev=38.0, azim=-60.0)
+    space.set_title(
+        "once round: " + ("one forcing period" if torus.curves == 1 else f"{torus.curves} forcing periods"),
+        fontsize="small",
+    )

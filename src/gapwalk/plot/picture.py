@@ -34,7 +34,7 @@ from gapwalk.picture_parts import described, description_of
 from gapwalk.plot.style import CARD, DPI, GREY, SizeName, in_style, points, rc, sheet_size, sized
 from gapwalk.studies.export import write_whole
 from gapwalk.studies.result import Result
-from gapwalk.studies.study_registry import kind_of, kinds
+from gapwalk.studies.study_kind import kind_of, kinds
 from gapwalk.summary import Table, Tree
 
 # Sheets and windows for pictures, their headings and legends, and their files.
@@ -79,10 +79,8 @@ def new_sheet(size: Inches = WIDE) -> Figure:
 
 
 def open_window(size: Inches = WIDE) -> Figure:
-    """Open a figure of pyplot: it is shown in a window, or below the cell of a notebook.
-
-    It must be opened outside of `in_style`, because the first one loads the display backend, which changes settings.
-    """
+    """Open a figure of pyplot: it is shown in a window, or below the cell of a notebook."""
+    # It must be opened outside of `in_style`, because the first one loads the display backend, which changes settings.
     import matplotlib.pyplot as plt  # imported late: it selects the display backend, which takes long
 
     return plt.figure(figsize=sheet_size(*size), layout="constrained")
@@ -183,10 +181,8 @@ def is_narrow(figure: AnyFigure) -> bool:
 
 
 def shorten_label(ax: Axes) -> None:
-    """Leave out what stands in brackets in the label of a vertical axis that does not fit, after the layout.
-
-    It is cut off at an edge of the picture, or reaches into the next panel.
-    """
+    """Leave out what stands in brackets in the label of a vertical axis that does not fit, after the layout."""
+    # It is cut off at an edge of the picture, or reaches into the next panel.
     if not ax.get_ylabel() or ax.name == "3d":
         return
     box, figure = ax.yaxis.label.get_window_extent(), ax.figure.figure
@@ -230,20 +226,15 @@ FORMS = ("png", "svg", "pdf")
 
 # Modules of this package that draw the types of gapwalk, imported when such a record is first drawn.
 _MODULES = {
-    "branches": ("Branch",),
+    "answers": ("OrderMap", "RunUp", "Scan", "Tolerance"),
+    "branches": ("Branch", "Diagram"),
     "cells": ("Regimes", "Sweep"),
     "comparisons": ("Alignment", "Contrast", "Fit", "ResultComparison"),
-    "diagrams": ("Diagram",),
-    "run_up_pictures": ("RunUp",),
-    "slip_pictures": ("Energy", "StickSlip"),
     "loci": ("Family", "Map"),
-    "tolerances": ("Tolerance",),
     "models": ("System",),
-    "scan_picture": ("Scan",),
-    "torus_in_space": ("Torus",),
     "motions": (
-        *("Attractor", "Hysteresis", "Modes", "Motion", "Orbit"),
-        *("Section", "Settled", "Spectrum", "Waterfall"),
+        *("Attractor", "Energy", "Hysteresis", "Modes", "Motion", "Orbit"),
+        *("Section", "Settled", "Spectrum", "StickSlip", "Torus", "Waterfall"),
     ),
 }
 _postponed: ContextVar[list[Callable[[], None]] | None] = ContextVar("gapwalk_postponed", default=None)

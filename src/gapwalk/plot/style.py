@@ -102,15 +102,13 @@ def points(length: float) -> float:
 
 
 def broken(label: str, room: float = inf) -> str:
-    """Break the label of a vertical axis into two lines, at a comma or bracket, if the sheet or its room is small.
-
-    The room is the height of the axes before their layout, in points.
-    """
+    """Break the label of a vertical axis into two lines, at a comma or bracket, if the sheet or its room is small."""
+    # The room is the height of the axes before their layout, in points.
     size = _now.get()
     is_roomy = size.width is None or size.width / size.scale > _ROOMY
     if is_roomy and points(_LETTER) * len(label) < room:
         return label
-    places = [at for mark in (" (", ", ") if (at := label.find(mark, 8)) > 0]
+    places = [at for mark in (" (", ", ", " over ") if (at := label.find(mark, 8)) > 0]
     return label if not places else f"{label[: min(places)].rstrip()}\n{label[min(places) :].lstrip(', ')}"
 
 

@@ -208,11 +208,9 @@ class Interior:
         return int(self.places[np.argmax(np.abs(shapes[:, 0]))])
 
     def enriched(self, count: int, spread: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the lowest modes and the static responses to distributed forces: squared frequencies, and vectors.
-
-        The responses are made orthogonal to the modes and to one another, so that all vectors have unit modal mass and
-        no coupling.
-        """
+        """Return the lowest modes and the static responses to distributed forces: squared frequencies, and vectors."""
+        # The responses are made orthogonal to the modes and to one another, so that all vectors have unit modal mass
+        # and no coupling.
         squares, shapes = self.modes(count)
         mass, stiffness = self._mass, self._stiffness
         rest = self.response(spread[self.places])
@@ -297,12 +295,10 @@ class Accuracy:
         return np.unique(np.concatenate((below, above, within)))
 
     def error(self, reduced: Matrices) -> float:
-        """Compute the largest error of the flexibility, contacts open or closed, relative to its size.
-
-        The size is that at the same frequency, or the median over the excitation range if that is larger, because the
-        flexibility may vanish between two resonances. Above the range, at its k-th multiple, an error has the weight
-        1/k^2: the forces of springs that close decrease like this, or faster.
-        """
+        """Compute the largest error of the flexibility, contacts open or closed, relative to its size."""
+        # The size is that at the same frequency, or the median over the excitation range if that is larger, because the
+        # flexibility may vanish between two resonances. Above the range, at its k-th multiple, an error has the weight
+        # 1/k^2: the forces of springs that close decrease like this, or faster.
         if not len(self.full.deflections):
             return 0.0
         other = flexibility_of(reduced, self.frequencies)
@@ -380,12 +376,6 @@ class Reduction:
     under their own names. It has no parameters of other coordinates (``stiffness.q7.q8``, ``mean.q7``). A matrix entry
     of retained coordinates includes the static contribution of the others. So its value differs from that in the full
     system, but a change of it is the same change in both.
-
-    Examples
-    --------
-    >>> small = gw.reduce(gw.train.chain(9, 1.0, 100.0, held=True).system(), modes=3, keep=["shaft1"])
-    >>> small.modes, small.frequencies.shape
-    (3, (3,))
     """
 
     #: full, system: The full system, and the reduced one.
@@ -453,11 +443,9 @@ class Reduction:
         return np.concatenate((given[..., :r] @ back, given[..., r : 2 * r] @ back, given[..., 2 * r :]), axis=-1)
 
     def check(self, found: Orbit | Branch, method: Balance | None = None) -> OrbitCheck | BranchCheck:
-        """Estimate the error of an orbit, or of a branch with its special points, compared with the full system.
-
-        Both are inserted in the full system's own equations, in harmonic balance, where its linear part is exact: with
-        15 harmonics by default, or as many as the orbits were found with.
-        """
+        """Estimate the error of an orbit, or of a branch with its special points, compared with the full system."""
+        # Both are inserted in the full system's own equations, in harmonic balance, where its linear part is exact:
+        # with 15 harmonics by default, or as many as the orbits were found with.
         from gapwalk.reduction.reduction_error import check_branch, check_orbit  # imported late: few need it
 
         return check_orbit(self, found, method) if isinstance(found, Orbit) else check_branch(self, found, method)

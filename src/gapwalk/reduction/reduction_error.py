@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switch
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector, powers_of_two, unknown_scales
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError, NumericalError
@@ -26,7 +26,7 @@ from gapwalk.model.static_force import static_forces_of
 from gapwalk.model.system import System
 from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.harmonic_balance.linear_part import deflections_in
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit import Orbit, describe_switch
 from gapwalk.orbit.orbit_equation import solve
 
 if TYPE_CHECKING:
@@ -300,11 +300,9 @@ class Pair:
         return self.method.pose(self.reduction.full_at(self.system), self.parameter, self.period)
 
     def correct(self, unknowns: NDArray[np.float64], value: float = 0.0) -> Correction:
-        """Correct a motion of the reduced system towards that of the full one.
-
-        By Newton and Kantorovich: after corrections of lengths a and theta a, with ``theta < 1/2``, the solution is
-        within ``a / (1 - theta)``.
-        """
+        """Correct a motion of the reduced system towards that of the full one."""
+        # By Newton and Kantorovich: after corrections of lengths a and theta a, with ``theta < 1/2``, the solution is
+        # within ``a / (1 - theta)``.
         size = self.size(unknowns)
         lengths: list[float] = []
         for _ in range(2):
@@ -397,11 +395,9 @@ def method_for(orbit: Orbit, method: Balance | None) -> Balance:
 
 
 def find_special(corrector: Corrector, x: NDArray[np.float64], normal: NDArray[np.float64], test: Test, kind: Kind):
-    """Find the zero of a test function on a branch near x, and the last step in arclength; None if there is none.
-
-    The secant method is used along the normal. Near a branch point a plane does not intersect the branch uniquely, so
-    the zero is interpolated between points on both sides.
-    """
+    """Find the zero of a test function on a branch near x, and the last step in arclength; None if there is none."""
+    # The secant method is used along the normal. Near a branch point a plane does not intersect the branch uniquely, so
+    # the zero is interpolated between points on both sides.
 
     def at(s: float) -> tuple[BranchPoint, float]:
         point = corrector.point_near(x + s * normal, normal)

@@ -11,12 +11,13 @@ the bytes to fill it are there.
 
 from __future__ import annotations
 
+import cmath
 import json
 import math
 import types
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass, replace
 from enum import Enum
 from fractions import Fraction
 from functools import cache, cached_property
@@ -33,6 +34,7 @@ from gapwalk.model.drivetrain.train_assembly import TrainAssembly, structure_of
 from gapwalk.model.laws import FORMULAS, LAWS, Law
 from gapwalk.model.laws.law import data_of
 from gapwalk.model.loads import LOADS, Load, LoadForm
+from gapwalk.model.paced_matrices import PacedMatrices
 from gapwalk.model.registry import Registry, UnknownNameError
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
@@ -650,6 +652,8 @@ def _plain_structure(structure: Structure) -> Any:
 
 
 def _structure_of(plain: Any) -> Structure:
+    if isinstance(plain, PacedMatrices):
+        return replace(plain.inner, assembly=plain)
     structure = structure_of(plain) if isinstance(plain, TrainAssembly) else Structure(*plain)
     for each in (structure, structure.equations):
         prefixes = [block.prefix for block in each.names.blocks]
@@ -755,6 +759,62 @@ register(Law, Laws())
 register(LoadForm, Converted(LoadForm, PlainLoad, _plain_load, _load_of))
 register(type[Load], Registered(LOADS, lambda kind: kind.key))
 register(System, Systems())
-register(Structure, Converted(Structure, TrainAssembly | PlainStructure, _plain_structure, _structure_of))
+register(
+    Structure, Converted(Structure, TrainAssembly | PacedMatrices | PlainStructure, _plain_structure, _structure_of)
+)
 register(Method, OneOf(lambda value: value.name if isinstance(value, Method) else None, _options_of))
 register(Orbit, OneOf(lambda value: type(value).__name__ if isinstance(value, Orbit) else None, _orbits_of))
+
+
+# Records as plain JSON values, for other programs; what gapwalk reads back is written by its codec.
+
+
+def plain(value: Any) -> Any:
+    """Return a record, or anything in one, as plain JSON values."""
+    # Records become tables, named by the `kind` or `name` of their class if it has one. Complex numbers become pairs,
+    # and what is not finite becomes null. Force laws and loads are written by name; systems within records are left
+    # out.
+    match value:
+        case System():
+            return _plain_system(value)
+        case Law():
+            return {"name": value.name, **data_of(value)} if is_dataclass(value) else value.name
+        case type() if issubclass(value, Load):
+            return value.key
+        case Enum():
+            return value.value
+        case np.ndarray() if np.iscomplexobj(value):
+            return plain(np.stack((value.real, value.imag), axis=-1))
+        case np.ndarray():
+            return plain(value.tolist())
+        case Mapping():
+            return {str(plain(key)): plain(item) for key, item in value.items()}
+        case list() | tuple():
+            return [plain(item) for item in value]
+        case np.generic():
+            return plain(value.item())
+        case complex():
+            return [value.real, value.imag] if cmath.isfinite(value) else None
+        case float():
+            return value if math.isfinite(value) else None
+        case _ if is_dataclass(value):
+            return _plain_record(value)
+    return value
+
+
+def _plain_record(record: Any) -> dict[str, Any]:
+    labels = {label: getattr(type(record), label, None) for label in ("kind", "name")}
+    document = {label: text for label, text in labels.items() if isinstance(text, str)}
+    for field in fields(record):
+        value = getattr(record, field.name)
+        if field.metadata.get("stored", True) and not isinstance(value, System):
+            document[field.name] = plain(value)
+    return document
+
+
+def _plain_system(system: System) -> dict[str, Any]:
+    """Return the parts of a system, and its parameters by name."""
+    structure = system.structure
+    parts = {name: plain(getattr(structure, name)) for name in ("coordinates", "contacts", "harmonics")}
+    train = {} if structure.assembly is None else {"train": plain(structure.assembly)}
+    return parts | train | {"parameters": parameters_of(system)}

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import signal_names
+from gapwalk.model.measures import parsed
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
-from gapwalk.orbit.orbit import MEASURES
 from gapwalk.results.codec import parameters_of
 from gapwalk.results.result_file import versions
 from gapwalk.summary import Described, TableRows
@@ -157,10 +157,8 @@ def needed(module: str, what: str) -> Any:
 
 
 def table_headings(record: Described, name: str, headings: Iterable[object]) -> list[str]:
-    """Return the headings of a table with units, as in ``speed [rpm]``; without, if its system has none.
-
-    Units are known for parameters, states, and measures and amplitudes of signals.
-    """
+    """Return the headings of a table with units, as in ``speed [rpm]``; without, if its system has none."""
+    # Units are known for parameters, states, and measures and amplitudes of signals.
     texts = [str(heading) for heading in headings]
     units = _units_of(record, record.tables()[name], texts)
     return [TypedColumn(heading, units(heading), ()).head for heading in texts]
@@ -188,8 +186,10 @@ def _units_of(record: Described, table: object, headings: Sequence[str]) -> Call
             return _ANGLE_AND_TIME[heading]
         if more.signal and (heading == more.signal or _ORDER.fullmatch(heading)):
             return units.signal(more.signal)[1]
+        if (asked := parsed(heading)) and signals.issuperset(asked.signals) and not _is_mean_load(heading, headings):
+            return asked.unit(units)
         kind, _, of = heading.partition(".")
-        if kind in (*MEASURES, "amplitude", "re", "im") and of in signals and not _is_mean_load(heading, headings):
+        if kind in ("amplitude", "re", "im") and of in signals:
             return units.signal(of)[1]
         if (state := heading.removesuffix("(0)")) in states:
             return units.state(state)
@@ -292,11 +292,9 @@ Family = tuple[str, NDArray[Any], list[TypedColumn]]
 
 
 def _families(columns: Sequence[TypedColumn], system: System | None, signal: str, taken: set[str]) -> dict[str, Family]:
-    """Group the columns that differ by one label; a family has the dimension of its labels, a lone column none.
-
-    The families of one dimension must have the same labels, and the columns of a family one unit and type; columns that
-    do not fit remain single.
-    """
+    """Group the columns that differ by one label; a family has the dimension of its labels, a lone column none."""
+    # The families of one dimension must have the same labels, and the columns of a family one unit and type; columns
+    # that do not fit remain single.
     headings = [each.heading for each in columns]
     groups: dict[tuple[str, str], dict[Any, TypedColumn]] = {}
     for each in columns:

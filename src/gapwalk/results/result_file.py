@@ -17,18 +17,19 @@ import os
 import platform
 import sqlite3
 import struct
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 from functools import cache
 from hashlib import blake2b
-from importlib import import_module
+from importlib import import_module, metadata
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
-import heyoka
+import llvmlite
 import numpy as np
 
 import gapwalk.results.codec  # noqa: F401 (it registers how systems and orbits are kept)
@@ -170,7 +171,8 @@ def versions(before: dict[str, str] | None = None) -> dict[str, str]:
     """Return the versions of the software that computes a result, after those of `before` that differ from them."""
     now = {
         "gapwalk": __version__,
-        "heyoka": heyoka.__version__,
+        "llvmlite": llvmlite.__version__,
+        "numba": metadata.version("numba"),
         "numpy": np.__version__,
         "python": platform.python_version(),
     }
@@ -255,19 +257,7 @@ class Entry(NamedTuple):
 
 
 class Parts:
-    """Parts of a file at one moment.
-
-    Parameters
-    ----------
-    path, connection
-        The file.
-
-    Examples
-    --------
-    >>> part = gw.studies.Part("branch", gw.Branch)
-    >>> part.numbered  # `Work.take` reads such parts: known.one(part)
-    False
-    """
+    """Parts of a file at one moment."""
 
     def __init__(self, path: str | os.PathLike[str], connection: sqlite3.Connection) -> None:
         self.path = path
@@ -401,10 +391,8 @@ def tidy(path: str | os.PathLike[str]) -> None:
 
 @contextmanager
 def lock(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Keep other writers off a file: a lock that ends with this process, however that ends.
-
-    It is an empty database next to the file: SQLite's own locks work on every system.
-    """
+    """Keep other writers off a file: a lock that ends with this process, however that ends."""
+    # It is an empty database next to the file: SQLite's own locks work on every system.
     check_place(path)
     name = f"{os.path.realpath(path)}-lock"  # one file has one lock, also by way of a link
     with explained(path):
@@ -436,10 +424,8 @@ def looks_like_result(path: str | os.PathLike[str]) -> bool:
 
 
 def _begin(path: str | os.PathLike[str], head: tuple[Entry, ...], entries: tuple[Entry, ...]) -> None:
-    """Create a file with its first parts; it replaces an existing one.
-
-    A file of that name is at any moment either whole or not there.
-    """
+    """Create a file with its first parts; it replaces an existing one."""
+    # A file of that name is at any moment either whole or not there.
     path = os.path.realpath(path)  # a link stays one
     new = f"{path}-new"
     base = head[0].value.system
@@ -495,10 +481,8 @@ def _checksum(name: str, number: int, head: str, arrays: bytes) -> str:
 
 
 def _check_format(path: str | os.PathLike[str], connection: sqlite3.Connection) -> None:
-    """Refuse a file that does not have this version of the format.
-
-    Nothing in a stranger's file may run, so its table is compared as a text before anything is asked of it.
-    """
+    """Refuse a file that does not have this version of the format."""
+    # Nothing in a stranger's file may run, so its table is compared as a text before anything is asked of it.
     name = os.fspath(path)
     connection.execute("PRAGMA trusted_schema = OFF")
     (application,) = connection.execute("PRAGMA application_id").fetchone()
@@ -560,7 +544,7 @@ class _Writer(sqlite3.Connection):
 
     def reserve(self, path: str | os.PathLike[str]) -> None:
         """Have the system set aside what the file needs with the parts of this transaction."""
-        if not hasattr(os, "posix_fallocate"):
+        if sys.platform != "linux":
             return
         (pages,), (size,) = (self.execute(f"PRAGMA page_{what}").fetchone() for what in ("count", "size"))
         self._space = os.open(path, os.O_RDWR) if self._space < 0 else self._space

@@ -2,9 +2,9 @@
 
 from ..model.bounds import Counted as Counted
 from ..results.result_file import Part as Part
+from .branch_family import MemberParameter as MemberParameter
 from .compare import compare_results as compare_results
 from .diagram_study import DiagramStudyOptions as DiagramStudyOptions
-from .family import MemberParameter as MemberParameter
 from .functions import function_of as function_of
 from .options import ParameterRange as ParameterRange
 from .options import RangeStudy as RangeStudy
@@ -12,9 +12,9 @@ from .response_study import ResponseOptions as ResponseOptions
 from .settle_study import SettleFinding as SettleFinding
 from .settle_study import SettleStudyOptions as SettleStudyOptions
 from .study_file import read_studies as read_studies
+from .study_kind import OPEN as OPEN
 from .study_kind import Found as Found
 from .study_kind import Job as Job
 from .study_kind import StudyKind as StudyKind
-from .study_registry import OPEN as OPEN
-from .study_registry import add_kind as add_kind
-from .study_tables import Surroundings as Surroundings
+from .study_kind import add_kind as add_kind
+from .study_schema import Surroundings as Surroundings

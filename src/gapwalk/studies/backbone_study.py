@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Annotated, Any, ClassVar
 
 from annotated_types import Gt
@@ -48,6 +49,8 @@ class BackboneStudy(StudyKind):
     #: nothing is foretold.
     foretell: str = ""
     harmonics: tuple[Counted, ...] = (1, 2, 3)  #: Harmonics of the free vibrations that this load may drive.
+    #: Number of processes; by default one for each local core. The result does not depend on it.
+    workers: Counted | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -77,6 +80,11 @@ class BackboneStudy(StudyKind):
         return (self.release,) if self.release else self.modes
 
     @property
+    def most_workers(self) -> int:
+        """One for each backbone."""
+        return len(self.starts)
+
+    @property
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
         where = f"from a release at {list(self.release)}" if self.release else f"of modes {list(self.modes)}"
@@ -85,20 +93,22 @@ class BackboneStudy(StudyKind):
     def do(self, job: Job) -> Generator[Found]:
         """Follow the backbones that are left."""
         within = None if self.begin is None or self.end is None else (self.begin, self.end)
-        options = BackboneOptions(self.largest_amplitude)
-        for number in range(len(job.known[LINE]), self.total(job)):
-            try:
-                line, reason = backbone(job.system, self.starts[number], within, options=options), ""
-            except NumericalError as error:
-                line, reason = None, str(error)
-            one, births = job.keep(LINE, (number, line, reason), number), self._foretold(job.system, line)
-            yield Found((*one.entries, *job.keep(BIRTHS, births, number).entries))
+        options, left = BackboneOptions(self.largest_amplitude), range(len(job.known[LINE]), self.total(job))
+        follow = partial(self._followed, job.system, within, options)
+        for index, (line, reason, births) in job.workers.each(follow, left):
+            one = job.keep(LINE, (left[index], line, reason), left[index])
+            yield Found((*one.entries, *job.keep(BIRTHS, births, left[index]).entries))
 
-    def _foretold(self, system: System, line: Backbone | None) -> tuple[IslandBirth, ...]:
-        """Return what a backbone foretells for the load that was named."""
-        if line is None or not self.foretell:
-            return ()
-        return foretell(system, line, self.foretell, self.harmonics).births
+    def _followed(
+        self, system: System, within: tuple[float, float] | None, options: BackboneOptions, number: int
+    ) -> tuple[Backbone | None, str, tuple[IslandBirth, ...]]:
+        """Return a backbone, the reason if there is none, and what it foretells; a piece of work for any process."""
+        try:
+            line = backbone(system, self.starts[number], within, options=options)
+        except NumericalError as error:
+            return None, str(error), ()
+        births = foretell(system, line, self.foretell, self.harmonics).births if self.foretell else ()
+        return line, "", births
 
     def check_read(self, job: Job) -> None:
         """Raise a ValueError if the backbones belong to another study."""

@@ -32,7 +32,7 @@ from gapwalk.attractors.basins import (
     sort_states,
 )
 from gapwalk.attractors.many_motions import ExactMotions, enough, has_kernel, motions_of
-from gapwalk.ensemble.start import within_stops
+from gapwalk.ensemble.batch_flow import within_stops
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Bounded, Counted, Natural
 from gapwalk.model.system import System
@@ -40,10 +40,9 @@ from gapwalk.model.words import coordinate_words
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellWork
-from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.study_kind import StudyKind
-from gapwalk.studies.study_tables import CELLS, Resolution, Surroundings, check_resolution
+from gapwalk.studies.study_schema import CELLS, Resolution, Surroundings, check_resolution, key_type
 from gapwalk.summary import SummaryParts, Table
 
 # Computation of the attractor to which each of many states leads, and of the shares of a box of states.
@@ -175,14 +174,12 @@ class BasinWork(CellWork):
         self.check_labels(workers)
 
     def check_labels(self, workers: Workers) -> None:
-        """Find labels at borders, and some others, again with the exact flow, and correct wrong ones.
-
-        Wrong labels occur in groups: the labels around a wrong one are found again too. If a sample contains a
-        wrong label, there are probably more, so further samples are drawn until one contains none. With
-        `BasinOptions.exact_borders` off there is one sample at borders, and one elsewhere. In the end some states are
-        followed once more after a shift by their rounding: where basins are as fine as that, no computation can tell
-        their labels.
-        """
+        """Find labels at borders, and some others, again with the exact flow, and correct wrong ones."""
+        # Wrong labels occur in groups: the labels around a wrong one are found again too. If a sample contains a wrong
+        # label, there are probably more, so further samples are drawn until one contains none. With
+        # `BasinOptions.exact_borders` off there is one sample at borders, and one elsewhere. In the end some states are
+        # followed once more after a shift by their rounding: where basins are as fine as that, no computation can tell
+        # their labels.
         neighbours, at_borders, elsewhere = self.neighbours, self.options.borders, self.options.check
         checked, changed, sampled = (np.zeros(len(self.states), dtype=bool) for _ in range(3))
         wrong = wrong_elsewhere = 0
@@ -383,7 +380,7 @@ class BasinStudy(BasinOptions, StudyKind):
     """Basins of attraction in a plane of initial states.
 
     Each cell is judged by the state at its centre; those beyond a rigid stop are left out. The batch integrator follows
-    it until it is in the trapping region of a known attractor (see `gapwalk.attractors.trapping_region`); the
+    it until it is in the trapping region of a known attractor (see `gapwalk.attractors.settle`); the
     attractors themselves are exact. Cells at borders between basins, and samples of the others, are followed again by
     the exact flow, which corrects labels and counts the wrong ones. A system that the batch integrator cannot include,
     as one with friction that sticks rigidly, is followed by the exact flow alone, a hundred times slower.

@@ -127,10 +127,8 @@ def check_until_right(
     seed: int,
     find_wrong: Callable[[NDArray[np.intp]], NDArray[np.bool_]],
 ) -> int:
-    """Check cells of all kinds, then those beside wrong ones and more of their kinds, until none is wrong.
-
-    Shapes: `kinds` (first, second, numbers); `may`, `costly` (first, second), bool.
-    """
+    """Check cells of all kinds, then those beside wrong ones and more of their kinds, until none is wrong."""
+    # Shapes: `kinds` (first, second, numbers); `may`, `costly` (first, second), bool.
     _, group, sizes = np.unique(kinds.reshape(may.size, -1), axis=0, return_inverse=True, return_counts=True)
     group, left, random = group.ravel(), may.ravel().copy(), np.random.default_rng(seed)
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.rattle_bands import RattleMap, cell_word
+from gapwalk.answers.rattle_map import RattleMap, cell_word
 from gapwalk.attractors.basins import Basins, distance
 from gapwalk.attractors.regimes import Regimes, regime_word
 from gapwalk.bifurcation.branch import Branch
@@ -30,7 +30,7 @@ from gapwalk.bifurcation.loci import Codim2Point, Locus
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
 from gapwalk.notebook import Shown
-from gapwalk.studies.map import Map
+from gapwalk.studies.bifurcation_map import Map
 from gapwalk.studies.result import Result
 from gapwalk.summary import SummaryParts, Table, remarks
 
@@ -202,10 +202,8 @@ def _words(word: Any, *codes: NDArray[Any]) -> Words:
 
 
 def _named_as(first: Basins, second: Basins) -> list[str]:
-    """Return names of the attractors of the second map: those of the nearest ones of the same kind in the first.
-
-    Letters of equal names follow the sizes of basins, so that those of one motion may differ between two maps.
-    """
+    """Return names of the attractors of the second map: those of the nearest ones of the same kind in the first."""
+    # Letters of equal names follow the sizes of basins, so that those of one motion may differ between two maps.
     from scipy.optimize import linear_sum_assignment  # imported late: it takes long
 
     names = [f"{name} of the second" for name in second.names]

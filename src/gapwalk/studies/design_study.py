@@ -13,18 +13,16 @@ from gapwalk.answers.design import Change, Design, DesignProblem, LeastChangeOpt
 from gapwalk.answers.goals import AnyGoal, NoPoint, PeakBelow, Quiet, Resonance, peak_signal
 from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.errors import ModelError
-from gapwalk.model.bounds import Natural
+from gapwalk.model.bounds import Counted, Natural
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind, read_quantity
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit_equation import MAX_PERIOD
-from gapwalk.results.json_values import plain
+from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
-from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import SEARCH_KEYS, RangeStudy, is_allowed, known_parameter, with_search
-from gapwalk.studies.study_kind import Found, Job, plain_numbers
-from gapwalk.studies.study_registry import INLINE
-from gapwalk.studies.study_tables import WITH_UNIT, Start, StartOrState, Surroundings
+from gapwalk.studies.study_kind import INLINE, Found, Job, plain_numbers
+from gapwalk.studies.study_schema import WITH_UNIT, Start, StartOrState, Surroundings, key_type
 
 if TYPE_CHECKING:
     from typing import Self
@@ -208,6 +206,8 @@ class DesignStudy(RangeStudy):
     #: values; 0: none.
     search_values: Natural | tuple[float, ...] = 6
     search: SearchOptions = SearchOptions()  #: Options of this search.
+    #: Number of processes; by default one for each local core. The result does not depend on it.
+    workers: Counted | None = field(default=None, compare=False)
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:

@@ -27,14 +27,12 @@ from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.parallel.groups import do_by_groups
-from gapwalk.parallel.workers import Workers
+from gapwalk.parallel.workers import Workers, do_by_groups
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.options import SEARCH_KEYS, BranchOptions, search_words, with_search
 from gapwalk.studies.runner import call
-from gapwalk.studies.study_kind import Found, Work, found_by
-from gapwalk.studies.study_registry import MAX_VALUES, check_values
-from gapwalk.studies.study_tables import Start
+from gapwalk.studies.study_kind import MAX_VALUES, Found, Work, check_values, found_by
+from gapwalk.studies.study_schema import Start
 
 if TYPE_CHECKING:
     from typing import Self
@@ -264,11 +262,9 @@ class DiagramWork(Work):
         return (*self.apart, *self.diagram.branches)
 
     def _members(self, workers: Workers) -> Iterator[DiagramBranch]:
-        """The branches, each when it has been added: those attached to the first one, and those that a search finds.
-
-        If branches from a search are known already, then those attached to the first branch were found before them.
-        What was omitted then, such as a branch that could not be walked, must not depend on them.
-        """
+        """The branches, each when it has been added: those attached to the first one, and those that a search finds."""
+        # If branches from a search are known already, then those attached to the first branch were found before them.
+        # What was omitted then, such as a branch that could not be walked, must not depend on them.
         if self.first is None:
             yield from self._searched(self.system, workers)
             return
@@ -281,11 +277,9 @@ class DiagramWork(Work):
             yield from self._searched(orbit.system, workers)
 
     def _searched(self, system: System, workers: Workers) -> Iterator[DiagramBranch]:
-        """Add the isolated branches, and all branches that begin on them.
-
-        The search knows the branches that were found without it. Its result is kept with the first branch that it
-        leads to, so that a resumed diagram starts from the same orbits in the same order.
-        """
+        """Add the isolated branches, and all branches that begin on them."""
+        # The search knows the branches that were found without it. Its result is kept with the first branch that it
+        # leads to, so that a resumed diagram starts from the same orbits in the same order.
         result = self.diagram.search
         if result is None or not result.complete:
             result = found_by(

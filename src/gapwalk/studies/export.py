@@ -304,10 +304,9 @@ def _fill(book: Any, name: str, headings: Sequence[str], columns: Sequence[Itera
 
 
 def _cell(sheet: Any, value: Any) -> Any:
-    """Return a value as openpyxl can write it.
-
-    A text that begins with = must not become a formula, and a number keeps all digits: openpyxl would write 16 of them.
-    """
+    """Return a value as openpyxl can write it."""
+    # A text that begins with = must not become a formula, and a number keeps all digits: openpyxl would write 16 of
+    # them.
     from openpyxl.cell.cell import ILLEGAL_CHARACTERS_RE, WriteOnlyCell
 
     if isinstance(value, float) and not math.isfinite(value):

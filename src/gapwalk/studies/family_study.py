@@ -21,10 +21,9 @@ from gapwalk.model.schema import Number, Text
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.orbit.orbit import parameter_headings
-from gapwalk.results.json_values import plain
+from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
-from gapwalk.studies.columns import table_rows
-from gapwalk.studies.family import (
+from gapwalk.studies.branch_family import (
     Connection,
     Family,
     FamilyWork,
@@ -33,11 +32,11 @@ from gapwalk.studies.family import (
     Place,
     SpecialPointPath,
 )
-from gapwalk.studies.options import BranchOptions, kinds_key
+from gapwalk.studies.options import BranchOptions, kinds_key, table_rows
 from gapwalk.studies.result import branch_document
 from gapwalk.studies.set_values import leaves_of
 from gapwalk.studies.study_kind import AnswerFinding, Rows
-from gapwalk.studies.study_tables import Surroundings
+from gapwalk.studies.study_schema import Surroundings
 from gapwalk.summary import SummaryParts, Table
 
 if TYPE_CHECKING:

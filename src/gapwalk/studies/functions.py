@@ -23,20 +23,21 @@ from gapwalk.field_docs import field_words
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import check_system
 from gapwalk.notebook import shows_progress
-from gapwalk.studies.derived_schema import default_of, marks_of
 from gapwalk.studies.options import ParameterRange
 from gapwalk.studies.runner import call
-from gapwalk.studies.study_kind import StudyKind
-from gapwalk.studies.study_registry import INLINE, OPEN, kind_of
+from gapwalk.studies.study_kind import INLINE, OPEN, StudyKind, kind_of
+from gapwalk.studies.study_schema import default_of, marks_of
 
 FUNCTIONS = {
     "bifurcation_map": "map",
+    "campbell": "campbell",
     "diagram": "diagram",
     "basins": "basins",
     "regimes": "regimes",
     "design": "design",
     "family": "family",
     "rattle_bands": "rattle",
+    "rattle_chance": "rattle-chance",
     "scan": "scan",
     "sweep": "sweep",
     "threshold": "threshold",

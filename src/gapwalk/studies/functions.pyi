@@ -4,13 +4,13 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
+from gapwalk.answers.campbell import Campbell
 from gapwalk.answers.design import Change, Design
 from gapwalk.answers.goals import NoPoint, PeakBelow, Quiet, Resonance
 from gapwalk.answers.rattle_bands import RattleBands
 from gapwalk.answers.scan import MotionClaim, PointClaim, Scan
-from gapwalk.answers.spread import Spread, Spreads
 from gapwalk.answers.threshold import Threshold
-from gapwalk.answers.tolerance import Tolerance
+from gapwalk.answers.tolerance import Spread, Spreads, Tolerance
 from gapwalk.attractors.basins import Basins
 from gapwalk.attractors.regimes import Regimes
 from gapwalk.bifurcation.diagram import Diagram
@@ -21,8 +21,9 @@ from gapwalk.model.system import System
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.parallel.workers import Workers
-from gapwalk.studies.family import Family, MemberParameter
-from gapwalk.studies.map import Map
+from gapwalk.studies.bifurcation_map import Map
+from gapwalk.studies.branch_family import Family, MemberParameter
+from gapwalk.studies.rattle_chance import RattleChance
 from gapwalk.studies.runner import Report
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.studies.sweep_study import Sweep
@@ -64,6 +65,17 @@ def bifurcation_map(
     report: Report | None = ...,
     output: str | os.PathLike[str] | None = ...,
 ) -> Map: ...
+def campbell(
+    system: System,
+    parameter: str,
+    to: tuple[float, float],
+    *,
+    orders: Sequence[float] = ...,
+    points: int = ...,
+    workers: Workers | int | None = ...,
+    report: Report | None = ...,
+    output: str | os.PathLike[str] | None = ...,
+) -> Campbell: ...
 def design(
     system: System,
     changes: Mapping[str, float] | Sequence[Change],
@@ -130,8 +142,9 @@ def rattle_bands(
     steps: int = ...,
     longest: int = ...,
     patience: int = ...,
+    by: str = ...,
     walk: WalkOptions = ...,
-    search: int = ...,
+    search: int | None = ...,
     starts: int = ...,
     seed: int = ...,
     reference: float = ...,
@@ -140,6 +153,19 @@ def rattle_bands(
     report: Report | None = ...,
     output: str | os.PathLike[str] | None = ...,
 ) -> RattleBands: ...
+def rattle_chance(
+    system: System,
+    spreads: Spreads | Sequence[Spread],
+    *,
+    values: Sequence[float] = ...,
+    gaps: str | Sequence[str] = ...,
+    samples: int = ...,
+    starts: int = ...,
+    seed: int = ...,
+    workers: Workers | int | None = ...,
+    report: Report | None = ...,
+    output: str | os.PathLike[str] | None = ...,
+) -> RattleChance: ...
 def regimes(
     system: System,
     plane: Mapping[str, tuple[float, float]],

@@ -14,11 +14,10 @@ from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.schema import Text, one_of
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
-from gapwalk.studies.derived_schema import key_type
-from gapwalk.studies.map import Which
+from gapwalk.studies.bifurcation_map import Which
 from gapwalk.studies.map_study import MapStudyOptions, MapWork
 from gapwalk.studies.options import ParameterRange, RangeStudy, is_allowed, is_another
-from gapwalk.studies.study_tables import WITH_UNIT, Surroundings, check_inside, check_value
+from gapwalk.studies.study_schema import WITH_UNIT, Surroundings, check_inside, check_value, key_type
 
 if TYPE_CHECKING:
     from typing import Self

@@ -29,12 +29,10 @@ from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import phases
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.parallel.groups import Outcome, outcomes
-from gapwalk.parallel.workers import Workers
+from gapwalk.parallel.workers import Outcome, Workers, outcomes
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.derived_schema import key_type
+from gapwalk.studies.bifurcation_map import Map, MapSection, Ranges, Which
 from gapwalk.studies.diagram_study import DiagramOptions, diagram_from
-from gapwalk.studies.map import Map, MapSection, Ranges, Which
 from gapwalk.studies.options import (
     SEARCH_KEYS,
     BranchOptions,
@@ -44,15 +42,15 @@ from gapwalk.studies.options import (
     search_words,
     with_search,
 )
-from gapwalk.studies.study_kind import Found, Work
-from gapwalk.studies.study_registry import MAX_VALUES, check_values
-from gapwalk.studies.study_tables import (
+from gapwalk.studies.study_kind import MAX_VALUES, Found, Work, check_values
+from gapwalk.studies.study_schema import (
     PARAMETERS,
     CountOrValues,
     Surroundings,
     check_inside,
     check_parameters,
     check_range,
+    key_type,
 )
 
 if TYPE_CHECKING:
@@ -115,10 +113,8 @@ class MapQueue(Sequence[tuple[bool, Any]]):
         return is_section, self._systems[place] if is_section else self._starts[place].special
 
     def take(self, number: int, outcome: Outcome) -> None:
-        """Take the outcome of a piece: what was found on a section, or a locus, or why it cannot be followed.
-
-        It raises the error of a piece that is needed.
-        """
+        """Take the outcome of a piece: what was found on a section, or a locus, or why it cannot be followed."""
+        # It raises the error of a piece that is needed.
         is_section, place = self._begun[number]
         if is_section:
             self._walked_early[place] = outcome.value()

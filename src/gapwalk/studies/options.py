@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from annotated_types import Ge, Le
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, ValidationInfo
 
-from gapwalk.bifurcation.isolated import SearchOptions
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.diagram import Diagram
+from gapwalk.bifurcation.isolated import SearchOptions, SearchResult, unseen_share
+from gapwalk.bifurcation.loci import LocusPoint
 from gapwalk.bifurcation.special_point import Kind
+from gapwalk.continuation.curve_points import BranchPoint, point_row
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError
+from gapwalk.flow.motion import signal_names
+from gapwalk.model.measures import EXAMPLES, parsed
 from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.schema import one_of
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
 from gapwalk.orbit.harmonic_balance.balance import Balance
 from gapwalk.orbit.method import Method
-from gapwalk.orbit.orbit import MEASURES
+from gapwalk.orbit.orbit import measure_names, parameter_headings
 from gapwalk.orbit.orbit_equation import MAX_PERIOD
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.studies.derived_schema import key_type, table_schema
-from gapwalk.studies.study_kind import StudyKind
-from gapwalk.studies.study_registry import INLINE, OPEN
-from gapwalk.studies.study_tables import (
+from gapwalk.studies.study_kind import INLINE, OPEN, StudyKind
+from gapwalk.studies.study_schema import (
     WITH_UNIT,
     CountOrValues,
     Start,
@@ -34,7 +38,10 @@ from gapwalk.studies.study_tables import (
     check_inside,
     check_parameter,
     check_value,
+    key_type,
+    table_schema,
 )
+from gapwalk.summary import Rows, rows_of
 
 if TYPE_CHECKING:
     from typing import Self
@@ -187,15 +194,12 @@ Second = Annotated[
 def _can_be_measured(measure: str | None, info: ValidationInfo[Surroundings]) -> str | None:
     if measure is None:
         return None
-    kind, _, coordinate = measure.partition(".")
-    system = info.context.system
-    if kind not in MEASURES or not coordinate:
-        raise ValueError(
-            f"is {given(measure)}; it must be one of {', '.join(MEASURES)}, a dot and a coordinate, as in half.q1"
-        )
-    if system and coordinate not in system.coordinates:
-        hint = did_you_mean(coordinate, system.coordinates)
-        raise ValueError(f"is {given(measure)}, but {coordinate} is no coordinate; {hint}")
+    system, asked = info.context.system, parsed(measure)
+    if asked is None:
+        raise ValueError(f"is {given(measure)}; it must be one of {EXAMPLES}, a dot and a signal, as in half.q1")
+    known = [] if system is None else signal_names(system)
+    for signal in (each for each in asked.signals if known and each not in known):
+        raise ValueError(f"is {given(measure)}, but there is no signal {signal}; {did_you_mean(signal, known)}")
     return measure
 
 
@@ -241,8 +245,9 @@ class BranchOptions(RangeStudy):
         ),
     }
 
-    #: Measure in pictures: ``max``, ``min``, ``half`` (half the peak to peak), ``mean`` or ``rms``, a dot, and a
-    #: coordinate, for example ``"half.q1"``.
+    #: Measure in pictures and tables: ``max``, ``min``, ``half`` (half the peak to peak), ``peak_to_peak``, ``mean``,
+    #: ``rms``, or an order such as ``order2`` or ``order2+4+6``; a dot, and a coordinate or another signal, for example
+    #: ``"half.q1"``; as `Orbit.measure`.
     measure: Annotated[str, OPEN, AfterValidator(_can_be_measured)]
     period: Annotated[int, Ge(1), Le(MAX_PERIOD)] = 1  #: Number m of forcing periods after which the orbits repeat.
     #: Start of the search for the first orbit; or the state itself at theta = 0: positions, velocities, then
@@ -333,4 +338,62 @@ def kinds_key(known: Callable[[], Iterable[Kind]]) -> Any:
         list[Annotated[Kind, PlainValidator(one_of(known))]],
         Field(min_length=1),
         AfterValidator(lambda kinds: tuple(dict.fromkeys(kinds))),
+    ]
+
+
+# Columns that several tables share: measures of a motion, parameters, the coverage of a search.
+
+
+def measure_values(point: BranchPoint | LocusPoint) -> list[float]:
+    """Return the measures of a point, in the order of `measure_names`."""
+    return [point.measure(name) for name in measure_names(point.orbit.system.coordinates)]
+
+
+def method_names(options: BranchOptions) -> list[str]:
+    """Return the headings of method-specific columns: for harmonic balance, harmonics and truncation error."""
+    return list(options.method.columns)
+
+
+def special_rows(
+    branches: Iterable[tuple[str, Branch]], diagram: Diagram | None = None, measure: str = ""
+) -> Iterator[dict[str, Any]]:
+    """Yield the rows of the special points of some named branches, in the order of the walks."""
+    # The rows of a diagram name the branches that begin or end at each point.
+    for number, (name, branch) in enumerate(branches, start=1):
+        for index, special in enumerate(branch.special_points):
+            leads = {} if diagram is None else {"leads_to": tuple(m.name for m in diagram.attached(name, index))}
+            yield {"branch": number, "name": name, "period": branch.period, **point_row(special, measure), **leads}
+
+
+def table_rows(rows: Iterable[Mapping[str, Any]], *parameters: str, system: System) -> Rows:
+    """Yield the headings and the rows of a table of points; headings of parameters are their names."""
+    names = parameter_headings(parameters, system.coordinates)
+    known = {"leads_to": "leads.to", **dict(zip(("parameter", "second"), names, strict=False))}
+    return rows_of(({known.get(name, name): value for name, value in row.items()} for row in rows), _EMPTY)
+
+
+_EMPTY = ("branch", "name", "period", "kind")  # headings of a table without any special point
+
+
+COVERAGE = ("value", "starts", "settled", "not_periodic", "ran_away", "newton_starts", "orbits", "new", "unseen_share")
+"""The headings of `coverage_rows`."""
+
+
+def coverage_rows(result: SearchResult) -> list[list[float]]:
+    """Return the coverage of a search at each value of the parameter: starts, orbits found, and what may be missing."""
+    # `orbits` counts the orbits found, `new` those that are not on a branch known before. With 95 % confidence, a
+    # periodic attractor that was never found attracts no more than `unseen_share` of the box of starts.
+    return [
+        [
+            tally.value,
+            tally.starts,
+            tally.settled,
+            len(tally.unsettled),
+            tally.ran_away,
+            tally.newton_starts,
+            len(result.at(tally.value)),
+            sum(found.is_new for found in result.at(tally.value)),
+            unseen_share(tally.settled),
+        ]
+        for tally in result.tallies
     ]

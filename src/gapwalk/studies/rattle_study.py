@@ -12,19 +12,42 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
-from gapwalk.answers.gap_states import BandEnd, chosen_gaps, judge_gaps, other_motions
+from gapwalk.answers.gap_states import (
+    BandEnd,
+    Direction,
+    SettledSweep,
+    SlowSweepOptions,
+    SweepBy,
+    chosen_gaps,
+    judge_gaps,
+    other_motions,
+    settled_sweep,
+)
+from gapwalk.answers.held_flank import QuietEnds, quiet_ends
+from gapwalk.answers.lane_sweep import (
+    NARROW,
+    LanePiece,
+    Started,
+    is_many,
+    joined,
+    known_at,
+    other_sweeps,
+    pieces_of,
+    stages_of,
+    start_values,
+    started_piece,
+    sweep_piece,
+)
 from gapwalk.answers.rattle_bands import (
     RattleBands,
-    RattleMap,
     Severity,
     bands_of_sweeps,
-    borders,
-    exact_gaps,
     severities_of,
     worst_of,
 )
-from gapwalk.answers.settled_sweep import Direction, SettledSweep, SlowSweepOptions, settled_sweep
+from gapwalk.answers.rattle_map import RattleMap, borders, exact_gaps
 from gapwalk.attractors.basins import centres
+from gapwalk.attractors.lane_settling import LaneMotion
 from gapwalk.attractors.many_motions import finite_rows
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.errors import ModelError
@@ -32,19 +55,19 @@ from gapwalk.model.bounds import Counted, Natural
 from gapwalk.model.system import System
 from gapwalk.orbit.find import initial_state
 from gapwalk.parallel.workers import Workers
-from gapwalk.results.json_values import plain
+from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellWork, check_until_right
-from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy, Second
-from gapwalk.studies.study_kind import Found, Job, Work, plain_numbers
-from gapwalk.studies.study_registry import INLINE, OPEN
-from gapwalk.studies.study_tables import Resolution, RestOrState, Surroundings
+from gapwalk.studies.study_kind import INLINE, OPEN, Found, Job, Work, plain_numbers
+from gapwalk.studies.study_schema import Resolution, RestOrState, Surroundings, key_type
 
 # The work on a map of rattle: chunks of cells by the batch integrator, then the exact borders.
 
 CHUNK = 512
 """Cells in a chunk."""
+_SEARCHED = 3  # values at which motions are sought that no sweep meets
+_TOGETHER = 2  # of those values in one part of the work, where motions are settled at each step
 _SECTIONS = 3  # values of the second parameter at which points of borders are sought
 
 
@@ -205,6 +228,13 @@ class SweepWithSeverity:
 
 
 @dataclass(frozen=True, eq=False)
+class StartedPiece:
+    """Motions to which random starts at some values lead."""
+
+    started: tuple[Started, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class OtherMotions:
     """Motions that no sweep meets, and the severity along them."""
 
@@ -212,7 +242,10 @@ class OtherMotions:
     notes: tuple[str, ...]
 
 
+PIECE = Part("piece", LanePiece, numbered=True)
+QUIET = Part("quiet", QuietEnds)
 SWEEP = Part("sweep", SweepWithSeverity, numbered=True)
+STARTS = Part("starts", StartedPiece, numbered=True)
 OTHERS = Part("others", OtherMotions)
 
 
@@ -239,7 +272,7 @@ class RattleStudy(RangeStudy):
     """
 
     kind: ClassVar[str] = "rattle"
-    stored: ClassVar[tuple[Part, ...]] = (SWEEP, OTHERS)
+    stored: ClassVar[tuple[Part, ...]] = (PIECE, QUIET, SWEEP, STARTS, OTHERS)
     answer: ClassVar[Part | None] = Part("bands", RattleBands)
     arguments: ClassVar[tuple[str, ...]] = ("parameter", "to", "gaps")
     table_types: ClassVar[Mapping[str, Any]] = {"gaps": GAPS, "resolution": key_type(Resolution)}
@@ -252,8 +285,9 @@ class RattleStudy(RangeStudy):
     second: Second | None = None
     resolution: tuple[int, int] = (48, 32)  #: Columns and rows of cells of a map.
     sweep: Annotated[SlowSweepOptions, INLINE] = field(default_factory=SlowSweepOptions)  #: Options of the slow sweeps.
-    #: Values of the parameter at which motions are sought that the sweeps do not meet; 0: none.
-    search: Natural = 3
+    #: Values of the parameter at which motions are sought that the sweeps do not meet; 0: none; None: three, or where
+    #: motions are settled at each step, one in each fortieth of the range.
+    search: Natural | None = None
     #: Random starts at each of these values, and at the worst motion, where the share that leads there is found.
     starts: Natural = 16
     seed: Natural = 0  #: Seed of these starts.
@@ -279,6 +313,13 @@ class RattleStudy(RangeStudy):
         return cls.of_table(values, system)
 
     @property
+    def most_workers(self) -> int | None:
+        """One for each direction of a curve; as many as there are pieces of sweeps by steps, or chunks of a map."""
+        by = self.sweep.by
+        curves = by is SweepBy.CURVES or (by is SweepBy.CHOSEN and len(self.gaps) == 1)
+        return len(Direction) if self.second is None and curves else None
+
+    @property
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
         what = f"rattle of {', '.join(self.gaps)} over {self.range_words}"
@@ -293,34 +334,75 @@ class RattleStudy(RangeStudy):
 
     def do(self, job: Job) -> Generator[Found]:
         """Sweep up and down, look for what no sweep meets, and find the bands."""
-        yield from job.each(SWEEP, partial(_swept, job.system, self), dict(enumerate(Direction)))
+        if self.by_steps(job.system):
+            about = job.system, self.parameter, self.ends, self.sweep.steps
+            for stage in range(stages_of(self.sweep.steps)):
+                pieces = pieces_of(self.sweep.steps, stage, job.known[PIECE])
+                yield from job.each(PIECE, partial(sweep_piece, *about), pieces)
+            quiet = job.system, self.parameter, self.ends, self.gaps
+            yield from job.once(QUIET, lambda: quiet_ends(*quiet))
+            for number, direction in enumerate(Direction):
+                yield from job.once(SWEEP, lambda way=direction: self._joined(job, way), number)
+            begin = partial(_started, job.system, self)
+            yield from job.each(STARTS, begin, self._searched(job))
+        else:
+            yield from job.each(SWEEP, partial(_swept, job.system, self), dict(enumerate(Direction)))
         yield from job.once(OTHERS, lambda: self._others(job))
         yield job.end(self._bands(job, complete=True))
 
+    def by_steps(self, system: System) -> bool:
+        """Return True if motions are settled at each step of the sweeps, False if they are followed as curves."""
+        by = self.sweep.by
+        return by is SweepBy.STEPS or (by is SweepBy.CHOSEN and is_many(system, self.gaps))
+
     def total(self, job: Job) -> int:
         """Return the number of parts."""
-        return len(Direction) + 2
+        if not self.by_steps(job.system):
+            return len(Direction) + 2
+        values = start_values(self.ends, self.sweep.steps, self.search)
+        pieces = len(pieces_of(self.sweep.steps, 0, {})) * stages_of(self.sweep.steps)
+        return pieces + len(Direction) + -(-len(values) // _TOGETHER) + 3
 
     def so_far(self, job: Job) -> RattleBands | None:
         """Return the bands of the sweeps that are done; None before the first."""
-        return self._bands(job, complete=False) if job.known[SWEEP] else None
+        return self._bands(job, complete=False) if job.known[SWEEP] or job.known[PIECE] else None
 
-    def severity(self, sweep: SettledSweep) -> SweepWithSeverity:
+    def _joined(self, job: Job, direction: Direction, *, whole: bool = True) -> SweepWithSeverity:
+        about = job.system, self.parameter, self.ends, self.sweep.steps, direction
+        other = job.known[SWEEP].get(0) if direction is Direction.DOWN else None
+        pieces, gaps = job.all(PIECE), self.gaps
+        return self.severity(job.system, joined(*about, pieces, gaps, other and other.sweep, whole=whole))
+
+    def _searched(self, job: Job) -> dict[int, list[tuple[LaneMotion, ...]]]:
+        """Return the known motions at some values beside which random starts are followed, by the number of a part."""
+        values = start_values(self.ends, self.sweep.steps, self.search) if self.starts else []
+        known = known_at([each.sweep for each in job.all(SWEEP)], values)
+        return {first // _TOGETHER: known[first : first + _TOGETHER] for first in range(0, len(known), _TOGETHER)}
+
+    def severity(self, system: System, sweep: SettledSweep) -> SweepWithSeverity:
         """Return a sweep with the severity along it."""
-        return SweepWithSeverity(sweep, tuple(severities_of(sweep, self.gaps, self.reference)))
+        return SweepWithSeverity(sweep, tuple(severities_of(system, sweep, self.gaps, self.reference)))
 
     def _others(self, job: Job) -> OtherMotions:
         sweeps = [each.sweep for each in job.all(SWEEP)]
-        found, notes = other_motions(job.system, sweeps, self.gaps, self.search, self.starts, self.seed, self.sweep)
-        return OtherMotions(tuple(map(self.severity, found)), tuple(notes))
+        if self.by_steps(job.system):
+            started = [each for piece in job.all(STARTS) for each in piece.started]
+            found, notes = other_sweeps(job.system, sweeps, self.sweep.steps, started)
+        else:
+            search = _SEARCHED if self.search is None else self.search
+            found, notes = other_motions(job.system, sweeps, self.gaps, search, self.starts, self.seed, self.sweep)
+        return OtherMotions(tuple(self.severity(job.system, each) for each in found), tuple(notes))
 
     def _bands(self, job: Job, *, complete: bool) -> RattleBands:
         both, others = job.all(SWEEP), job.one(OTHERS) or OtherMotions((), ())
+        if not complete and job.known[PIECE]:
+            ways = enumerate(Direction)
+            both = [job.known[SWEEP].get(k) or self._joined(job, way, whole=False) for k, way in ways]
         sweeps = tuple(each.sweep for each in (*both, *others.found))
         rows = (row for each in (*both, *others.found) for row in each.severities)
         severities = tuple(sorted(rows, key=lambda row: row.value))
         starts = self.starts if complete else 0
-        worst = (worst_of(job.system, self.parameter, severities, gap, starts, self.seed) for gap in self.gaps)
+        worst = (worst_of(job.system, self.parameter, severities, gap, starts, self.seed, sweeps) for gap in self.gaps)
         notes = [*(note for sweep in sweeps for note in sweep.notes), *others.notes]
         if sampled := sum(sample.motion.orbit is None for sweep in sweeps for sample in sweep.samples):
             step = abs((self.end - self.begin) / self.sweep.steps)
@@ -329,9 +411,12 @@ class RattleStudy(RangeStudy):
                 f"periods; nothing is known between samples, {step:.4g} apart"
             )
         if not complete:
-            notes.append(f"stopped when {len(both)} of {len(Direction)} sweeps were done")
+            notes.append(f"stopped when {len(job.known[SWEEP])} of {len(Direction)} sweeps were done")
         known = tuple(each for each in worst if each is not None)
         bands, about = bands_of_sweeps(sweeps, self.gaps), (self.parameter, self.ends, self.gaps, self.reference)
+        if (quiet := job.one(QUIET)) is not None:
+            bands = quiet.replace_in(bands, NARROW * (self.ends[1] - self.ends[0]))
+            notes = [*quiet.notes, *notes]
         return RattleBands(job.system, *about, sweeps, bands, severities, known, complete, tuple(notes))
 
     def document(self, found: RattleBands | RattleMap, points: bool) -> dict[str, Any]:
@@ -360,7 +445,13 @@ class RattleStudy(RangeStudy):
 
 
 def _swept(system: System, asked: RattleStudy, direction: Direction) -> SweepWithSeverity:
-    return asked.severity(settled_sweep(system, asked.parameter, asked.ends, direction, asked.start, asked.sweep))
+    return asked.severity(
+        system, settled_sweep(system, asked.parameter, asked.ends, direction, asked.start, asked.sweep)
+    )
+
+
+def _started(system: System, asked: RattleStudy, known: list[tuple[LaneMotion, ...]]) -> StartedPiece:
+    return StartedPiece(started_piece(system, asked.parameter, asked.starts, asked.seed, known))
 
 
 def _map_document(found: RattleMap, points: bool) -> dict[str, Any]:

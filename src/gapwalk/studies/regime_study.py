@@ -31,15 +31,20 @@ from gapwalk.model.bounds import Counted, Natural
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.orbit.find import initial_state
-from gapwalk.parallel.groups import do_in_stages
-from gapwalk.parallel.workers import Workers
+from gapwalk.parallel.workers import Workers, do_in_stages
 from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellWork, check_until_right
-from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import ParameterRange, RangeStudy, Second
-from gapwalk.studies.study_kind import plain_numbers
-from gapwalk.studies.study_registry import INLINE
-from gapwalk.studies.study_tables import CELLS, PARAMETERS, Resolution, RestOrState, check_parameters, check_resolution
+from gapwalk.studies.study_kind import INLINE, plain_numbers
+from gapwalk.studies.study_schema import (
+    CELLS,
+    PARAMETERS,
+    Resolution,
+    RestOrState,
+    check_parameters,
+    check_resolution,
+    key_type,
+)
 from gapwalk.summary import SummaryParts, Table
 
 
@@ -240,10 +245,8 @@ class RegimeWork(CellWork):
             whole[self.places[chunk.number]] = part
 
     def check(self, workers: Workers) -> None:
-        """Classify cells with the exact flow, from the states that their motions have reached, and correct them.
-
-        All kinds of cells are among them; a wrong cell leads to more of them.
-        """
+        """Classify cells with the exact flow, from the states that their motions have reached, and correct them."""
+        # All kinds of cells are among them; a wrong cell leads to more of them.
         known, names = self.verdicts, self.asked.names
         count = known.regimes.size
         numbers = (part.reshape(count, *part.shape[2:]) for part in known[2:])
@@ -322,10 +325,8 @@ def _judge_piece(
     judging: RegimeOptions,
     piece: tuple[int, NDArray[np.float64]],
 ) -> RegimeChunk:
-    """Judge a chunk of cells, whose values have the shape (turns, cells side by side, 2).
-
-    Each turn starts from the states that the motions of the turn before have reached.
-    """
+    """Judge a chunk of cells, whose values have the shape (turns, cells side by side, 2)."""
+    # Each turn starts from the states that the motions of the turn before have reached.
     number, turns = piece
     states = np.tile(start, (turns.shape[1], 1))
     found, error, structure = [], 0.0, system.structure

@@ -2,6 +2,9 @@
 
 Points are written in batches, each with the state of the walk after it, so that a killed run resumes from the last one.
 Writing each point separately would take longer than computing it.
+
+Where many gaps rattle no curve can be followed. The walk then ends, and the motion is settled by equal steps at values
+beyond, until it parts so seldom that an orbit can be followed again: so a response is complete.
 """
 
 from __future__ import annotations
@@ -9,25 +12,29 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from dataclasses import replace as replaced
 from itertools import chain
 from types import FrameType
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from gapwalk.answers.settled_curve import FEW, LARGE, SettledCurve
 from gapwalk.bifurcation import BranchTracer, BranchTracerState, directions, start_branch
+from gapwalk.bifurcation.band import Band
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.detector import DetectorState
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, WalkState
-from gapwalk.errors import NumericalError, StoreError
+from gapwalk.errors import ConvergenceError, NumericalError, StoreError
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import Shooting
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.codec import checked
 from gapwalk.results.result_file import Part, Parts
@@ -36,6 +43,12 @@ from gapwalk.studies.study_kind import Found, Work
 
 _SECONDS = 0.1  # between two moments that are written
 _POINTS = 500  # at most in one of them
+_SHORT = 1e-3  # of the range: the mean of some steps, below which a walk is given up where many gaps rattle
+_STEPS, _SPECIAL = 10, 1  # these steps, and special points before another within the same length
+_LOOK = 2  # further steps ahead of a walk at which it is seen what settles: as far as it may step
+_CALM = 4  # steps at which it parts rarely and alike, before it is walked again; more after each attempt
+_SAME_MOTION = 0.1  # distance of an orbit from the settled state, relative to its largest coordinate
+_ENDS = (EndReason.RANGE, EndReason.TABLE, EndReason.TURNED_BACK, EndReason.CLOSED, EndReason.JOINED)
 
 
 @dataclass(frozen=True)
@@ -50,6 +63,11 @@ class ResponseOptions(BranchOptions):
 
     kind: ClassVar[str] = "response"
     reports: ClassVar[str] = "points"
+
+    @property
+    def most_workers(self) -> int:
+        """One: each step of a walk begins where the last one ended."""
+        return 1
 
     def work(self, system: System) -> ResponseWork:
         """Return the walk along the branch."""
@@ -74,6 +92,9 @@ class Moment(NamedTuple):
     #: State from which the walk can continue; None if it has not left its first point.
     progress: Progress | None = None
     ends: tuple[End, ...] | None = None  #: Place and reason of its beginning and its end; None while it continues.
+    turn: End | None = None  #: End of a stretch of the walk, beyond which motions are settled.
+    bands: tuple[Band, ...] = ()  #: Settled motions; of the first batch, those before its first point.
+    orbit: Orbit | None = None  #: First orbit of a further stretch, which begins with these points.
 
 
 START = Part("start", Orbit)
@@ -92,6 +113,10 @@ class ResponseWork(Work):
         self._moments: list[Moment] = []
         self._pending: list[tuple[BranchPoint, list[SpecialPoint]]] = []
         self._written = 0.0
+        self._ready: BranchTracer | None = None  # at the first point of a stretch
+        self._curve: SettledCurve | None = None
+        if isinstance(asked.method, Shooting | None):
+            self._curve = SettledCurve.of(system, asked.parameter, (asked.begin, asked.end))
 
     def take(self, known: Parts) -> None:
         """Read the first orbit, and the walk from there so far."""
@@ -104,42 +129,162 @@ class ResponseWork(Work):
         """Walk to the end; the first Ctrl-C stops between two points."""
         begun: tuple[Found, ...] = ()
         if self._start is None:
-            self._start = find_orbit(self.system, self.asked.period, self.asked.start, method=self.asked.method)
-            tracer = self._tracer(None)
-            self._moments = [Moment((tracer.first,))]
+            self._start, bands = self._first_orbit()
+            self._ready = tracer = self._tracer(self._start, None)
+            self._moments = [Moment((tracer.first,), bands=bands)]
             begun = (Found((START.entry(self._start), MOMENT.entry(self._moments[0], 0)), ((tracer.first, []),)),)
-        else:
-            tracer = self._tracer(_state(self._moments))
-            _check_scales(self._moments[0], tracer)
-        end, first, progress = None, _first_end(self._moments), self._moments[-1].progress
-        value = next(moment.points[-1].value for moment in reversed(self._moments) if moment.points)
-        self._written = time.monotonic()
         with _interrupts() as interrupts:
             yield from begun
-            try:
-                for point, special_points in tracer:
-                    value, state = point.value, tracer.state
-                    self._pending.append((point, special_points))
-                    progress = Progress(state.walk.step, state.walk.count, state.detector)
-                    yield self._found(progress, None if tracer.end is None else (first, tracer.end))
-                    if interrupts and tracer.end is None:
-                        end = End(EndReason.INTERRUPTED, value)
-                        break
-                end = end or tracer.end
-            except NumericalError as error:
-                end = End(EndReason.FAILED, value, str(error))
-            yield self._flushed(progress, (first, end or End(EndReason.STOPPED, value)), ())
-            if end is not None and end.reason is EndReason.INTERRUPTED:
+            end = None
+            while end is None:
+                end = yield from self._settle(interrupts) if self._is_settling else self._walk(interrupts)
+            if end.reason is EndReason.INTERRUPTED:
                 raise KeyboardInterrupt
+
+    def _first_orbit(self) -> tuple[Orbit, tuple[Band, ...]]:
+        """Return the first orbit, and the settled motions before it if there is none at the first value."""
+        asked, curve = self.asked, self._curve
+        if curve is None or asked.start != "settle":
+            return find_orbit(self.system, asked.period, asked.start, method=asked.method), ()
+        bands = [curve.at(0)]
+        if not bands[0].total:  # a quiet motion that settles slowly: its orbit is found by Newton's method
+            with suppress(NumericalError):
+                return find_orbit(self.system, asked.period, bands[0].state, method=asked.method), ()
+        while (orbit := self._orbit_at(bands[-1:])) is None:
+            if bands[-1].value == curve.values[-1]:
+                raise ConvergenceError(
+                    f"no value of the range has a periodic motion of period {asked.period} with few separations, from "
+                    'which a response begins: use a study of the kind "rattle" or "sweep"'
+                )
+            bands += curve.after(bands)
+        return orbit, tuple(bands[:-1])
+
+    def _orbit_at(self, bands: Sequence[Band], *, again: bool = False) -> Orbit | None:
+        """Return the orbit at the last of some settled motions; None if the walk cannot go on from there."""
+        curve, asked, band = self._curve, self.asked, bands[-1]
+        assert curve is not None
+        if not curve.is_simple(bands, asked.period) and (again or band.period != asked.period):
+            return None
+        system = self.system.at({asked.parameter: band.value})
+        try:
+            orbit = find_orbit(system, asked.period, band.state, method=asked.method)
+        except NumericalError:
+            return None
+        n = system.size
+        apart = np.abs(orbit.state - band.state)[:n].max()
+        return orbit if apart <= _SAME_MOTION * np.ptp(band.extremes, axis=0).max() and orbit.stable else None
+
+    @property
+    def _is_settling(self) -> bool:
+        """True if the motion is settled from now on."""
+        for moment in reversed(self._moments[1:]):
+            if moment.orbit is not None:
+                return False
+            if moment.bands or moment.turn is not None:
+                return True
+        return False
+
+    def _settle(self, interrupts: Sequence[int]) -> Generator[Found, None, End | None]:
+        """Settle at further steps, until an orbit can be followed again; return the end, if there is one."""
+        curve, bands = self._curve, list[Band]()
+        assert curve is not None
+        stretches = _stretches(self._moments)
+        for moment in self._moments[stretches[-1] + 1 :]:
+            bands += moment.bands
+        first, calm, value = _first_end(self._moments), _CALM * len(stretches), self.asked.end
+        while True:
+            try:
+                if bands:
+                    new = curve.after(bands)
+                else:
+                    points = self._points(stretches[-1])
+                    place = max(curve.beyond(point.value) for point in points)
+                    new = [curve.at(place, points[-1].orbit.state)] if place < len(curve.values) else []
+            except NumericalError as error:
+                end = End(
+                    EndReason.FAILED, bands[-1].value if bands else self._points(stretches[-1])[-1].value, str(error)
+                )
+                yield self._kept(Moment((), ends=(first, end)))
+                return end
+            bands += new
+            end = End(EndReason.RANGE, value) if not new or new[-1].value == curve.values[-1] else None
+            if end is None and interrupts:
+                end = End(EndReason.INTERRUPTED, bands[-1].value)
+            moment = Moment((), ends=None if end is None else (first, end), bands=tuple(new))
+            yield self._kept(moment, tuple((band, []) for band in new))
+            if end is not None:
+                return end
+            orbit = self._orbit_at(bands[-calm:], again=True) if len(bands) >= calm else None
+            if orbit is not None:
+                self._ready = self._tracer(orbit, None)
+                first_point = self._ready.first
+                yield self._kept(Moment((first_point,), orbit=orbit), ((first_point, []),))
+                return None
+
+    def _kept(self, moment: Moment, news: tuple[Any, ...] = ()) -> Found:
+        """Keep a batch, and return it as found."""
+        self._moments.append(moment)
+        return Found((MOMENT.entry(moment, len(self._moments) - 1),), news)
+
+    def _points(self, place: int) -> list[BranchPoint]:
+        """Return the points of the stretch that begins with a batch."""
+        own = self._moments[place:]
+        more = next((number for number, moment in enumerate(own) if number and moment.orbit is not None), len(own))
+        return [point for moment in own[:more] for point in moment.points]
+
+    def _walk(self, interrupts: Sequence[int]) -> Generator[Found, None, End | None]:
+        """Walk a stretch; return the end of the response, or None where the motion is settled beyond."""
+        place = _stretches(self._moments)[-1]
+        orbit = self._moments[place].orbit or self._start
+        assert orbit is not None
+        own = self._moments[place:]
+        tracer, self._ready = self._ready or self._tracer(orbit, _state(own)), None
+        _check_scales(own[0], tracer)
+        end, first, progress = None, _first_end(self._moments), self._moments[-1].progress
+        value = next(moment.points[-1].value for moment in reversed(self._moments) if moment.points)
+        watch = None if self._curve is None else _Watch(self._curve, self.asked)
+        why = next((words for point, special in _steps(own) if watch and (words := watch.words(point, special))), "")
+        self._written = time.monotonic()
+        try:
+            for point, special_points in () if why else _carefully(tracer, watch):
+                value, state = point.value, tracer.state
+                self._pending.append((point, special_points))
+                progress = Progress(state.walk.step, state.walk.count, state.detector)
+                why = watch.words(point, special_points) if watch is not None and tracer.end is None else ""
+                if why:
+                    break
+                last = None if tracer.end is None or self._goes_on(tracer.end) else (first, tracer.end)
+                yield self._found(progress, last)
+                if interrupts and tracer.end is None:
+                    end = End(EndReason.INTERRUPTED, value)
+                    break
+            end = end or tracer.end
+        except NumericalError as error:
+            end = End(EndReason.FAILED, value, str(error))
+        if why:
+            end = End(EndReason.SETTLED, value, why)
+        elif end is not None and self._goes_on(end):
+            end = End(EndReason.SETTLED, value, end.reason_words)
+        if end is not None and end.reason is EndReason.SETTLED:
+            yield self._flushed(progress, None, tuple(self._pending[-1:]) if why else (), end)
+            return None
+        end = end or End(EndReason.STOPPED, value)
+        yield self._flushed(progress, (first, end), ())
+        return end
+
+    def _goes_on(self, end: End) -> bool:
+        """Return True if the motion is settled beyond an end of the walk."""
+        return self._curve is not None and end.reason not in (*_ENDS, EndReason.INTERRUPTED, EndReason.POINTS)
 
     def again(self) -> Iterator[tuple[Any, ...]]:
         """Yield all points, each with the special points before it."""
-        branch = self.record
-        rest = list(branch.special_points)
-        for point in branch.points:
-            before = [special for special in rest if special.point.arclength <= point.arclength]
-            del rest[: len(before)]
-            yield point, before
+        whole = self.record
+        for branch in (whole, *whole.beyond):
+            rest = list(branch.special_points)
+            for point in branch.points:
+                before = [special for special in rest if special.point.arclength <= point.arclength]
+                del rest[: len(before)]
+                yield point, before
 
     @property
     def complete(self) -> bool:
@@ -157,16 +302,27 @@ class ResponseWork(Work):
         """The branch so far."""
         pending = (tuple(point for point, _ in self._pending), tuple(chain.from_iterable(s for _, s in self._pending)))
         moments = [*self._moments, *([Moment(*pending)] if self._pending else [])]
-        points = tuple(chain.from_iterable(moment.points for moment in moments))
-        special_points = tuple(chain.from_iterable(moment.special_points for moment in moments))
-        ends = moments[-1].ends or (_first_end(moments), End(EndReason.STOPPED, points[-1].value))
-        return checked(Branch(self.asked.parameter, self.asked.period, points, special_points, ends))
+        places, branches = _stretches(moments), list[Branch]()
+        for number, place in enumerate(places):
+            own = moments[place : places[number + 1] if places[number + 1 :] else len(moments)]
+            points = tuple(chain.from_iterable(moment.points for moment in own))
+            special_points = tuple(chain.from_iterable(moment.special_points for moment in own))
+            end = next((moment.turn for moment in own if moment.turn is not None), None)
+            if (
+                place == places[-1]
+                and (last := moments[-1].ends)
+                and (end is None or last[-1].reason is not EndReason.RANGE)
+            ):
+                end = last[-1]
+            ends = End(EndReason.START, points[0].value), end or End(EndReason.STOPPED, points[-1].value)
+            branches.append(checked(Branch(self.asked.parameter, self.asked.period, points, special_points, ends)))
+        bands = tuple(chain.from_iterable(moment.bands for moment in moments))
+        return replaced(branches[0], bands=bands, beyond=tuple(branches[1:])) if bands else branches[0]
 
-    def _tracer(self, state: BranchTracerState | None) -> BranchTracer:
+    def _tracer(self, start: Orbit, state: BranchTracerState | None) -> BranchTracer:
         asked = self.asked
-        assert self._start is not None
         (direction,) = directions(asked.begin, asked.end)
-        beginning = start_branch(self._start, asked.parameter, asked.end, direction, asked.method)
+        beginning = start_branch(start, asked.parameter, asked.end, direction, asked.method)
         return BranchTracer(beginning, asked.walk, state)
 
     def _found(self, progress: Progress, ends: tuple[End, ...] | None) -> Found:
@@ -175,13 +331,84 @@ class ResponseWork(Work):
         is_due = len(self._pending) >= _POINTS or time.monotonic() - self._written >= _SECONDS
         return self._flushed(progress, ends, news) if is_due else Found((), news)
 
-    def _flushed(self, progress: Progress | None, ends: tuple[End, ...] | None, news: tuple[Any, ...]) -> Found:
+    def _flushed(
+        self, progress: Progress | None, ends: tuple[End, ...] | None, news: tuple[Any, ...], turn: End | None = None
+    ) -> Found:
         points = tuple(point for point, _ in self._pending)
         special_points = tuple(special for _, specials in self._pending for special in specials)
-        moment = Moment(points, special_points, progress, ends)
-        self._moments.append(moment)
         self._pending, self._written = [], time.monotonic()
-        return Found((MOMENT.entry(moment, len(self._moments) - 1),), news)
+        return self._kept(Moment(points, special_points, progress, ends, turn), news)
+
+
+_OTHERWISE = 1.5  # change of the separations in a period from which motions part otherwise
+
+
+class _Watch:
+    """Watch over a walk where many gaps may rattle: what settles a step ahead, and how far the walk gets."""
+
+    def __init__(self, curve: SettledCurve, asked: BranchOptions) -> None:
+        self.curve, self.asked, self.range = curve, asked, abs(asked.end - asked.begin)
+        self.place = -1
+        self.ahead: list[Band] = []
+        self.lengths: list[float] = []
+        self.special: list[float] = []
+
+    @property
+    def is_hard(self) -> bool:
+        """True if what settles a step ahead has no period, or parts often, or otherwise than a step before."""
+        # a motion of another period than the orbit, as beyond a flip, is none of it: the orbit goes on, unstable
+        last = self.ahead[-2:]
+        totals = [band.total for band in last]
+        return bool(last) and (
+            not all(band.period or not band.total for band in last)
+            or max(totals) * self.asked.period >= FEW
+            or max(totals) - min(totals) >= _OTHERWISE
+        )
+
+    def words(self, point: BranchPoint, special_points: Sequence[SpecialPoint]) -> str:
+        """Return why the walk is given up at a point; empty if it goes on."""
+        curve, is_among = self.curve, bool(special_points)
+        if curve.system.structure.state_size > LARGE:
+            return f"an orbit with its derivatives costs too much for a state of more than {LARGE} numbers"
+        self.lengths.append(point.arclength)
+        self.special += [point.arclength] * len(special_points)
+        if len(self.special) > _SPECIAL and self.special[-1] - self.special[-_SPECIAL - 1] < _STEPS * _SHORT:
+            return "contacts graze one after the other"
+        if len(self.lengths) > _STEPS and point.arclength - self.lengths[-_STEPS - 1] < _STEPS * _SHORT:
+            return f"the steps became shorter than {_SHORT:g} of the range"
+        base = curve.beyond(point.value)
+        place = base + _LOOK
+        if not self.is_hard and place > self.place and place < len(curve.values):
+            self.ahead.append(curve.at(place, point.orbit.state))
+            self.place = place
+        if self.is_hard and (base > self.place or is_among or sum(point.orbit.closings) >= FEW):
+            return "what settles beyond is not periodic, or parts often in a period"
+        return ""
+
+
+def _carefully(tracer: BranchTracer, watch: _Watch | None) -> Iterator[tuple[BranchPoint, list[SpecialPoint]]]:
+    """Yield the steps of a walk, short ones where contacts graze ahead: it costs much to explain many in one."""
+    while True:
+        if watch is not None and watch.is_hard:
+            tracer.walk.step = min(tracer.walk.step, 2.0 * _SHORT)
+        if (step := next(tracer, None)) is None:
+            return
+        yield step
+
+
+def _steps(moments: Sequence[Moment]) -> Iterator[tuple[BranchPoint, list[SpecialPoint]]]:
+    """Yield the points of a stretch, each with the special points before it."""
+    for moment in moments:
+        rest = list(moment.special_points)
+        for point in moment.points:
+            before = [special for special in rest if special.point.arclength <= point.arclength]
+            del rest[: len(before)]
+            yield point, before
+
+
+def _stretches(moments: Sequence[Moment]) -> list[int]:
+    """Return the places of the batches with which stretches begin."""
+    return [place for place, moment in enumerate(moments) if not place or moment.orbit is not None]
 
 
 def _state(moments: list[Moment]) -> BranchTracerState | None:
@@ -209,7 +436,8 @@ def _check_scales(first: Moment, tracer: BranchTracer) -> None:
 
 def _first_end(moments: list[Moment]) -> End:
     """Return the end at which the walk begins."""
-    return End(EndReason.START, moments[0].points[0].value)
+    before = moments[0].bands
+    return End(EndReason.START, before[0].value if before else moments[0].points[0].value)
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from gapwalk.answers.shown_measure import shown_measure
+from gapwalk.bifurcation.band import band_rows, graze_words
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram, Origin
 from gapwalk.bifurcation.isolated import SearchResult, coverage
@@ -24,8 +25,8 @@ from gapwalk.flow.motion import signal_names
 from gapwalk.model.system import System
 from gapwalk.model.words import measure_symbol, parameter_symbol
 from gapwalk.notebook import Shown
-from gapwalk.results.codec import parameters_of
-from gapwalk.results.json_values import plain
+from gapwalk.orbit.orbit import parameter_headings
+from gapwalk.results.codec import parameters_of, plain
 from gapwalk.results.result_file import (
     Entry,
     Part,
@@ -41,12 +42,11 @@ from gapwalk.results.result_file import (
     undamaged,
     versions,
 )
-from gapwalk.studies.columns import COVERAGE, coverage_rows, method_names, special_rows, table_rows
-from gapwalk.studies.map import Map, codim2_rows, locus_rows, map_document
-from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.bifurcation_map import Map, codim2_rows, locus_rows, map_document
+from gapwalk.studies.options import COVERAGE, BranchOptions, coverage_rows, method_names, special_rows, table_rows
 from gapwalk.studies.study_file import Study
 from gapwalk.studies.study_kind import Finding, StudyKind, Work
-from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
+from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, rows_of, summarizes
 from gapwalk.verification import Verification
 
 
@@ -93,7 +93,7 @@ class Result(Shown):
     study: Study  #: The request.
     branches: tuple[Branch, ...]  #: The branches that were found.
     complete: bool  #: True if the work is finished; False after an interruption, from which a run can be resumed.
-    versions: Mapping[str, str]  #: Versions of gapwalk, heyoka, numpy and python that computed it.
+    versions: Mapping[str, str]  #: Versions of gapwalk, llvmlite, numba, numpy and python that computed it.
     diagram: Diagram | None = None  #: The branches as a tree, if the study is of the kind diagram.
     map: Map | None = None  #: The loci, if the study is of the kind map; the branches are those of its sections.
     #: The finding, if the study is of the kind family, settle, sweep, basins or regimes; its `record` is what the
@@ -189,7 +189,9 @@ class Result(Shown):
             yield from self._missed()
             yield from self.map.summary(self.walked.measure if points else None)
             return
-        yield from self.branches[0].summary(points=False) if self.diagram is None else self.diagram.summary()
+        yield from self.diagram.summary() if self.diagram is not None else ()
+        for branch in self.branches if self.diagram is None else ():
+            yield from branch.summary(points=False)
         if self.diagram is None or points:
             yield from self._missed()
             any_special = any(branch.special_points for branch in self.branches)
@@ -252,8 +254,13 @@ class Result(Shown):
             }
         tables: dict[str, Callable[[], Rows]] = {
             "points": lambda: table_rows(self._point_rows(), parameter, system=system),
-            "special-points": lambda: table_rows(special_rows(self.named, self.diagram), parameter, system=system),
+            "special-points": lambda: table_rows(
+                special_rows(self.named, self.diagram, self._measure), parameter, system=system
+            ),
         }
+        if bands := [band for branch in self.branches for band in branch.bands]:
+            (heading,) = parameter_headings([parameter], system.coordinates)
+            tables["bands"] = lambda: rows_of(band_rows(bands, heading, system))
         search = None if self.diagram is None else self.diagram.search
         return tables if search is None else {**tables, "search": lambda: [COVERAGE, *coverage_rows(search)]}
 
@@ -264,7 +271,12 @@ class Result(Shown):
             about = {"branch": number, "name": name, "period": branch.period, "parameter": 0.0}
             about |= {"second": second[number - 1]} if second else {}
             for point in branch.points:
-                yield {**about, **point_row(point), "motion": motion_row(point.orbit)}
+                yield {**about, **point_row(point, self._measure), "motion": motion_row(point.orbit)}
+
+    @property
+    def _measure(self) -> str:
+        """The measure that its study asks for."""
+        return shown_measure(self.system, self.walked)
 
     @property
     def named(self) -> Iterable[tuple[str, Branch]]:
@@ -300,10 +312,8 @@ class Result(Shown):
 
 
 def result_document(result: Result, points: bool = True) -> dict[str, Any]:
-    """Return a result: branches, their points (if wanted), ends, and the special points of all branches.
-
-    The finding of a study without branches has a document of its own kind.
-    """
+    """Return a result: branches, their points (if wanted), ends, and the special points of all branches."""
+    # The finding of a study without branches has a document of its own kind.
     head: dict[str, Any] = {
         "title": result.title,
         "name": result.study.name or None,
@@ -325,7 +335,10 @@ def result_document(result: Result, points: bool = True) -> dict[str, Any]:
     document = {
         **head,
         "method": plain(result.walked.method),
-        "branches": [branch_document(branch, number, points) for number, branch in enumerate(result.branches, start=1)],
+        "branches": [
+            branch_document(branch, number, points, result._measure)
+            for number, branch in enumerate(result.branches, start=1)
+        ],
         "special_points": special_documents(result.named, result.diagram),
     }
     for branch, name in zip(document["branches"], result.names, strict=True):
@@ -340,7 +353,7 @@ def result_document(result: Result, points: bool = True) -> dict[str, Any]:
     return document if result.diagram is None else document | _tree_document(result.diagram, document["branches"])
 
 
-def branch_document(branch: Branch, number: int, points: bool = True) -> dict[str, Any]:
+def branch_document(branch: Branch, number: int, points: bool = True, measure: str = "") -> dict[str, Any]:
     """Return one branch, numbered from 1; a special point refers to it by that number."""
     document: dict[str, Any] = {
         "id": number,
@@ -351,7 +364,11 @@ def branch_document(branch: Branch, number: int, points: bool = True) -> dict[st
         "count": len(branch.points),
     }
     if points:
-        document["points"] = [plain(point_row(point)) for point in branch.points]
+        document["points"] = [plain(point_row(point, measure)) for point in branch.points]
+    if branch.bands:
+        document["grazes"] = [text.strip() for text in graze_words(branch.bands, branch.parameter, branch.system)]
+        if points:
+            document["bands"] = [plain(row) for row in band_rows(branch.bands, "parameter", branch.system)]
     return document
 
 
@@ -536,7 +553,7 @@ def result_of(study: Study, work: Work, written_by: Mapping[str, str]) -> Result
             return Result(study, found.branches, work.complete, written_by, diagram=found)
         case Map():
             return Result(study, found.branches, work.complete, written_by, map=found)
-    return Result(study, (found,), work.complete, written_by)
+    return Result(study, (found, *found.beyond), work.complete, written_by)
 
 
 def _record_of(call: Call, work: Work, parts: Parts) -> Any:

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Iterator, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property, reduce
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial, reduce
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Le
+from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, ValidationInfo
 
+from gapwalk.answers.gap_states import SweepBy
+from gapwalk.answers.lane_run_up import is_by_steps
+from gapwalk.answers.order_map import OrderMap, order_map
 from gapwalk.answers.run_up import JumpDelay, RunUp, run_up
-from gapwalk.answers.run_ups import LEVELS, RunUps, run_ups
+from gapwalk.answers.run_ups import LEVELS, RunUps, run_ups, starts_of
 from gapwalk.answers.speed_course import SpeedCourse
-from gapwalk.attractors.spectrum import order_heading
+from gapwalk.attractors.spectrum import turns_of
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import follow
 from gapwalk.continuation.walk import EndReason
@@ -23,13 +27,14 @@ from gapwalk.ensemble.batch_flow import BatchOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.ramp import Ramped
+from gapwalk.model.bounds import Counted
 from gapwalk.model.problems import given
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import parameter_headings
 from gapwalk.results.result_file import Part
 from gapwalk.studies.study_kind import Finding, Found, Job, Rows, StudyKind, plain_numbers
-from gapwalk.studies.study_tables import Surroundings
+from gapwalk.studies.study_schema import Surroundings
 from gapwalk.summary import SummaryParts, TableRows, summarizes
 
 if TYPE_CHECKING:
@@ -94,6 +99,13 @@ class RunUpFinding(Finding):
         return self.asked.signal or (self.found.loudest if isinstance(self.found, RunUp) else "")
 
     @cached_property
+    def _map(self) -> OrderMap | None:
+        """The order map of a single run-up, if its study asks for orders."""
+        if not (isinstance(self.found, RunUp) and self.asked.orders):
+            return None
+        return order_map(self.found, self.signal, self.asked.orders, turns=self.asked.window)
+
+    @cached_property
     def delays(self) -> tuple[JumpDelay, ...]:
         """Jumps of a single run-up beside those of the response; none while the speed changes its direction."""
         found, response = self.found, self.response
@@ -108,6 +120,7 @@ class RunUpFinding(Finding):
             return
         yield from self.found.summary()
         yield from (each.words(self.found.system) for each in self.delays)
+        yield from self._map.summary() if self._map else ()
 
     def document(self, points: bool) -> dict[str, Any]:
         """Return the largest forces; for a single run-up with the history of its signal if points are wanted."""
@@ -119,6 +132,10 @@ class RunUpFinding(Finding):
             document["peaks"] = [each._asdict() for each in found.peaks]
             if self.response is not None:
                 document["jumps"] = [{k: plain_numbers(v) for k, v in each._asdict().items()} for each in self.delays]
+            if self._map is not None:
+                document["order_peaks"] = [
+                    {k: plain_numbers(v) for k, v in each._asdict().items()} for each in self._map.peaks
+                ]
             if points:
                 signal = self.signal
                 document["history"] = {
@@ -147,8 +164,9 @@ class RunUpFinding(Finding):
             if self.response is not None:
                 pace = found.system.structure.pace
                 tables["jumps"] = TableRows(self._jump_rows, units=dict.fromkeys(("fold", "jump", "delay"), pace))
-            if self.asked.orders:
-                tables["orders"] = TableRows(lambda: self._order_rows(found), 1, self.signal)
+            if self._map is not None:
+                names = {"amplitudes": "orders", "cuts": "order-cuts", "peaks": "order-peaks"}
+                tables |= {names[name]: rows for name, rows in self._map.tables().items()}
             return tables
         system, pace = found.system, found.system.structure.pace
         rate = f"{system.units.parameter(pace)}/s" if system.units else ""
@@ -176,12 +194,6 @@ class RunUpFinding(Finding):
         for each in self.delays:
             row: list[object] = [*plain_numbers([*each])]
             yield row
-
-    def _order_rows(self, found: RunUp) -> Iterator[list[object]]:
-        spectra = found.waterfall(self.signal, self.asked.orders, self.asked.window)
-        heading = [spectra.parameter] if spectra.parameter == "time" else _pace_heading(found.system)
-        yield [*heading, *map(order_heading, spectra.orders)]
-        yield from map(list, np.column_stack((spectra.values, spectra.amplitudes)).tolist())
 
 
 def _pace_heading(system: System) -> list[str]:
@@ -214,7 +226,7 @@ def _rate_rows(found: RunUps) -> Iterator[list[object]]:
         yield from map(list, np.vstack([tables[0][0], *(values for _, values in tables)]).T.tolist())
 
 
-CHUNK = 1024
+CHUNK = 64
 """Run-ups in a chunk: one part of a file, and what a killed run loses at most."""
 _MOST = 1_000_000
 
@@ -328,9 +340,16 @@ class RunUpStudy(StudyKind):
     with_response: bool = False
     #: Highest order of the spectra of `signal` along a single run-up, shown as a waterfall; 0: none.
     orders: Annotated[float, Ge(0.0), Le(1000.0)] = 0.0
-    window: Annotated[int, Ge(1), Le(10_000)] = 8  #: Length of these spectra in forcing periods.
+    #: Length of these spectra in turns of the reference shaft (in forcing periods without a speed): of 8, orders are
+    #: 1/8 apart.
+    window: Annotated[int, Ge(1), Le(10_000)] = 8
     bins: Annotated[int, Ge(2), Le(10_000)] = 100  #: Equal times into which each of many run-ups is divided.
+    #: How: ``"curves"`` exactly, or in batch within `error`; ``"steps"`` by equal steps, which carry dry friction and
+    #: many contacts; ``"chosen"`` by steps if there is friction, or more than one gap with more than three coordinates.
+    by: SweepBy = SweepBy.CHOSEN
     error: float = 1e-4  #: Allowed error of many run-ups, as in `gapwalk.analysis.BatchOptions`.
+    #: Number of processes; by default one for each local core. The result does not depend on it.
+    workers: Counted | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -363,6 +382,7 @@ class RunUpStudy(StudyKind):
             )
         asked = cls(**values)
         Ramped(system)  # refuses what cannot run up
+        is_by_steps(system, asked.by)
         if asked.signal and (names := _signal_names(system)) and asked.signal not in names:
             raise ModelError(f"signal is {given(asked.signal)}; signals of a run-up are {', '.join(names)}")
         if asked.orders:
@@ -386,9 +406,10 @@ class RunUpStudy(StudyKind):
                 f"samples = {math.ceil(2.0 * self.orders / float(system.turns or 1))} or more"
             )
         periods = float(self.courses[0].turned[-1]) * system.structure.frequency / PERIOD
-        if periods < self.window:
+        if periods < turns_of(system, self.window):
+            turns, what = (float(system.turns), "turns") if system.turns else (1.0, "forcing periods")
             raise ModelError(
-                f"window is {self.window}, but the run-up lasts only {periods:.3g} forcing periods; write a shorter one"
+                f"window is {self.window}, but the run-up lasts only {periods / turns:.3g} {what}; write a shorter one"
             )
 
     @property
@@ -412,6 +433,11 @@ class RunUpStudy(StudyKind):
         return self.starts * (1 if self.times else len(self.rates))
 
     @property
+    def most_workers(self) -> int:
+        """One for each chunk of run-ups."""
+        return self.chunks
+
+    @property
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
         first = self.courses[0].speed
@@ -427,23 +453,23 @@ class RunUpStudy(StudyKind):
         if self.count > 1:
             yield from self._many(job)
         elif job.one(RUN) is None:
-            run = job.keep(RUN, run_up(job.system, self.courses[0], samples=self.samples))
+            run = job.keep(RUN, run_up(job.system, self.courses[0], samples=self.samples, by=self.by))
             yield run._replace(news=())
         if self.with_response and job.one(RESPONSE) is None:
             yield job.keep(RESPONSE, _slow_response(job.system, self.courses))._replace(news=())
 
     def _many(self, job: Job) -> Generator[Found]:
         courses = self.courses
-        for number in (number for number in range(self.chunks) if number not in job.known[RUNS]):
-            lanes = self._lanes(number)
-            chunk = run_ups(
-                job.system,
-                [courses[lane // self.starts] for lane in lanes],
-                phases=[PERIOD * (lane % self.starts) / self.starts for lane in lanes],
-                bins=self.bins,
-                options=BatchOptions(self.error),
-            )
-            yield job.keep(RUNS, chunk, number)
+        phases = PERIOD * np.arange(self.starts) / self.starts
+        runs = [(course, phase) for course in courses for phase in phases.tolist()]
+        free = Ramped(job.system) if is_by_steps(job.system, self.by) else None
+        states = starts_of(job.system, courses[:1] * self.starts, phases, free)  # all begin at one speed
+        lanes = {number: self._lanes(number) for number in range(self.chunks)}
+        pieces = {
+            number: ([runs[lane] for lane in some], states[[lane % self.starts for lane in some]])
+            for number, some in lanes.items()
+        }
+        yield from job.each(RUNS, partial(_runs, job.system, self.bins, self.error, self.by), pieces)
 
     def _lanes(self, number: int) -> range:
         return range(number * CHUNK, min((number + 1) * CHUNK, self.count))
@@ -480,6 +506,19 @@ class RunUpStudy(StudyKind):
         if found is None:
             return None
         return RunUpFinding(self, found, 1 if isinstance(found, RunUp) else len(found.courses), job.one(RESPONSE))
+
+
+def _runs(
+    system: System,
+    bins: int,
+    error: float,
+    by: SweepBy,
+    piece: tuple[list[tuple[SpeedCourse, float]], NDArray[np.float64]],
+) -> RunUps:
+    """Compute a chunk of run-ups; a piece of work for any process."""
+    courses, phases = zip(*piece[0], strict=True)
+    options = BatchOptions(error, threads=1)
+    return run_ups(system, courses, phases=phases, states=piece[1], bins=bins, options=options, by=by)
 
 
 def _signal_names(system: System) -> list[str]:

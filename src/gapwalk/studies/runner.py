@@ -12,7 +12,8 @@ from typing import Any, TypeVar
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook import shows_progress
-from gapwalk.parallel.workers import Pace, Workers, local_workers
+from gapwalk.parallel.processes import local_cores
+from gapwalk.parallel.workers import Pace, Workers, for_all, local_workers
 from gapwalk.results.result_file import Parts, lock, reading, undamaged, versions
 from gapwalk.studies.result import (
     Call,
@@ -112,10 +113,8 @@ def _take(work: Work, parts: Parts, system: System) -> None:
 def _carry_out(
     work: Work, asked: Any, workers: Workers | int | None, opened: Callable[[], Keeper], report: Report | None
 ) -> tuple[bool, bool]:
-    """Do the remaining work; store and report it part by part.
-
-    The file is opened when the first part is ready: if the work cannot be continued, the file stays unchanged.
-    """
+    """Do the remaining work; store and report it part by part."""
+    # The file is opened when the first part is ready: if the work cannot be continued, the file stays unchanged.
     begun, before = time.monotonic(), work.done
     waiting: list[tuple[Any, ...]] = []
     with ExitStack() as stack:
@@ -123,7 +122,10 @@ def _carry_out(
         try:
             # this process does the work where the options say nothing of others
             count = getattr(asked, "workers", 1) if workers is None else workers
-            with local_workers(count) as executor, closing(work.parts(executor)) as parts:
+            most = getattr(asked, "most_workers", None)
+            if most is not None and not isinstance(count, Workers):
+                count = min(local_cores() if count is None else count, most)
+            with local_workers(count) as executor, for_all(executor), closing(work.parts(executor)) as parts:
                 executor.prepare()
                 for found in parts:
                     file = file or stack.enter_context(opened())

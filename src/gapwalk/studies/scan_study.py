@@ -45,12 +45,10 @@ from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.bounds import Counted, Natural
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit, initial_state
-from gapwalk.results.json_values import plain
+from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
-from gapwalk.studies.derived_schema import key_type
-from gapwalk.studies.study_kind import Found, Job, StudyKind, plain_numbers
-from gapwalk.studies.study_registry import INLINE, OPEN
-from gapwalk.studies.study_tables import Surroundings
+from gapwalk.studies.study_kind import INLINE, OPEN, Found, Job, StudyKind, plain_numbers
+from gapwalk.studies.study_schema import Surroundings, key_type
 
 if TYPE_CHECKING:
     from typing import Self
@@ -149,10 +147,8 @@ class _Scanner:
         return by_name
 
     def _begin(self, by_name: dict[str, NDArray[np.float64]], states: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Follow the first periods with the exact flow; motions that go far away become nan.
-
-        A variation without a bounded motion would take very small steps, and many of them, before it is given up.
-        """
+        """Follow the first periods with the exact flow; motions that go far away become nan."""
+        # A variation without a bounded motion would take very small steps, and many of them, before it is given up.
         motions, reach = ExactMotions(self.system, by_name), _FAR * state_box(self.system)
         for _ in range(_LOOKS):
             states = motions.advance(states, _BETWEEN)
@@ -163,11 +159,9 @@ class _Scanner:
     def _settled(
         self, by_name: dict[str, NDArray[np.float64]], states: NDArray[np.float64], count: int
     ) -> tuple[list[Motion], NDArray[np.float64], float]:
-        """Classify the motions of a number of variations, side by side.
-
-        A variation that needs many more steps than the others, or the exact flow, would take all of them along: they
-        are halved until it stands alone, and alone it is followed by the exact flow.
-        """
+        """Classify the motions of a number of variations, side by side."""
+        # A variation that needs many more steps than the others, or the exact flow, would take all of them along: they
+        # are halved until it stands alone, and alone it is followed by the exact flow.
         left = finite_rows(states)
         if not left.any():
             return [(int(Regime.RUNAWAY), 0)] * len(states), states, 0.0

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError
+from gapwalk.free.equilibrium_walk import RestEvent, Rests, check_rest, follow_rest
 from gapwalk.free.free_shooting import without_excitation
-from gapwalk.free.rest_walk import Rests, check_rest, follow_rest
-from gapwalk.free.self_excitation import SelfExcited, is_known, starts, with_cycle
+from gapwalk.free.self_excitation import SelfExcited, cycle_from, is_known, is_reached, starts, with_cycle
+from gapwalk.model.bounds import Counted
 from gapwalk.model.system import System
+from gapwalk.pieces import workers_around
 from gapwalk.results.result_file import Part
 from gapwalk.studies.options import RangeStudy
 from gapwalk.studies.study_kind import Found, Job, plain_numbers
@@ -37,6 +42,8 @@ class SelfExcitedStudy(RangeStudy):
     #: Positions near an equilibrium there, one for each coordinate; by default all equilibria that are found.
     start: tuple[float, ...] = ()
     walk: WalkOptions = field(default_factory=WalkOptions)  #: Numerical options of the walks.
+    #: Number of processes; by default one for each local core. The result does not depend on it.
+    workers: Counted | None = field(default=None, compare=False)
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> SelfExcitedStudy:
@@ -60,19 +67,36 @@ class SelfExcitedStudy(RangeStudy):
     def do(self, job: Job) -> Generator[Found]:
         """Follow the equilibria, then the motions that are left."""
         yield from job.once(LINE, lambda: self._rests(job.system))
-        while (number := len(job.known[CYCLE])) < self._count(job):
+        first = len(job.known[CYCLE])
+        pieces = list(self._beginnings(job)[first:])
+        follow = partial(cycle_from, self._found(job, complete=False).system, self.parameter, self.ends, self.walk)
+
+        def is_needed(index: int) -> bool:
+            return not is_reached(self._found(job, complete=False), pieces[index])
+
+        for index, found in job.workers.each(follow, pieces, is_needed):
+            yield from self._left_out(job, first + index)
             before = self._found(job, complete=False)
-            after = with_cycle(before, before.beginnings[number], self.walk)
-            cycle = after.cycles[-1] if len(after.cycles) > len(before.cycles) else None
-            yield job.keep(CYCLE, (number, cycle, after.failures[len(before.failures) :]), number)
+            after, cycle = with_cycle(before, found), None if isinstance(found, str) else found
+            yield job.keep(CYCLE, (first + index, cycle, after.failures[len(before.failures) :]), first + index)
+            pieces += self._beginnings(job)[first + len(pieces) :]
+        yield from self._left_out(job, self._count(job))
 
     def _rests(self, system: System) -> tuple[Rests, ...]:
         """Follow all equilibria."""
         lines = list[Rests]()
-        for positions in [np.array(self.start)] if self.start else starts(system):
-            if not is_known(lines, self.begin, positions):
-                lines.append(follow_rest(system, self.parameter, self.ends, start=positions, walk=self.walk))
+        all_starts = [np.array(self.start)] if self.start else starts(system)
+        follow = partial(_line_from, system, self.parameter, self.ends, self.walk)
+        for _, line in workers_around().each(
+            follow, all_starts, lambda k: not is_known(lines, self.begin, all_starts[k])
+        ):
+            lines.append(line)
         return tuple(lines)
+
+    def _left_out(self, job: Job, until: int) -> Generator[Found]:
+        """Keep beginnings that another branch has reached, up to a number."""
+        for number in range(len(job.known[CYCLE]), until):
+            yield job.keep(CYCLE, (number, None, ()), number)
 
     def check_read(self, job: Job) -> None:
         """Raise a ValueError if the motions belong to another study."""
@@ -94,7 +118,10 @@ class SelfExcitedStudy(RangeStudy):
 
     def _count(self, job: Job) -> int:
         """Return the number of places where motions begin, as far as it is known."""
-        return len(self._found(job, complete=False).beginnings)
+        return len(self._beginnings(job))
+
+    def _beginnings(self, job: Job) -> tuple[RestEvent | SpecialPoint, ...]:
+        return self._found(job, complete=False).beginnings
 
     def _found(self, job: Job, *, complete: bool) -> SelfExcited:
         rests = job.one(LINE) or ()
@@ -133,6 +160,13 @@ class SelfExcitedStudy(RangeStudy):
                 for each in cycle.points
             ]
         return document
+
+
+def _line_from(
+    system: System, parameter: str, ends: tuple[float, float], walk: WalkOptions, start: NDArray[np.float64]
+) -> Rests:
+    """Follow an equilibrium; a piece of work for any process."""
+    return follow_rest(system, parameter, ends, start=start, walk=walk)
 
 
 def _plain(record: Any) -> dict[str, Any]:

@@ -43,10 +43,8 @@ def study_tables(source: Source) -> dict[Path, Mapping[str, object]]:
 
 
 def change_source(source: Source, changes: Mapping[str, object]) -> tuple[Source, dict[str, object], list[Problem]]:
-    """Apply those changes that concern the text of the file.
-
-    ``study.to`` concerns all studies of the file, ``study.light.to`` the one that is named light.
-    """
+    """Apply those changes that concern the text of the file."""
+    # ``study.to`` concerns all studies of the file, ``study.light.to`` the one that is named light.
     rest, problems = {}, []
     tables = study_tables(source).values()
     walked = {name for name in changes if tables and all(_walks(table, name, changes) for table in tables)}

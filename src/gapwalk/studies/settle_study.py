@@ -25,7 +25,6 @@ from gapwalk.attractors.settle import (
     settle,
 )
 from gapwalk.attractors.spectrum import Peak, spectrum
-from gapwalk.bifurcation.special_point import describe_switch
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import signal_place
 from gapwalk.model.problems import given
@@ -33,12 +32,11 @@ from gapwalk.model.schema import Angle
 from gapwalk.model.system import System
 from gapwalk.model.words import line_words, pace_words, signal_words
 from gapwalk.orbit.energy import Energy, EnergyItem, energy
-from gapwalk.orbit.orbit import Orbit
-from gapwalk.results.json_values import plain
+from gapwalk.orbit.orbit import Orbit, describe_switch
+from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
-from gapwalk.studies.study_kind import Finding, Found, Job, Rows, StudyKind, plain_numbers
-from gapwalk.studies.study_registry import OPEN
-from gapwalk.studies.study_tables import RestOrState, Surroundings
+from gapwalk.studies.study_kind import OPEN, Finding, Found, Job, Rows, StudyKind, plain_numbers
+from gapwalk.studies.study_schema import RestOrState, Surroundings
 from gapwalk.summary import SummaryParts, Table, TableRows, summarizes
 
 if TYPE_CHECKING:
@@ -227,6 +225,11 @@ class SettleStudyOptions(SettleOptions, StudyKind):
     phase: float = 0.0  #: Phase of the excitation at which the section is taken, in radians.
     #: Options for the exponents of a motion without period; not a key of a table.
     lyapunov: LyapunovOptions = LyapunovOptions()
+
+    @property
+    def most_workers(self) -> int:
+        """One: a motion goes on from where it is."""
+        return 1
 
     @property
     def plan(self) -> str:

@@ -7,13 +7,18 @@ from __future__ import annotations
 
 import io
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from importlib.resources import files
+from typing import Annotated, Any
 
-from gapwalk.errors import ModelError
+from pydantic import Field, model_validator
+
+from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.files import why_no_file
+from gapwalk.model.drivetrain.nondimensional import NonDimensional, nondimensional
 from gapwalk.model.drivetrain.train_file import describes_train
 from gapwalk.model.drivetrain.train_sheet import train_of_sheet
 from gapwalk.model.measured.measured_table import read_named
@@ -21,22 +26,117 @@ from gapwalk.model.model_file import Model, check_model, checked_model, has_pace
 from gapwalk.model.model_source import Source, parse_source, read_source
 from gapwalk.model.modes import dissipation_doubts
 from gapwalk.model.problems import ModelFileError, Path, Problem, did_you_mean, given
+from gapwalk.model.schema import Part, Positive, Text
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
-from gapwalk.studies.derived_schema import DerivedPart, all_keys, study_schema
-from gapwalk.studies.measure import check_measurement, measure_doubts
-from gapwalk.studies.options import BranchOptions
-from gapwalk.studies.reduced import ReducedFrom, ReductionPart, reduce_for, reduction_part
-from gapwalk.studies.set_values import (
-    change_source,
-    change_system,
-    study_changes,
-    study_tables,
-    walked_parameters,
-)
-from gapwalk.studies.study_kind import StudyKind
-from gapwalk.studies.study_registry import kind_of, kinds
-from gapwalk.studies.study_tables import StudyPart, Surroundings
+from gapwalk.studies.measurement_fit import check_measurement, measure_doubts
+from gapwalk.studies.options import BranchOptions, ParameterRange
+from gapwalk.studies.set_values import change_source, change_system, study_changes, study_tables, walked_parameters
+from gapwalk.studies.study_kind import StudyKind, kind_of, kinds
+from gapwalk.studies.study_schema import DerivedPart, StudyPart, Surroundings, all_keys, study_schema
+
+# The table ``[reduction]`` of a model file, and the record of how the system of a study was reduced.
+
+
+@dataclass(frozen=True)
+class ReducedFrom:
+    """Origin of a reduced system."""
+
+    degrees: int  #: Degrees of freedom of the full system.
+    kept: tuple[str, ...]  #: The coordinates that are kept.
+    modes: int  #: The number of modes.
+    #: up_to, error: As in the record of the reduction.
+    up_to: float
+    error: float
+    #: The reduction itself, if the study was read from a model file; it is not stored in a result.
+    reduction: Any = field(default=None, compare=False, repr=False, metadata={"stored": False})
+
+    @property
+    def words(self) -> str:
+        """The reduction in words."""
+        return (
+            f"reduced from {self.degrees} degrees of freedom to {len(self.kept) + self.modes}: {len(self.kept)} kept, "
+            f"{self.modes} modes; contacts deflect within {self.error:.1e} up to frequency {self.up_to:g}"
+        )
+
+
+def reduce_for(source: Source, at: Path, part: ReductionPart, full: System) -> tuple[ReducedFrom | None, list[Problem]]:
+    """Reduce the system of a study; every coordinate that the study names is kept."""
+    from gapwalk.reduction import reduce  # only now: few studies need it
+
+    table = study_tables(source)[at]
+    keep = [*part.keep, *(name for name in full.coordinates if name in set(_words(table)) - set(part.keep))]
+    up_to = part.up_to or _highest(table) or full.frequency
+    try:
+        found = reduce(full, modes=part.modes, error=part.error, up_to=up_to, keep=keep)
+    except GapwalkError as error:
+        return None, [source.problem(f"cannot be done: {refusal_of(error)}", ("reduction",))]
+    problems = [
+        source.problem(
+            f"walks {name}, whose value in the reduced system contains what the other coordinates give; leave "
+            "[reduction] out, or walk a parameter of a contact or of the excitation",
+            at,
+        )
+        for name in walked_parameters(table)
+        if name in found.system.structure.names
+        and name in full.structure.names
+        and abs(found.system[name] - full[name]) > 1e-9 * (abs(full[name]) + 1e-300)
+    ]
+    origin = ReducedFrom(full.size, found.kept, found.modes, found.up_to, found.error, found)
+    return origin, problems
+
+
+def refusal_of(error: GapwalkError) -> str:
+    """Return the message of an error in one line."""
+    return refusal(error) if isinstance(error, ModelError) else str(error)
+
+
+def _words(value: object) -> Iterator[str]:
+    """Yield all names in the texts of a table, keys included: ``half.q7``, ``q7'`` and ``mean.q7`` name q7."""
+    if isinstance(value, str):
+        yield from re.findall(r"\w+", value)
+    elif isinstance(value, Mapping):
+        for key, item in value.items():
+            yield from _words(str(key))
+            yield from _words(item)
+    elif isinstance(value, list):
+        for item in value:
+            yield from _words(item)
+
+
+def _highest(table: Mapping[str, Any]) -> float | None:
+    """Return the highest frequency to which a study walks, if the table gives it."""
+    second = table.get("second")
+    ranges = [table, second if isinstance(second, Mapping) else {}]
+    values = [each.get(key) for each in ranges if each.get("parameter") == "frequency" for key in ("from", "to")]
+    numbers = [float(value) for value in values if isinstance(value, int | float) and not isinstance(value, bool)]
+    return max((value for value in numbers if 0.0 < value < float("inf")), default=None)
+
+
+class ReductionPart(Part):
+    """Options of the reduction; the defaults are those of `gapwalk.reduce`."""
+
+    modes: Annotated[int, Field(strict=True, ge=0)] | None = None
+    error: Annotated[Positive, Field(ge=1e-8, le=1.0)] | None = None
+    up_to: Positive | None = None
+    keep: list[Text] = Field(default=[])
+
+    @model_validator(mode="after")
+    def _says_one_thing(self) -> ReductionPart:
+        if self.modes is not None and self.error is not None:
+            raise ValueError("has modes and error; leave one of the two out: the error decides the number of modes")
+        return self
+
+
+def reduction_part(source: Source) -> tuple[ReductionPart | None, list[Problem]]:
+    """Return the table of a file, if it has one, and its problems."""
+    table = source.data.get("reduction")
+    if table is None:
+        return None, []
+    if not isinstance(table, Mapping):
+        message = f"is {given(table)}; it must be a table [reduction], such as {{ error = 0.01 }}"
+        return None, [source.problem(message, ("reduction",))]
+    return validate(ReductionPart, table, source, ("reduction",))
 
 
 @dataclass(frozen=True)
@@ -188,25 +288,7 @@ def read_studies(
 
 
 def check_study(source: Source, changes: Mapping[str, object] | None = None, name: str = "") -> Study:
-    """Return the study that a source describes; see `read_study`.
-
-    Parameters
-    ----------
-    source
-        A model file that has been parsed.
-    changes, name
-        As in `read_study`.
-
-    Returns
-    -------
-    Study
-        The study.
-
-    Raises
-    ------
-    ModelError
-        If the source is no model, or has several studies and none of them is named.
-    """
+    """Return the study that a source describes; see `read_study`."""
     studies = check_studies(source, changes, (name,) if name else ())
     if len(studies) == 1:
         return studies[0]
@@ -362,6 +444,26 @@ def template() -> str:
     return files("gapwalk.studies").joinpath("template.toml").read_text(encoding="utf-8")
 
 
+def machines() -> dict[str, str]:
+    """Return the titles of the machines to begin with, by their names."""
+    found = {}
+    for file in sorted(files("gapwalk.studies").joinpath("templates").iterdir(), key=lambda each: each.name):
+        if file.name.endswith(".toml"):
+            found[file.name.removesuffix(".toml")] = str(parse_source(file.read_text(encoding="utf-8")).data["title"])
+    return found
+
+
+def machine_text(name: str) -> str:
+    """Return the model file of a machine to begin with."""
+    known = [*machines()]
+    if name not in known:
+        raise ModelError(
+            f"there is no machine {name!r} to begin with (any other file has an ending: gapwalk new {name}.toml); "
+            f"{did_you_mean(name, known)}"
+        )
+    return files("gapwalk.studies").joinpath("templates", f"{name}.toml").read_text(encoding="utf-8")
+
+
 def text_of_sheet(path: str | os.PathLike[str]) -> str:
     """Return the text of a model file that is made from a table of a drive train; see `train_of_sheet`."""
     text, places = train_of_sheet(path)
@@ -391,3 +493,45 @@ def write_template(path: str | os.PathLike[str], *, overwrite: bool = False, tex
     except (OSError, ValueError) as error:  # a ValueError is a NUL in the name
         reason = getattr(error, "strerror", None) or error
         raise ModelError(f"{name} cannot be written: {reason}") from None
+
+
+# A study of a drive train with units in the non-dimensional form of that train.
+
+
+def without_units(study: Study) -> Study:
+    """Return a study in non-dimensional form; its changes state the scaling of its numbers."""
+    form = nondimensional(study.system)
+    changes = (*study.changes, ("units", f"none: {form.scales.words}"))
+    return replace(study, system=form.system, options=_options(study.options, form), changes=changes)
+
+
+def _options(options: StudyKind, form: NonDimensional) -> StudyKind:
+    if options.kind == "basins":
+        raise ModelError(
+            "basins are found in a plane of states, in the units of the file; leave --units none out for them"
+        )
+    given = {each.name: getattr(options, each.name) for each in fields(options)}
+    changed: dict[str, Any] = {}
+    if "parameter" in given:
+        name = given["parameter"]
+        changed = {"parameter": form.name(name)}
+        changed |= {end: form.value(name, given[end]) for end in ("begin", "end")}
+        if given.get("near") is not None:
+            changed["near"] = form.value(name, given["near"])
+        changed["search_values"] = _scaled(given.get("search_values"), name, form)
+    second = given.get("second")
+    if isinstance(second, ParameterRange):
+        name = second.parameter
+        ends = (form.value(name, value) for value in (second.begin, second.end))
+        changed["second"] = ParameterRange(form.name(name), *ends)
+        changed["sections"] = _scaled(given.get("sections"), name, form)
+    if isinstance(start := given.get("start"), tuple):
+        changed["start"] = tuple(form.state(start).tolist())
+    if isinstance(starts := given.get("starts"), tuple):
+        changed["starts"] = tuple(tuple(form.state(state).tolist()) for state in starts)
+    return replace(options, **{key: value for key, value in changed.items() if key in given})
+
+
+def _scaled(values: Any, name: str, form: NonDimensional) -> Any:
+    """Return values of a parameter in non-dimensional form; a number of values is unchanged."""
+    return tuple(form.value(name, value) for value in values) if isinstance(values, tuple) else values

@@ -11,17 +11,113 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, ParamSpec, TypeVar
 
-from gapwalk.errors import Interrupted
+from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.bounds import check_fields
+from gapwalk.model.registry import Registry
 from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.codec import OneOf, column_of, register
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.study_registry import kind_of
 from gapwalk.summary import Rows, SummaryParts, summarizes
 
 if TYPE_CHECKING:
     from typing import Self
+
+
+# The kinds of study, by their names in model files.
+
+K = TypeVar("K", bound="StudyKind")
+
+INLINE = "inline"
+"""In ``Annotated``, marks a field whose own fields are keys of the table around it."""
+
+OPEN = "open"
+"""In ``Annotated``, marks a field that a table may leave out though it has no default: it depends on the system."""
+
+MAX_VALUES = 100_000
+"""Largest number of values of a parameter, of periods and of branches."""
+
+
+def check_values(name: str, values: object, least: int, parameter: str) -> None:
+    """Require a number of values of a parameter, at least `least`, or a tuple of its values."""
+    if isinstance(values, tuple):
+        fits = len(values) >= least and all(isinstance(each, float | int) and math.isfinite(each) for each in values)
+    else:
+        fits = isinstance(values, int) and not isinstance(values, bool) and least <= values <= MAX_VALUES
+    if not fits:
+        allowed = f"an integer from {least} to {MAX_VALUES:,}, or values of {parameter}"
+        raise ModelError(f"{name} is {values!r}; it must be {allowed}")
+
+
+# Each is loaded only when it is asked for: a frequency response need not wait for the code of basins.
+_KINDS: Registry[type[StudyKind]] = Registry(
+    "kind of study",
+    "kinds of study",
+    {
+        "response": "gapwalk.studies.response_study.ResponseOptions",
+        "diagram": "gapwalk.studies.diagram_study.DiagramStudyOptions",
+        "map": "gapwalk.studies.map_study.MapStudyOptions",
+        "locus": "gapwalk.studies.locus_study.LocusStudyOptions",
+        "family": "gapwalk.studies.family_study.FamilyStudy",
+        "settle": "gapwalk.studies.settle_study.SettleStudyOptions",
+        "sweep": "gapwalk.studies.sweep_study.SweepStudy",
+        "basins": "gapwalk.studies.basin_study.BasinStudy",
+        "regimes": "gapwalk.studies.regime_study.RegimeStudy",
+        "tolerance": "gapwalk.studies.tolerance_study.ToleranceStudy",
+        "rattle": "gapwalk.studies.rattle_study.RattleStudy",
+        "threshold": "gapwalk.studies.threshold_study.ThresholdStudy",
+        "run-up": "gapwalk.studies.run_up_study.RunUpStudy",
+        "design": "gapwalk.studies.design_study.DesignStudy",
+        "backbone": "gapwalk.studies.backbone_study.BackboneStudy",
+        "self-excited": "gapwalk.studies.self_excited_study.SelfExcitedStudy",
+        "tori": "gapwalk.studies.tori_study.ToriStudy",
+        "campbell": "gapwalk.studies.campbell_study.CampbellStudy",
+        "scan": "gapwalk.studies.scan_study.ScanStudy",
+        "rattle-chance": "gapwalk.studies.rattle_chance.RattleChanceStudy",
+    },
+)
+
+
+def kinds() -> tuple[str, ...]:
+    """Return the names of all kinds of study."""
+    return _KINDS.names
+
+
+def added_kinds() -> tuple[str, ...]:
+    """Return the names of the kinds of study that are not the package's own."""
+    return _KINDS.added
+
+
+def kind_of(name: str) -> type[StudyKind]:
+    """Return a kind of study by its name, one of `kinds`."""
+    return _KINDS.named(name)
+
+
+def add_kind(kind: type[K]) -> type[K]:
+    """Register a kind of study under its `kind`, also as a decorator; a redefined class replaces the old one.
+
+    Parameters
+    ----------
+    kind
+        The class of the study.
+
+    Returns
+    -------
+    type
+        The class itself.
+
+    Raises
+    ------
+    ModelError
+        If another kind has the name.
+
+    Examples
+    --------
+    >>> gw.studies.add_kind(type(study.options)) is type(study.options)  # as gapwalk has done
+    True
+    """
+    _KINDS.add(kind.kind, kind)
+    return kind
 
 
 @dataclass(frozen=True)
@@ -31,14 +127,14 @@ class StudyKind:
     A kind of study is a frozen dataclass that derives from this class:
 
     - Its fields are what `gapwalk.Study.options` holds, what a result file keeps (`gapwalk.results.codec` works along
-      their type hints), the keys of the table ``[study]`` of a model file (`gapwalk.studies.derived_schema` makes its
+      their type hints), the keys of the table ``[study]`` of a model file (`gapwalk.studies.study_schema` makes its
       schema along the same hints), and the keywords of the function that `gapwalk.studies.functions` makes of it.
       Validators of pydantic in ``Annotated`` may look at the system and at the fields before.
     - `do` does the work part by part with a `Job`, which knows the parts that are done. So one runner
       (`gapwalk.studies.runner`) serves all kinds: it writes each part, reports it once it is safe, and continues
       stopped runs. The last part is the record, of the type `answer`, which describes itself by
       `summary`, `tables`, `notes` and `complete`.
-    - A line in `gapwalk.studies.study_registry`, or its function `add_kind`, makes it known by its `kind`.
+    - A line in `gapwalk.studies.study_kind`, or its function `add_kind`, makes it known by its `kind`.
 
     Examples
     --------
@@ -87,6 +183,19 @@ class StudyKind:
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
         return self.kind
+
+    @property
+    def most_workers(self) -> int | None:
+        """The most processes that can work at a time; None if that depends on what is found."""
+        return None
+
+    @property
+    def plan_with_workers(self) -> str:
+        """Describe the work in one line, with the most processes that can do it if those are few."""
+        most = self.most_workers
+        if most is None:
+            return self.plan
+        return f"{self.plan} ({'one process' if most == 1 else f'at most {most} processes'})"
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
@@ -522,7 +631,7 @@ class Job(Work):
     def each(self, part: Part, compute: Callable[[V], Any], pieces: Mapping[int, V]) -> Generator[Found]:
         """Do one step for each piece whose part is not known, several at a time; the key is the number of the part."""
         left = [number for number in pieces if number not in self.known[part]]
-        for index, found in self.workers.each(compute, [pieces[number] for number in left], in_order=False):
+        for index, found in self.workers.several(compute, [pieces[number] for number in left]):
             yield self.keep(part, found, left[index])
 
     def keep(self, part: Part, value: Any, number: int = 0) -> Found:

@@ -19,7 +19,7 @@ from gapwalk.attractors.many_motions import BatchMotions, enough, motions_of
 from gapwalk.attractors.regimes import Regime, RegimeOptions, judge, regime_word, settle_doubts
 from gapwalk.attractors.settle import has_settled, period_of
 from gapwalk.bifurcation.isolated.search_starts import spread_starts, state_box, with_extensions
-from gapwalk.ensemble.start import within_stops
+from gapwalk.ensemble.batch_flow import state_at_rest, within_stops
 from gapwalk.errors import FlowError, ModelError, WorkError
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.flow.motion import check_state
@@ -31,11 +31,9 @@ from gapwalk.notebook import Shown
 from gapwalk.orbit.orbit import parameter_headings
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy
-from gapwalk.studies.study_kind import AnswerFinding, Found, Work, plain_numbers
-from gapwalk.studies.study_registry import INLINE, OPEN
-from gapwalk.studies.study_tables import CountOrStates, Surroundings, check_signal
+from gapwalk.studies.study_kind import INLINE, OPEN, AnswerFinding, Found, Work, plain_numbers
+from gapwalk.studies.study_schema import CountOrStates, Surroundings, check_signal, key_type
 from gapwalk.summary import Rows, SummaryParts, Tables
 
 if TYPE_CHECKING:
@@ -268,10 +266,8 @@ def blank_sweep(
 
 
 def enter(sweep: Sweep, segment: SweepSegment) -> str:
-    """Write a segment into the arrays of a sweep; return a sentence on a failure, or an empty text.
-
-    This keeps only one copy of the section points in memory.
-    """
+    """Write a segment into the arrays of a sweep; return a sentence on a failure, or an empty text."""
+    # This keeps only one copy of the section points in memory.
     lane = sweep.lanes[segment.lane]
     places = places_of(lane.way, len(sweep.values), segment.number)
     sweep.sections[segment.lane, places] = segment.sections
@@ -314,18 +310,16 @@ def let_settle(
     max_period: int,
     patience: Patience,
 ) -> Settled:
-    """Follow the transient from a state until it has settled.
-
-    `gapwalk.attractors.settle` judges it: its nearest returns shrink towards an orbit that is closer than the
-    tolerance, or they neither shrink nor grow and its averages do not drift, as on a torus or in chaos.
-
-    Shapes: `state`, `box` (state_size,).
-    """
+    """Follow the transient from a state until it has settled."""
+    # `gapwalk.attractors.settle` judges it: its nearest returns shrink towards an orbit that is closer than the
+    # tolerance, or they neither shrink nor grow and its averages do not drift, as on a torus or in chaos.
+    #
+    # Shapes: `state`, `box` (state_size,).
     states, length = np.asarray(state, dtype=float)[None, :], max(patience.shortest, 2 * max_period + 8)
     length = min(length, patience.longest)
     while True:
         more = length - (len(states) - 1)
-        path = flow.sample(coefficients, states[-1], PERIOD * np.arange(more + 1.0)).states
+        path = _strobes(flow, coefficients, states[-1], more)
         states = np.vstack((states, path[1:]))
         if has_settled(states / box, max_period, patience.tolerance):
             return Settled(states[-1], length, True)
@@ -334,14 +328,25 @@ def let_settle(
         length = min(math.ceil(_GROWTH * length), patience.longest)
 
 
+def _strobes(
+    flow: Flow, coefficients: NDArray[np.float64], state: NDArray[np.float64], count: int
+) -> NDArray[np.float64]:
+    """Return a state and those after each of some forcing periods, shape (count + 1, state_size)."""
+    if not any(contact.law.rebounds for contact in flow.equations.layout.structure.contacts):
+        return flow.sample(coefficients, state, PERIOD * np.arange(count + 1.0)).states
+    # the rounding of an angle grows with it, and then the last impacts before a stop is held are lost in it
+    path = [state]
+    for _ in range(count):
+        path.append(flow.integrate(coefficients, path[-1]).state)
+    return np.array(path)
+
+
 NOT_PERIODIC, RUNS_AWAY = "not periodic", Regime.RUNAWAY.text
 
 
 def regime_of(section: NDArray[np.float64], box: NDArray[np.float64], max_period: int) -> str:
-    """Return the regime of section points: ``period m`` with the smallest m after which all return, or not periodic.
-
-    Shapes: `section` (points, state_size); `box` (state_size,).
-    """
+    """Return the regime of section points: ``period m`` with the smallest m after which all return, or not periodic."""
+    # Shapes: `section` (points, state_size); `box` (state_size,).
     period = period_of(section / box, max_period)
     return regime_word(Regime.PERIODIC, period) if period else NOT_PERIODIC
 
@@ -352,10 +357,8 @@ _RETURNS = 64  # forcing periods in which a motion may still become periodic: it
 def wandering_words(
     system: System, parameter: str, values: NDArray[np.float64], states: NDArray[np.float64], max_period: int
 ) -> Sequence[str]:
-    """Return the regimes of motions in words; all are judged together, as for a regime map.
-
-    Shapes: `values` (count,); `states` (count, state_size).
-    """
+    """Return the regimes of motions in words; all are judged together, as for a regime map."""
+    # Shapes: `values` (count,); `states` (count, state_size).
     if not len(values):
         return []
     motions = motions_of(system, states, {parameter: values})
@@ -405,7 +408,7 @@ def sweep_stretch(task: Task) -> SweepSegment:
         start = _kicked(state if is_carried else task.state, task, int(task.places[row]), value)
         try:
             found = let_settle(flow, coefficients, start, box, options.max_period, options.patience)
-            path = flow.sample(coefficients, found.state, PERIOD * np.arange(options.points + 1.0)).states
+            path = _strobes(flow, coefficients, found.state, options.points)
         except FlowError as error:
             regimes[row] = RUNS_AWAY
             note = note or f"{task.parameter} = {value:.10g}: {error}"
@@ -424,7 +427,10 @@ def sweep_stretch(task: Task) -> SweepSegment:
 
 def _kicked(state: NDArray[np.float64], task: Task, place: int, value: float) -> NDArray[np.float64]:
     """Return the state with a small disturbance that depends on the seed, the lane and the value alone."""
-    kick, lane = task.options.kick, task.lane
+    kick, lane, here = task.options.kick, task.lane, None
+    if any(contact.law.rebounds for contact in task.system.structure.contacts):
+        here = task.system.at({task.parameter: float(value)})
+        state = state_at_rest(here, state)  # a stop may be elsewhere at this value
     if kick == 0.0:
         return state
     seed = np.random.SeedSequence(task.options.seed, spawn_key=(lane.way.number, lane.start, place))
@@ -432,9 +438,7 @@ def _kicked(state: NDArray[np.float64], task: Task, place: int, value: float) ->
     moved[:size] = kick * task.box[:size] * np.random.default_rng(seed).uniform(-1.0, 1.0, size)
     # a motion that rests on a rigid stop cannot be pushed through it, but away from it
     ways = np.array([state + moved, state - moved, state])
-    if not any(contact.law.rebounds for contact in task.system.structure.contacts):
-        return ways[0]
-    return ways[int(np.argmax(within_stops(task.system.at({task.parameter: float(value)}), ways)))]
+    return ways[0] if here is None else ways[int(np.argmax(within_stops(here, ways)))]
 
 
 _BANDS = 40  # bands of equal motions that a summary lists
@@ -628,7 +632,7 @@ class SweepWork(Work):
         box = np.maximum(*(state_box(end) for end in at_ends))
         self.box = np.maximum(*(with_extensions(end, box) for end in at_ends))
         if isinstance(asked.starts, int):  # the first one is rest
-            starts = [np.zeros(len(self.box)), *spread_starts(at_ends, box, asked.starts, asked.seed, 0.0)[1:]]
+            starts = [state_at_rest(at_ends[0]), *spread_starts(at_ends[:1], box, asked.starts, asked.seed, 0.0)[1:]]
         else:
             starts = [check_state(at_ends[0], start) for start in asked.starts]
         self.lanes = tuple(

@@ -11,12 +11,12 @@ from pydantic import AfterValidator, Field
 from gapwalk.answers.gap_states import chosen_gaps
 from gapwalk.answers.threshold import Request, Round, Threshold, ThresholdOptions, ThresholdSearch
 from gapwalk.errors import ModelError
+from gapwalk.model.bounds import Counted
 from gapwalk.model.system import System
 from gapwalk.results.result_file import Part
 from gapwalk.studies.options import ParameterRange, RangeStudy, is_another
 from gapwalk.studies.rattle_study import GAPS
-from gapwalk.studies.study_kind import Found, Job, plain_numbers
-from gapwalk.studies.study_registry import INLINE, OPEN
+from gapwalk.studies.study_kind import INLINE, OPEN, Found, Job, plain_numbers
 
 Over = Annotated[
     ParameterRange,
@@ -61,6 +61,8 @@ class ThresholdStudy(RangeStudy):
     gaps: Annotated[tuple[str, ...], OPEN] = ()
     #: Number of motions that are tried; as `gapwalk.ask.ThresholdOptions`. In a table, its keys are among the others.
     options: Annotated[ThresholdOptions, INLINE] = field(default_factory=ThresholdOptions)
+    #: Number of processes; by default one for each local core. The result does not depend on it.
+    workers: Counted | None = field(default=None, compare=False)
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> ThresholdStudy:
@@ -121,6 +123,7 @@ class ThresholdStudy(RangeStudy):
             "uncertainty": plain_numbers([found.uncertainty])[0],
             "over": {"parameter": found.over, "from": found.low, "to": found.high},
             "limit": None if limit is None else {"kind": str(limit.kind), "at": found.at, "contact": limit.contact},
+            "between": list(found.between),
             "confirmed": None if confirmed is None else confirmed._asdict(),
         }
         if points:

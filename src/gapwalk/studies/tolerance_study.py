@@ -15,7 +15,6 @@ from annotated_types import Ge, Le
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, ValidationInfo
 
-from gapwalk.answers.near_misses import Watch, watches_of
 from gapwalk.answers.point_fit import (
     Patterns,
     Solutions,
@@ -26,16 +25,18 @@ from gapwalk.answers.point_fit import (
     pools_of,
     with_predictors,
 )
-from gapwalk.answers.point_prediction import Regressions
-from gapwalk.answers.spread import Spread, Spreads, parts_in
+from gapwalk.answers.point_prediction import Regressions, Watch, watches_of
 from gapwalk.answers.tolerance import (
     Further,
     HowFound,
+    Spread,
+    Spreads,
     Tolerance,
     ToleranceCheck,
     ToleranceChunk,
     ToleranceWalks,
     Tracking,
+    parts_in,
     trackable,
 )
 from gapwalk.answers.tolerance_tracking import Tracker, solve_chunk, track_chunk, walk_chunk, walk_sample
@@ -49,10 +50,9 @@ from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit_equation import MAX_PERIOD
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
-from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy
 from gapwalk.studies.study_kind import Found, Job, plain_numbers
-from gapwalk.studies.study_tables import Start, StartOrState, Surroundings
+from gapwalk.studies.study_schema import Start, StartOrState, Surroundings, key_type
 
 if TYPE_CHECKING:
     from typing import Self
@@ -65,8 +65,7 @@ Array = NDArray[np.float64]
 _LEAST, _MOST, _SHARE = 40, 150, 8  # samples that are walked first: fewest and most, and one of so many samples
 _ROUND, _UNSEEN = 20, 0.05  # more of them, as long as so many samples have points as no walk has shown
 _CORRECTED, _SOLVED = 100, 400  # most samples that are solved for fits: by Newton's method alone, then also by chords
-_FEW, _SOME = 5, 20  # samples in a chunk of walks, and of solutions
-_CHUNK = 200  # samples in a later chunk
+_FEW, _SOME, _CHUNK = 1, 10, 25  # samples in a chunk of walks, of solutions, and of the rest: a task may hold several
 
 NOMINAL = Part("nominal", Branch)
 WALKS = Part("walks", ToleranceWalks, numbered=True)
@@ -81,7 +80,7 @@ LEAST_ACCURACY, MOST_ACCURACY = 1e-8, 1e-2
 """Smallest and largest error of a value, as a share of it, that can be asked for."""
 
 
-def _read(value: object, info: ValidationInfo[Surroundings], parameter: object, *, relative: bool) -> object:
+def read_number(value: object, info: ValidationInfo[Surroundings], parameter: object, *, relative: bool) -> object:
     """Return a number of a table in the unit of the parameter; in percent it refers to the value of the system."""
     system = info.context.system
     if isinstance(value, str) and value.strip().endswith("%"):
@@ -104,7 +103,7 @@ def _read(value: object, info: ValidationInfo[Surroundings], parameter: object, 
 def _quantity(*, relative: bool) -> BeforeValidator:
     def read(value: object, info: ValidationInfo[Surroundings]) -> object:
         parameter = info.data.get("parameter")
-        return value if value is None or parameter is None else _read(value, info, parameter, relative=relative)
+        return value if value is None or parameter is None else read_number(value, info, parameter, relative=relative)
 
     return BeforeValidator(read)
 
@@ -134,7 +133,7 @@ def _band(value: object, info: ValidationInfo[Surroundings]) -> object:
     parameter = info.data.get("parameter")
     if not isinstance(value, list) or not isinstance(parameter, str):
         return value
-    return [_read(each, info, parameter, relative=False) for each in value]
+    return [read_number(each, info, parameter, relative=False) for each in value]
 
 
 def _parts(value: object, info: ValidationInfo[Surroundings]) -> object:
@@ -153,6 +152,55 @@ def _parts(value: object, info: ValidationInfo[Surroundings]) -> object:
         for name in found.names:
             info.context.system.structure.place(name)
     return found
+
+
+SPREADS = (
+    Spreads | Sequence[Spread],
+    MISSING,
+    "Distribution of the parameters that vary: a law for each, or measured parts.",
+)
+"""Argument of a function: the distribution of the parameters."""
+
+SPREAD_KEYS: Mapping[str, Any] = {
+    "spreads": None,
+    "spread": (
+        Annotated[list[key_type(SpreadTable)] | None, Field(description="write tables [[study.spread]]")],
+        None,
+    ),
+    "correlation": (list[list[float]] | None, None),
+    "parts": (Annotated[Any, BeforeValidator(_parts)], None),
+}
+"""The keys of the distribution of parameters."""
+
+
+def with_spreads(values: dict[str, Any]) -> dict[str, Any]:
+    """Return the values of a table with the distribution that its keys give."""
+    rest = dict(values)
+    laws, matrix, parts = (rest.pop(key, None) for key in ("spread", "correlation", "parts"))
+    if not laws and parts is None:
+        raise ModelError('spread is missing; write tables [[study.spread]], or parts = "clutches.csv"')
+    if parts is not None and (laws or matrix):
+        raise ModelError("parts has the spread of all parameters; leave out spread and correlation")
+    found = parts or Spreads(
+        tuple(Spread(each.parameter, each.law, each.sd, each.low, each.high, each.mean) for each in laws),
+        tuple(map(tuple, matrix or ())),
+    )
+    return {**rest, "spreads": found}
+
+
+def spreads_of_call(spreads: Spreads | Sequence[Spread]) -> Spreads:
+    """Return the distribution of a call."""
+    return spreads if isinstance(spreads, Spreads) else Spreads(tuple(spreads))
+
+
+def check_spreads(spreads: Spreads, system: System, parameter: str, what: str) -> None:
+    """Refuse laws of parameters that are none of the system, that have two names, or one with values of its own."""
+    varied = spreads.about(system).varied
+    places = [system.structure.place(name) for name in varied]
+    if system.structure.place(parameter) in places:
+        raise ModelError(f"{parameter} is the parameter of {what}; it cannot have a spread as well")
+    if len(set(places)) < len(places):
+        raise ModelError("spread has two names of one parameter; write one law for each parameter")
 
 
 @dataclass(frozen=True)
@@ -182,22 +230,10 @@ class ToleranceStudy(RangeStudy):
     answer: ClassVar[Part | None] = Part("tolerance", Tolerance)
     always_counts: ClassVar[bool] = True
     arguments: ClassVar[tuple[str, ...]] = ("parameter", "to", "spreads")
-    call_types: ClassVar[Mapping[str, tuple[Any, Any, str]]] = {
-        "spreads": (
-            Spreads | Sequence[Spread],
-            MISSING,
-            "Distribution of the parameters that vary: a law for each, or measured parts.",
-        )
-    }
+    call_types: ClassVar[Mapping[str, tuple[Any, Any, str]]] = {"spreads": SPREADS}
     table_types: ClassVar[Mapping[str, Any]] = {
-        "spreads": None,
         "band": (Annotated[list[float] | None, BeforeValidator(_band), Field(min_length=2, max_length=2)], None),
-        "spread": (
-            Annotated[list[key_type(SpreadTable)] | None, Field(description="write tables [[study.spread]]")],
-            None,
-        ),
-        "correlation": (list[list[float]] | None, None),
-        "parts": (Annotated[Any, BeforeValidator(_parts)], None),
+        **SPREAD_KEYS,
     }
 
     #: Distribution of the parameters: `gapwalk.ask.Spread`, or measured parts. In a table they are tables
@@ -224,18 +260,9 @@ class ToleranceStudy(RangeStudy):
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
         """Return the study of a table."""
-        rest = dict(values)
-        laws, matrix, parts = (rest.pop(key, None) for key in ("spread", "correlation", "parts"))
-        if not laws and parts is None:
-            raise ModelError('spread is missing; write tables [[study.spread]], or parts = "clutches.csv"')
-        if parts is not None and (laws or matrix):
-            raise ModelError("parts has the spread of all parameters; leave out spread and correlation")
-        spreads = parts or Spreads(
-            tuple(Spread(each.parameter, each.law, each.sd, each.low, each.high, each.mean) for each in laws),
-            tuple(map(tuple, matrix or ())),
-        )
+        rest = with_spreads(values)
         band = rest.pop("band", None)
-        return super().of_table({**rest, "spreads": spreads, "band": band and tuple(band)}, system)
+        return super().of_table({**rest, "band": band and tuple(band)}, system)
 
     @property
     def plan(self) -> str:
@@ -246,18 +273,12 @@ class ToleranceStudy(RangeStudy):
     @classmethod
     def of_call(cls, values: dict[str, Any], system: System) -> Self:
         """Return the study of a call."""
-        spreads = values["spreads"]
-        return cls(**{**values, "spreads": spreads if isinstance(spreads, Spreads) else Spreads(tuple(spreads))})
+        return cls(**{**values, "spreads": spreads_of_call(values["spreads"])})
 
     def refuse_invalid(self, system: System) -> None:
         """Refuse laws of parameters that are none of the system, or that have none."""
         super().refuse_invalid(system)
-        varied = self.spreads.about(system.at({self.parameter: self.begin})).varied
-        places = [system.structure.place(name) for name in varied]
-        if system.structure.place(self.parameter) in places:
-            raise ModelError(f"{self.parameter} is the parameter of the response; it cannot have a spread as well")
-        if len(set(places)) < len(places):
-            raise ModelError("spread has two names of one parameter; write one law for each parameter")
+        check_spreads(self.spreads, system.at({self.parameter: self.begin}), self.parameter, "the response")
 
     def work(self, system: System) -> Job:
         """Return the work on the samples."""
@@ -374,11 +395,9 @@ class _Samples:
 
     @property
     def _walked(self) -> int:
-        """Number of samples that are walked first, as far as the walks so far tell.
-
-        They go on while too many samples have points as no walk has shown: about the share of walks that are like no
-        other one (Good, The population frequencies of species and the estimation of population parameters, 1953).
-        """
+        """Number of samples that are walked first, as far as the walks so far tell."""
+        # They go on while too many samples have points as no walk has shown: about the share of walks that are like no
+        # other one (Good, The population frequencies of species and the estimation of population parameters, 1953).
         most = min(_MOST, -(-self.asked.samples // _SHARE))
         count = min(_LEAST, most)
         walks = self._ended

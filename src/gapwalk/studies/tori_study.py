@@ -17,19 +17,17 @@ from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import GapwalkError, ModelError, NumericalError
 from gapwalk.model.bounds import Counted
 from gapwalk.model.system import System
-from gapwalk.parallel.groups import do_by_groups
-from gapwalk.parallel.workers import Workers
+from gapwalk.parallel.workers import Workers, do_by_groups
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.diagram_study import STATE, DiagramOptions, DiagramStudyOptions, DiagramWork, empty_diagram
 from gapwalk.studies.options import BranchOptions, ParameterRange, is_another
-from gapwalk.studies.study_kind import AnswerFinding, Found, Work, found_by, plain_numbers
-from gapwalk.studies.study_registry import INLINE
+from gapwalk.studies.study_kind import INLINE, AnswerFinding, Found, Work, found_by, plain_numbers
 from gapwalk.summary import row_of
 from gapwalk.tori.second_tone import Tone, two_tones
 from gapwalk.tori.tongue import LockedWindow, Tongue, follow_tongue
-from gapwalk.tori.torus_continuation import follow_tori
 from gapwalk.tori.torus_equation import TorusOptions, refuse_without_tori
 from gapwalk.tori.torus_family import TorusDiagram, TorusFamily
+from gapwalk.tori.torus_tracer import follow_tori
 
 Tongues = Annotated[
     ParameterRange,

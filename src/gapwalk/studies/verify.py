@@ -11,11 +11,11 @@ from gapwalk.answers.threshold import Threshold
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.free.rest_walk import Rests, verify_rests
+from gapwalk.free.equilibrium_walk import Rests, verify_rests
 from gapwalk.free.self_excitation import SelfExcited
 from gapwalk.results.result_file import lock, seal_fault, write_more
-from gapwalk.studies.family import Family
-from gapwalk.studies.map import Map
+from gapwalk.studies.bifurcation_map import Map
+from gapwalk.studies.branch_family import Family
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.result import CHECKS, VERIFICATION, FullCheck, Result, load_result
 from gapwalk.studies.study_kind import StudyKind
@@ -198,10 +198,8 @@ def _found(result: Result) -> Verifiable:
 
 
 def with_verification(result: Result, options: StudyKind, output: str | os.PathLike[str] | None) -> Result:
-    """Return a complete result with its verification, if the options of its study request one.
-
-    It is written to the result file too. A result that was resumed has the options of the run before.
-    """
+    """Return a complete result with its verification, if the options of its study request one."""
+    # It is written to the result file too. A result that was resumed has the options of the run before.
     wanted = isinstance(options, BranchOptions) and options.verify and result.complete
     if not wanted or result.verification is not None:
         return result

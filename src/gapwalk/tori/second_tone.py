@@ -199,10 +199,8 @@ def _fewest(torus: Torus, ratio: float, options: TorusOptions) -> Torus:
 
 
 def _curve(strobes: NDArray[np.float64], ratio: float, count: int) -> tuple[int, NDArray[np.float64]]:
-    """Return the fewest curves on which strobes lie as well as on any more of them, and the first curve.
-
-    What has not yet decayed is off all of them alike, and nearly vanishes in the averages.
-    """
+    """Return the fewest curves on which strobes lie as well as on any more of them, and the first curve."""
+    # What has not yet decayed is off all of them alike, and nearly vanishes in the averages.
     spread = np.maximum(strobes.std(axis=0), np.finfo(float).tiny)
     found: list[tuple[float, NDArray[np.float64]]] = []
     for curves in range(1, len(strobes) // _LEAST + 1):

@@ -208,11 +208,10 @@ def _orbit(torus: Torus, period: int, parts: int, parameter: str, value: float) 
 def _orbit_at_phase(
     torus: Torus, period: int, parts: int, parameter: str, value: float, within: tuple[float, float]
 ) -> Orbit | None:
-    """Return a locked orbit at a given phase of the torus, and at a value of the parameter that follows from it.
-
-    A window may be narrower than the error of `value`, so that no orbit exists there. Its orbits have all phases, each
-    at a value of its own: the state may then move in all directions but along the curve, and the parameter varies.
-    """
+    """Return a locked orbit at a given phase of the torus, and at a value of the parameter that follows from it."""
+    # A window may be narrower than the error of `value`, so that no orbit exists there. Its orbits have all phases,
+    # each at a value of its own: the state may then move in all directions but along the curve, and the parameter
+    # varies.
     system = torus.system.at({parameter: value})
     equation, unit = ShootingEquation(system, parameter, period), system.state_scales()
     corrector = Corrector(equation, powers_of_two(np.append(unit, abs(value) or 1.0)))
@@ -469,10 +468,8 @@ def _tip_of(sides: tuple[Locus, Locus], ratio: Fraction, curves: int, within: tu
 
 
 def _opens(sides: tuple[Locus, Locus], places: tuple[int, ...], within: tuple[float, float]) -> bool:
-    """Return True if both sides part at once from the edge at which they touch, as they do not in a narrow tongue.
-
-    So it is where an oscillator that excites itself is driven by no load any more.
-    """
+    """Return True if both sides part at once from the edge at which they touch, as they do not in a narrow tongue."""
+    # So it is where an oscillator that excites itself is driven by no load any more.
     over = sides[0].values[:, 1]
     begin, end = over[places[0]], over[-1 if places[0] == 0 else 0]
     if min(abs(begin - limit) for limit in within) > _SAME * abs(end - begin):
@@ -535,10 +532,8 @@ def _edges(sides: tuple[Locus, Locus], second: float) -> tuple[float, float]:
 
 
 def _edge(side: Locus, second: float) -> float:
-    """Return the first parameter where a locus passes a value of the second one; nan where it does not.
-
-    It is corrected there: in a narrow tongue the difference of two interpolated sides would be that of their errors.
-    """
+    """Return the first parameter where a locus passes a value of the second one; nan where it does not."""
+    # It is corrected there: in a narrow tongue the difference of two interpolated sides would be that of their errors.
     over = side.values[:, 1]
     steps = np.flatnonzero((over[:-1] - second) * (over[1:] - second) <= 0.0)
     if not len(steps):

@@ -41,11 +41,9 @@ def odd(count: int) -> int:
 
 
 def rotation_matrices(count: int, turns: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the matrix that rotates the samples of a curve by a share of a turn, and its derivative by that share.
-
-    The product of the matrix with the samples, shape (count, size), has the state at the phase ``psi_j + 2 pi turns``
-    in row j. Both matrices are circulant: entry (j, k) depends on j - k alone.
-    """
+    """Return the matrix that rotates the samples of a curve by a share of a turn, and its derivative by that share."""
+    # The product of the matrix with the samples, shape (count, size), has the state at the phase ``psi_j + 2 pi turns``
+    # in row j. Both matrices are circulant: entry (j, k) depends on j - k alone.
     harmonics = np.arange(1, count // 2 + 1)
     angles = np.outer(phases(count) + TURN * turns, harmonics)
     row = (1.0 + 2.0 * np.cos(angles).sum(axis=1)) / count
@@ -55,10 +53,8 @@ def rotation_matrices(count: int, turns: float) -> tuple[NDArray[np.float64], ND
 
 
 def amplitudes(states: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return the complex amplitudes of the harmonics 0 to (N - 1)/2 of a curve, shape (harmonics, size).
-
-    The curve is ``u(psi) = Re sum_k a_k exp(i k psi)``.
-    """
+    """Return the complex amplitudes of the harmonics 0 to (N - 1)/2 of a curve, shape (harmonics, size)."""
+    # The curve is ``u(psi) = Re sum_k a_k exp(i k psi)``.
     found = np.fft.rfft(states, axis=0) / len(states)
     found[1:] *= 2.0
     return found
@@ -72,11 +68,9 @@ def at_phases(states: NDArray[np.float64], psi: NDArray[np.float64]) -> NDArray[
 
 
 def in_steps(states: NDArray[np.float64], step: float, first: int, count: int) -> NDArray[np.float64]:
-    """Return the states of a curve at `count` successive multiples of a step of the phase, from `first` times it on.
-
-    The shape is (count, size). Waves of such phases are products of those of few phases: place ``a`` in one of the rows
-    of `width` phases, and row ``b``.
-    """
+    """Return the states of a curve at `count` successive multiples of a step of the phase, from `first` times it on."""
+    # The shape is (count, size). Waves of such phases are products of those of few phases: place ``a`` in one of the
+    # rows of `width` phases, and row ``b``.
     found = amplitudes(states)
     harmonics, width = np.arange(len(found)), math.isqrt(count - 1) + 1
     inside = np.exp(1j * np.outer(step * np.arange(width), harmonics))
@@ -99,10 +93,8 @@ def tangents(states: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def tail(states: NDArray[np.float64]) -> float:
-    """Return the size of the highest quarter of the harmonics, as a share of the largest harmonic from 1 on.
-
-    Where it is not small the samples are too few, or the curve is not smooth.
-    """
+    """Return the size of the highest quarter of the harmonics, as a share of the largest harmonic from 1 on."""
+    # Where it is not small the samples are too few, or the curve is not smooth.
     sizes = np.abs(amplitudes(states))[1:].max(axis=1)
     last = max(1, int(_LAST * len(sizes)))
     return float(sizes[-last:].max() / max(sizes.max(), np.finfo(float).tiny))
@@ -111,14 +103,12 @@ def tail(states: NDArray[np.float64]) -> float:
 def of_quasi_periodic(
     samples: NDArray[np.float64], rotation: float, count: int, weights: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the closed curve on which a sequence of states rotates by a known share of a turn each time.
-
-    The amplitude of harmonic k is the weighted average of ``samples[n] exp(-2 pi i k n rotation)``. With smooth weights
-    that vanish at both ends, it converges faster than any power of the number of samples (Das, Saiki, Sander and Yorke
-    2017, Nonlinearity 30, 4111-4140), and the curve may have any shape.
-
-    Shapes: `samples` (length, size); `weights` (length,).
-    """
+    """Return the closed curve on which a sequence of states rotates by a known share of a turn each time."""
+    # The amplitude of harmonic k is the weighted average of ``samples[n] exp(-2 pi i k n rotation)``. With smooth
+    # weights that vanish at both ends, it converges faster than any power of the number of samples (Das, Saiki, Sander
+    # and Yorke 2017, Nonlinearity 30, 4111-4140), and the curve may have any shape.
+    #
+    # Shapes: `samples` (length, size); `weights` (length,).
     turns = TURN * rotation * np.arange(len(samples))
     found = np.array([(weights * np.exp(-1j * k * turns)) @ samples for k in range(count // 2 + 1)])
     found[1:] *= 2.0
@@ -157,10 +147,8 @@ _BLOCKS = (8, 4, 2)  # returns whose product is factorised at once, if the growt
 def normal_exponents(
     states: NDArray[np.float64], transitions: NDArray[np.float64], rotation: float, unit: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], float]:
-    """Return the growth of deviations from a torus in one return to the curve, and the error of the largest.
-
-    Shapes: `states` (N, size); `transitions` (N, size, size); `unit` (size,).
-    """
+    """Return the growth of deviations from a torus in one return to the curve, and the error of the largest."""
+    # Shapes: `states` (N, size); `transitions` (N, size, size); `unit` (size,).
     count, size = states.shape
     scaled = (transitions * unit / unit[:, None]).reshape(count, -1)
     slopes = tangents(states / unit)
@@ -201,10 +189,8 @@ def _products(matrices: NDArray[np.float64], block: int) -> NDArray[np.float64]:
 def _carried(
     matrices: NDArray[np.float64], frame: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Carry a frame through matrices by QR factors; return it, and how far each of its vectors grew in each.
-
-    LAPACK is called directly: ``numpy.linalg.qr`` takes eight times as long for matrices of this size.
-    """
+    """Carry a frame through matrices by QR factors; return it, and how far each of its vectors grew in each."""
+    # LAPACK is called directly: ``numpy.linalg.qr`` takes eight times as long for matrices of this size.
     growth = np.empty(matrices.shape[:2])
     for place, matrix in enumerate(matrices):
         factors, scales, _, _ = lapack.dgeqrf(matrix.dot(frame))
@@ -335,11 +321,9 @@ class Torus(Shown):
         return found
 
     def surface(self, samples: int = 32) -> NDArray[np.float64]:
-        """Return the states of the torus over one forcing period of each curve.
-
-        The shape is ``(m * samples + 1, N + 1, state_size)``: over the angle of the excitation, then over the phase.
-        Both ends of the phase are the same; the last angle is the first curve again, rotated.
-        """
+        """Return the states of the torus over one forcing period of each curve."""
+        # The shape is ``(m * samples + 1, N + 1, state_size)``: over the angle of the excitation, then over the phase.
+        # Both ends of the phase are the same; the last angle is the first curve again, rotated.
         thetas = np.linspace(0.0, PERIOD * self.curves, samples * self.curves + 1)
         flow, coefficients = flow_of(self.system), coefficients_of(self.system)
         found = np.array([flow.sample(coefficients, state, thetas).states for state in self.states])

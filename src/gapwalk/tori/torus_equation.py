@@ -264,11 +264,9 @@ class TorusCorrector(Corrector):
         self.curves = curves
 
     def correct(self, guess: Array, normal: Array, trust: float = 0.0, near: float = math.inf) -> Correction | None:
-        """Return the torus of the family in the plane through `guess` with that `normal`; None if Newton fails.
-
-        The residual need only be so small that the next pass reaches rounding: the error of a torus is measured
-        between its samples, so that a wrong pass would be seen there.
-        """
+        """Return the torus of the family in the plane through `guess` with that `normal`; None if Newton fails."""
+        # The residual need only be so small that the next pass reaches rounding: the error of a torus is measured
+        # between its samples, so that a wrong pass would be seen there.
         factors, right = _Factors(self.scales, normal), np.zeros((len(guess), 2), order="F")
         right[-1, 1] = 1.0
         x, last, before = guess, 0.0, math.inf

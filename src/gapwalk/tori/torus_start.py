@@ -201,11 +201,9 @@ def _towards(point: BranchPoint, way: float) -> BranchPoint:
 
 
 def _doubled(event: TorusEvent, parameter: str, within: Range, options: TorusOptions, walk: WalkOptions) -> TorusStart:
-    """Return the beginning at a torus doubling: a torus of twice as many curves, beside the one that doubles.
-
-    With the direction ``DP w(psi) = -w(psi + 2 pi rho)``, the curve ``u + a w`` is carried to the second one,
-    ``u - a w``, and to itself by the map over twice as many periods, which turns its phase by ``2 rho``.
-    """
+    """Return the beginning at a torus doubling: a torus of twice as many curves, beside the one that doubles."""
+    # With the direction ``DP w(psi) = -w(psi + 2 pi rho)``, the curve ``u + a w`` is carried to the second one, ``u - a
+    # w``, and to itself by the map over twice as many periods, which turns its phase by ``2 rho``.
     torus = event.torus
     assert torus is not None  # events without one are refused before
     _, wave = change_at(torus)
@@ -249,11 +247,9 @@ def start_beyond(
     value: float,
     options: TorusOptions,
 ) -> TorusStart | None:
-    """Return the beginning beyond a window in which the motion of a family locks; None if there is none.
-
-    The motion next to the locked one settles there on a torus, if it is stable, whose rotation number is on the other
-    side of the fraction. If the window holds the last torus itself, both motions coexist, and the family ends there.
-    """
+    """Return the beginning beyond a window in which the motion of a family locks; None if there is none."""
+    # The motion next to the locked one settles there on a torus, if it is stable, whose rotation number is on the other
+    # side of the fraction. If the window holds the last torus itself, both motions coexist, and the family ends there.
     near, far = (window.low, window.high) if way > 0.0 else (window.high, window.low)
     if not window.is_whole or way * (near - value) < 0.0:
         return None
@@ -285,11 +281,9 @@ def _settled_torus(
 def _next_to(
     special: SpecialPoint, parameter: str, within: Range, options: TorusOptions, walk: WalkOptions
 ) -> TorusStart:
-    """Return the beginning at a Neimark-Sacker point: a small torus in the plane of its critical multipliers.
-
-    With ``M v = exp(i theta) v`` the curve ``x + a Re(v exp(i psi))`` is carried into itself to first order in a, with
-    the rotation number ``theta / 2 pi``; the parameter changes with the square of a.
-    """
+    """Return the beginning at a Neimark-Sacker point: a small torus in the plane of its critical multipliers."""
+    # With ``M v = exp(i theta) v`` the curve ``x + a Re(v exp(i psi))`` is carried into itself to first order in a,
+    # with the rotation number ``theta / 2 pi``; the parameter changes with the square of a.
     if special.kind is not Kind.NEIMARK_SACKER:
         raise ModelError(
             f"no tori begin at a point of the kind {special.kind.value!r}; they do at Neimark-Sacker points "

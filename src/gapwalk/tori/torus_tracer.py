@@ -14,24 +14,29 @@ from numpy.typing import NDArray
 from gapwalk.attractors.section import Strobe
 from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
-from gapwalk.continuation.corrector import Corrector, Range, ahead, hermite, length_of, zero_in_step
+from gapwalk.continuation.corrector import Corrector, Range, ahead, check_range, hermite, length_of, zero_in_step
+from gapwalk.continuation.curve import joined
 from gapwalk.continuation.curve_points import BranchPoint
-from gapwalk.continuation.walk import EndReason, Walk, WalkOptions, WalkState
-from gapwalk.errors import GapwalkError, NumericalError
+from gapwalk.continuation.walk import EndReason, Tracing, Walk, WalkOptions, WalkState
+from gapwalk.errors import GapwalkError, ModelError, NumericalError
+from gapwalk.model.system import System
+from gapwalk.notebook import shows_progress
 from gapwalk.orbit.orbit_equation import solve
 from gapwalk.orbit.shooting import ShootingEquation
 from gapwalk.tori.tongue import LockedWindow, locked_window
 from gapwalk.tori.torus import TURN, Torus, at_phases, has_tone, odd, phases, relative_size, resampled, tail, tangents
 from gapwalk.tori.torus_equation import TorusOptions
-from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusEventKind, TorusPoint
+from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusEventKind, TorusFamily, TorusPoint
 from gapwalk.tori.torus_start import (
     Change,
+    Second,
     TorusStart,
     change_at,
     corrector_of,
     equation_of,
     record_at,
     start_beyond,
+    starts_at,
     torus_at,
 )
 
@@ -77,12 +82,10 @@ def shrunk(before: BranchPoint, after: BranchPoint, parameter: str) -> TorusEnd:
 
 
 def halved(last: BranchPoint, corrector: Corrector) -> BranchPoint | None:
-    """Return the torus of half the size of a small one, if the family shrinks from there on; None if it does not.
-
-    The orbit in the middle solves the equation of its tori too, with any rotation number. So the Jacobian along a
-    family is the nearer to a singular one the smaller the tori are, and steps fail. Across, it stays regular: the size
-    is given, in the plane perpendicular to the deviations from the mean, and all others are unknown.
-    """
+    """Return the torus of half the size of a small one, if the family shrinks from there on; None if it does not."""
+    # The orbit in the middle solves the equation of its tori too, with any rotation number. So the Jacobian along a
+    # family is the nearer to a singular one the smaller the tori are, and steps fail. Across, it stays regular: the
+    # size is given, in the plane perpendicular to the deviations from the mean, and all others are unknown.
     normal, size = _outwards(last, corrector), relative_size(torus_at(last))
     if not _SMALLEST < size < _SMALL or last.tangent @ normal >= 0.0:
         return None
@@ -190,10 +193,8 @@ _NAMED, _SOUGHT = 60, 20  # the largest denominators that are named in a leap, a
 
 
 def events_between(before: BranchPoint, after: BranchPoint, corrector: Corrector, within: Range) -> list[TorusEvent]:
-    """Locate what happens in a step between two tori, in order along it.
-
-    One normal exponent passes zero at a fold too; that is no event of its own.
-    """
+    """Locate what happens in a step between two tori, in order along it."""
+    # One normal exponent passes zero at a fold too; that is no event of its own.
     first, last = torus_at(before), torus_at(after)
     found: list[tuple[float, TorusEvent]] = []
 
@@ -241,11 +242,9 @@ def _changes(before: BranchPoint, after: BranchPoint) -> Iterator[TorusEventKind
 
 
 def events_in_leap(before: BranchPoint, after: BranchPoint, corrector: Corrector, within: Range) -> list[TorusEvent]:
-    """Return what happens between two tori on both sides of a leap, in which no other ones were found.
-
-    Places are known to half of the leap, those of resonances better if their locked motions are found. If there is no
-    fraction of a small denominator between both tori, the simplest one is reported.
-    """
+    """Return what happens between two tori on both sides of a leap, in which no other ones were found."""
+    # Places are known to half of the leap, those of resonances better if their locked motions are found. If there is no
+    # fraction of a small denominator between both tori, the simplest one is reported.
     first, last = torus_at(before), torus_at(after)
     middle, width = 0.5 * (before.value + after.value), 0.5 * abs(after.value - before.value)
     ratios = _between(first.rotation, last.rotation)
@@ -266,10 +265,8 @@ def events_in_leap(before: BranchPoint, after: BranchPoint, corrector: Corrector
 
 
 def _interpolated(before: BranchPoint, after: BranchPoint, ratio: float, corrector: Corrector) -> tuple[float, float]:
-    """Return the parameter at a rotation number in a leap, by the cubic with the slopes at both ends, and its error.
-
-    The error is the distance from the straight line, but not more than the leap.
-    """
+    """Return the parameter at a rotation number in a leap, by the cubic with the slopes at both ends, and its error."""
+    # The error is the distance from the straight line, but not more than the leap.
     scales = corrector.scales[-2:]
     turns = torus_at(after).rotation - torus_at(before).rotation
     share, change = (ratio - torus_at(before).rotation) / turns, after.value - before.value
@@ -290,11 +287,9 @@ def _explained(event: TorusEvent, torus: Torus) -> TorusEvent:
 
 
 def _graze(before: BranchPoint, after: BranchPoint, corrector: Corrector) -> tuple[float, TorusEvent]:
-    """Locate where a contact begins or ceases to graze along the tori of a step, by bisection; with its share.
-
-    It is seen at more phases than the samples. The share of phases at which the contact is passed grows like the root
-    of the distance from the graze, so what these phases still miss is known, and counts as error.
-    """
+    """Locate where a contact begins or ceases to graze along the tori of a step, by bisection; with its share."""
+    # It is seen at more phases than the samples. The share of phases at which the contact is passed grows like the root
+    # of the distance from the graze, so what these phases still miss is known, and counts as error.
     first, last = torus_at(before), torus_at(after)
     low, high, middle = 0.0, 1.0, after
     clear, grazing = (after, before) if first.grazes else (before, after)
@@ -333,10 +328,8 @@ def _share_that_passes(torus: Torus) -> float:
 def window_at(
     point: BranchPoint, ratio: Fraction, value: float, corrector: Corrector, within: Range
 ) -> LockedWindow | None:
-    """Return the locked motions at a value of the parameter, next to the torus of a point; None if none are found.
-
-    Nothing locks to a second tone, whose rotation number is imposed.
-    """
+    """Return the locked motions at a value of the parameter, next to the torus of a point; None if none are found."""
+    # Nothing locks to a second tone, whose rotation number is imposed.
     if has_tone(torus_at(point).system):
         return None
     parameter = equation_of(corrector).parameter
@@ -475,11 +468,9 @@ class Strides:
     def _landed(
         self, corrector: Corrector, point: BranchPoint, good: Stride, aim: float, longest: float
     ) -> tuple[Corrector, BranchPoint] | None:
-        """Return the torus of a rotation number next to a point, with its corrector; None if there is none.
-
-        It is looked for along the tangent, and along the good step: next to a resonance the tangent leads along it, and
-        where a contact grazes it is less certain than the direction between two tori.
-        """
+        """Return the torus of a rotation number next to a point, with its corrector; None if there is none."""
+        # It is looked for along the tangent, and along the good step: next to a resonance the tangent leads along it,
+        # and where a contact grazes it is less certain than the direction between two tori.
         scale = float(corrector.scales[-2])
         change = (aim - torus_at(point).rotation) / scale
         normal = np.zeros(len(point.x))
@@ -510,11 +501,9 @@ class Strides:
         return posed if posed is not None and self._is_fine(torus_at(posed[1]), before) else None
 
     def _is_fine(self, torus: Torus, before: Torus) -> bool:
-        """Return True if a leap may end at a torus: with the most samples, if it is nearly as accurate as required.
-
-        If it is not, it is next to another resonance. Where a contact grazes along tori, their errors are larger; then
-        it must not be much less accurate than the one before.
-        """
+        """Return True if a leap may end at a torus: with the most samples, if it is nearly as accurate as required."""
+        # If it is not, it is next to another resonance. Where a contact grazes along tori, their errors are larger;
+        # then it must not be much less accurate than the one before.
         accuracy = self.options.accuracy
         if torus.grazes:
             return self.options.accepts(torus) and torus.error <= _ROUGHER * max(accuracy, before.error)
@@ -528,10 +517,8 @@ def far_from_fractions(
     point: BranchPoint,
     corrector: Corrector,
 ) -> float:
-    """Return a step that is not longer, and not much shorter, whose rotation number is far from fractions.
-
-    Near fractions p/q with a small q curves need more samples, and the sum of ``1 / (q^2 |rho - p/q|)`` is large.
-    """
+    """Return a step that is not longer, and not much shorter, whose rotation number is far from fractions."""
+    # Near fractions p/q with a small q curves need more samples, and the sum of ``1 / (q^2 |rho - p/q|)`` is large.
     scale = float(corrector.scales[-2])
     turns = np.array([ahead(earlier, previous, point, share * step)[0][-2] for share in _SHARES]) * scale
     return step * float(_SHARES[int(np.argmin(nearness_to_fractions(turns)))])
@@ -723,10 +710,8 @@ class TorusTracer(Iterator[Step]):
         return near if near is not None and abs(last - near) < abs(first - near) else None
 
     def _refine(self, state: WalkState, rejected: BranchPoint) -> Step | None:
-        """Return to a state with more samples, or with a shorter step if they are the most.
-
-        A resonance may be in the way: leap over it and return the step, or end if nothing helps.
-        """
+        """Return to a state with more samples, or with a shorter step if they are the most."""
+        # A resonance may be in the way: leap over it and return the step, or end if nothing helps.
         if state.step < self._untried and not torus_at(rejected).grazes:
             leapt = self._pass(state, FEW)
             if leapt is not None:
@@ -856,3 +841,110 @@ class TorusTracer(Iterator[Step]):
         elif self.end is None:
             self.end = end_at(state.point, TorusEndReason.STEP, end.detail)
         return None
+
+
+# Continuation of tori along a parameter, by pseudo-arclength in the curve, its rotation number and the parameter.
+#
+# Method: docs/numerics/tori.md
+
+STEPS = WalkOptions(initial_step=0.01, smallest_step=1e-5, largest_step=0.05, max_points=1000)
+"""Default options of the steps: a motion that changes by its own size, or all of the range, counts as 1."""
+
+TorusReport = Callable[[TorusPoint, list[TorusEvent]], None]
+"""Function called with each new torus and the events before it."""
+
+
+@shows_progress(lambda count, point, events: f"{count} tori, at {point.value:.6g}")
+def follow_tori(
+    start: Torus | SpecialPoint | TorusEvent,
+    parameter: str,
+    to: float | tuple[float, float],
+    *,
+    second: tuple[str, tuple[float, float]] | None = None,
+    walk: WalkOptions | None = None,
+    options: TorusOptions | None = None,
+    report: TorusReport | None = None,
+) -> TorusFamily:
+    """Follow a family of tori along a parameter, stable or unstable, from where it begins or from one of them.
+
+    Along it, folds, changes of stability and resonances are located; at resonances the locked periodic motions are
+    looked for. The rotation number varies freely, so that narrow resonances are stepped over; or it is kept, and a
+    second parameter varies with the first one.
+
+    Parameters
+    ----------
+    start
+        A Neimark-Sacker point, at which tori begin; a torus, from `gw.tori.find_torus`; or a torus doubling among the
+        events of a family, at which tori of twice as many curves begin.
+    parameter
+        Name of the parameter, such as ``"frequency"``.
+    to
+        The value at which to stop; or two values, between which a family is followed, from a torus in both directions.
+    second
+        Name and range of a second parameter that varies so that the rotation number of the first torus stays.
+    walk
+        Options of the steps, in units of the size of the motion and of the range.
+    options
+        Accuracy, and number of samples of a curve.
+    report
+        Called with each new torus and the events before it.
+
+    Returns
+    -------
+    TorusFamily
+        The tori, events and both ends, in one direction.
+
+    Raises
+    ------
+    ModelError
+        For a start at which no tori begin, a range that does not contain it, a system with friction or rigid stops, or
+        a free motion.
+    ConvergenceError
+        If no torus is found next to a Neimark-Sacker point; the message says whether it is near a strong resonance.
+    Interrupted
+        After Ctrl-C; its `found` is the family so far.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> torus = gw.tori.find_torus(gw.settle(gw.paper.case("13"), frequency=0.672))
+    >>> family = gw.tori.follow_tori(torus, "frequency", (0.671, 0.673))
+    >>> family.parameter
+    'frequency'
+    """
+    options, walk = options or TorusOptions(), walk or STEPS
+    system = _system_of(start)
+    if parameter not in system.structure.names:
+        system.structure.place(parameter)  # raises the error that names near parameters
+    within = check_range(system[parameter], to).along(parameter, system)
+    other = None if second is None else _second(second, parameter, system)
+    beginnings = starts_at(start, parameter, within, options, walk, isinstance(to, tuple), other)
+
+    def record(tracing: Tracing[TorusStart, Any, Step]) -> TorusFamily:
+        name = beginnings[0].second.name if beginnings[0].second else ""
+        turned = joined(tracing, beginnings[0].end, lambda point: replace(point, arclength=-point.arclength), _turned)
+        return TorusFamily(parameter, *turned, name)
+
+    return Tracing(beginnings, lambda start, _: TorusTracer(start, walk, options)).to_end(record, report)
+
+
+def _system_of(start: Torus | SpecialPoint | TorusEvent) -> System:
+    if isinstance(start, SpecialPoint):
+        return start.orbit.system
+    if isinstance(start, TorusEvent):
+        if start.torus is None:
+            raise ModelError(f"no tori begin at an event of the kind {start.kind.value!r}; they do at torus doublings")
+        return start.torus.system
+    return start.system
+
+
+def _second(given: tuple[str, tuple[float, float]], parameter: str, system: System) -> Second:
+    name, to = given
+    system.structure.place(name)
+    if name == parameter:
+        raise ModelError(f"the second parameter is {name!r}, which is the first one; name another")
+    return Second(name, check_range(system[name], to).along(name, system))
+
+
+def _turned(event: TorusEvent) -> TorusEvent:
+    return replace(event, before=event.after, after=event.before)

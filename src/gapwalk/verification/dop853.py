@@ -75,10 +75,8 @@ class Round:
 def carry(
     orbits: Sequence[Orbit], report: Callable[[int], object] | None = None, *, closes: bool = True
 ) -> list[Round]:
-    """Integrate orbits of one structure over one period; `report` is called with the number of completed ones.
-
-    With `closes` false they are motions that need not close, whose events are their own, such as parts of a torus.
-    """
+    """Integrate orbits of one structure over one period; `report` is called with the number of completed ones."""
+    # With `closes` false they are motions that need not close, whose events are their own, such as parts of a torus.
     require_one_structure(orbits)
     rounds: list[Round] = []
     size = orbits[0].system.size if orbits else 1
@@ -454,11 +452,9 @@ def error_of(rates: Array) -> Array:
 
 
 def turn(first: Sequence[Array], last: Sequence[Array]) -> Array:
-    """Return the value at an extremum within a step, or the first value if there is none.
-
-    It is computed from the polynomial of fifth degree that has the given values, slopes and second derivatives at both
-    ends of a step of length 1.
-    """
+    """Return the value at an extremum within a step, or the first value if there is none."""
+    # It is computed from the polynomial of fifth degree that has the given values, slopes and second derivatives at
+    # both ends of a step of length 1.
     (_, r0, a0), (_, r1, _) = first, last
     turns = r0 * r1 < 0.0
     s = np.divide(r0, r0 - r1, out=np.zeros_like(r0), where=turns)

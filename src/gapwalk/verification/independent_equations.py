@@ -112,10 +112,8 @@ class Equations:
         return self._loads.levels(theta, lanes)
 
     def deflections(self, theta: Array, moved: Array, lanes: Lanes = _ALL, derivative: int = 0) -> Array:
-        """Return the first deflection of each contact, with what is added to it, shape (L, contacts).
-
-        Shapes: `theta` (L,); `moved` (L, n).
-        """
+        """Return the first deflection of each contact, with what is added to it, shape (L, contacts)."""
+        # Shapes: `theta` (L,); `moved` (L, n).
         found = times(self._of(self._vectors, lanes)[:, self._first], moved)
         if self._displaced.any():
             found = found + self._loads.at(theta, lanes, None, derivative) @ self._displaced[self._first].T
@@ -128,10 +126,8 @@ class Equations:
     def rates(
         self, theta: Array, state: Array, closed: Array, lanes: Lanes = _ALL, levels: Array | None = None
     ) -> Array:
-        """Return the derivatives over theta of positions, velocities, and the logarithm of a volume of states.
-
-        Shapes: `theta` (L,); `state` (L, 2n + 1); `closed` (L, switches); `levels` (L, loads that jump).
-        """
+        """Return the derivatives over theta of positions, velocities, and the logarithm of a volume of states."""
+        # Shapes: `theta` (L,); `state` (L, 2n + 1); `closed` (L, switches); `levels` (L, loads that jump).
         n = self.size
         q, v = state[:, :n], state[:, n : 2 * n]
         loads = self._loads.at(theta, lanes, levels)
@@ -149,10 +145,8 @@ class Equations:
     def guards(
         self, theta: Array, state: Array, closed: Array, lanes: Lanes = _ALL, levels: Array | None = None
     ) -> Array:
-        """Return the guards of the modes of all laws, shape (L, `guard_count`): kinks are where they change sign.
-
-        Parameters as in `rates`.
-        """
+        """Return the guards of the modes of all laws, shape (L, `guard_count`): kinks are where they change sign."""
+        # Parameters as in `rates`.
         loads, n = self._loads.at(theta, lanes, levels), self.size
         x, rate = self._moves(theta, state[:, :n], state[:, n : 2 * n], lanes, loads)
         found = []
@@ -300,10 +294,8 @@ def _lanes(values: Array, lanes: Lanes) -> Array:
 
 
 def _varied(structure: Structure) -> dict[tuple[str, str], Array]:
-    """Return the numbers that loads vary, by prefix and name, with a factor for each load.
-
-    A number of a stage has the prefix of the stage, a number of a whole contact and a deflection the contact's name.
-    """
+    """Return the numbers that loads vary, by prefix and name, with a factor for each load."""
+    # A number of a stage has the prefix of the stage, a number of a whole contact and a deflection the contact's name.
     found: dict[tuple[str, str], Array] = {}
     for number, load in enumerate(structure.harmonics):
         for text, factor in load.varies:

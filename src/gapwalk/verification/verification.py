@@ -111,14 +111,7 @@ class Summary:
 
 @dataclass(frozen=True)
 class Verification:
-    """Result of a verification.
-
-    Examples
-    --------
-    >>> found = gw.verify(gw.follow(orbit, "frequency", 0.62))
-    >>> found.ok, found.breaches
-    (True, ())
-    """
+    """Result of a verification."""
 
     summaries: tuple[Summary, ...]  #: Each check that was made, with its worst figure.
     breaches: tuple[Figure, ...]  #: Every figure that exceeds its bound.

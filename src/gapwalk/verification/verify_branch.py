@@ -18,18 +18,15 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import halves_apart, lift, period_of
 from gapwalk.bifurcation.detector import joining_points, steps_of, unexplained
-from gapwalk.bifurcation.error_estimate import ErrorEstimator
-from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switch
-from gapwalk.bifurcation.start_of_period import smooth_between
-from gapwalk.bifurcation.stiff_graze import REACH
+from gapwalk.bifurcation.special_point import ErrorEstimator, Kind, SpecialPoint
+from gapwalk.bifurcation.steps_over_corners import REACH, smooth_between
 from gapwalk.continuation.corrector import Corrector, hermite, length_of
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.errors import NumericalError, VerificationError
-from gapwalk.orbit.orbit import phases
+from gapwalk.orbit.orbit import describe_switch, phases
 from gapwalk.verification.verification import Advance, Check, Ledger, Spot
-from gapwalk.verification.verify_balanced import verify_truncated
-from gapwalk.verification.verify_orbits import verify_orbits
+from gapwalk.verification.verify_orbits import verify_orbits, verify_truncated
 from gapwalk.verification.verify_special_points import CROSSING, Track, ends_at, verify_special_points
 
 _OFF = 0.1  # largest distance of the orbit between from the cubic through both points, in distances of the points
@@ -230,10 +227,8 @@ def _verify_gaps(ledger: Ledger, track: Track) -> None:
 def _one_sided(
     track: Track, pair: tuple[BranchPoint, BranchPoint], corners: Sequence[BranchPoint]
 ) -> tuple[BranchPoint, BranchPoint]:
-    """Return two neighbours; one at which the branch may have a corner, with its tangent on the side of the other.
-
-    Where the sequence of slip and stick changes, the tangent that is stored is that of one side.
-    """
+    """Return two neighbours; one at which the branch may have a corner, with its tangent on the side of the other."""
+    # Where the sequence of slip and stick changes, the tangent that is stored is that of one side.
     a, b = pair
     if len(a.x) != len(b.x) or length_of(b.x - a.x) < _TOGETHER:
         return pair
@@ -251,13 +246,11 @@ def _one_sided(
 
 
 def _gap(track: Track, a: BranchPoint, b: BranchPoint, step: float, deepest: int) -> float:
-    """Return the deviation of the branch between two neighbouring points from the cubic through them.
-
-    1 is the largest accepted figure: an orbit between them is off the cubic through both points by a tenth of their
-    distance, or a tangent, at a point or between, is 0.6 rad off the chord. If the figure is larger, the gap is halved,
-    up to `deepest` times. It is infinite if there is no orbit between. The distance must also equal the arclength
-    between them within 30 % of their `step` of the walk.
-    """
+    """Return the deviation of the branch between two neighbouring points from the cubic through them."""
+    # 1 is the largest accepted figure: an orbit between them is off the cubic through both points by a tenth of their
+    # distance, or a tangent, at a point or between, is 0.6 rad off the chord. If the figure is larger, the gap is
+    # halved, up to `deepest` times. It is infinite if there is no orbit between. The distance must also equal the
+    # arclength between them within 30 % of their `step` of the walk.
     ahead = b.arclength - a.arclength
     if len(a.x) != len(b.x):  # harmonics may grow along a branch
         coarse, fine = sorted((a, b), key=lambda point: len(point.x))
@@ -272,19 +265,15 @@ def _gap(track: Track, a: BranchPoint, b: BranchPoint, step: float, deepest: int
 
 
 def _detour(a: BranchPoint, b: BranchPoint, ahead: float, step: float) -> float:
-    """Return the difference of the distance of two points and an arclength; 1 is the largest accepted figure.
-
-    A branch may connect any two points by a long detour.
-    """
+    """Return the difference of the distance of two points and an arclength; 1 is the largest accepted figure."""
+    # A branch may connect any two points by a long detour.
     return abs(length_of(b.x - a.x) - ahead) / (_LONGER * abs(step) + _TOGETHER)
 
 
 def _shot_finer(track: Track, a: BranchPoint, b: BranchPoint, step: float, grazes: Sequence[BranchPoint]) -> float:
-    """Return the figure of `_gap` for two neighbours of which one may graze a rigid stop, shot in one segment more.
-
-    Beside such a graze motions grow 1e6 times and more: one segment does not determine them to its tolerance. The
-    branch turns at the graze itself, and the stored tangent may be that of its other side.
-    """
+    """Return the figure of `_gap` for two neighbours of which one may graze a rigid stop, shot in one segment more."""
+    # Beside such a graze motions grow 1e6 times and more: one segment does not determine them to its tolerance. The
+    # branch turns at the graze itself, and the stored tangent may be that of its other side.
     try:
         second = ErrorEstimator(track.corrector_at(a))
         ends = [second.at(each) for each in (a, b)]

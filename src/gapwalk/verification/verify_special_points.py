@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.error_estimate import ErrorEstimator
-from gapwalk.bifurcation.special_point import Kind, SpecialPoint, is_one_place
+from gapwalk.bifurcation.special_point import ErrorEstimator, Kind, SpecialPoint, is_one_place
 from gapwalk.continuation.corrector import TRUST, Corrector, length_of, powers_of_two
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason
@@ -87,10 +86,8 @@ class Track:
         return _ASIDE * float(self.corrector_at(point).scales[: self.branch.system.size].max())
 
     def mismatch(self, point: BranchPoint) -> float:
-        """Return the largest contradiction in the stored data of a point, relative to its size.
-
-        Compared are the unknowns with the state or the lines, and the parameter with the system.
-        """
+        """Return the largest contradiction in the stored data of a point, relative to its size."""
+        # Compared are the unknowns with the state or the lines, and the parameter with the system.
         corrector = self.corrector_at(point)
         orbit, scales = point.orbit, corrector.scales
         known = self._determined(cast("OrbitEquation", corrector.equation), orbit)
@@ -227,10 +224,8 @@ class Examination:
     straight: bool = False  #: True to examine it along its tangent, even if the branch turns near it.
 
     def sides(self) -> Sides:
-        """Examine the point from both sides, at decreasing distances while a result contradicts the stored point.
-
-        A branch that turns between two steps of the walk need not turn at the point.
-        """
+        """Examine the point from both sides, at decreasing distances while a result contradicts the stored point."""
+        # A branch that turns between two steps of the walk need not turn at the point.
         seen = self._at_reaches()
         return replace(self, straight=True)._at_reaches() if seen.faults and self._turn else seen
 
@@ -284,11 +279,9 @@ class Examination:
         return Sides((*faults, *found), value, a if smooth else None, b if smooth else None)
 
     def _beside(self, shift: float) -> BranchPoint:
-        """Return the point of the second computation at a distance, or not quite so far where the branch turns.
-
-        Beside a graze of a rigid stop, motions grow so fast that none is found from a guess along the tangent. The
-        points of the walk on that side are better guesses.
-        """
+        """Return the point of the second computation at a distance, or not quite so far where the branch turns."""
+        # Beside a graze of a rigid stop, motions grow so fast that none is found from a guess along the tangent. The
+        # points of the walk on that side are better guesses.
         here = self.special.point
         if not self._turn:
             try:
@@ -306,10 +299,8 @@ class Examination:
         return self.second.at((within or side[:1])[-1])
 
     def _between(self, shift: float, side: Sequence[BranchPoint]) -> BranchPoint | None:
-        """Return a point halfway to the next special point on one side, if no point of the walk lies between them.
-
-        The step over a graze passes a fold or a flip just beside it, where points of the walk are beyond both.
-        """
+        """Return a point halfway to the next special point on one side, if no point of the walk lies between them."""
+        # The step over a graze passes a fold or a flip just beside it, where points of the walk are beyond both.
         here = self.special.point
         others = [
             each.point
@@ -329,10 +320,8 @@ class Examination:
 
     @cached_property
     def _turn(self) -> bool:
-        """True if the branch turns sharply at the point, as where a rigid stop is grazed.
-
-        Nothing of the branch may then lie along one tangent on both sides, or both sides along the same one.
-        """
+        """True if the branch turns sharply at the point, as where a rigid stop is grazed."""
+        # Nothing of the branch may then lie along one tangent on both sides, or both sides along the same one.
         here = self.special.point
         if self.straight:
             return False
@@ -343,14 +332,12 @@ class Examination:
         return float(before[-1].tangent @ after[0].tangent) < _STRAIGHT
 
     def _zero(self, reach: float, function: Callable[[BranchPoint], float]) -> float | None:
-        """Return the parameter where a function of the point is zero, by a secant from the special point.
-
-        Where a contact grazes or a phase of friction vanishes, the function may have another slope on each side. Then
-        the secant is that of the side on which rounding has put the special point.
-
-        The function may also jump across zero, or be zero on all of one side: another event may end the phase, or a
-        bound may vanish. Its secant then leads astray, and the point is where the sides begin to differ.
-        """
+        """Return the parameter where a function of the point is zero, by a secant from the special point."""
+        # Where a contact grazes or a phase of friction vanishes, the function may have another slope on each side. Then
+        # the secant is that of the side on which rounding has put the special point.
+        #
+        # The function may also jump across zero, or be zero on all of one side: another event may end the phase, or a
+        # bound may vanish. Its secant then leads astray, and the point is where the sides begin to differ.
         point, length = self.special.point, min(reach, _SECANT)
         try:
             here, beside = self.second.at(point), self._beside(length)
@@ -383,11 +370,9 @@ class Examination:
         return min(sides, key=lambda each: abs(each.arclength - self.special.point.arclength)).value
 
     def _crossing(self, reach: float, function: Callable[[BranchPoint], float]) -> float | None:
-        """Return the parameter where the branch crosses another, with the other discretisation.
-
-        A contact may graze just beyond the reach, so that polynomials through points up to there would be less
-        accurate. Therefore points up to a share of it are used first.
-        """
+        """Return the parameter where the branch crosses another, with the other discretisation."""
+        # A contact may graze just beyond the reach, so that polynomials through points up to there would be less
+        # accurate. Therefore points up to a share of it are used first.
         for share in (_SHARE, 1.0):
             with suppress(NumericalError):
                 return self.second.crossing(self.special.point, share * reach, function)
@@ -455,12 +440,10 @@ class Examination:
 
 
 def _neighbours(special: SpecialPoint, branch: Branch, points: Sequence[BranchPoint]) -> list[BranchPoint]:
-    """Return the neighbours of a special point: points, or other special points that are not at the same place.
-
-    In a symmetric motion both sides of a gap graze at once, or friction changes in both directions of slip; there is
-    nothing between the two. A point of the walk at the special point itself is no neighbour: a walk may end there, or
-    step onto it.
-    """
+    """Return the neighbours of a special point: points, or other special points that are not at the same place."""
+    # In a symmetric motion both sides of a gap graze at once, or friction changes in both directions of slip; there is
+    # nothing between the two. A point of the walk at the special point itself is no neighbour: a walk may end there, or
+    # step onto it.
     others = (each for each in branch.special_points if each is not special and not is_one_place(each, special))
     here = special.point.arclength
     knots = [point for point in points if point.arclength != here]

@@ -16,35 +16,17 @@ LAST = 0.01  # arclength before the end of a walk that ran out of points, within
 
 @dataclass(frozen=True)
 class Comparison:
-    """What came of walking one branch twice.
+    """What came of walking one branch twice."""
 
-    Attributes
-    ----------
-    name
-        Which branch.
-    missing, invented
-        Special points that only the walk with small steps has, and only the one with default steps.
-    shared
-        How many both have.
-    apart
-        Largest difference of a value that both have.
-    points, fine_points
-        Points of both walks.
-    ends
-        How they ended.
-    note
-        Why there is nothing to compare, if there is not.
-    """
-
-    name: str
-    missing: list[str] = field(default_factory=list)
-    invented: list[str] = field(default_factory=list)
-    shared: int = 0
-    apart: float = 0.0
-    points: int = 0
-    fine_points: int = 0
-    ends: list[str] = field(default_factory=list)
-    note: str = ""
+    name: str  #: Which branch.
+    missing: list[str] = field(default_factory=list)  #: Special points that only the walk with small steps has.
+    invented: list[str] = field(default_factory=list)  #: Those that only the one with default steps has.
+    shared: int = 0  #: How many both have.
+    apart: float = 0.0  #: Largest difference of a value that both have.
+    points: int = 0  #: Points of the walk with default steps.
+    fine_points: int = 0  #: Points of the one with small steps.
+    ends: list[str] = field(default_factory=list)  #: How they ended.
+    note: str = ""  #: Why there is nothing to compare, if there is not.
 
     @property
     def agrees(self) -> bool:

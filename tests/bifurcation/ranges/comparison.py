@@ -52,30 +52,14 @@ def random_system(seed: int) -> System:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The faults found by walking one system in several ways.
+    """The faults found by walking one system in several ways."""
 
-    Attributes
-    ----------
-    name
-        Which system.
-    faults
-        What differs, what is not explained, and what verification found, in sentences.
-    shared
-        Special points that all walks have.
-    walks
-        How many walks were compared.
-    stuck
-        How many of them ended with too small a step, if that is counted.
-    note
-        Why there is nothing to compare, if there is not.
-    """
-
-    name: str
-    faults: list[str] = field(default_factory=list)
-    shared: int = 0
-    walks: int = 0
-    stuck: int = 0
-    note: str = ""
+    name: str  #: Which system.
+    faults: list[str] = field(default_factory=list)  #: What differs, is not explained, or was found by verification.
+    shared: int = 0  #: Special points that all walks have.
+    walks: int = 0  #: How many walks were compared.
+    stuck: int = 0  #: How many of them ended with too small a step, if that is counted.
+    note: str = ""  #: Why there is nothing to compare, if there is not.
 
     @property
     def agrees(self) -> bool:

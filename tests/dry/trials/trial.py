@@ -20,6 +20,7 @@ from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import GapwalkError, Interrupted
+from gapwalk.studies.sweep_study import Sweep
 from tests.sampled_verification import verified
 
 LONGEST = 60.0
@@ -60,37 +61,19 @@ def at_most(seconds: float) -> Iterator[list[float]]:
 
 @dataclass
 class Trial:
-    """Results and faults of one system.
+    """Results and faults of one system."""
 
-    Attributes
-    ----------
-    name
-        Which system.
-    faults
-        Results that verification refuses, exceptions that are no errors of gapwalk, and hangs, in sentences.
-    ends
-        What each step ended with: a result, or the reason why there is none.
-    seconds
-        Processor time of each step.
-    note
-        An error before the first step.
-    cap
-        Processor time, in seconds, that all steps take at most; a step has half of what the steps before it have left.
-    slow
-        True if a step was cut off, since it took longer than that.
-    outcome, back
-        What became of the branch, and of the one on the way back: why it ended, or why there is none.
-    """
-
-    name: str
-    faults: list[str] = field(default_factory=list)
-    ends: dict[str, str] = field(default_factory=dict)
-    seconds: dict[str, float] = field(default_factory=dict)
-    note: str = ""
-    cap: float = math.inf
-    slow: bool = False
-    outcome: str = ""
-    back: str = ""
+    name: str  #: Which system.
+    faults: list[str] = field(
+        default_factory=list
+    )  #: Refused results, exceptions that are no errors of gapwalk, and hangs.
+    ends: dict[str, str] = field(default_factory=dict)  #: A result of each step, or the reason why there is none.
+    seconds: dict[str, float] = field(default_factory=dict)  #: Processor time of each step.
+    note: str = ""  #: An error before the first step.
+    cap: float = math.inf  #: Processor time in seconds of all steps; a step has half of what is left.
+    slow: bool = False  #: True if a step was cut off, since it took longer than that.
+    outcome: str = ""  #: What became of the branch: why it ended, or why there is none.
+    back: str = ""  #: The same of the one on the way back.
 
     @property
     def agrees(self) -> bool:
@@ -174,7 +157,7 @@ def _branch_words(branch: gw.Branch) -> str:
     return f"{len(branch.points)} points, {len(branch.special_points)} special points, {branch.ends[-1]}"
 
 
-def _sweep_words(sweep: gw.Sweep) -> str:
+def _sweep_words(sweep: Sweep) -> str:
     return f"{sorted(set(sweep.regimes.ravel().tolist()))} {' '.join(sweep.notes)}"
 
 

@@ -355,6 +355,12 @@ def two(**changes) -> gw.train.Train:
 
 
 AB, BC = two().shafts
+Gear, Inertia = gw.train.Gear, gw.train.Inertia
+
+
+def beside(name: str, between: tuple[str, str] = ("b", "c"), **numbers) -> dict[str, list[gw.train.Shaft]]:
+    """The shaft ab, and another one."""
+    return {"shafts": [AB, gw.train.Shaft(name, between, **numbers)]}
 
 
 @pytest.mark.parametrize(
@@ -362,68 +368,41 @@ AB, BC = two().shafts
     [
         ({"inertias": []}, "inertias is empty"),
         ({"shafts": []}, "neither shafts nor gears"),
-        (
-            {"shafts": [AB, gw.train.Shaft("bc", ("b", "d"), stiffness=1.0)]},
-            "bc joins 'd', which is no inertia; they are a",
-        ),
+        (beside("bc", ("b", "d"), stiffness=1.0), "bc joins 'd', which is no inertia; they are a"),
         ({"shafts": [AB]}, "c is not connected to a"),
+        (beside("bc", ("b", "ground"), stiffness=1.0), "c is not connected to the ground"),
+        (beside("bc", ("b", "b"), stiffness=1.0), "bc joins b to itself"),
+        (beside("bc", ("ground", "c"), stiffness=1.0), "write the ground second"),
+        (beside("ab", stiffness=1.0), "ab has the name of another part"),
+        (beside("a", stiffness=1.0), "a has the name of another part"),
+        (beside("mean", stiffness=1.0), "mean is taken as a name"),
+        (beside("b c", stiffness=1.0), "shaft name 'b c': write a word"),
+        (beside("bc"), "bc has no stiffness; write stiffness = ..."),
+        (beside("bc", stiffness=0.0), "bc.stiffness is 0; it must be > 0"),
+        (beside("bc", clearance=0.1), "bc has a clearance, but no stiffness beyond it"),
+        (beside("bc", stiffness=1.0, damping=-1.0), "bc.damping is -1; it must be >= 0"),
+        (beside("bc", stiffness=1.0, impact_damping=0.1), "bc has impact_damping, but no clearance"),
+        (beside("bc", stages=(gw.Stage(0.2), gw.Stage(0.1))), "bc is refused: stages out of order"),
+        (beside("bc", stiffness=1.0, clearance=-0.1), "clearance is -0.1"),
+        ({"shafts": [AB], "gears": [Gear("bc", ("b", "c"), 0.0)]}, "bc.ratio is 0; it must be the speed of"),
+        ({"shafts": [AB, BC], "gears": [Gear("ac", ("a", "ground"), 2.0)]}, "a gear joins two inertias"),
+        ({"shafts": [AB], "gears": [Gear("bc", ("b", "c"), 2.0, damping=1.0)]}, "bc has damping, but no stiffness"),
         (
-            {"shafts": [AB, gw.train.Shaft("bc", ("b", "ground"), stiffness=1.0)]},
-            "c is not connected to the ground",
-        ),
-        ({"shafts": [AB, gw.train.Shaft("bc", ("b", "b"), stiffness=1.0)]}, "bc joins b to itself"),
-        ({"shafts": [AB, gw.train.Shaft("bc", ("ground", "c"), stiffness=1.0)]}, "write the ground second"),
-        ({"shafts": [AB, gw.train.Shaft("ab", ("b", "c"), stiffness=1.0)]}, "ab has the name of another part"),
-        ({"shafts": [AB, gw.train.Shaft("a", ("b", "c"), stiffness=1.0)]}, "a has the name of another part"),
-        ({"shafts": [AB, gw.train.Shaft("mean", ("b", "c"), stiffness=1.0)]}, "mean is taken as a name"),
-        ({"shafts": [AB, gw.train.Shaft("b c", ("b", "c"), stiffness=1.0)]}, "shaft name 'b c': write a word"),
-        ({"shafts": [AB, gw.train.Shaft("bc", ("b", "c"))]}, "bc has no stiffness; write stiffness = ..."),
-        ({"shafts": [AB, gw.train.Shaft("bc", ("b", "c"), stiffness=0.0)]}, "bc.stiffness is 0; it must be > 0"),
-        (
-            {"shafts": [AB, gw.train.Shaft("bc", ("b", "c"), clearance=0.1)]},
-            "bc has a clearance, but no stiffness beyond it",
-        ),
-        (
-            {"shafts": [AB, gw.train.Shaft("bc", ("b", "c"), stiffness=1.0, damping=-1.0)]},
-            "bc.damping is -1; it must be >= 0",
-        ),
-        (
-            {"shafts": [AB, gw.train.Shaft("bc", ("b", "c"), stiffness=1.0, impact_damping=0.1)]},
-            "bc has impact_damping, but no clearance",
-        ),
-        (
-            {"shafts": [AB, gw.train.Shaft("bc", ("b", "c"), stages=(gw.Stage(0.2), gw.Stage(0.1)))]},
-            "bc is refused: stages out of order",
-        ),
-        ({"shafts": [AB, gw.train.Shaft("bc", ("b", "c"), stiffness=1.0, clearance=-0.1)]}, "clearance is -0.1"),
-        ({"shafts": [AB], "gears": [gw.train.Gear("bc", ("b", "c"), 0.0)]}, "bc.ratio is 0; it must be the speed of"),
-        ({"shafts": [AB, BC], "gears": [gw.train.Gear("ac", ("a", "ground"), 2.0)]}, "a gear joins two inertias"),
-        (
-            {"shafts": [AB], "gears": [gw.train.Gear("bc", ("b", "c"), 2.0, damping=1.0)]},
-            "bc has damping, but no stiffness",
-        ),
-        (
-            {"shafts": [AB, BC], "gears": [gw.train.Gear("ac", ("a", "c"), 2.0, stiffness=1.0)]},
+            {"shafts": [AB, BC], "gears": [Gear("ac", ("a", "c"), 2.0, stiffness=1.0)]},
             "ac closes a loop, and its ratio is 2, but by the other way round it is 1: the train is locked",
         ),
         (
-            {"shafts": [BC], "gears": [gw.train.Gear("one", ("a", "b"), 2.0), gw.train.Gear("two", ("b", "a"), 2.0)]},
+            {"shafts": [BC], "gears": [Gear("one", ("a", "b"), 2.0), Gear("two", ("b", "a"), 2.0)]},
             "two closes a loop, and its ratio is 2, but by the other way round it is 0.5",
         ),
-        ({"gears": [gw.train.Gear("rigid", ("a", "b"), 1.0)]}, "ab never deflects"),
+        ({"gears": [Gear("rigid", ("a", "b"), 1.0)]}, "ab never deflects"),
+        ({"shafts": [], "gears": [Gear("ab", ("a", "b"), 2.0), Gear("bc", ("b", "c"), 2.0)]}, "nothing vibrates"),
         (
-            {"shafts": [], "gears": [gw.train.Gear("ab", ("a", "b"), 2.0), gw.train.Gear("bc", ("b", "c"), 2.0)]},
-            "nothing vibrates",
+            {"inertias": [Inertia("a", 0.0), *two().inertias[1:]]},
+            "a.inertia is 0, and ab alone holds it, so that no torque acts there",
         ),
-        ({"inertias": [gw.train.Inertia("a", 0.0), *two().inertias[1:]]}, "a.inertia is 0; it must be > 0"),
-        (
-            {"inertias": [gw.train.Inertia("a", "1"), *two().inertias[1:]]},
-            "a.inertia is '1'; it must be a number",
-        ),
-        (
-            {"inertias": [gw.train.Inertia("a", np.nan), *two().inertias[1:]]},
-            "a.inertia is nan; it must be a finite number",
-        ),
+        ({"inertias": [Inertia("a", "1"), *two().inertias[1:]]}, "a.inertia is '1'; it must be a number"),
+        ({"inertias": [Inertia("a", np.nan), *two().inertias[1:]]}, "a.inertia is nan; it must be a finite number"),
         ({"mean": {"d": 1.0}}, "mean names 'd', which is no inertia; they are a, b, c"),
         ({"harmonics": [gw.Harmonic(1.0, {"d": 1.0})]}, "harmonic1.acts_on names 'd', which is no inertia"),
         ({"reaction": "d"}, "reaction is 'd', which is no inertia"),
@@ -440,7 +419,7 @@ AB, BC = two().shafts
             "reaction is 'c', but the ground alone joins a to another part of the train",
         ),
         ({"frequency": 0.0}, "frequency is 0.0; it must be > 0"),
-        ({"shafts": [AB, gw.train.Shaft("c", ("b", "c"), damping=0.1)]}, "c has the name of another part"),
+        (beside("c", damping=0.1), "c has the name of another part"),
         (
             {
                 "shafts": [
@@ -449,10 +428,6 @@ AB, BC = two().shafts
                 ]
             },
             "bc_slip is the name of how far bc slips; choose another one for the part",
-        ),
-        (
-            {"shafts": [AB, BC, gw.train.Shaft("oil", ("c", "ground"), damping=0.1)]},
-            "oil slips against the ground all the time as the train turns",
         ),
     ],
 )

@@ -240,8 +240,6 @@ def test_loads_and_formulas_of_a_file_are_those_of_the_train() -> None:
         ('law = "2*c*v + d*v*abs(v)"', 'law = "2*c*v + d*v*abs(v"', 'force "oil" has no formula as its law'),
         ("d = 0.002", "e = 0.002", 'force "oil" has no d, which its formula needs'),
         ('c = "0.01 N m s/rad"', 'c = "0.01 kg"', 'm.toml:62: force "oil".c is "0.01 kg": kg is not made of an angle'),
-        ('between = ["engine", "hub"]\nlaw', 'between = ["engine", "ground"]\nlaw',
-         "slips against the ground all the time as the train turns"),
         ("order = 5", "order = 5.1234567", "which is no fraction of small numbers"),
         ("inertia = \"0.05 kg m^2\"", "", 'inertia "hub" has no inertia; write inertia = ...'),
         ('reference = "hub"', 'reference = "hup"', "reference is 'hup', which is no inertia; did you mean hub?"),

@@ -177,34 +177,23 @@ def test_a_transmission_error_displaces_friction_and_stop_too(tmp_path) -> None:
     }
 
 
+LIMIT = 'limit = "8 N m"\n'
+LIMITED, PRESSED = RUB + LIMIT, RUB + "coefficient = 0.3\n"
 MISTAKES = [
     (SPLINE, RUB, '"rub" has no limit'),
     (SPLINE, RUB + 'limit = "8 N"\n', "a torque is expected, as in"),
     (SPLINE, RUB + "limit = 8\n", "a number without a unit; write a torque"),
     (SPLINE, RUB + 'limit = "-8 N m"\n', '"rub".limit is -8.0; it must be >= 0'),
-    (SPLINE, RUB + 'limit = "8 N m"\nspeed = "3 N m"\n', "N m is the unit of a torque; a rate is expected"),
-    (SPLINE, RUB + 'limit = "8 N m"\nstiffness = "3 N m"\n', "a stiffness is expected"),
-    (SPLINE, RUB + 'limit = "8 N m"\nstiffness = "0 N m/deg"\n', "stiffness is 0; it must be > 0"),
-    (SPLINE, RUB + 'limit = "8 N m"\ndeflection = { hub = 1.0 }\n', "deflection is not a key here"),
-    (SPLINE, RUB + 'limit = "8 N m"\nratio = 2.0\n', "If it is in a mesh, write ratio = 1"),
-    (SPLINE, RUB.replace('"hub"', '"hubb"') + 'limit = "8 N m"\n', "which is no inertia; did you mean hub?"),
-    (
-        SPLINE,
-        RUB.replace('"hub"', '"ground"') + 'limit = "8 N m"\n',
-        "slips against the ground all the time as the train turns",
-    ),
-    (
-        SPLINE,
-        RUB + 'coefficient = 0.3\nnormal = "out"\n',
-        "'out', which is no contact with a clearance; there is clutch",
-    ),
-    (SPLINE, RUB + 'coefficient = 0.3\nnormal = "clatch"\n', "did you mean clutch?"),
+    (SPLINE, LIMITED + 'speed = "3 N m"\n', "N m is the unit of a torque; a rate is expected"),
+    (SPLINE, LIMITED + 'stiffness = "3 N m"\n', "a stiffness is expected"),
+    (SPLINE, LIMITED + 'stiffness = "0 N m/deg"\n', "stiffness is 0; it must be > 0"),
+    (SPLINE, LIMITED + "deflection = { hub = 1.0 }\n", "deflection is not a key here"),
+    (SPLINE, LIMITED + "ratio = 2.0\n", "write ratio = 1"),
+    (SPLINE, RUB.replace('"hub"', '"hubb"') + LIMIT, "which is no inertia; did you mean hub?"),
+    (SPLINE, PRESSED + 'normal = "out"\n', "'out', which is no contact with a clearance; there is clutch"),
+    (SPLINE, PRESSED + 'normal = "clatch"\n', "did you mean clutch?"),
     (SPLINE + "viscous_damping = 0.1\n", RUB, "a number without a unit"),
-    (
-        SPLINE + 'viscous_damping = "0.1 N m s/rad"\n',
-        RUB + 'coefficient = 0.3\nnormal = "clutch"\n',
-        "may pull as the contact opens",
-    ),
+    (SPLINE + 'viscous_damping = "0.1 N m s/rad"\n', PRESSED + 'normal = "clutch"\n', "may pull as the contact opens"),
     (SPLINE + 'hysteresis = "8 N m"\n', RUB + 'limit = "1 N m"\n', "clutch_friction and rub stick on one deflection"),
     (SPLINE + 'hysteresis = "8 N"\n', "", "a torque is expected"),
     (SPLINE + "hysteresis = 8\n", "", "a number without a unit; write a torque"),
@@ -214,7 +203,7 @@ MISTAKES = [
     (SPLINE + 'friction = "8 N m"\n', "", "write hysteresis = ..., the limit of friction beside these springs"),
     (SPLINE + "restitution = 0.5\n", "", "restitution is 0.5, but a stage has a stiffness"),
     ('damping = "1 N m s/rad"\nhysteresis = "8 N m"\n', "", "has hysteresis, but no spring"),
-    ('damping = "1 N m s/rad"\n', RUB + 'limit = "8 N m"\n', "acts across clutch, which slips"),
+    ('damping = "1 N m s/rad"\n', LIMITED, "acts across clutch, which slips"),
     ('stiffness = "rigid"\nrestitution = 0.8\n', "", 'has the stiffness "rigid", but no clearance'),
     ('stiffness = "rigid"\nclearance = "2 deg"\n', "", "restitution is missing"),
     ('stiffness = "rigid"\nclearance = "2 deg"\nrestitution = 1.5\n', "", "it must lie between 0 and 1"),
@@ -254,7 +243,7 @@ def test_friction_with_a_ratio_is_that_of_a_mesh() -> None:
     parts = [Inertia("a", 1.0), Inertia("b", 2.0)], [], [Gear("mesh", ("a", "b"), 2.0, stiffness=3.0, damping=0.1)]
     system = Train(*parts, frictions=[Friction("f", ("a", "b"), 0.1, ratio=2.0)]).system()
     np.testing.assert_array_equal(system.equations.vector("f.deflection"), [1.0])
-    with pytest.raises(ModelError, match=r"f slips against b, which turns at another speed, .* write ratio = 2"):
+    with pytest.raises(ModelError, match=r"f acts beside mesh, but its ratio is 1, .* write ratio = 2"):
         Train(*parts, frictions=[Friction("f", ("a", "b"), 0.1)])
 
 
@@ -268,10 +257,12 @@ def test_a_part_with_friction_is_replaced() -> None:
         Friction("f", ("a", "b"), 1.0, mu=0.3)
 
 
-def test_a_formula_across_a_slip_is_refused() -> None:
-    """Its rate would be that of the leaky integral in place of the angle."""
-    with pytest.raises(ModelError, match="f acts across s, which slips"):
-        train(*shafts(damping=1.0), forces=[Force("f", ("a", "b"), "c*v", c=1.0)])
+def test_a_formula_across_a_slip_is_a_damper_beside_it() -> None:
+    """Its rate is that of the slip, not that of the leaky integral in place of the angle."""
+    both = train(*shafts(damping=1.0), forces=[Force("f", ("a", "b"), "c*v", c=1.0)]).system()
+    one = train(*shafts(damping=2.0)).system()
+    force = gw.find_orbit(one).measure("mean.s.torque")
+    assert 2.0 * gw.find_orbit(both).measure("mean.s.torque") == pytest.approx(force, rel=1e-10)
 
 
 def test_a_stiffness_that_varies_keeps_its_hysteresis() -> None:

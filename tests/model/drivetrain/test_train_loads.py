@@ -336,14 +336,6 @@ def varying(name: str, amplitude=0.1, kind=gw.Harmonic, **more):
         ),
         (mistake(reference="x"), "reference is 'x', which is no inertia"),
         (mistake(inertias=[gw.train.Inertia(name) for name in BODIES]), "motor has no inertia; write inertia = ..."),
-        (
-            mistake(forces=[gw.train.Force("drag", ("load", "ground"), "c*v", c="1 N m s/rad")]),
-            "drag slips against the ground all the time as the train turns",
-        ),
-        (
-            mistake(forces=[gw.train.Force("drag", ("load", "motor"), "c*v", c="1 N m s/rad")]),
-            "drag slips against motor, which turns at another speed, all the time",
-        ),
         (mistake(forces=[gw.train.Force("drag", ("p1", "motor"), "c*v +", c=1.0)]), "drag has no formula as its law"),
         (mistake(forces=[gw.train.Force("drag", ("p1", "motor"), "c*v")]), "drag has no c, which its formula needs"),
         (

@@ -1,6 +1,7 @@
 """Drive trains with units: against the same numbers in SI units by hand, in non-dimensional form, and refused."""
 
 import dataclasses
+import io
 import pickle
 
 import numpy as np
@@ -11,6 +12,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from gapwalk.model.drivetrain import PaperNumbers, Scales
 from gapwalk.paper import parameter_set
+from gapwalk.studies.study_file import machine_text
 from tests.model.drivetrain.trains import DEGREE, by_hand, physical
 
 SCALES = Scales(angle=3.0 * DEGREE, frequency=500.0, inertia=0.004)
@@ -184,3 +186,12 @@ def test_only_three_inertias_in_line_have_the_numbers_of_the_paper() -> None:
         gw.train.paper_numbers(two(frequency="50 Hz").system())
     with pytest.raises(ModelError, match="torques on the first and the last inertia only"):
         gw.train.paper_numbers(physical().system().at({"mean.hub": 1.0}))
+
+
+def test_a_square_drag_ends_the_rotation_at_one_rate_in_all_units() -> None:
+    """The template in degrees: drags of 1e-3 N m s and, by its slope at the slip W/1.6, 2e-4 * 2 * W/1.6 N m s."""
+    system = gw.read_model(io.StringIO(machine_text("neutral-rattle")))
+    found = system.structure.assembly.numbers(system.values)
+    mean = 30.0 * np.pi
+    inertia = 0.15 + 0.004 + 0.002 / 1.6**2
+    assert found.decay == pytest.approx((1e-3 + 2.0 * 2e-4 * mean / 1.6**3) / inertia, rel=1e-12)

@@ -2,7 +2,11 @@
 
 import math
 
+import numpy as np
+
 import gapwalk as gw
+from gapwalk.model import System
+from gapwalk.model.coefficients import ParameterLine
 
 DEGREE = math.pi / 180.0
 
@@ -56,3 +60,20 @@ def by_hand(speed: float = 1500.0) -> gw.train.Train:
         harmonics=[gw.Harmonic(SIZE, {"flywheel": 1.0})],
         frequency=ORDER * speed * math.pi / 30.0,
     )
+
+
+def check_slopes(system: System) -> None:
+    """Compare the derivatives of all coefficients by each number with extrapolated differences, to 1e-8."""
+    for name in system.structure.names:
+        line, value = ParameterLine(system, name), system[name]
+        middle, slope = line.coefficients(value)
+        steps, found = (abs(value) or 1.0) / 64.0 / 2.0 ** np.arange(4), []
+        for step in steps:  # Romberg's scheme: the error is of order step^8
+            ahead, behind = (line.coefficients(value + sign * step)[0] for sign in (1.0, -1.0))
+            row = [(ahead - behind) / (2.0 * step)]
+            for level, before in enumerate(found[-1] if found else [], start=1):
+                row.append(row[-1] + (row[-1] - before) / (4.0**level - 1.0))
+            found.append(row)
+        expected = found[-1][-1]
+        rounding = 1e-13 * (np.abs(middle) + 1e-3) / steps[-1]  # of the differences; some coefficients are 0
+        assert np.all(np.abs(slope - expected) <= 1e-8 * np.abs(expected) + rounding), name

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gapwalk.errors import ModelError
-from gapwalk.model.measured import measured_table
+from gapwalk.model.channels import channel_file
 from gapwalk.model.measured.measured_table import WantedColumn, read_table
 from gapwalk.model.units import QuantityKind, Unit
 from tests.tiers import in_campaign
@@ -89,7 +89,7 @@ def test_plain_numbers_are_for_models_without_units() -> None:
             r"'deflection' has no unit; write an angle as in deflection \(deg\)",
         ),
         ("a (deg), torque\n1,2\n", CURVE, r"the column 'torque' has no unit; write a torque as in torque \(N m\)"),
-        ("deflection (mm), torque (N m)\n1,2\n", CURVE, "something else; an angle is expected, as in deflection"),
+        ("deflection (mm), torque (N m)\n1,2\n", CURVE, "a length; an angle is expected, as in deflection"),
         ("deflection (deg), torque (N m/deg)\n1,2\n", CURVE, "the unit of a stiffness; a torque is expected"),
         ("deflection (furlong), torque (N m)\n1,2\n", CURVE, "there is no unit 'furlong' here"),
         ("deflection (deg), force (N)\n1,2\n", CURVE, "no column 'torque' with the unit of a torque; columns are"),
@@ -135,11 +135,11 @@ def test_files_are_bounded_and_named(tmp_path) -> None:
     path = tmp_path / "clutch.csv"
     path.write_text("x (deg), M (N m)\n1,2\n")
     assert read_table(path, CURVE).name == "clutch.csv"
-    path.write_text("x (deg), M (N m)\n" + "1,2\n" * measured_table.MAX_ROWS)
-    assert len(read_table(path, CURVE)) == measured_table.MAX_ROWS
+    path.write_text("x (deg), M (N m)\n" + "1,2\n" * channel_file.MAX_ROWS)
+    assert len(read_table(path, CURVE)) == channel_file.MAX_ROWS
     for content, words in (
-        (b"x (deg), M (N m)\n" + b"1,2\n" * (measured_table.MAX_ROWS + 1), "more than 100,000 rows; leave out rows"),
-        (b"0" * (measured_table.MAX_BYTES + 1), "larger than 10 MB"),
+        (b"x (deg), M (N m)\n" + b"1,2\n" * (channel_file.MAX_ROWS + 1), "more than 100,000 rows; leave out rows"),
+        (b"0" * (channel_file.MAX_BYTES + 1), "larger than 10 MB"),
         (b"x (\xb0), M (N m)\n1,2\n", "line 1: it is not UTF-8 text .byte 0xb0.; save it as CSV in UTF-8"),
         ("x (deg), M (N m)\n1,2\n".encode("utf-16"), "not UTF-8 text"),
         (b"a," * 2000 + b"\n1", "line 1: it names more than 1,000 columns"),

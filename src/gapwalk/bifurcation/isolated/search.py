@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, exact_orbit
 from gapwalk.bifurcation.isolated.search_starts import (
+    Catalogue,
     Catch,
     Chunk,
     SearchOptions,
+    exact_orbit,
     search_chunk,
     spread_starts,
     state_box,
@@ -32,6 +33,7 @@ from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.pieces import workers_around
 
 
 class Progress(NamedTuple):
@@ -53,10 +55,8 @@ class PieceRunner(Protocol):
         accept: Callable[[int, Any], None],
         is_needed: Callable[[int], bool],
     ) -> None:
-        """Apply a function, importable by its name, to each piece that is still needed when its turn comes.
-
-        `accept` takes the number of each piece and its result, in this process.
-        """
+        """Apply a function, importable by its name, to each piece that is still needed when its turn comes."""
+        # `accept` takes the number of each piece and its result, in this process.
         ...
 
 
@@ -163,8 +163,8 @@ def search(
     options
         Options of the search.
     workers
-        Executor of the work; by default this process alone. ``with gw.parallel.local_workers() as workers:``
-        uses all local cores. The result does not depend on it.
+        Executor of the work; by default that of the `with` block around it, `gapwalk.parallel.on_cores` or
+        `gapwalk.parallel.on_cluster`, and else this process alone. The result does not depend on it.
     report
         Called after each piece of work.
     stop
@@ -204,22 +204,10 @@ def search(
             report(Progress(len(catches), len(chunks), chunks[number].value, catch))
 
     try:
-        (workers.run if workers else _run_here)(search_chunk, chunks, keep, lambda _: stop is None or not stop())
+        (workers or workers_around()).run(search_chunk, chunks, keep, lambda _: stop is None or not stop())
     except KeyboardInterrupt:
         raise Interrupted(_result(parameter, chunks, catches, curves, numbers)) from None
     return _result(parameter, chunks, catches, curves, numbers)
-
-
-def _run_here(
-    function: Callable[[Any], Any],
-    pieces: Sequence[Any],
-    accept: Callable[[int, Any], None],
-    is_needed: Callable[[int], bool],
-) -> None:
-    """Process the pieces one after another in this process."""
-    for number, piece in enumerate(pieces):
-        if is_needed(number):
-            accept(number, function(piece))
 
 
 def _chunks(

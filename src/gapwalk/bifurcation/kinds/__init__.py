@@ -1,11 +1,8 @@
-"""Kinds of special points: one file for each, and their registration."""
+"""Kinds of special points, and their registration."""
 
-from gapwalk.bifurcation.kinds.branch_point import BranchPointKind
-from gapwalk.bifurcation.kinds.flip import Flip
-from gapwalk.bifurcation.kinds.fold import Fold
+from gapwalk.bifurcation.kinds.critical_multipliers import BranchPointKind, Flip, Fold, NeimarkSacker
 from gapwalk.bifurcation.kinds.grazing import Grazing
 from gapwalk.bifurcation.kinds.held_stop import HeldStop
-from gapwalk.bifurcation.kinds.neimark_sacker import NeimarkSacker
 from gapwalk.bifurcation.kinds.sliding import (
     AddingSliding,
     CrossingSliding,

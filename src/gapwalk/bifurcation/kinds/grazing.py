@@ -9,15 +9,22 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.error_estimate import ErrorEstimator, location_error
-from gapwalk.bifurcation.special_point import Kind, Symbol, describe_switch
-from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero, zero_between
+from gapwalk.bifurcation.special_point import (
+    ErrorEstimator,
+    Kind,
+    Search,
+    StepInterval,
+    Symbol,
+    Zero,
+    location_error,
+    zero_between,
+)
 from gapwalk.continuation.corrector import length_of
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD
-from gapwalk.orbit.orbit import Orbit, Turns, apart
+from gapwalk.orbit.orbit import Orbit, Turns, apart, describe_switch
 
 if TYPE_CHECKING:
     from gapwalk.bifurcation.special_point import SpecialPoint
@@ -148,11 +155,9 @@ def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoi
 
 
 def approaches(orbit: Orbit, switch: int) -> Turns:
-    """Return the extrema of a deflection that may pass a breakpoint.
-
-    At a rigid stop those are the places nearest to it without an impact. The others are impacts, which are at the stop
-    up to rounding, the farthest places between two of them, and where it is held.
-    """
+    """Return the extrema of a deflection that may pass a breakpoint."""
+    # At a rigid stop those are the places nearest to it without an impact. The others are impacts, which are at the
+    # stop up to rounding, the farthest places between two of them, and where it is held.
     turns = orbit.turning_depths[switch]
     reactions = orbit.system.structure.reactions
     if not reactions or switch not in {each for _, each in reactions}:
@@ -170,11 +175,9 @@ def _gapless(first: BranchPoint, last: BranchPoint) -> list[bool]:
 
 
 def _crossings(now: Turns, then: Turns, full: float) -> int:
-    """Count the extrema that have passed from one side of their breakpoint to the other.
-
-    One that enters and one that leaves may cancel in the pattern: a maximum that enters adds a visit, a minimum that
-    enters removes one.
-    """
+    """Count the extrema that have passed from one side of their breakpoint to the other."""
+    # One that enters and one that leaves may cancel in the pattern: a maximum that enters adds a visit, a minimum that
+    # enters removes one.
     if [depth > 0.0 for depth in now.values] == [depth > 0.0 for depth in then.values]:
         return 0
     count = 0
@@ -187,12 +190,10 @@ def _crossings(now: Turns, then: Turns, full: float) -> int:
 
 
 def _is_born_near_contact(now: Turns, then: Turns, full: float, near: float) -> bool:
-    """Return True if a pair of extrema appeared or vanished near a breakpoint, which it may then have passed.
-
-    Near means within the given share of the range of all extrema, or within the distance that other extrema moved
-    meanwhile. That distance shrinks with the step. So a pair that passes a breakpoint just after it appeared is found,
-    however soon.
-    """
+    """Return True if a pair of extrema appeared or vanished near a breakpoint, which it may then have passed."""
+    # Near means within the given share of the range of all extrema, or within the distance that other extrema moved
+    # meanwhile. That distance shrinks with the step. So a pair that passes a breakpoint just after it appeared is
+    # found, however soon.
     fewer, more = sorted((now, then), key=lambda turns: len(turns.thetas))
     if len(more.thetas) < len(fewer.thetas) + 2:
         return False
@@ -240,10 +241,8 @@ def _may_touch(before: BranchPoint, first: BranchPoint, last: BranchPoint, switc
 
 
 def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, switch: int) -> Graze | None:
-    """Locate the point between `first` and `last` where the deflection just reaches the breakpoint of a switch.
-
-    Return None if the extremum that reaches it cannot be tracked, because it may have appeared in between.
-    """
+    """Locate the point between `first` and `last` where the deflection just reaches the breakpoint of a switch."""
+    # Return None if the extremum that reaches it cannot be tracked, because it may have appeared in between.
     fewer, richer = sorted((first, last), key=lambda point: point.orbit.closings[switch])
     tracked = {richer.arclength: _extremum(richer.orbit, switch, _shortest_visit(richer.orbit, switch))}
 
@@ -268,11 +267,9 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, switc
 
 
 def _is_torn(interval: StepInterval, richer: BranchPoint, graze: BranchPoint, switch: int) -> bool:
-    """Return True if the orbits just beside a graze are far from it, on the side on which the stage is passed.
-
-    Beside a graze of a stage whose friction is there at once, changes of the motion grow without bound. The branch may
-    turn back at the graze, and once more a little beyond; a step may pass over both, with both ends stable.
-    """
+    """Return True if the orbits just beside a graze are far from it, on the side on which the stage is passed."""
+    # Beside a graze of a stage whose friction is there at once, changes of the motion grow without bound. The branch
+    # may turn back at the graze, and once more a little beyond; a step may pass over both, with both ends stable.
     rigid = {each for _, each in graze.orbit.system.structure.reactions}
     if switch in rigid or switch not in jumping_switches(graze.orbit.system):
         return False

@@ -25,14 +25,23 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator
-from gapwalk.bifurcation.special_point import Kind, Symbol, describe_switch
-from gapwalk.bifurcation.step_interval import EXACT, Search, StepInterval, Zero, zero_between
+from gapwalk.bifurcation.special_point import (
+    EXACT,
+    ROUNDING,
+    SAFETY,
+    ErrorEstimator,
+    Kind,
+    Search,
+    StepInterval,
+    Symbol,
+    Zero,
+    zero_between,
+)
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import DryModes, Motion, forces_and_accelerations, sample
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit import Orbit, describe_switch
 
 if TYPE_CHECKING:
     from gapwalk.bifurcation.special_point import SpecialPoint
@@ -129,12 +138,10 @@ def _difference(first: BranchPoint, last: BranchPoint, switch: int) -> int:
 
 
 def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, switch: int) -> HeldChange | None:
-    """Locate a change from the side with more phases; None if they do not vanish within the step.
-
-    On the other side there may be no orbit at a distance, or several, so that nothing is concluded from them but that
-    the phases of the first side are gone. What is left of the phase at the point counts as its error: the flow resolves
-    no phase that is shorter than two events must be apart.
-    """
+    """Locate a change from the side with more phases; None if they do not vanish within the step."""
+    # On the other side there may be no orbit at a distance, or several, so that nothing is concluded from them but that
+    # the phases of the first side are gone. What is left of the phase at the point counts as its error: the flow
+    # resolves no phase that is shorter than two events must be apart.
     rich, poor = sorted((first, last), key=lambda point: -sum(point.orbit.held[switch]))
     corrector, way = interval.corrector, math.copysign(1.0, poor.arclength - rich.arclength)
     point, before, near, far = rich, rich, 0.0, _BEYOND * abs(poor.arclength - rich.arclength)

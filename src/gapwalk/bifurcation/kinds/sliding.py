@@ -13,16 +13,27 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator, location_error
-from gapwalk.bifurcation.friction_changes import (
+from gapwalk.bifurcation.friction_along_branch import (
     Change,
+    Located,
     changes_between,
+    directions_left,
     find_changes,
     located_again,
+    never_slips,
+    own_phase,
+    position_of,
 )
-from gapwalk.bifurcation.onset_of_slip import Located, directions_left, never_slips, own_phase, position_of
-from gapwalk.bifurcation.special_point import Kind, Symbol
-from gapwalk.bifurcation.step_interval import Search, Zero
+from gapwalk.bifurcation.special_point import (
+    ROUNDING,
+    SAFETY,
+    ErrorEstimator,
+    Kind,
+    Search,
+    Symbol,
+    Zero,
+    location_error,
+)
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.sticking import stick_words, text_of
@@ -117,11 +128,9 @@ class Sliding(Kind):
 
 
 def _error_of_bracket(located: Located, second: ErrorEstimator) -> float:
-    """Estimate the error of a change that was located by the sequences of phases on both sides, not by its margin.
-
-    It is the distance within which the second computation has the same sequences on both sides, and the one from there
-    to where the phase vanishes.
-    """
+    """Estimate the error of a change that was located by the sequences of phases on both sides, not by its margin."""
+    # It is the distance within which the second computation has the same sequences on both sides, and the one from
+    # there to where the phase vanishes.
     before, after, contact = located.before, located.point, located.change.contact
     assert before is not None
     sides = [text_of(each.orbit.friction.get(contact, [])) for each in (before, after)]
@@ -137,11 +146,9 @@ def _error_of_bracket(located: Located, second: ErrorEstimator) -> float:
 
 
 def _unseen(located: Located, second: ErrorEstimator) -> float:
-    """Return the arclength from a change of sequences to where its phase vanishes, if a quantity touches zero there.
-
-    The length of such a phase grows as the root of the arclength. The flow leaves out those so brief that rounding
-    would decide on them.
-    """
+    """Return the arclength from a change of sequences to where its phase vanishes, if a quantity touches zero there."""
+    # The length of such a phase grows as the root of the arclength. The flow leaves out those so brief that rounding
+    # would decide on them.
     before, after, contact = located.before, located.point, located.change.contact
     assert before is not None
     is_longer = len(before.orbit.friction.get(contact, [])) > len(after.orbit.friction.get(contact, []))
@@ -155,11 +162,9 @@ def _unseen(located: Located, second: ErrorEstimator) -> float:
 
 
 def _new(search: Search, found: list[Located]) -> list[Located]:
-    """Return located changes without those where a force reaches its bound again, without slip in the meantime.
-
-    Once it has reached it, the motion is at the edge of a continuum, and steps may lead a little into it and back. The
-    memory of the walk has the contacts whose forces have, numbered from 1, with the sign of the direction.
-    """
+    """Return located changes without those where a force reaches its bound again, without slip in the meantime."""
+    # Once it has reached it, the motion is at the edge of a continuum, and steps may lead a little into it and back.
+    # The memory of the walk has the contacts whose forces have, numbered from 1, with the sign of the direction.
     reached = search.recent(Kind.SLIP_ONSET)
     for key in {*reached}:
         if not never_slips(search.first.orbit, int(abs(key)) - 1):
@@ -232,11 +237,9 @@ class SlipOnset(Sliding):
     def examined(
         self, special: SpecialPoint, before: BranchPoint, after: BranchPoint
     ) -> tuple[list[str], Callable[[BranchPoint], float] | None]:
-        """See `Kind.examined`: there is slip on one side, or friction is pushed along without net slip.
-
-        Then its force just reaches one of its bounds, or was led a little away from it, and its position moves in the
-        direction of slip. On the other side it is kept exactly.
-        """
+        """See `Kind.examined`: there is slip on one side, or friction is pushed along without net slip."""
+        # Then its force just reaches one of its bounds, or was led a little away from it, and its position moves in the
+        # direction of slip. On the other side it is kept exactly.
         faults, function = super().examined(special, before, after)
         if faults:
             name, sign = special.contact.rsplit(" ", 1)
@@ -250,11 +253,9 @@ class SlipOnset(Sliding):
         return faults, function
 
     def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
-        """Estimate the error on the side on which friction never slips: beyond, slip depends on the root.
-
-        If it ceases to slip in both directions, but is found to reach only one of its bounds, its position is none that
-        it has where slip ends, and that place is only known to the step.
-        """
+        """Estimate the error on the side on which friction never slips: beyond, slip depends on the root."""
+        # If it ceases to slip in both directions, but is found to reach only one of its bounds, its position is none
+        # that it has where slip ends, and that place is only known to the step.
         doubt = 0.0
         changes = [each.change for each in search.memo.get(Sliding, []) if each.point is zero.point]
         for contact in {each.contact for each in changes}:

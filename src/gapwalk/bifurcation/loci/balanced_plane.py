@@ -8,9 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.kinds.defining_functions import Criticality, smallest_singular_value
-from gapwalk.bifurcation.kinds.flip import flip_coefficient
-from gapwalk.bifurcation.loci.orbit_plane import STEP, OrbitPlane, Place, Turning
+from gapwalk.bifurcation.kinds.critical_multipliers import Criticality, flip_coefficient, smallest_singular_value
+from gapwalk.bifurcation.loci.locus_equations import STEP, OrbitPlane, Place, Turning
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.corrector import unknown_scales
 from gapwalk.orbit.harmonic_balance.balance import Balance

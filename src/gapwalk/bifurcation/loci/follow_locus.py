@@ -17,31 +17,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.kinds.sliding import Sliding
-from gapwalk.bifurcation.loci.codimension_two import Finding, find_codim2, find_merging
-from gapwalk.bifurcation.loci.locus import Codim2, Codim2Point, Locus, LocusEnd, LocusEndReason, LocusPoint
+from gapwalk.bifurcation.loci.locus import (
+    Codim2,
+    Codim2Point,
+    Finding,
+    Locus,
+    LocusEnd,
+    LocusEndReason,
+    LocusPoint,
+    find_codim2,
+    find_merging,
+)
 from gapwalk.bifurcation.loci.locus_equations import (
     MARGIN,
     GrazingEquation,
     LocusEquation,
     MultiplierEquation,
+    OrbitPlane,
     Secant,
+    ShotPlane,
     SlidingEquation,
     onto_curve,
     posed,
     zero_along,
 )
-from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, ShotPlane
-from gapwalk.bifurcation.special_point import Kind, SpecialPoint, describe_switch
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Correction, Corrector, Range, powers_of_two
 from gapwalk.continuation.curve import joined
-from gapwalk.continuation.curve_points import BranchPoint, Tracing
-from gapwalk.continuation.walk import EndReason, Walk, WalkOptions, WalkState
+from gapwalk.continuation.curve_points import BranchPoint
+from gapwalk.continuation.walk import EndReason, Tracing, Walk, WalkOptions, WalkState
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import switch_names
 from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.method import Method, chosen
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit import Orbit, describe_switch
 from gapwalk.orbit.shooting import Shooting
 
 # Corners: where a contact grazes at a bifurcation, the locus turns sharply, and the walk needs a special step.
@@ -216,10 +226,9 @@ def _leads_there(near: NearGrazing, start: NDArray[np.float64], corner: Correcti
 
 
 def _beyond(corrector: Corrector, near: NearGrazing, corner: Correction, turning: Turning) -> BranchPoint | None:
-    """Return the point of the locus slightly beyond its corner, where the deflection turns on the other side.
-
-    The locus is followed outwards from the corner over the measure in which it is smooth: the depth or its square root.
-    """
+    """Return the point of the locus slightly beyond its corner, where the deflection turns on the other side."""
+    # The locus is followed outwards from the corner over the measure in which it is smooth: the depth or its square
+    # root.
     side = -np.sign(turning.depth) * near.unit
     power, growth = (1, 3.0) if turning.is_touch else (2, 2.0)
     measures, places = [0.0], [corner]
@@ -278,10 +287,8 @@ def _pairs(first: BranchPoint, last: BranchPoint) -> Iterator[tuple[Turning, Tur
 
 
 def leaps(before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> bool:
-    """Return True if a step changes a touch in a way not predicted by the previous points.
-
-    Arcs of a locus that differ only by a touch are close to each other, and a step may jump from one to the other.
-    """
+    """Return True if a step changes a touch in a way not predicted by the previous points."""
+    # Arcs of a locus that differ only by a touch are close to each other, and a step may jump from one to the other.
     rates: dict[tuple[int, float], float] = {}
     if before is not None:
         for past, now in _pairs(before, first):
@@ -658,12 +665,10 @@ class LocusTracer(Iterator[LocusStep]):
         return None
 
     def _is_smooth(self, state: WalkState, last: BranchPoint, is_coarse: bool) -> bool:
-        """Return True if a step stays on its arc.
-
-        Arcs that nearly meet are distinguished by the orientation of the Jacobian. Along one arc the orientation
-        changes only where arcs really cross; there the smallest steps are accepted. A locus of multipliers has a corner
-        wherever a contact begins or ceases to touch.
-        """
+        """Return True if a step stays on its arc."""
+        # Arcs that nearly meet are distinguished by the orientation of the Jacobian. Along one arc the orientation
+        # changes only where arcs really cross; there the smallest steps are accepted. A locus of multipliers has a
+        # corner wherever a contact begins or ceases to touch.
         if is_coarse and last.determinant * state.point.determinant < 0.0:
             return False
         if not self.beginning.kind.by_multipliers:

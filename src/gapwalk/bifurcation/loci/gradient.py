@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.loci.follow_locus import equation_of, plane_of
-from gapwalk.bifurcation.loci.locus_equations import LocusEquation, MultiplierEquation
-from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, Place, ShotPlane
+from gapwalk.bifurcation.loci.locus_equations import LocusEquation, MultiplierEquation, OrbitPlane, Place, ShotPlane
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.corrector import powers_of_two
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
@@ -72,10 +71,8 @@ class Gradient(Shown):
 
     @property
     def distinct(self) -> list[int]:
-        """Indices as in `order`, without factors that only repeat the amplitude of their load.
-
-        Where a load acts on one coordinate, ``harmonic1.acts_on.x`` multiplies ``harmonic1.amplitude``.
-        """
+        """Indices as in `order`, without factors that only repeat the amplitude of their load."""
+        # Where a load acts on one coordinate, ``harmonic1.acts_on.x`` multiplies ``harmonic1.amplitude``.
         system, repeated = self.special.orbit.system, set[str]()
         every = system.structure.names
         for load in system.structure.driving if len(every) <= _MANY else ():
@@ -227,12 +224,10 @@ def gradient(special: SpecialPoint, names: Sequence[str] = (), method: Method | 
 
 
 def shifts(special: SpecialPoint, names: Sequence[str]) -> NDArray[np.float64]:
-    """Return the derivatives of all unknowns of a special point, its parameter value last, by other parameters.
-
-    They predict the point in a system near by: shape (unknowns, parameters), the unknowns as in
-    `gapwalk.bifurcation.loci.follow_locus.equation_of`. Those of a condition on multipliers come from forward
-    differences and have about six digits; `gradient` is more accurate. Errors are those of `gradient`.
-    """
+    """Return the derivatives of all unknowns of a special point, its parameter value last, by other parameters."""
+    # They predict the point in a system near by: shape (unknowns, parameters), the unknowns as in
+    # `gapwalk.bifurcation.loci.follow_locus.equation_of`. Those of a condition on multipliers come from forward
+    # differences and have about six digits; `gradient` is more accurate. Errors are those of `gradient`.
     orbit, parameter = special.orbit, special.parameter
     found = []
     for first in range(0, len(names), _BATCH):

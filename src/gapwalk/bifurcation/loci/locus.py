@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.special_point import Kind
+from gapwalk.bifurcation.branch_start import halves_apart, is_close
+from gapwalk.bifurcation.kinds.critical_multipliers import critical_pair
+from gapwalk.bifurcation.kinds.grazing import Graze, find_grazing
+from gapwalk.bifurcation.kinds.sliding import Sliding
+from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, MultiplierEquation, Secant, zero_along
+from gapwalk.bifurcation.special_point import Kind, StepInterval
+from gapwalk.bracketed_root import zero_between_signs
+from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.continuation.curve import Measured
-from gapwalk.continuation.curve_points import OrbitOnCurve
+from gapwalk.continuation.curve_points import BranchPoint, OrbitOnCurve
 from gapwalk.continuation.walk import AnyEnd, Reason
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.flow.flow import PERIOD
+from gapwalk.orbit.orbit import Orbit, apart, describe_switch
 
 
 class LocusEndReason(Reason):
@@ -130,13 +140,7 @@ class Codim2Point:
 
 @dataclass(frozen=True, eq=False)
 class Locus(Measured):
-    """Curve of special points of one kind in the plane of two parameters.
-
-    Examples
-    --------
-    >>> locus.first, locus.second, locus.values.shape == (len(locus.points), 2)
-    ('frequency', 'stop.clearance', True)
-    """
+    """Curve of special points of one kind in the plane of two parameters."""
 
     kind: Kind  #: Kind of the special points: fold, flip, Neimark-Sacker, grazing.
     #: first, second: Names of the parameters.
@@ -176,3 +180,226 @@ class Locus(Measured):
             f"Locus({self.kind.value}{contact}, period {self.period}, {self.first} and {self.second}, "
             f"{len(self.points)} points, {counts or 'no points of codimension two'})"
         )
+
+
+# Detection and location of the points of codimension two in one step along a locus.
+#
+# As in `gapwalk.bifurcation.detector`, a change of sign of a test function is located by bracketing. Wherever a test
+# function bends so much that it may cross zero twice between two points, the step is halved until that is excluded.
+# The test functions are smooth, and zero at a point of codimension two:
+#
+# ==========================  ===========================================================================
+# cusp, degenerate grazing    signed speed in the parameter plane: the locus turns back there
+# 1:1 and 1:2 on fold, flip   sum of the products of ``mu -+ 1`` over all multipliers but one
+# 1:1 to 1:4 on a pair        cosine of its argument, minus that of the resonance
+# generalised flip            cubic coefficient
+# fold-, flip-                product of ``mu - 1`` or ``mu + 1`` over the multipliers that are not critical
+# -Neimark-Sacker             product of ``mu_i mu_j - 1`` over the pairs of those
+# ==========================  ===========================================================================
+#
+# (Kuznetsov, Elements of Applied Bifurcation Theory, chapters 9 and 10.) Factors larger than 1 in absolute value are
+# reduced to 1, so that a large multiplier cannot dominate the critical one. A fold locus of doubled motions ends at a
+# generalised flip, where they reach half their period.
+
+_TURNED = 1e-5  # speed in the parameter plane, relative to that along the locus, below which the locus turns back
+_CIRCLE = 1e-5  # distance from the unit circle within which a pair counts as on it
+
+_COSINES = {
+    Codim2.RESONANCE_1_1: 1.0,
+    Codim2.RESONANCE_1_2: -1.0,
+    Codim2.RESONANCE_1_3: -0.5,
+    Codim2.RESONANCE_1_4: 0.0,
+}
+_TURNING = (Codim2.CUSP, Codim2.DEGENERATE_GRAZING)
+_KINDS = {
+    Kind.FOLD: (Codim2.CUSP, Codim2.RESONANCE_1_1, Codim2.FOLD_FLIP, Codim2.FOLD_NEIMARK_SACKER),
+    Kind.FLIP: (Codim2.RESONANCE_1_2, Codim2.FOLD_FLIP, Codim2.FLIP_NEIMARK_SACKER, Codim2.GENERALISED_FLIP),
+    Kind.NEIMARK_SACKER: (*_COSINES, Codim2.FOLD_NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER),
+}
+"""Kinds of points that are detected on a locus of one kind, besides grazing contacts."""
+_ON_OTHERS = {
+    Codim2.DEGENERATE_GRAZING: None,
+    Codim2.FOLD_GRAZING: 1.0,
+    Codim2.FLIP_GRAZING: -1.0,
+    Codim2.NEIMARK_SACKER_GRAZING: None,
+}
+"""Kinds of points on all other loci, and the value of the critical multiplier there if it is real."""
+_TARGETS = {
+    (Kind.FOLD, Codim2.FOLD_FLIP): -1.0,
+    (Kind.FLIP, Codim2.FOLD_FLIP): 1.0,
+    (Kind.NEIMARK_SACKER, Codim2.FOLD_NEIMARK_SACKER): 1.0,
+    (Kind.NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER): -1.0,
+}
+"""Value of the second critical multiplier, on a locus of one kind."""
+_DOUBT = 0.5  # share of its bend by which a test function may dip between the ends of an interval; 1/8 for a parabola
+_FINEST = 1e-5  # arclength below which two zeros are not distinguished
+_NOISE = 1e-8  # absolute value of a test function that is only rounding
+_TOUCHING = 1e-7  # depth, in units of the unknowns, within which a turning point grazes
+_MERGED = 0.1  # radians from the turning point that grazes all along a grazing locus, within which it is the same one
+_EXACT = 1e-13  # arclength to which zeros are located
+_BESIDE = 1e-5  # arclength from a cusp at which the parameters change at normal speed again
+_CUSP = 0.5  # largest sum of the tangents on both sides of a cusp, where they should be opposite, by their difference
+_SECANT = Secant(first=1e-3, exact=1e-9)  # the accuracy to which the coefficient is known
+_OVER = 2.0  # largest distance of the end, in estimated distances
+
+
+class Finding(NamedTuple):
+    """Point of codimension two: its kind, its place, and the contact that grazes, if any."""
+
+    kind: Codim2
+    point: BranchPoint
+    contact: str = ""
+
+
+def find_codim2(
+    locus: Kind, corrector: Corrector, before: BranchPoint | None, first: BranchPoint, last: BranchPoint
+) -> list[Finding]:
+    """Return the points of codimension two between two neighbouring points, in order; `before` is the point before."""
+    interval = StepInterval(corrector, first, last)
+    found = [
+        Finding(Codim2.GRAZING, graze.point, describe_switch(graze.point.orbit, graze.switch))
+        for graze in find_grazing(interval, before, first, last)
+        if not _is_echo(corrector, graze)
+    ]
+    for what in () if isinstance(locus, Sliding) else _KINDS.get(locus, _ON_OTHERS):
+        function = _function(locus, what, corrector, first)
+        rate = None
+        if before is not None and before.arclength < first.arclength:
+            rate = (function(first) - function(before)) / (first.arclength - before.arclength)
+        zeros = _search(function, interval, first, last, rate)
+        found += [Finding(what, point) for point in zeros if _is_genuine(locus, what, point, interval)]
+    return sorted(found, key=lambda finding: finding.point.arclength)
+
+
+def _is_echo(corrector: Corrector, graze: Graze) -> bool:
+    """Return True if the touch belongs to a grazing locus itself, where the margin changes sides or its turns merge."""
+    equation = corrector.equation
+    if not isinstance(equation, GrazingEquation) or equation.switch != graze.switch:
+        return False
+    full, depths = PERIOD * equation.period, graze.point.orbit.turning_depths[graze.switch]
+    own = float(graze.point.x[-3] * corrector.scales[-3]) % full
+    touches = [theta for theta, depth in zip(*depths, strict=True) if abs(depth) < _TOUCHING * corrector.scales[0]]
+    return all(apart(theta, own, full) < _MERGED for theta in touches)
+
+
+def _function(locus: Kind, what: Codim2, corrector: Corrector, first: BranchPoint) -> Callable[[BranchPoint], float]:
+    """Return the test function of one kind of point on a locus; `first` is the point at which a step begins."""
+    if what in _TURNING:
+        heading = first.tangent[-2:] / (float(np.linalg.norm(first.tangent[-2:])) or 1.0)
+        return lambda point: float(point.tangent[-2:] @ heading)
+
+    def compute(point: BranchPoint) -> float:
+        if what is not Codim2.GENERALISED_FLIP:
+            return _multiplier_test(locus, what, point.orbit.free_multipliers)
+        equation = cast("MultiplierEquation", corrector.equation)
+        coefficient = equation.flip_coefficient(point.x[:-1] * corrector.scales[:-1], point.value)
+        return coefficient * _product(point.orbit.free_multipliers - 1.0)  # the factor removes its poles, at fold-flips
+
+    def function(point: BranchPoint) -> float:
+        known = point.memo.get(what)
+        if known is None:
+            known = point.memo[what] = compute(point)
+        return known
+
+    return function
+
+
+def _product(factors: NDArray[np.complex128]) -> float:
+    return float(np.prod(_cut(factors)).real)
+
+
+def _cut(factors: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    return factors / np.maximum(1.0, np.abs(factors))
+
+
+def _multiplier_test(locus: Kind, what: Codim2, multipliers: NDArray[np.complex128]) -> float:
+    """Evaluate the test function of a kind that is defined by the multipliers."""
+    critical = _critical(locus, multipliers)
+    if what in _COSINES:
+        if locus is Kind.NEIMARK_SACKER:
+            return 0.5 * float(multipliers[critical].sum().real) - _COSINES[what]
+        # the sum of all products without one factor is smooth where two factors meet
+        table = np.tile(_cut(multipliers - _COSINES[what]), (len(multipliers), 1))
+        np.fill_diagonal(table, 1.0)
+        return float(table.prod(axis=1).sum().real)
+    others = np.delete(multipliers, critical)
+    target = _TARGETS.get((locus, what), _ON_OTHERS.get(what))
+    if target is not None:
+        return _product(others - target)
+    first, second = np.triu_indices(len(others), 1)
+    return _product(others[first] * others[second] - 1.0)
+
+
+def _critical(locus: Kind, multipliers: NDArray[np.complex128]) -> list[int]:
+    """Return the indices of the multipliers that are critical all along a locus."""
+    return list(critical_pair(multipliers)) if locus is Kind.NEIMARK_SACKER else locus.critical(multipliers).tolist()
+
+
+def _search(
+    function: Callable[[BranchPoint], float], interval: StepInterval, a: BranchPoint, b: BranchPoint, rate: float | None
+) -> list[BranchPoint]:
+    """Return all zeros between two points, given the rate of change before them, if any."""
+    length, at_a, at_b = b.arclength - a.arclength, function(a), function(b)
+    if not max(abs(at_a), abs(at_b)) >= _NOISE:
+        return []  # undefined, or zero everywhere, as with multipliers on the unit circle without damping
+    if at_a * at_b < 0.0:
+        ends = a.arclength, b.arclength
+        root = zero_between_signs(lambda s: function(interval.at(s)), *ends, absolute=_EXACT, relative=1e-14)
+        return [interval.at(root)]
+    bend = abs(at_b - at_a - rate * length) if rate is not None else abs(at_b - at_a)
+    if length < _FINEST or min(abs(at_a), abs(at_b)) > _DOUBT * bend:
+        return []
+    middle = interval.middle(a, b)
+    left = _search(function, interval, a, middle, rate)
+    return left + _search(function, interval, middle, b, (function(middle) - at_a) / (0.5 * length))
+
+
+def _is_genuine(locus: Kind, what: Codim2, point: BranchPoint, interval: StepInterval) -> bool:
+    """Return True if a zero of a test function is a point of the expected kind."""
+    if what in _TURNING:
+        if float(np.linalg.norm(point.tangent[-2:])) < _TURNED:
+            return True  # both components vanish: not a turn of 90 degrees
+        # at a sharp cusp rounding leaves some speed in the parameter plane; both parameters must then turn back
+        first, *_, last = (each.arclength for each in interval.points)
+        beside = min(_BESIDE, point.arclength - first, last - point.arclength)
+        if beside <= 0.0:
+            return False
+        before, after = (interval.at(point.arclength + way * beside).tangent[-2:] for way in (-1.0, 1.0))
+        return bool((np.abs(after + before) < _CUSP * np.abs(after - before)).all())
+    pairs = (Codim2.FOLD_NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER, Codim2.NEIMARK_SACKER_GRAZING)
+    if locus is Kind.NEIMARK_SACKER or what not in pairs:
+        return True
+    multipliers = point.orbit.free_multipliers
+    others = np.delete(multipliers, _critical(locus, multipliers))
+    complex_ones = others[np.abs(others.imag) > _CIRCLE]
+    return bool(np.any(np.abs(np.abs(complex_ones) - 1.0) < _CIRCLE))  # excludes neutral saddles
+
+
+def find_merging(corrector: Corrector, before: BranchPoint | None, point: BranchPoint) -> BranchPoint | None:
+    """Locate the end of a fold locus, where its orbits reach half their period, if it is just ahead; otherwise None."""
+    # The equation is singular there, because every flip of the parent solves it too. So the end is located on the locus
+    # of those flips as the zero of their cubic coefficient, by the secant method.
+    if before is None or point.orbit.period % 2 or not is_close(point):
+        return None
+    past, now = (float(np.linalg.norm(halves_apart(each))) for each in (before, point))
+    if now >= past:
+        return None
+    distance = (point.arclength - before.arclength) * now / (past - now)
+    equation = cast("MultiplierEquation", corrector.equation)
+    shared = np.append(equation.plane.shared(), [True, True])  # and both parameters
+    plane, scales = equation.plane.halved(), corrector.scales[shared]
+    flips = replace(equation, plane=plane, kind=Kind.FLIP, scales=scales)
+    middle = equation.plane.mean_of_halves(point.orbit) / scales[:-2]
+
+    def coefficient(correction: Correction) -> float:
+        x = correction.x * scales
+        return flips.flip_coefficient(x[:-1], float(x[-1]))
+
+    found = zero_along(Corrector(flips, scales), np.concatenate((middle, point.x[-2:])), coefficient, _SECANT)
+    if found is None:
+        return None
+    end = np.zeros(len(point.x))
+    end[shared] = found.x
+    way = end - point.x
+    length = float(np.linalg.norm(way))
+    return corrector.uncorrected(end, way / length, point.arclength + length) if length < _OVER * distance else None

@@ -102,7 +102,7 @@ export class Heard {
     if (there) {
       const map = found.maps[Number($("heard-map").value) || 0], track = found.tracks[Number($("heard-order").value) || 0];
       const range = axes.xaxis.range, left = axes.xaxis._offset, right = Math.max(0, $("heard-picture").clientWidth - left - axes.xaxis._length);
-      const more = { range, left, right, over: $("heard-over").value, pitch: this.content.pitch, turns: found.turns, across: /^order/.test(found.across) ? "order" : "multiple of Ω" };
+      const more = { range, left, right, over: $("heard-over").value, pitch: this.content.pitch, turns: found.turns, top: found.top, depth: found.depth, unit: found.unit, across: /^order/.test(found.across) ? "order" : "multiple of Ω" };
       const scale = colours(cardColour(), isDark());
       document.querySelector("#heard-panels .head i").style.background = `linear-gradient(to right, ${[0, 64, 128, 192, 255].map((k) => `rgb(${scale[k].join()})`).join()})`;
       drawMap($("heard-picture"), map, { ...more, height: HEIGHTS.map, scale, label: `Order map of ${$("heard-signal").value}, ${map.text}` });

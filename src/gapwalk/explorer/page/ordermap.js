@@ -36,9 +36,10 @@ function levels(map) {
  * Draw a map into a place.
  *
  * `range`: speeds at its left and right end; `left`, `right`: pixels beside it; `scale`: colours; `over`: "orders" or
- * "frequencies"; `pitch`: hertz of the excitation at speed 1; `turns`: periods of it in a turn, as orders count.
+ * "frequencies"; `pitch`: hertz of the excitation at speed 1; `turns`: periods of it in a turn, as orders count;
+ * `top`, `depth`, `unit`: the largest amplitude of the colours, their range in dB, and the unit: read at the cursor.
  */
-export function drawMap(place, map, { range, left, right, height, scale, over, pitch, turns, across, label }) {
+export function drawMap(place, map, { range, left, right, height, scale, over, pitch, turns, across, label, top: loudest = 1, depth = 60, unit = "" }) {
   const width = Math.max(160, Math.round(place.clientWidth) || 300), wide = Math.max(1, Math.round(width - left - right)), high = height - TOP - BOTTOM;
   const top = map.orders.at(-1), is = over === "frequencies", most = is ? (top / turns) * pitch * Math.max(...map.x) : top;
   const picture = document.createElement("canvas");
@@ -69,5 +70,20 @@ export function drawMap(place, map, { range, left, right, height, scale, over, p
   svg.append(element("rect", { class: "frame", x: left, y: TOP, width: wide, height: high }));
   const middle = TOP + high / 2, words = is ? "frequency [Hz]" : across;
   svg.append(element("text", { class: "title", x: 9, y: middle, "text-anchor": "middle", transform: `rotate(-90 9 ${middle})` }, words));
+  const read = element("text", { x: left + wide - 4, y: TOP + 12, "text-anchor": "end", class: "read" });
+  svg.append(read);
+  svg.addEventListener("pointerleave", () => { read.textContent = ""; });
+  svg.addEventListener("pointermove", ({ offsetX, offsetY }) => {
+    const speed = range[0] + ((offsetX - left) / wide) * (range[1] - range[0]), value = ((TOP + high - offsetY) / high) * most;
+    const order = is ? (value / (speed * pitch)) * turns : value, k = nearest(x, speed), level = rows[k]?.[Math.round(order / step) - 1];
+    const inside = offsetX >= left && offsetX <= left + wide && offsetY >= TOP && offsetY <= TOP + high && level !== undefined;
+    const down = depth * (level / 255 - 1), size = level ? `${Number((loudest * 10 ** (down / 20)).toPrecision(3))} ${unit}, ${down.toFixed(1)} dB` : `below ${-depth} dB`;
+    read.textContent = inside ? `${Number(speed.toPrecision(4))}, order ${Number(order.toPrecision(3))}, ${Number(((order / turns) * pitch * speed).toPrecision(3))} Hz: ${size}` : "";
+  });
   place.replaceChildren(svg);
+}
+
+/** The index of the number nearest to another one. */
+function nearest(numbers, wanted) {
+  return numbers.reduce((best, value, k) => (Math.abs(value - wanted) < Math.abs(numbers[best] - wanted) ? k : best), 0);
 }

@@ -1,5 +1,7 @@
 // What an answer adds to the diagram over two axes: shades and cells behind the lines, series and clouds above them.
 
+import { letters } from "./clusters.js";
+
 /** Tints of shades and cells, as variables of the style sheet. */
 const TINTS = { one: "--tint-one", both: "--tint-both", quiet: "--tint-quiet", goal: "--tint-goal", closed: "--tint-closed", open: "--tint-open", none: "--stop", undone: "--page" };
 const LOOKS = {
@@ -84,10 +86,12 @@ export function cellTraces({ cells }, color) {
 /** Series and clouds as traces of Plotly; `placed` returns where a special point is: [x, y], or null. */
 export function tracesOf(over, view, placed, color) {
   const marks = { dots: "circle", crosses: "x-thin-open", stars: "star" };
-  const layers = over.layers.map(({ x, y, mark, look, text }) => {
+  const layers = over.layers.map(({ x, y, mark, look, text, notes }) => {
+    const named = mark === "line" && notes; // texts beside its points
     const shade = color(LOOKS[look] ?? "--accent"), starred = mark === "stars";
     return {
-      type: "scatter", mode: mark === "line" ? "lines" : "markers", name: text || look, x, y, hoverinfo: text ? "text" : "skip", text,
+      type: "scatter", mode: mark !== "line" ? "markers" : named ? "lines+text" : "lines", name: text || look, x, y,
+      hoverinfo: text && !named ? "text" : "skip", text: named || text, textposition: "top left", textfont: { size: letters(), color: shade },
       line: { color: shade, width: 1.6, dash: ["most", "falling", "torus-unstable"].includes(look) ? "6px,3px" : "solid" },
       marker: { symbol: marks[mark], size: starred ? 15 : mark === "crosses" ? 7 : x.length > MANY ? 2.4 : 4.5, color: starred ? GOLD : shade, line: { width: x.length > MANY ? 0 : 1.2, color: starred ? color("--ink") : shade } },
     };

@@ -24,12 +24,14 @@ from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Positive, check_fields
 from gapwalk.model.contact import ContactForm, Stage
 from gapwalk.model.drivetrain.train import Train
-from gapwalk.model.drivetrain.train_assembly import TrainAssembly, TrainForm, structure_of
+from gapwalk.model.drivetrain.train_assembly import TorqueForm, TrainAssembly, TrainForm, structure_of
 from gapwalk.model.drivetrain.train_parts import Inertia, Shaft, scaled
 from gapwalk.model.laws import Expression
-from gapwalk.model.loads import Harmonic, LoadForm
+from gapwalk.model.loads import Harmonic
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind, Unit, Units
+
+_DISPLACED = (".deflection", ".clearance")  # what varies by an angle
 
 _CONSISTENT = 1e-9  # relative error of numbers of the paper that must fit together
 
@@ -159,16 +161,18 @@ def _form(form: TrainForm, units: Units, scales: Scales) -> TrainForm:
         text = scaled(old.law.text, angle, angle * scales.frequency, scales.torque)
         return replace(old, law=Expression(text, old.law.variables))
 
-    def load(old: LoadForm) -> LoadForm:
-        given = dict(old.constants)
-        for name in old.kind.frequencies if given.get("growth", True) else ():
-            given[name] /= scales.frequency
-        return replace(old, constants=tuple(given.items()))
+    def torque(old: TorqueForm) -> TorqueForm:
+        load = old.harmonic
+        size = angle if old.displaces or any(name.endswith(_DISPLACED) for name, _ in load.varies) else 1.0
+        given = load.kind.rescaled(dict(load.constants), scales.frequency, scales.torque if old.acts_on else size)
+        return replace(old, harmonic=replace(load, constants=tuple(given.items())))
 
     return replace(
         form,
+        pace=form.pace / angle,
+        over_speed=tuple((name, factor.scaled(scales.frequency)) for name, factor in form.over_speed),
         links=tuple(replace(link, parts=tuple(map(contact, link.parts))) for link in form.links),
-        torques=tuple(replace(torque, harmonic=load(torque.harmonic)) for torque in form.torques),
+        torques=tuple(map(torque, form.torques)),
     )
 
 
@@ -181,7 +185,7 @@ def scales_of(system: System) -> Scales:
     """
     units, assembly = _train_of(system)
     form, equations = assembly.form, system.equations
-    elastic = next((number for number in form.springs if not form.links[number].drag), form.springs[0])
+    elastic = next((number for number in form.springs if not form.links[number].slides), form.springs[0])
     touching = [(number, contact) for number, contact in form.contacts if number in form.springs and contact.stages]
     number, contact = touching[0] if touching else (elastic, None)
     place = form.springs.index(number)

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
+from functools import cached_property
 from itertools import pairwise
 from numbers import Real
 from typing import Any
@@ -16,15 +17,15 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import OF_FRICTION, RIGID, Contact, ContactForm, friction_name, stop_name
+from gapwalk.model.drivetrain.bearing import Bearing, on_bearings
+from gapwalk.model.drivetrain.planetary import Mesh, Planet, Planetary
 from gapwalk.model.drivetrain.train_assembly import (
     CONSISTENT,
-    LinkForm,
     TorqueForm,
     TrainAssembly,
     TrainForm,
     TrainNumbers,
     structure_of,
-    tree_of,
 )
 from gapwalk.model.drivetrain.train_orders import (
     LONGEST,
@@ -32,19 +33,39 @@ from gapwalk.model.drivetrain.train_orders import (
     common_orders,
     displaced_gears,
     fixed_ratios,
+    formula_numbers,
     gapless_links,
     load_problems,
     multiples_of,
     own_kinds,
+    phased_loads,
     plain_load,
     prescribed_inertias,
     ratio_of,
     targets_of,
+    turn_speeds,
+    walked,
     with_load,
 )
-from gapwalk.model.drivetrain.train_parts import GROUND, Change, Force, Friction, Gear, Inertia, Link, Shaft, links_of
-from gapwalk.model.laws.formula import NUMPY_FUNCTIONS
+from gapwalk.model.drivetrain.train_parts import (
+    GROUND,
+    Change,
+    Drag,
+    Force,
+    Friction,
+    Gear,
+    Inertia,
+    Link,
+    Shaft,
+    Slips,
+    acts_along_its_slip,
+    links_of,
+)
+from gapwalk.model.drivetrain.train_rows import Solved, circuits, solved
+from gapwalk.model.drivetrain.train_tree import LinkForm, tree_of
+from gapwalk.model.laws.formula import is_computed
 from gapwalk.model.loads import Load, LoadForm
+from gapwalk.model.loads.load import FactorOverSpeed
 from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.system import System
 from gapwalk.model.units import (
@@ -69,7 +90,8 @@ _RESERVED = ("frequency", "speed", "mass", "damping", "stiffness", "mean", "stud
 def name_problems(train: Train) -> Iterator[str]:
     """List names that no parameter can have, or that two parts have."""
     parts: Any = [("inertia", train.inertias), ("shaft", train.shafts), ("gear", train.gears), ("force", train.forces)]
-    parts += [("friction", train.frictions), ("harmonic", train.harmonics)]
+    parts += [("friction", train.frictions), ("drag", train.drags), ("planetary", train.planetaries)]
+    parts += [("bearing", train.bearings), ("harmonic", train.harmonics)]
     counts = Counter(str(part.name) for _, group in parts for part in group)
     for kind, group in parts:
         for part in group:
@@ -91,12 +113,15 @@ def makes_friction(link: Link) -> bool:
     return any(OF_FRICTION[0] in numbers for numbers in (link.numbers, *(stage.numbers for stage in link.stages)))
 
 
+_NO_NUMBERS = ("teeth", "normal", "group", "exponent", "weights", "counted", "carrier", "side")
+
+
 def number_problems(train: Train) -> Iterator[str]:
     """List the values that should be numbers, but are not."""
     for part in (*train.inertias, *train.links):
         for each in fields(part):
             value = getattr(part, each.name)
-            if each.name in ("name", "between", "stages", "law", "numbers", "teeth", "normal") or (
+            if each.name in ("name", "between", "stages", "law", "numbers", *_NO_NUMBERS) or (
                 value is None and (each.default is None or isinstance(part, Friction))
             ):
                 continue
@@ -106,17 +131,29 @@ def number_problems(train: Train) -> Iterator[str]:
                 yield f"{part.name}.{each.name} is {value!r}; it must be a number"
 
 
+def radius_problems(train: Train) -> Iterator[str]:
+    """List radii that are no lengths."""
+    for name, radius in ((each.name, each.radius) for each in train.inertias if each.radius is not None):
+        if train.units is None:
+            yield f"{name}.radius is {radius:g}, but this train has no units; leave it out"
+        elif not 0 < radius < math.inf:
+            yield f'{name}.radius is {radius:g}; it must be positive, as in "35 mm"'
+
+
 def part_problems(train: Train) -> Iterator[str]:
     """List the errors of the parts, one by one."""
     inertias = [inertia.name for inertia in train.inertias]
     if not inertias:
         yield "inertias is empty; name at least one"
         return
+    yield from radius_problems(train)
     if not train.links:
         yield "there are neither shafts nor gears; join the inertias by some"
     for link in train.links:
         yield from (f"{link.name} {problem}" for problem in link.problems())
         ends = link.between
+        if isinstance(link, Mesh):
+            continue  # its set has been checked
         if not isinstance(ends, tuple | list) or len(ends) != 2:
             yield f'{link.name} joins {ends!r}; write the names of two inertias, as in ("a", "b")'
             continue
@@ -153,8 +190,61 @@ def part_problems(train: Train) -> Iterator[str]:
             yield f"mean.{train.reaction} and reaction = {train.reaction!r} are both given; leave one of the two out"
 
 
+def set_problems(train: Train) -> Iterator[str]:
+    """List the errors of planetary sets and bearings, and names of their parts that are taken."""
+    inertias = [each.name for each in train.inertias if not isinstance(each, Planet)]
+    taken = {part.name for part in (*train.inertias, *train.shafts, *train.gears, *train.forces, *train.frictions)
+             if not isinstance(part, Planet)}  # fmt: skip
+    for each in (*train.planetaries, *train.bearings):
+        own = each.problems(inertias, train.gears) if isinstance(each, Bearing) else each.problems(inertias)
+        found = [f"{each.name} {problem}" for problem in own]
+        yield from found
+        if isinstance(each, Bearing):
+            made = () if found else (each.inertia(train.units),)
+        else:
+            made = () if found else (*each.inertias, *each.links)
+        yield from (
+            f"{each.name} makes {part.name}, but another part has that name; choose another one for it"
+            for part in made
+            if part.name in taken
+        )
+
+
+def row_problems(train: Train) -> Iterator[str]:
+    """Report parts that are not connected, or turn at speeds of their own, where links have more than two ends."""
+    names = [inertia.name for inertia in train.inertias]
+    found, groups = train._solved, train._groups
+    apart = [name for name in names if groups[name] != groups[names[0]]]
+    whole = train._whole.free
+    if apart and len(whole) > 1:
+        yield f"{apart[0]} is not connected to {names[0]}; write a shaft or a gear between them"
+    elif len(found.free) > 1:
+        first, second = found.free[:2]
+        yield (
+            f"{train.branches[0].name} lets {first} and {second} turn at speeds of their own, so their mean "
+            'speeds are unknown; hold a member, as in ring = "ground", join two of them by a shaft, or let a '
+            f'linear drag end the slip: a [[drag]] with between = ["{first}", "{second}"] and linear = ...'
+        )
+    elif found.free and (moved := prescribed_inertias(train)):
+        yield f"nothing joins {found.free[0]} to {moved[0]}, whose motion is prescribed; write a shaft with a stiffness"
+    elif not whole and not any(GROUND in link.between for link in train.links if not link.is_drag):
+        yield "the ratios of gears and planetary sets lock the train: it cannot turn; correct one of them"
+    elif found.free and not train._speeds:
+        yield (
+            f"reference is {train.reference!r}, which stands still as the train turns; write the name of an inertia "
+            f"that turns, as reference = {found.free[0]!r}"
+        )
+    elif train.reaction is not None and train._speeds and not train._speeds[train.reaction]:
+        yield f"reaction is {train.reaction!r}, which stands still as the train turns; name an inertia that turns"
+    if all(link.is_rigid or link.is_drag or link.only_follows for link in train.links):
+        yield f"{train.branches[0].name} is rigid, as all links are, so nothing vibrates; give a shaft stiffness"
+
+
 def connection_problems(train: Train) -> Iterator[str]:
     """Report parts that are not connected, and parts that cannot move."""
+    if train.branches:
+        yield from row_problems(train)
+        return
     numbers, links = train._joined()
     tree = tree_of(links, numbers[GROUND])
     reached = {tree.root, *(step.child for step in tree.steps)}
@@ -179,72 +269,40 @@ def connection_problems(train: Train) -> Iterator[str]:
         yield f"{link.name} is rigid, as all links are, so nothing vibrates; give a shaft or a gear stiffness"
 
 
-def slip_problems(train: Train, numbers: TrainNumbers) -> Iterator[str]:
-    """List the drags between parts that turn at different speeds, with the loads that come nearest to them."""
-    form, names = numbers.form, numbers.form.inertias
-    scale = numbers.speeds[names.index(train.reference)] if train.reference in names else 1.0
-    speeds = np.append(numbers.speeds / scale, 0.0)
-    for place, (link, part) in enumerate(zip(train.links, form.links, strict=True)):
-        (first, second), ratio = part.ends, numbers.ratios[place]
-        slip = speeds[first] - ratio * speeds[second]
-        held = not form.is_free and place not in form.tree.looped
-        if held or not (part.drag or part.loose) or abs(slip) <= CONSISTENT * abs(speeds[first]):
-            continue
-        acts = [f"{names[first]} = -1.0"] + [f"{names[each]} = {ratio:.10g}" for each in (second,) if each < len(names)]
-        lines = [f'name = "{link.name}"', f"amplitude = {_torque_in_slip(train, numbers, place, slip)}"]
-        lines.append(f"acts_on = {{ {', '.join(acts)} }}")
-        if part.drag and train.units and train.units.turns:
-            lines += ["growth = 1", f'at = "{train.frequency:.10g} {train.units.parameter(train.units.pace)}"']
-        where = "the ground" if second == form.ground else f"{names[second]}, which turns at another speed,"
-        yield (
-            f"{link.name} slips against {where} all the time as the train turns, and the equations have no such drag "
-            f"yet: leave it out, and write its constant torque as a table [[steady]] with {', '.join(lines)}; "
-            f"{_neglected(link, part, speeds)}"
-        )
-
-
-def _neglected(link: Link, part: LinkForm, speeds: NDArray[np.float64]) -> str:
-    """Say what a constant torque in place of a drag neglects."""
-    if isinstance(link, Friction):
-        first, second = part.ends
-        mesh = (
-            "" if not speeds[second] else f". If it is in a mesh, write ratio = {speeds[first] / speeds[second]:.10g}"
-        )
-        return f"that is exact as long as the slip keeps its direction{mesh}"
-    at = "that leaves" if part.drag else "that is its torque at this speed, and leaves"
-    spring = (
-        ""
-        if part.ends[1] < len(speeds) - 1
-        else (". A spring to the ground cannot stand for it: the mean torques of the train would flow through it")
-    )
-    return f"{at} out the damping of vibrations by {link.name}{spring}"
-
-
-def _torque_in_slip(train: Train, numbers: TrainNumbers, place: int, slip: float) -> str:
-    """Return the torque of a drag at the mean rate of its slip, as it is written; ``...`` if that is not known."""
-    link, part, units = train.links[place], numbers.form.links[place], train.units
-    if isinstance(link, Friction):
-        limit = link.numbers.get("limit")
-        torque = None if limit is None else math.copysign(limit, slip)
-        return _written(torque, units.of(QuantityKind.TORQUE).text if units else "")
-    if units is None or units.turns is None:  # then the speed of the train is no number of the model
-        return "..."
-    rate = slip * numbers.values[0] / float(units.turns) / units.angle
-    contact = part.contact
-    if contact is None:
-        return _written(numbers.damping[place] * rate, "N m")
-    formula: Any = contact.law
-    names = [each.name for each in formula.parameters]
-    given = dict(zip(names, numbers.form.numbers(contact.parameters, numbers.values), strict=True))
-    moved = given | {"x": 0.0, "x'": rate, "v": rate}
-    modes = formula.formula.modes_at(moved, NUMPY_FUNCTIONS)
-    return _written(formula.formula.value(moved, NUMPY_FUNCTIONS, modes), "N m")
-
-
-def _written(torque: float | None, unit: str) -> str:
-    if torque is None:
-        return "..."
-    return f'"{torque:.10g} {unit}"' if unit else f"{torque:.6g}"
+def speed_problems(train: Train, numbers: TrainNumbers) -> Iterator[str]:
+    """List what acts on the speeds of the parts of a train, but cannot: drags, and formulas of speeds."""
+    form = numbers.form
+    for link, part in zip(train.links, form.links, strict=True):
+        needs = isinstance(link, Force) and link.needs_speed
+        if (part.turns or needs) and not form.pace:
+            what = "slips as the train turns" if part.turns else "is a formula of the speed"
+            if train.units:
+                way = 'the file has no speed; write speed = "1500 rpm" in place of the frequency'
+            else:
+                way = "a spring holds the train to the ground, so that its mean speed is 0; leave it out of the formula"
+            yield f"{link.name} {what}, but {way}"
+        elif isinstance(link, Force):
+            prescribed = [end for end in link.speeds.values() if end not in form.inertias]
+            if prescribed:
+                yield f"{link.name} has the speed of {prescribed[0]} in its formula, whose motion is prescribed; use W"
+        elif isinstance(link, Friction) and part.way:
+            pair = {*link.between}
+            for other in (each for each in (*train.shafts, *train.gears) if {*each.between} == pair):
+                ratio = ratio_of(other)
+                wanted = ratio if tuple(other.between) == tuple(link.between) else 1.0 / ratio
+                yield (
+                    f"{link.name} acts beside {other.name}, but its ratio is {ratio_of(link):g}, by which it would "
+                    f"slip all the time; write ratio = {wanted:.10g}"
+                )
+        elif isinstance(link, Drag):
+            if numbers.never_deflects(form.links.index(part)):
+                yield f"{link.name} never slips, for rigid gears hold its two inertias together; leave it out"
+            dry = [name for name in ("constant", "breakaway") if name in link.numbers]
+            if dry and not part.way:
+                yield (
+                    f"{link.name}.{dry[0]} is a torque against a mean slip, but its two parts turn at the same speed; "
+                    f"write dry friction: a table [[friction]] with between = {list(link.between)} and limit = ..."
+                )
 
 
 @dataclass(frozen=True)
@@ -299,13 +357,38 @@ class Train:
     reference: str = ""
     longest: int = LONGEST  #: The largest number of periods of the slowest load in the common period of all loads.
     frictions: Sequence[Friction] = ()
+    #: Drags between parts that turn at different speeds, and on the casing.
+    drags: Sequence[Drag] = ()
+    planetaries: Sequence[Planetary] = ()  #: Planetary sets and differentials; they add inertias of their planets.
+    bearings: Sequence[Bearing] = ()  #: Those in which gears move sideways; they add an inertia each.
+    #: The number of each group of drags, by which it multiplies them; 1 by default.
+    groups: Mapping[str, float] = field(default_factory=dict, hash=False)
+    #: Factors of numbers that depend on the speed, by their names: ``{"arc.limit": "1 + 0.01*W**2"}``, with W the
+    #: angular speed of the reference shaft.
+    over_speed: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
-        for name in ("inertias", "shafts", "gears", "forces", "frictions", "harmonics"):
+        for name in (
+            "inertias",
+            "shafts",
+            "gears",
+            "forces",
+            "frictions",
+            "drags",
+            "planetaries",
+            "bearings",
+            "harmonics",
+        ):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if not self.reference and self.inertias:
             object.__setattr__(self, "reference", self.inertias[0].name)
-        problems = [*name_problems(self)] or self._read_units()
+        problems = [*name_problems(self)] or self._read_units() or [*set_problems(self)]
+        if self.branches and not problems:
+            own = [each for each in self.inertias if not isinstance(each, Planet)]
+            planets = [each for planetary in self.planetaries for each in planetary.inertias]
+            planets += [each.inertia(self.units) for each in self.bearings]
+            object.__setattr__(self, "inertias", (*own, *planets))
+            object.__setattr__(self, "harmonics", tuple(phased_loads(self)))
         problems = problems or [*number_problems(self)] or [*part_problems(self)]
         problems = problems or [*load_problems(self)] or [*connection_problems(self)]
         if problems:
@@ -313,7 +396,7 @@ class Train:
         if self.speed is not None:
             self._count_orders()
         assembly, values = self._assembled()
-        problems = [*slip_problems(self, assembly.numbers(values)), *assembly.loop_problems(values)]
+        problems = [*speed_problems(self, assembly.numbers(values)), *assembly.loop_problems(values)]
         if self.reaction is not None and (apart := assembly.form.held[1:]):
             problems.append(
                 f"reaction is {self.reaction!r}, but the ground alone joins {assembly.form.inertias[apart[0]]} to "
@@ -323,6 +406,16 @@ class Train:
         if problems:
             raise ModelError("\n".join(problems))
         self.system()
+
+    @property
+    def branches(self) -> tuple[Planetary | Bearing, ...]:
+        """The parts whose links have more than two ends."""
+        return (*self.planetaries, *self.bearings)
+
+    @property
+    def meshes(self) -> Sequence[Gear]:
+        """The gears, with the ways of those on bearings in their deflections."""
+        return on_bearings(self.gears, self.bearings) if self.bearings else self.gears
 
     @property
     def links(self) -> tuple[Link, ...]:
@@ -346,7 +439,7 @@ class Train:
         self._converted(values.setdefault)
         own = own_kinds(self)
         kinds = {name: own[name] if name in own else kind_of(name) for name in values}
-        formulas = {f"{force.name}.{name}" for force in self.forces for name in force.numbers}
+        formulas = {*formula_numbers(self)}
         mixed = self.units is not None  # then plain numbers are in its units already
         if not any(has_unit(value) for name, value in values.items() if kinds[name] is not QuantityKind.PHASE):
             values = {name: value for name, value in values.items() if has_unit(value)} if mixed else {}
@@ -418,7 +511,7 @@ class Train:
         return {
             **{
                 group: tuple(each._converted(change) for each in getattr(self, group))
-                for group in ("inertias", "shafts", "gears", "forces", "frictions")
+                for group in ("inertias", "shafts", "gears", "forces", "frictions", "drags", "planetaries")
             },
             "mean": {name: change(f"mean.{name}", value) for name, value in self.mean.items()},
             pace: change(pace, getattr(self, pace)),
@@ -438,7 +531,8 @@ class Train:
             New values by the names of its fields.
         """
         groups = {"inertias": self.inertias, "shafts": self.shafts, "gears": self.gears, "forces": self.forces}
-        groups |= {"frictions": self.frictions}
+        groups |= {"frictions": self.frictions, "drags": self.drags, "planetaries": self.planetaries}
+        groups |= {"bearings": self.bearings}
         for group, parts in groups.items():
             if part in [each.name for each in parts]:
                 changed = tuple(replace(each, **changes) if each.name == part else each for each in parts)
@@ -449,25 +543,64 @@ class Train:
     def _assembled(self) -> tuple[TrainAssembly, NDArray[np.float64]]:
         numbers, links = self._joined()
         free = [inertia.name for inertia in self.inertias if numbers[inertia.name] != numbers[GROUND]]
-        looped, ratios = tree_of(links, len(free)).looped, fixed_ratios(self) | displaced_gears(self)
+        ratios, more = fixed_ratios(self) | displaced_gears(self), {}
+        if self.branches:
+            looped = self._looped
+            places = {link.name: number for number, link in enumerate(self.links)}
+            root = numbers[self.reference] if self._solved.free else len(free)
+            more = {"basis": tuple(places[name] for name in self._solved.basis), "root": root}
+        else:
+            looped = tree_of(links, len(free)).looped
+        speeds, prescribed = self._speeds, prescribed_inertias(self)
+        beside = {end for link in self.links if {*prescribed} & {*link.between} for end in link.between if end in free}
+        beside = {*free} if self.branches and prescribed else beside
+        turns = Fraction((self.units and self.units.turns) or 1)
+        known = speeds and (self.units is None or self.units.turns)
         form = TrainForm(
             tuple(free),
             tuple(
                 replace(form, fixed=ratio_of(link))
-                if form.geared and (number in looped or link.name in ratios)
+                if form.geared and (number in looped or link.name in ratios or form.row)
                 else form
                 for number, (link, form) in enumerate(zip(self.links, links, strict=True))
             ),
             tuple(self._torques(numbers, links)),
             None if self.reaction is None else numbers[self.reaction],
+            pace=1.0 / (float(turns) * (self.units.angle if self.units else 1.0)) if known else 0.0,
+            angle=self.units.angle if self.units else 1.0,
+            reference=None if self.reference in prescribed else numbers[self.reference],
+            starts=tuple((numbers[name], speeds[name]) for name in free if name in beside and speeds),
+            groups=tuple(dict.fromkeys(drag.group for drag in self.drags if drag.group)),
+            **more,
         )
+        form = replace(form, over_speed=tuple(self._factors(form)))
         counts = Counter([load.form.name for load in form.loads])
         counts.update(part.name for part in (*self.inertias, *self.links))
         for name in (name for name, count in counts.items() if count > 1):
             raise ModelError(
                 f"{name} is a name that the train gives a load of its own; choose another one for the part"
             )
-        return TrainAssembly(form, self.units), np.array([*self._numbers(form)], dtype=float)
+        values = np.array([*self._numbers(form)], dtype=float)
+        assembly = TrainAssembly(form, self._units)
+        train = assembly.numbers(values)
+        body = train.bodies[0]
+        slow = tuple(each for each in range(len(free)) if not train.inertia[body == body[each]].any())
+        if slow and self.frequency > 0.0:
+            form = replace(form, massless=slow, lag=1.0 / float(train.values[0]))
+            assembly = TrainAssembly(form, self._units)
+        return assembly, values
+
+    def _factors(self, form: TrainForm) -> Iterator[tuple[str, FactorOverSpeed]]:
+        """Iterate over the numbers that depend on the speed."""
+        for name, text in self.over_speed.items():
+            last = name.rpartition(".")[2]
+            if name not in form.names or last in ("inertia", "ratio", "frequency", "clearance", "phase"):
+                known = [each for each in form.names if each.rpartition(".")[2] in ("stiffness", "damping", "limit")]
+                raise ModelError(
+                    f"over_speed names {name!r}, which is no number that can vary; {did_you_mean(name, known)}"
+                )
+            factor = FactorOverSpeed(text)
+            yield name, factor.in_train(self.units) if self.units else factor
 
     def _torques(self, numbers: Mapping[str, int], links: Sequence[LinkForm]) -> Iterator[TorqueForm]:
         """Iterate over the terms of the excitation, with orders as multiples of the frequency W."""
@@ -496,26 +629,109 @@ class Train:
         gapless = gapless_links(self)
         forms = []
         for link in self.links:
-            parts = tuple(ContactForm.of(each, reciprocal=True) for each in self._contacts(link))
+            parts = tuple(
+                ContactForm.of(each, reciprocal=acts_along_its_slip(each.law)) for each in self._contacts(link)
+            )
             always = link.acts_always and link.name not in gapless
             ends = numbers[link.between[0]], numbers[link.between[1]]
             geared = isinstance(link, Gear | Friction) and link.ratio is not None
-            forms.append(LinkForm(link.name, ends, geared, None, link.is_rigid, always, parts))
+            form = LinkForm(link.name, ends, geared, None, link.is_rigid, always, parts)
+            if link.row:
+                row = [(numbers[end], float(weight)) for end, weight in link.row.items()]
+                form = replace(form, row=tuple(each for each in row if each[0] != numbers[GROUND]))
+            if isinstance(link, Drag):
+                form = replace(form, own=link.own, group=link.group)
+            elif isinstance(link, Force):
+                form = replace(form, speeds=tuple(numbers[end] for end in link.speeds.values()))
+            way = self._ways.get(link.name)
+            if way is not None:
+                form = replace(form, turns=True, way=way, rest=self._speeds.get(link.between[1], 0.0))
+            forms.append(form)
         return numbers, forms
 
     def _contacts(self, link: Link) -> tuple[Contact, ...]:
         """Return the contacts of a link: its springs with clearances, its friction, its rigid stop, or its formula."""
-        return link.contacts(link.name in gapless_links(self), self.units.angle if self.units else 1.0)
+        angle = self.units.angle if self.units else 1.0
+        return link.contacts(link.name in gapless_links(self), angle, Slips(self._ways.get(link.name), self._leaks))
+
+    @property
+    def _units(self) -> Units | None:
+        """Its units, with the radii of its inertias in m."""
+        radii = [(each.name, each.radius) for each in self.inertias if each.radius is not None]
+        if self.units is None or not radii:
+            return self.units
+        size = self.units.of(QuantityKind.LENGTH).factor
+        return replace(self.units, radii=tuple((name, radius * size) for name, radius in radii))
+
+    @cached_property
+    def _speeds(self) -> dict[str, float]:
+        return turn_speeds(self)
+
+    @cached_property
+    def _walked(self) -> dict[str, tuple[str, Any, bool]]:
+        return walked(self)
+
+    @cached_property
+    def _groups(self) -> dict[str, str]:
+        """The inertias by names of inertias to which links with springs, or rigid ones, join them."""
+        found = {inertia.name: inertia.name for inertia in self.inertias}
+        for name, (before, link, _) in self._walked.items():
+            found[name] = name if link.is_drag else found[before]
+        return found
+
+    @cached_property
+    def _solved(self) -> Solved:
+        """The rows of all links, if some have more than two ends."""
+        return solved(self.links, [each.name for each in self.inertias], prescribed_inertias(self))
+
+    @cached_property
+    def _whole(self) -> Solved:
+        """Those rows while no motion is prescribed."""
+        return solved(self.links, [each.name for each in self.inertias])
+
+    @cached_property
+    def _looped(self) -> set[int]:
+        """The links on whose ratios it depends that the train can turn, if some links have more than two ends."""
+        names = [each.name for each in self.inertias]
+        looped = circuits(self.links, self._whole, names) if self._whole.free else set()
+        return {number for number, link in enumerate(self.links) if link.name in looped}
+
+    @cached_property
+    def _leaks(self) -> bool:
+        """True if drags alone join some parts of the train."""
+        if self.branches:
+            return any(link.is_drag for link in self.links if link.name in self._solved.basis)
+        return len({*self._groups.values()}) > 1
+
+    @cached_property
+    def _ways(self) -> dict[str, int]:
+        """The signs of the mean slips of the links that slip on as the train turns, by their names."""
+        found = {}
+        for link in self.links if self._speeds else ():
+            first, second = (self._speeds.get(end, 0.0) for end in link.between)
+            slip = first - ratio_of(link) * second
+            still = abs(slip) <= CONSISTENT * abs(first)
+            if self.branches:
+                alone = link.name in self._solved.basis
+            else:
+                alone = still and self._groups[link.between[0]] != self._groups.get(link.between[1])
+            if (isinstance(link, Drag) and not alone) or ((link.is_drag or link.only_follows) and not still):
+                found[link.name] = 0 if still else int(math.copysign(1.0, slip))
+        return found
 
     def _numbers(self, form: TrainForm) -> Iterator[float]:
         """Iterate over all numbers in the order of `TrainForm.names`."""
         yield self.frequency
         yield from (each.inertia or 0.0 for each in self.inertias if each.name in form.inertias)
         yield from (self.mean.get(form.inertias[number], 0.0) for number in form.loaded)
+        yield from (self.groups.get(group, 1.0) for group in form.groups)
         for link, of_link in zip(self.links, form.links, strict=True):
-            yield from (getattr(link, what) for what in of_link.own_numbers)
+            given = None if of_link.own is None else link.numbers
+            yield from (getattr(link, what) if given is None else given[what] for what in of_link.own_numbers)
             for contact in self._contacts(link):
-                yield from contact.values()
+                names = (f"{contact.name}.{each.name}" for each in contact.law.parameters)
+                own = dict(zip(names, contact.numbers.values(), strict=True)) if not contact.stages else {}
+                yield from contact.values() if contact.stages else (v for n, v in own.items() if not is_computed(n))
         for load in map(plain_load, self.harmonics):
             yield from (*load.values(), *load.acts_on.values())
 

@@ -23,86 +23,47 @@ angle would be 1. With ``G = diag(g)``, zero for deflections, the equations beco
 for ``x_s`` has no stiffness and deflects no contact. The leak g is twice the rate at which the drag by itself ends the
 slip: it follows from inertias and damping alone, and the equations of two inertias keep two different multipliers.
 
+A drag between parts that turn at different speeds, or on the casing, acts on absolute rates. With the vector d of its
+ends its slip is ``s = d^T theta' = (d^T r) W + d^T T x' + (d^T r) v``, where ``v = psi'`` is the rotation as a whole
+beside the mean speed W. So of a free train with such drags psi is one more coordinate, the *turn*, with the inertia
+``I = r^T J r``, and nothing else of it is special: its column beside T is r. The mean of v is 0 by definition of W. The
+reaction, which acts on the inertia R, keeps it so: its constant part balances all loads and drags at the speed W, and
+what is left (a drag that is not linear has another mean while the train vibrates) is a torque ``-k psi`` on R. The k is
+so small that it is constant over a period but for 1e-7 of the torque that turns it: both rates at which the turn then
+returns to its mean are slower than the decay by the drags themselves. As psi itself matters nowhere, it is counted in
+units of `TURN_UNIT` angles, so that the large angle at which it rests weighs little where states are compared.
+
 Method: docs/numerics/drive-trains.md
 """
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bracketed_root import find_root
 from gapwalk.model.contact import ContactForm
-from gapwalk.model.drivetrain.train_parts import Displacing, MeanOf
+from gapwalk.model.drivetrain.sparse_rows import Matrix, filled, with_row
+from gapwalk.model.drivetrain.train_nodes import node_problems, nodes_of
+from gapwalk.model.drivetrain.train_parts import LEAK, NOT_NEGATIVE, Displacing, MeanOf, speed_number
+from gapwalk.model.drivetrain.train_rows import ways_of
+from gapwalk.model.drivetrain.train_tree import LinkForm, Step, Tree, tree_of
 from gapwalk.model.laws import Expression
+from gapwalk.model.laws.formula import GROUP_SCALE, MEAN_SLIP, MEAN_SPEED, NUMPY_FUNCTIONS, PACE, is_computed
 from gapwalk.model.loads import Line, LoadForm
+from gapwalk.model.loads.load import FactorOverSpeed
 from gapwalk.model.registry import NameBlock, ParameterNames
 from gapwalk.model.structure import Structure
-from gapwalk.model.system import System
 from gapwalk.model.units import Units
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
-
 
 # A train without its numbers: its parts, how they are connected, and the place of each of its numbers.
 #
 # The parts are connected by a tree of links that reaches all of them, and by links that close loops.
-
-
-@dataclass(frozen=True, slots=True)
-class LinkForm:
-    """A shaft or gear without its numbers."""
-
-    name: str  #: Its name.
-    ends: tuple[int, int]  #: Its ends by number; the ground follows the last inertia.
-    geared: bool  #: True if it has a ratio.
-    fixed: float | None  #: The ratio where it is no parameter: on a closed loop it follows from the others.
-    rigid: bool  #: True if it has no springs.
-    always: bool  #: True if it has a spring that acts always.
-    #: Its contacts: springs with clearances, the friction beside them, a rigid stop; or its formula, or its friction.
-    parts: tuple[ContactForm, ...]
-
-    @property
-    def contact(self) -> ContactForm | None:
-        """Its springs with clearances or its rigid stop, or its formula, or its friction; None if it acts always."""
-        first = self.parts[0] if self.parts else None
-        return None if first is None or first.name != self.name else first
-
-    @property
-    def beside(self) -> tuple[ContactForm, ...]:
-        """The contacts beside that one."""
-        return self.parts[1:] if self.contact else self.parts
-
-    @property
-    def drag(self) -> bool:
-        """True for a damper without any spring."""
-        return not (self.rigid or self.always or self.contact)
-
-    @property
-    def by_formula(self) -> bool:
-        """True if its torque is a formula or friction, so that it has no damper."""
-        return self.contact is not None and not self.contact.law.stage_parameters
-
-    @property
-    def loose(self) -> bool:
-        """True for friction, and a formula that does not depend on its deflection: it joins nothing."""
-        law = self.contact.law if self.contact else None
-        if law is not None and law.is_dry:
-            return True
-        return isinstance(law, Expression) and "x" not in law.formula.variables
-
-    @property
-    def own_numbers(self) -> tuple[str, ...]:
-        """Names of its numbers, without those of its contact."""
-        has = {"ratio": self.geared and self.fixed is None, "stiffness": self.always}
-        has["damping"] = not self.rigid and not self.by_formula
-        return tuple(what for what, value in has.items() if value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,91 +86,6 @@ class LoadPart(NamedTuple):
     reacts: bool = False  #: True for the reaction to the mean of that term.
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
-    """One step through the tree: the link, and its two ends in the direction of the step."""
-
-    link: int
-    parent: int
-    child: int
-
-
-@dataclass(frozen=True, slots=True)
-class Tree:
-    """The steps from a root to all inertias that are connected to it."""
-
-    root: int  #: The ground if there is one, otherwise the first inertia.
-    steps: tuple[Step, ...]  #: In an order in which each begins where another has ended.
-    chords: tuple[int, ...]  #: The links that are not in the tree: each closes a loop.
-    #: The links on loops that do not lead through the ground: on each, the ratios must multiply to one.
-    looped: frozenset[int]
-
-
-def tree_of(links: Sequence[LinkForm], ground: int) -> Tree:
-    """Build the tree: it prefers rigid links, and contains links to the ground only where necessary.
-
-    Drags close loops: they are in the tree only if no other link connects their inertias. Formulas of the rate alone
-    always do.
-    """
-    chosen = _spanning(links, ground)
-    root = ground if any(ground in link.ends and not (link.drag or link.loose) for link in links) else 0
-    steps = _walk(links, chosen, root)
-    chords = tuple(number for number in range(len(links)) if number not in chosen)
-    parents = {step.child: step for step in steps}
-    loops = [_loop(links, parents, chord) for chord in chords]
-    inner = [loop for loop in loops if not any(ground in links[number].ends for number in loop)]
-    return Tree(root, steps, chords, frozenset(link for loop in inner for link in loop))
-
-
-def _spanning(links: Sequence[LinkForm], ground: int) -> set[int]:
-    """Choose the links of the tree, in order of preference (Kruskal)."""
-    leaders: dict[int, int] = {}
-
-    def leader(node: int) -> int:
-        while (above := leaders.get(node, node)) != node:
-            leaders[node] = leaders.get(above, above)
-            node = above
-        return node
-
-    chosen = set()
-    for number in sorted(range(len(links)), key=lambda k: (links[k].drag, ground in links[k].ends, not links[k].rigid)):
-        first, second = map(leader, links[number].ends)
-        if first != second and not links[number].loose:
-            leaders[first] = second
-            chosen.add(number)
-    return chosen
-
-
-def _walk(links: Sequence[LinkForm], chosen: set[int], root: int) -> tuple[Step, ...]:
-    links_at: dict[int, list[int]] = {}
-    for number in sorted(chosen):
-        for end in links[number].ends:
-            links_at.setdefault(end, []).append(number)
-    steps, seen, waiting = [], {root}, deque([root])
-    while waiting:
-        node = waiting.popleft()
-        for number in links_at.get(node, ()):
-            first, second = links[number].ends
-            other = second if node == first else first
-            if other not in seen:
-                seen.add(other)
-                waiting.append(other)
-                steps.append(Step(number, node, other))
-    return tuple(steps)
-
-
-def _loop(links: Sequence[LinkForm], parents: dict[int, Step], chord: int) -> set[int]:
-    """Find the links of the loop that a chord closes."""
-    found = {chord}
-    for end in links[chord].ends:  # what both ways to the root share is not on the loop
-        way, node = set(), end
-        while node in parents:
-            way.add(parents[node].link)
-            node = parents[node].parent
-        found ^= way
-    return found
-
-
 @dataclass(frozen=True)
 class TrainForm:
     """The parts of a train without their numbers."""
@@ -219,6 +95,22 @@ class TrainForm:
     torques: tuple[TorqueForm, ...] = ()  #: The excitation.
     #: Index of the inertia on which the torque acts that balances the constant torques; None if there is none.
     reaction: int | None = None
+    #: Mean speed of the reference inertia over the frequency W, in consistent units; 0 if the train does not turn.
+    pace: float = 0.0
+    angle: float = 1.0  #: The unit of angles in rad.
+    #: Index of the reference inertia; None if its motion is prescribed.
+    reference: int | None = None
+    #: Mean speeds, over that of the reference, of the inertias at which a train with a prescribed motion begins.
+    starts: tuple[tuple[int, float], ...] = ()
+    groups: tuple[str, ...] = ()  #: The groups of drags: the number of each multiplies them.
+    over_speed: tuple[tuple[str, FactorOverSpeed], ...] = ()  #: The numbers that depend on the speed.
+    massless: tuple[int, ...] = ()  #: The inertias of bodies without inertia: see `gapwalk.model.states`.
+    lag: float = 0.0  #: The lag of the coordinates that carry them, in consistent units.
+    #: True if the mean speed is kept by what `TrainNumbers.hold` does; in a run-up it is prescribed.
+    keeps_speed: bool = True
+    #: The links whose deflections are independent, rigid ones first, if some link has more than two ends; None if not.
+    basis: tuple[int, ...] | None = None
+    root: int = 0  #: With a basis: an inertia that turns with the train, or the ground if the links hold it.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts are inconsistent."""
@@ -238,8 +130,16 @@ class TrainForm:
 
     @cached_property
     def tree(self) -> Tree:
-        """The connections of the links."""
+        """The connections of the links; without steps where some have more than two ends."""
+        if self.basis is not None:
+            chords = tuple(number for number in range(len(self.links)) if number not in self.basis)
+            return Tree(self.root, (), chords, frozenset())
         return tree_of(self.links, self.ground)
+
+    @property
+    def slow(self) -> tuple[str, ...]:
+        """The names of the inertias of bodies without inertia."""
+        return tuple(self.inertias[number] for number in self.massless)
 
     @property
     def is_free(self) -> bool:
@@ -259,19 +159,38 @@ class TrainForm:
     @cached_property
     def springs(self) -> tuple[int, ...]:
         """The links whose deflections are the coordinates, in the order of the links."""
-        return tuple(sorted(step.link for step in self.tree.steps if not self.links[step.link].rigid))
+        chosen = self.basis if self.basis is not None else [step.link for step in self.tree.steps]
+        return tuple(sorted(link for link in chosen if not self.links[link].rigid))
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of the coordinates; a slip has its own name, because it is not a deflection."""
-        return tuple(
-            f"{link.name}_slip" if link.drag else link.name for link in map(self.links.__getitem__, self.springs)
-        )
+        """Names of the coordinates; a slip has its own name, because it is not a deflection, and so has the turn."""
+        names = [
+            f"{link.name}_slip" if link.slides else link.name for link in map(self.links.__getitem__, self.springs)
+        ]
+        return (*names, TURN) if self.has_turn else tuple(names)
+
+    @cached_property
+    def turning(self) -> tuple[int, ...]:
+        """The links that slip on as the train turns."""
+        return tuple(number for number, link in enumerate(self.links) if link.turns)
+
+    @cached_property
+    def has_turn(self) -> bool:
+        """True if the last coordinate is the rotation of a free train as a whole, on which drags act."""
+        acts = (self.links[each] for each in self.turning)
+        acts_on_it = any(link.parts or set(link.own_numbers) & {"damping", "linear"} for link in acts)
+        return self.is_free and (acts_on_it or any(link.speeds for link in self.links))
+
+    @cached_property
+    def adrift(self) -> tuple[int, ...]:
+        """Numbers of the coordinates that no spring holds: slips, and the turn."""
+        return (*self.slips, len(self.springs)) if self.has_turn else self.slips
 
     @cached_property
     def slips(self) -> tuple[int, ...]:
         """Numbers of the coordinates that are slips, i.e. of drags between inertias that no other link connects."""
-        return tuple(place for place, link in enumerate(self.springs) if self.links[link].drag)
+        return tuple(place for place, link in enumerate(self.springs) if self.links[link].slides)
 
     @cached_property
     def contacts(self) -> tuple[tuple[int, ContactForm], ...]:
@@ -312,9 +231,10 @@ class TrainForm:
         """The names of all numbers."""
         names = ["frequency", *(f"{name}.inertia" for name in self.inertias)]
         names += [f"mean.{self.inertias[number]}" for number in self.loaded]
+        names += [f"{group}.{OF_GROUPS}" for group in self.groups]
         for link in self.links:
             names += [f"{link.name}.{what}" for what in link.own_numbers]
-            names += [name for contact in link.parts for name in contact.parameters]
+            names += [name for contact in link.parts for name in contact.parameters if not is_computed(name)]
         for torque in self.torques:
             names += [*torque.harmonic.parameters, *self._shape_names(torque)]
         return ParameterNames(tuple(map(NameBlock, names)))
@@ -324,8 +244,8 @@ class TrainForm:
 
     @cached_property
     def places(self) -> dict[str, tuple[list[int], list[int]]]:
-        """The links that have a number ``"ratio"``, ``"stiffness"`` or ``"damping"`` of their own, and its places."""
-        found: dict[str, tuple[list[int], list[int]]] = {"ratio": ([], []), "stiffness": ([], []), "damping": ([], [])}
+        """The links that have a number ``"ratio"``, ``"stiffness"``, ... of their own, and its places."""
+        found: dict[str, tuple[list[int], list[int]]] = {each: ([], []) for each in _OF_LINKS}
         for number, link in enumerate(self.links):
             for what in link.own_numbers:
                 found[what][0].append(number)
@@ -345,10 +265,19 @@ class TrainForm:
 
 
 CONSISTENT = 1e-9  # relative error of the ratios around a loop
+TURN = "turn"
+"""The name of the coordinate that is the rotation of a free train as a whole, beside its mean."""
+TURN_UNIT = 1000.0
+"""The angle of the first inertia, in that of the train, at the turn 1."""
+OF_GROUPS = "drag"
+"""The last part of the name of the number that multiplies a group of drags."""
+_OF_LINKS = ("ratio", "stiffness", "damping", "linear", "constant")
+_LEAK = 0.2  # of the frequency
+_HELD = 2.0 / 9.0  # of the squared rate of decay: then the turn returns at 1/3 and 2/3 of that rate
+_HELD_MOST = 3e-4  # of W: so far below it the torque that holds the turn is constant over a period
+_HELD_ALONE = 1e-5  # of W, where no drag is known to end the turn
+_STILL = 1e-12  # speed over that of the root, of an inertia at rest
 _LONG = 100  # links above which products of sparse matrices are cheaper: below, each costs more than all of its sums
-
-Matrix: TypeAlias = "csr_array | NDArray[Any]"
-"""A matrix: sparse for a long train."""
 
 
 @dataclass(frozen=True)
@@ -370,24 +299,64 @@ class TrainAssembly:
             return names
         return ParameterNames((NameBlock(self.units.pace), *names.blocks[1:]))
 
+    @property
+    def is_paced(self) -> bool:
+        """True if drags or formulas depend on the mean speed."""
+        return bool(self.form.turning or self.form.over_speed) or any(
+            is_computed(name) for _, contact in self.form.contacts for name in contact.parameters
+        )
+
+    def balanced_at(self, values: NDArray[np.float64]) -> float | None:
+        """Return the value of the first parameter at which a train without a reaction turns steadily; None if none."""
+
+        def excess(factor: float) -> float:
+            return self.numbers(np.array([values[0] * factor, *values[1:]])).unbalanced
+
+        factors = np.geomspace(1e-3, 1e3, 121).tolist()
+        signs = [excess(factor) > 0.0 for factor in factors]
+        for low, high, before, after in zip(factors, factors[1:], signs, signs[1:], strict=False):
+            if before != after:
+                return float(values[0] * find_root(excess, low, high).place)
+        return None
+
     def numbers(self, values: NDArray[Any]) -> TrainNumbers:
         """Return the train with its numbers, converted to consistent units."""
-        return TrainNumbers(self.form, values if self.units is None else values * self._factors)
+        values = values if self.units is None else values * self._factors
+        if self.form.over_speed:
+            values = values.copy()
+            for name, factor in self.form.over_speed:
+                values[self.form.names.place(name)] *= factor.value(values[0])
+        return TrainNumbers(self.form, values)
 
     @cached_property
     def _factors(self) -> NDArray[np.float64]:
         return np.ones(1) if self.units is None else self.units.factors(self.names)
 
+    def lagging(self, values: NDArray[Any]) -> NDArray[Any] | None:
+        """Return the matrix G of the lag of bodies without inertia, shape (n, n); None if there are none."""
+        if not self.form.massless:
+            return None
+        nodes = nodes_of(self.form, self.numbers(values))[1]
+        return self.form.lag * nodes @ np.linalg.solve(nodes.T @ nodes, nodes.T)
+
     def expand(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return the values of the equations of motion, in symmetric form."""
-        numbers = self.numbers(values)
+        numbers, lagging = self.numbers(values), self.lagging(values)
         form, turned, deflections = self.form, numbers.angles, numbers.deflections
         mass = turned.T @ (numbers.inertia[:, None] * turned)
         damping, stiffness = (
             deflections.T @ (each[:, None] * deflections) for each in (numbers.damping, numbers.stiffness)
         )
+        if form.has_turn and not form.slips:
+            mass[-1, :-1] = mass[:-1, -1] = 0.0
         if form.slips:
             damping, stiffness = damping + mass * numbers.leaks, stiffness + damping * numbers.leaks
+        if form.has_turn:
+            held = turned.T @ numbers.held_by
+            stiffness[:, -1] += TURN_UNIT * numbers.hold * held
+            damping[:, -1] += TURN_UNIT * numbers.steadying * held
+        if lagging is not None:
+            mass, damping = mass + damping @ lagging, damping + stiffness @ lagging
         mean, *torques = numbers.torques
         parts, acting = [numbers.values[:1], mass.ravel(), damping.ravel(), stiffness.ravel()], iter(torques)
         parts.append(turned.T @ mean)
@@ -398,15 +367,17 @@ class TrainAssembly:
             elif not load.varies:
                 parts.append(turned.T @ next(acting))
         for number, contact in form.contacts:
-            parts += [deflections[number], form.numbers(contact.parameters, numbers.values)]
+            parts += [*numbers.vectors(number, contact), numbers.of_contact(number, contact)]
         return np.concatenate(parts)
 
-    def accelerations(self, values: NDArray[Any]) -> NDArray[Any]:
+    def accelerations(self, values: NDArray[Any]) -> NDArray[Any] | None:
         """Return the columns of stiffness, damping, contacts, mean load and excitation, divided by the masses.
 
         ``T^T J T`` is the inverse of ``W B^-1 W^T``, with the deflections ``W`` of the coordinates by the bodies that
         rigid gears make of the inertias, and the inertias ``B`` of those. So nothing is solved, and zeros stay zeros.
         """
+        if self.form.massless:
+            return None
         numbers = self.numbers(values)
         bodies, flexed, inverse = numbers.flexed
         stiffness, damping = (
@@ -414,7 +385,11 @@ class TrainAssembly:
         )
         if self.form.slips:
             stiffness, damping = stiffness + damping * numbers.leaks, damping + np.diag(numbers.leaks)
-        by_links = _filled(inverse)
+        if self.form.has_turn:
+            held = flexed @ (bodies.T @ numbers.held_by)
+            stiffness[:, -1] += TURN_UNIT * numbers.hold * held
+            damping[:, -1] += TURN_UNIT * numbers.steadying * held
+        by_links = filled(inverse)
         contacts = by_links[:, [number for number, _ in self.form.contacts]]
         torques = flexed @ (bodies.T @ np.stack(numbers.torques, axis=1))
         columns, driving = [torques[:, 0]], iter(torques.T[1:])
@@ -429,18 +404,23 @@ class TrainAssembly:
         """List the errors of the numbers, one sentence each."""
         for name, value in zip(self.names, values.tolist(), strict=True):
             what = name.rsplit(".", 1)[-1]
-            if what == "inertia" and not value > 0:
+            if what == "inertia" and name.removesuffix(".inertia") in self.form.slow:
+                if value:
+                    yield f"{name} is {value:g}, but the train was made without it; make it again with that inertia"
+            elif what == "inertia" and not value > 0:
                 yield f"{name} is {value:g}; it must be > 0: leave a part without inertia out, and join its neighbours"
             elif what == "ratio" and value == 0:
                 yield f"{name} is 0; it must be the speed of the first inertia over that of the second"
-            elif what.endswith("damping") and not value >= 0:
+            elif (what.endswith("damping") or what in NOT_NEGATIVE) and not value >= 0:
                 yield f"{name} is {value:g}; it must be >= 0"
         numbers = TrainNumbers(self.form, values)
         for link, value in zip(self.form.links, numbers.stiffness.tolist(), strict=True):
             if link.always and not value > 0:
                 yield f"{link.name}.stiffness is {value:g}; it must be > 0"
+        if self.form.massless:
+            yield from node_problems(self.form, numbers)
         for link in (self.form.springs[place] for place in self.form.slips):
-            if numbers.damping[link] == 0.0:
+            if numbers.damping[link] == 0.0 and self.form.links[link].drag:
                 yield (
                     f"{self.form.links[link].name}.damping is 0; it must be > 0, for nothing else joins its two "
                     "inertias: compute what is on either side of it as a train of its own"
@@ -449,26 +429,28 @@ class TrainAssembly:
     def loop_problems(self, values: NDArray[np.float64]) -> Iterator[str]:
         """List the errors of closed loops, once only: the ratios on them are not parameters."""
         form, numbers = self.form, TrainNumbers(self.form, values)
-        ratios, speeds, body = numbers.ratios, numbers.speeds, numbers.bodies[0]
+        ratios, speeds = numbers.ratios, numbers.speeds
+        across = [k for k in form.tree.chords if form.links[k].dry and numbers.deflections[k][list(form.slips)].any()]
+        for number in across:
+            coupling = next(form.links[form.springs[place]].name for place in form.slips)
+            yield (
+                f"{form.links[number].name} acts across {coupling}, which slips: the equations have no such friction "
+                'yet. A drag may act there: write a [[force]] with law = "t*tanh(v/a)"'
+            )
+        branched = form.basis is not None  # then exact fractions have told whether the train can turn
         for number in form.tree.chords:
             link, (first, second) = form.links[number], form.links[number].ends
-            if number not in form.tree.looped:
+            if number in across or not (branched or number in form.tree.looped):
                 continue
-            slips = link.drag or link.loose
-            wanted = speeds[first] / speeds[second]
+            slips = link.drag or link.loose or branched
+            wanted = 1.0 if slips else speeds[first] / speeds[second]
             if abs(ratios[number] / wanted - 1.0) > CONSISTENT and not slips:
                 here = f"its ratio is {ratios[number]:.10g}" if link.geared else "as a shaft it has the ratio 1"
                 yield (
                     f"{link.name} closes a loop, and {here}, but by the other way round it is {wanted:.10g}: the train "
                     "is locked; correct one of the ratios on the loop"
                 )
-            elif link.loose and numbers.deflections[number][list(form.slips)].any():
-                across = next(form.links[form.springs[place]].name for place in form.slips)
-                yield (
-                    f"{link.name} acts across {across}, which slips: the equations have no such friction or formula "
-                    "yet. A linear drag may act there: write it as a [[shaft]] with damping = ... alone"
-                )
-            elif not link.rigid and body[first] == body[second]:
+            elif not link.rigid and numbers.never_deflects(number):
                 yield f"{link.name} never deflects, for rigid gears hold its two inertias together; leave it out"
 
 
@@ -497,7 +479,95 @@ class TrainNumbers:
     @cached_property
     def damping(self) -> NDArray[Any]:
         """The coefficients of the dampers that act always, shape (links,)."""
-        return self._of_links("damping", [0.0] * len(self.form.links))
+        nothing = [0.0] * len(self.form.links)
+        return self._of_links("damping", nothing) + self._of_links("linear", nothing) * self.scales
+
+    @cached_property
+    def scales(self) -> NDArray[Any]:
+        """The factors of all links by the groups of drags to which they belong, shape (links,)."""
+        found = np.ones(len(self.form.links), dtype=self.values.dtype)
+        for number, link in enumerate(self.form.links):
+            if link.group:
+                found[number] = self.values[self.form.names.start(f"{link.group}.{OF_GROUPS}")]
+        return found
+
+    @cached_property
+    def mean_speeds(self) -> NDArray[Any]:
+        """The mean speeds of the inertias and of the ground, shape (inertias + 1,), in consistent units."""
+        form = self.form
+        scale = 1.0 if form.reference is None else self.speeds[form.reference]
+        return np.append(self.speeds / scale, 0.0) * (self.values[0] * form.pace)
+
+    @cached_property
+    def mean_slips(self) -> NDArray[Any]:
+        """The mean slips of all links, shape (links,): 0 but for those that slip on as the train turns."""
+        form, speeds = self.form, self.mean_speeds
+        found = np.zeros(len(form.links), dtype=speeds.dtype)
+        for number in form.turning:
+            link, (first, second) = form.links[number], form.links[number].ends
+            other = speeds[second] if second != form.ground else link.rest * self.values[0] * form.pace
+            found[number] = speeds[first] - self.ratios[number] * other
+        return found
+
+    @cached_property
+    def steady_drags(self) -> NDArray[Any]:
+        """The torques of drags at the mean speed that are no contacts, shape (links,): by damping, and constant."""
+        form, nothing = self.form, [0.0] * len(self.form.links)
+        ways = np.array([link.way for link in form.links])
+        return self.damping * self.mean_slips + self._of_links("constant", nothing) * (self.scales * ways)
+
+    @cached_property
+    def drags(self) -> NDArray[Any]:
+        """The torques of all links at their mean slips, shape (links,): 0 but for those that slip on."""
+        found = self.steady_drags.copy()
+        for number, contact in self.form.contacts:
+            if number in self.form.turning:
+                found[number] += self._at_rest(number, contact)
+        return found
+
+    def _at_rest(self, number: int, contact: ContactForm) -> Any:
+        """Return the torque of a formula or of friction while the train turns steadily."""
+        numbers = dict(
+            zip((each.name for each in contact.law.parameters), self.of_contact(number, contact), strict=True)
+        )
+        if not isinstance(contact.law, Expression):
+            return numbers.get("limit", 0.0) * self.form.links[number].way  # that by a normal force is not known yet
+        formula = contact.law.formula
+        still: dict[str, Any] = dict.fromkeys(formula.variables, 0.0) | numbers
+        modes = formula.modes_at(still, NUMPY_FUNCTIONS)
+        return formula.value(still, NUMPY_FUNCTIONS, modes)
+
+    def of_contact(self, number: int, contact: ContactForm) -> NDArray[Any]:
+        """Return the numbers of a contact, with those that follow from the mean speed of the train."""
+        form, link = self.form, self.form.links[number]
+        known = [name for name in contact.parameters if not is_computed(name)]
+        given = dict(zip(known, form.numbers(known, self.values), strict=True))
+        if link.turns and contact.law.is_dry and (name := f"{contact.name}.speed") in given:
+            given[name] = given[name] - self.mean_slips[number]
+        return np.array(
+            [given[name] if name in given else self._computed(link, number, name) for name in contact.parameters],
+            dtype=self.values.dtype,
+        )
+
+    def _computed(self, link: LinkForm, number: int, name: str) -> Any:
+        """Return a number of a formula that follows from the speed of the train."""
+        what = name.rpartition(".")[2]
+        if what == GROUP_SCALE:
+            return self.scales[number]
+        if what == PACE:
+            return self.values[0] * self.form.pace
+        if what == MEAN_SLIP:
+            return self.mean_slips[number]
+        return self.mean_speeds[link.speeds[int(what.removeprefix(MEAN_SPEED))]]
+
+    def vectors(self, number: int, contact: ContactForm) -> list[NDArray[Any]]:
+        """Return the vectors of the deflections of a contact, and the one along which it acts if it is another one."""
+        link, own, found = self.form.links[number], self.deflections[number], []
+        for each in contact.law.arguments:
+            place = speed_number(each)
+            vector = own if place is None else self.angles[link.speeds[place]]
+            found.append(vector * self.leaks if each.endswith(LEAK) else vector)
+        return found if contact.reciprocal else [*found, own]
 
     def _of_links(self, what: str, otherwise: list[float]) -> NDArray[Any]:
         which, places = self.form.places[what]
@@ -518,17 +588,55 @@ class TrainNumbers:
     def speeds(self) -> NDArray[Any]:
         """The speeds at which the inertias turn together, the first at 1, shape (inertias,).
 
-        Of a train that is connected to the ground, those at which it would turn without that connection.
+        Of a train that is connected to the ground, those at which it would turn without that connection; of one that
+        a prescribed motion drives, those over that of the reference.
         """
+        if self.form.basis is not None and self.form.is_free:
+            found = self._solved[:, -1]
+            return np.where(np.abs(np.real(found)) < _STILL, found - np.real(found), found)
         found = np.ones(len(self.form.inertias) + 1, dtype=self.ratios.dtype)
+        for child, speed in self.form.starts:
+            found[child] = speed
         for step, factor in self._steps:
             if step.parent != self.form.ground:
                 found[step.child] = found[step.parent] * factor
         return found[:-1]
 
+    @property
+    def referring(self) -> NDArray[np.float64]:
+        """The speeds by which angles are referred to the first inertia: 1 for what stands still as the train turns."""
+        found = np.real(self.speeds)
+        return np.where(found == 0.0, 1.0, found)
+
+    @cached_property
+    def rows(self) -> NDArray[Any]:
+        """The deflections of all links by the angles of the inertias, shape (links, inertias)."""
+        form = self.form
+        found = np.zeros((len(form.links), len(form.inertias) + 1), dtype=self.ratios.dtype)
+        for number, link in enumerate(form.links):
+            for end, weight in link.row or zip(link.ends, (1.0, -self.ratios[number]), strict=True):
+                found[number, end] += weight
+        return found[:, :-1]
+
+    @cached_property
+    def _solved(self) -> NDArray[Any]:
+        """The angles of the inertias by the deflections of the basis, then by the angle of the root if it is free."""
+        rows = self.rows[list(self.form.basis or ())]
+        if self.form.is_free:
+            rows = np.vstack((rows, np.eye(1, rows.shape[1], self.form.root)))
+        return np.linalg.inv(rows)
+
+    @cached_property
+    def _ways(self) -> NDArray[Any]:
+        """The motions of the inertias that deflect no rigid link, shape (inertias, ways), as sparse as they are."""
+        return ways_of(self.rows[[link for link in self.form.basis or () if self.form.links[link].rigid]])
+
     @cached_property
     def _turned(self) -> NDArray[Any]:
         """The angles of the inertias, and of the ground, by the coordinates while the root of the tree is at rest."""
+        if self.form.basis is not None:
+            found = self._solved[:, [self.form.basis.index(link) for link in self.form.springs]]
+            return np.vstack((found, np.zeros_like(found[:1])))
         columns = {link: column for column, link in enumerate(self.form.springs)}
         found = np.zeros((len(self.form.inertias) + 1, len(columns)), dtype=self.ratios.dtype)
         for step, factor in self._steps:
@@ -546,18 +654,82 @@ class TrainNumbers:
         if not self.form.is_free:
             return turned
         momentum = (self.inertia * self.speeds) @ turned
-        return turned - np.outer(self.speeds, momentum / np.sum(self.inertia * self.speeds * self.speeds))
+        found = turned - np.outer(self.speeds, momentum / self.whole)
+        if not self.form.has_turn:
+            return found
+        slips = list(self.form.slips)
+        found[:, slips] -= np.outer(self.speeds, self._shifts)
+        return np.column_stack((found, TURN_UNIT * self.speeds))
+
+    @cached_property
+    def _shifts(self) -> NDArray[Any]:
+        """The turn by each slip at which the reference stands still: its mean speed is W, whatever slips."""
+        slips, place = list(self.form.slips), self.form.reference or 0
+        turned = self._turned[:-1][:, slips]
+        momentum = (self.inertia * self.speeds) @ turned
+        return turned[place] / self.speeds[place] - momentum / self.whole
+
+    @cached_property
+    def whole(self) -> Any:
+        """The inertia of a free train as a whole, in terms of its first one."""
+        return np.sum(self.inertia * self.speeds * self.speeds)
+
+    @cached_property
+    def hold(self) -> Any:
+        """The stiffness by which the turn is held at its mean."""
+        decay = self.decay
+        if not self.form.keeps_speed:
+            return 0.0
+        if not decay:
+            return self.whole * (_HELD_ALONE * self.values[0]) ** 2
+        square, most = _HELD * decay * decay, (_HELD_MOST * self.values[0]) ** 2
+        return self.whole * (most if np.real(square) > np.real(most) else square)
+
+    @cached_property
+    def steadying(self) -> Any:
+        """The damper of the turn beside that stiffness: 0 unless no drag is known to end it."""
+        return 0.0 if self.decay or not self.form.keeps_speed else 2.0 * _HELD_ALONE * self.values[0] * self.whole
+
+    @cached_property
+    def decay(self) -> Any:
+        """The rate at which drags that are linear or square end the turn, at the mean speed."""
+        form, slopes = self.form, self.damping.copy()
+        for number, contact in form.contacts:
+            link, name = form.links[number], f"{form.links[number].name}.quadratic"
+            if link.turns and link.own is not None and name in contact.parameters:
+                square = self.values[form.names.start(name)] * self.scales[number]
+                slope = 2.0 * link.way * square * self.mean_slips[number]
+                slopes[number] = slopes[number] + slope * form.angle**2  # its formula squares the slip in rad/s
+        own = list(form.turning)
+        slips = self.deflections[own, -1] / TURN_UNIT
+        return np.sum(slopes[own] * slips * slips) / self.whole
+
+    @property
+    def held_by(self) -> NDArray[Any]:
+        """The torques on the inertias that hold the turn, by its stiffness: of the reaction, or on all as they turn."""
+        if self.form.reaction is None:
+            return self.inertia * self.speeds / self.whole
+        found = np.zeros(len(self.form.inertias), dtype=self.values.dtype)
+        found[self.form.reaction] = 1.0 / self.speeds[self.form.reaction]
+        return found
 
     @cached_property
     def deflections(self) -> NDArray[Any]:
         """The deflections of the links by the coordinates, shape (links, n)."""
         form = self.form
-        found = np.zeros((len(form.links), len(form.springs)), dtype=self.ratios.dtype)
+        found = np.zeros((len(form.links), len(form.coordinates)), dtype=self.ratios.dtype)
         found[list(form.springs), range(len(form.springs))] = 1.0
         for chord in form.tree.chords:
-            if not form.links[chord].rigid:
-                first, second = form.links[chord].ends
-                found[chord] = self._turned[first] - self.ratios[chord] * self._turned[second]
+            first, second = form.links[chord].ends
+            if form.basis is not None:
+                whole = form.links[chord].turns  # no other link feels the rotation of the train as a whole
+                angles = self.angles if whole else self._turned[:-1]
+                found[chord, : angles.shape[1]] = self.rows[chord] @ angles
+            elif form.links[chord].turns:
+                other = self.ratios[chord] * self.angles[second] if second != form.ground else 0.0
+                found[chord] = self.angles[first] - other
+            elif not form.links[chord].rigid:
+                found[chord, : len(form.springs)] = self._turned[first] - self.ratios[chord] * self._turned[second]
         return found
 
     @cached_property
@@ -576,24 +748,44 @@ class TrainNumbers:
                 body[step.child], known = known, known + 1
         return body[:count], turn[:count], known
 
+    def never_deflects(self, number: int) -> bool:
+        """Return True if rigid links hold the ends of a link together."""
+        form, (first, second) = self.form, self.form.links[number].ends
+        if form.basis is not None:
+            return bool(np.abs(self.rows[number] @ self._ways).max() < CONSISTENT * np.abs(self.rows[number]).max())
+        return form.ground not in (first, second) and self.bodies[0][first] == self.bodies[0][second]
+
     @cached_property
     def flexed(self) -> tuple[Matrix, Matrix, Matrix]:
         """Angles of the inertias by those of the bodies, of shape (inertias, bodies), and what follows from them.
 
         That is deflections of the coordinates by the bodies over their inertias, and accelerations by forces of links.
         """
-        form, (body, turn, known) = self.form, self.bodies
-        count, links = len(body), len(form.links)
-        turned = self._matrix(turn, np.arange(count), body, (count, known))
-        # deflections of the links by the angles of the inertias, then of the bodies
-        ends = form.ends
-        weights, moving = np.concatenate((np.ones(links), -self.ratios)), ends != form.ground
-        places = np.tile(np.arange(links), 2)[moving]
-        pulls = self._matrix(weights[moving], places, ends[moving], (links, count)) @ turned
-        each = np.arange(known)
-        inverse = self._matrix(1.0 / ((turned * turned).T @ self.inertia), each, each, (known, known))
+        form, links = self.form, len(self.form.links)
+        if form.basis is not None:
+            turned, pulls = self._ways, self.rows @ self._ways
+            inverse = np.linalg.inv(turned.T @ (self.inertia[:, None] * turned))
+        else:
+            body, turn, known = self.bodies
+            count = len(body)
+            turned = self._matrix(turn, np.arange(count), body, (count, known))
+            # deflections of the links by the angles of the inertias, then of the bodies
+            ends = form.ends
+            weights, moving = np.concatenate((np.ones(links), -self.ratios)), ends != form.ground
+            places = np.tile(np.arange(links), 2)[moving]
+            pulls = self._matrix(weights[moving], places, ends[moving], (links, count)) @ turned
+            each = np.arange(known)
+            inverse = self._matrix(1.0 / ((turned * turned).T @ self.inertia), each, each, (known, known))
         flexed = pulls[list(form.springs)] @ inverse
-        return turned, flexed, flexed @ pulls.T
+        by_links = flexed @ pulls.T
+        if form.has_turn:  # of the torques on bodies, and of those of the links that slip on: no other turns the whole
+            whole = inverse @ (turned.T @ (self.inertia * self.speeds)) / (self.whole * TURN_UNIT)
+            row, slip = np.zeros(links, dtype=whole.dtype), list(form.turning)
+            row[slip] = (pulls @ whole)[slip]
+            for place, shift in zip(form.slips, self._shifts / TURN_UNIT, strict=True):
+                whole, row = whole + shift * filled(flexed[[place]])[0], row + shift * filled(by_links[[place]])[0]
+            flexed, by_links = (with_row(*pair) for pair in ((flexed, whole), (by_links, row)))
+        return turned, flexed, by_links
 
     def _matrix(
         self, entries: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], shape: tuple[int, int]
@@ -610,27 +802,42 @@ class TrainNumbers:
     @cached_property
     def leaks(self) -> NDArray[Any]:
         """The leaks g of the coordinates, shape (n,): 0 for deflections."""
-        form, found = self.form, np.zeros(len(self.form.springs), dtype=self.values.dtype)
+        form, found = self.form, np.zeros(len(self.form.coordinates), dtype=self.values.dtype)
         if form.slips:
-            inverse = _filled(self.flexed[2])
+            inverse = filled(self.flexed[2])
             for place in form.slips:
                 column = self.deflections[:, place]
                 drag = column @ (self.damping * column)  # with that of other drags in parallel
-                found[place] = 2.0 * inverse[place, form.springs[place]] * drag
+                known = 2.0 * inverse[place, form.springs[place]] * drag
+                found[place] = known if known else _LEAK * self.values[0]  # any leak: that of a formula is not known
         return found
 
     @cached_property
     def torques(self) -> list[NDArray[Any]]:
-        """The mean torques, and each load that acts on inertias at the size 1, each shape (inertias,)."""
+        """The mean torques, with those of drags, and each load on inertias at the size 1, each shape (inertias,)."""
         form, mean = self.form, np.zeros(len(self.form.inertias), dtype=self.values.dtype)
         mean[list(form.loaded)] = self.values[1 + len(form.inertias) :][: len(form.loaded)]
+        balanced = mean
+        if form.turning:
+            mean, balanced = mean + self._dragged(self.steady_drags), mean + self._dragged(self.drags)
         if form.reaction is not None:
-            mean += self._reaction(mean)
+            mean = mean + self._reaction(balanced)
         found = [mean]
         for part in form.acting:
             shape = form.shape(self.values, form.torques[part.torque])
             found.append(self._reaction(shape) if part.reacts else shape)
         return found
+
+    def _dragged(self, drags: NDArray[Any]) -> NDArray[Any]:
+        """Return the torques on the inertias by those of the links that slip on, shape (inertias,)."""
+        if self.form.basis is not None:
+            return -drags @ np.where(np.isin(np.arange(len(drags)), self.form.turning)[:, None], self.rows, 0.0)
+        found = np.zeros(len(self.form.inertias) + 1, dtype=drags.dtype)
+        for number in self.form.turning:
+            first, second = self.form.links[number].ends
+            found[first] -= drags[number]
+            found[second] += self.ratios[number] * drags[number]
+        return found[:-1]
 
     def _reaction(self, torques: NDArray[Any]) -> NDArray[Any]:
         """Return the torque of the reaction that balances some torques, shape (inertias,)."""
@@ -644,12 +851,12 @@ class TrainNumbers:
 
         Shape (inertias, 1 + loads on inertias): by the mean torques, then by each load at the size 1. Together
         with `angles`, which have no momentum, they are all of the motion: the angles are ``T x + r psi``, and
-        ``r^T J r psi'' = r^T (torques)``. Zeros if the train is connected to the ground.
+        ``r^T J r psi'' = r^T (torques)``. Zeros if the train is connected to the ground, or if that is a coordinate.
         """
-        if not self.form.is_free:
+        if not self.form.is_free or self.form.has_turn:
             return np.zeros((len(self.form.inertias), len(self.torques)), dtype=self.values.dtype)
         moved = self.speeds @ np.stack(self.torques, axis=1)
-        return np.outer(self.speeds, moved) / np.sum(self.inertia * self.speeds * self.speeds)
+        return np.outer(self.speeds, moved) / self.whole
 
     @property
     def sizes(self) -> list[tuple[Line, ...]]:
@@ -660,29 +867,25 @@ class TrainNumbers:
             for part in form.acting
         ]
 
+    def driven(self, orders: Sequence[int]) -> NDArray[Any]:
+        """Return the accelerations of `turning`: means, cosines and sines of orders, shape (inertias, 1 + 2 orders)."""
+        lines = np.zeros((len(self.sizes), 1 + 2 * len(orders)), dtype=self.values.dtype)
+        for row, given in zip(lines, self.sizes, strict=True):
+            for order, cosine, sine in given:
+                place = 1 + orders.index(order) if order else 0
+                row[place] += cosine
+                if order:
+                    row[place + len(orders)] += sine
+        return self.turning @ lines
+
     @property
     def unbalanced(self) -> float:
         """The constant torque that nothing balances, in terms of the first inertia; 0 with a reaction."""
         if self.form.reaction is not None:  # it leaves rounding errors at most
             return 0.0
         sizes = [sum(line.cosine for line in lines if not line.order) for lines in self.sizes]
-        return float(self.speeds @ np.stack(self.torques, axis=1) @ sizes / self.speeds[0])
-
-
-def _filled(matrix: Matrix) -> NDArray[Any]:
-    return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
-
-
-def of_angles(
-    system: System, stiffness: NDArray[np.float64], damping: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return stiffness and damping matrices with the angles of slips as coordinates, from those by the slips."""
-    assembly = system.structure.assembly
-    if not isinstance(assembly, TrainAssembly) or not assembly.form.slips:
-        return stiffness, damping
-    stiffness = stiffness.copy()
-    stiffness[:, assembly.form.slips] = 0.0  # no spring acts on the angle of a slip, nor any contact
-    return stiffness, damping - system.matrix("mass") * assembly.numbers(system.values).leaks
+        by_contacts = self._dragged(self.drags - self.steady_drags)
+        return float(self.speeds @ (np.stack(self.torques, axis=1) @ sizes + by_contacts) / self.speeds[0])
 
 
 def structure_of(assembly: TrainAssembly) -> Structure:

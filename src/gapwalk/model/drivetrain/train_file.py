@@ -17,15 +17,18 @@ from pydantic import (
 )
 
 from gapwalk.errors import ModelError
-from gapwalk.model.contact import OF_FRICTION, friction_name, stop_name
+from gapwalk.model.contact import OF_FRICTION, Side, friction_name, stop_name
+from gapwalk.model.drivetrain.bearing import Bearing
+from gapwalk.model.drivetrain.planetary import Planetary
 from gapwalk.model.drivetrain.train import Train
 from gapwalk.model.drivetrain.train_orders import LONGEST
-from gapwalk.model.drivetrain.train_parts import Force, Friction, Gear, Inertia, Shaft
+from gapwalk.model.drivetrain.train_parts import OF_DRAGS, Drag, Force, Friction, Gear, Inertia, Shaft
 from gapwalk.model.element_tables import FrictionBase, TrainLoadBase, default_name, friction_part, load_fields
 from gapwalk.model.loads import LOADS
 from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import (
     LawTable,
+    SideName,
     by_registered_kinds,
     friction_fields,
     given_of,
@@ -40,6 +43,7 @@ from gapwalk.model.model_tables import (
 from gapwalk.model.problems import Path, Problem
 from gapwalk.model.schema import (
     MAX_COORDINATES,
+    Centre,
     Clearance,
     Count,
     CubicStiffness,
@@ -54,21 +58,42 @@ from gapwalk.model.schema import (
     Torque,
     by_shape,
     measured,
+    number_of,
     tagged,
     without_repeats,
 )
 from gapwalk.model.system import System
 from gapwalk.model.units import Quantity, QuantityKind
 
-_KEYS = ("inertia", "shaft", "gear")
+_KEYS = ("inertia", "shaft", "gear", "planetary", "bearing")
+_PACED = ("shaft", "gear", "friction")
 _TOP = ("mean", "reaction", "reference", "longest", "frequency", "speed")
 
 # The quantities of a part: all are numbers in consistent units, or all are texts such as "0.12 kg m^2".
-_Inertia = Annotated[Positive, measured(QuantityKind.INERTIA)]
+_Inertia = Annotated[NonNegative, measured(QuantityKind.INERTIA)]
+_Radius = Annotated[Positive, measured(QuantityKind.LENGTH)]
 _Stiffness = Annotated[Positive, measured(QuantityKind.STIFFNESS), or_rigid()]
 _Damping = Annotated[NonNegative, measured(QuantityKind.DAMPING), BeforeValidator(is_no_law)]
 _Pace = Annotated[Positive, measured(QuantityKind.FREQUENCY)]
 _Ends = Annotated[list[Name], Field(min_length=2, max_length=2), AfterValidator(without_repeats)]
+
+
+class PacedPart(Part):
+    """A part whose numbers may depend on the speed."""
+
+    over_speed: Text | dict[Text, Text] | None = None
+
+    def factors(self) -> Iterator[tuple[str, str]]:
+        """Iterate over the names of the numbers that depend on the speed, with their factors."""
+        given, name = self.over_speed or {}, getattr(self, "name", "")
+        for what, text in (given if isinstance(given, dict) else dict.fromkeys(self.main_numbers, given)).items():
+            of_friction = f"{friction_name(name)}.limit" if what == "hysteresis" else f"{name}.{what}"
+            yield of_friction, text
+
+    @property
+    def main_numbers(self) -> tuple[str, ...]:
+        """The numbers that one formula multiplies."""
+        return ("stiffness",)
 
 
 class InertiaPart(Part):
@@ -76,13 +101,14 @@ class InertiaPart(Part):
 
     name: Name = Field(description="shafts, gears and torques refer to it")
     inertia: _Inertia | None = None
+    radius: _Radius | None = None
 
     def part(self) -> Inertia:
         """Make the inertia."""
-        return Inertia(self.name, self.inertia)
+        return Inertia(self.name, self.inertia, self.radius)
 
 
-class LinkBase(LawTable):
+class LinkBase(PacedPart, LawTable):
     """A shaft, clutch or spline, ``[[shaft]]``, and the keys that it has in common with a gear; see `train_part`."""
 
     name: Name = Field(description="its parameters begin with it, as in clutch.stiffness")
@@ -91,10 +117,13 @@ class LinkBase(LawTable):
     damping: _Damping = 0.0
     clearance: Clearance | None = None
     cubic: CubicStiffness = 0.0
+    side: SideName = Side.BOTH
+    centre: Centre = 0.0
 
     def part(self) -> Shaft | Gear:
         """Make the shaft or the gear."""
-        springs = {name: getattr(self, name) for name in ("stiffness", "damping", "clearance", "cubic", "law")}
+        plain = ("stiffness", "damping", "clearance", "cubic", "law", "side", "centre")
+        springs = {name: getattr(self, name) for name in plain}
         of_friction = {name: value for name in OF_FRICTION if (value := getattr(self, name)) is not None}
         springs["numbers"] = given_of(self, "parameters") | of_friction
         springs["stages"] = tuple(stage_of(part, part.name or "") for part in getattr(self, "stage", ()))
@@ -128,6 +157,56 @@ class GearBase(LinkBase):
         return ratio
 
 
+_Spring = Annotated[Positive, measured(QuantityKind.STIFFNESS)]
+_Damper = Annotated[NonNegative, measured(QuantityKind.DAMPING)]
+
+
+class PlanetaryPart(Part):
+    """A planetary set or a differential: ``[[planetary]]``."""
+
+    name: Name = Field(description="its meshes and planets begin with it, as in set_sun.stiffness")
+    sun: Name | None = None
+    ring: Name | None = None
+    carrier: Name | None = None
+    teeth: Annotated[list[Count], Field(min_length=3, max_length=3)] | None = None
+    ratio: Number | None = None
+    planets: Count = 3
+    planet_inertia: _Inertia | None = None
+    lumped: bool = True
+    stiffness: _Spring | None = None
+    damping: _Damper = 0.0
+    clearance: Clearance | None = None
+    ring_stiffness: _Spring | None = None
+    ring_damping: _Damper | None = None
+    ring_clearance: Clearance | None = None
+    impact_damping: Annotated[NonNegative, measured(QuantityKind.IMPACT)] | None = None
+    orbit_inertia: _Inertia | None = None
+    bearing_stiffness: _Spring | None = None
+    bearing_damping: _Damper = 0.0
+    pressure_angle: Number = 20.0
+
+    def part(self) -> Planetary:
+        """Make the set."""
+        return Planetary(**{name: getattr(self, name) for name in type(self).model_fields})
+
+
+class BearingPart(Part):
+    """A bearing in which a gear moves sideways: ``[[bearing]]``."""
+
+    name: Name = Field(description="its parameters begin with it, as in front.stiffness")
+    carries: Name = Field(description="name the inertia of the gear")
+    radius: Any = Field(description='write the base radius of the gear, as in "40 mm"')
+    mass: Any = Field(description='write what moves sideways, as in "1.2 kg"')
+    stiffness: Any = Field(description='write its stiffness, as in "2e8 N/m"')
+    damping: Any = 0.0
+    clearance: Any = None
+    angle: Number | dict[Name, Number] = 0.0
+
+    def part(self) -> Bearing:
+        """Make the bearing."""
+        return Bearing(**{name: getattr(self, name) for name in type(self).model_fields})
+
+
 class TorquePart(Part):
     """A torque by a formula: ``[[force]]``. All keys that the schema does not know are parameters of the formula."""
 
@@ -146,16 +225,60 @@ class TorquePart(Part):
         return Force(self.name, (first, second), self.law, numbers=self.model_extra or {})
 
 
-class TrainFrictionBase(FrictionBase):
+class TrainFrictionBase(PacedPart, FrictionBase):
     """Dry friction between two inertias, or between one and the ground."""
 
     between: _Ends = Field(description='name the two inertias between which it slips, as in ["hub", "ground"]')
     ratio: Number | None = None
 
+    @property
+    def main_numbers(self) -> tuple[str, ...]:
+        """See `PacedPart.main_numbers`."""
+        return ("coefficient" if self.normal else "limit",)
+
     def part(self) -> Friction:
         """Make the friction."""
         first, second = self.between
         return Friction(self.name, (first, second), normal=self.normal or "", ratio=self.ratio, numbers=self.given)
+
+
+class DragBase(PacedPart):
+    """Drag between parts that turn at different speeds, or on the casing: ``[[drag]]``.
+
+    All keys that the schema does not know are parameters of its formula.
+    """
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    name: Name = Field(description="its parameters begin with it, as in bearing.linear")
+    between: _Ends = Field(description='name the two parts that slip, as in ["gear1", "output"] or ["gear1", "ground"]')
+    exponent: Count = 2
+    law: Text | None = Field(
+        default=None,
+        description='write a formula of the slip s instead, as in "a*s + b*s**3": the speed of the first less that of '
+        "the second",
+    )
+    group: Name | None = None
+
+    @property
+    def main_numbers(self) -> tuple[str, ...]:
+        """See `PacedPart.main_numbers`."""
+        return tuple(each.name for each in OF_DRAGS if each.name != "stribeck" and getattr(self, each.name) is not None)
+
+    def part(self) -> Drag:
+        """Make the drag."""
+        first, second = self.between
+        numbers = {each.name: value for each in OF_DRAGS if (value := getattr(self, each.name)) is not None}
+        more = {**numbers, **(self.model_extra or {})}
+        return Drag(
+            self.name, (first, second), law=self.law, group=self.group or "", exponent=self.exponent, numbers=more
+        )
+
+
+_OF_DRAGS: dict[str, Any] = {  # that without a kind has a unit of its own, as the parameters of a formula
+    each.name: (number_of(each) | None if each.kind else Any, None) for each in OF_DRAGS
+}
+DragPart: Any = create_model("DragPart", __base__=DragBase, **_OF_DRAGS)
 
 
 class TrainBase(Part):
@@ -172,9 +295,11 @@ class TrainBase(Part):
     frequency: _Pace | None = None
     speed: _Pace | None = None
     force: Annotated[list[TorquePart], Field(max_length=MAX_COORDINATES)] = Field(default=[])
+    groups: dict[Name, NonNegative] = Field(default={})
+    over_speed: dict[Text, Text] = Field(default={})
     study: Annotated[Any, AfterValidator(study_tables)] = None
-    measurement: Any = None  # read by `gapwalk.studies.measure`
-    reduction: Any = None  # read by `gapwalk.studies.reduced`
+    measurement: Any = None  # read by `gapwalk.studies.measurement_fit`
+    reduction: Any = None  # read by `gapwalk.studies.study_file`
 
     @field_validator("speed")
     @classmethod
@@ -196,6 +321,7 @@ class TrainBase(Part):
 
     def system(self, elements: Mapping[str, list[Any]]) -> System:
         """Make the system of the train, with the loads that its tables have made."""
+        parts: list[Any] = [each for key in (*_PACED, "drag") for each in getattr(self, key, ())]
         train = Train(
             inertias=[part.part() for part in self.inertia],
             shafts=[part.part() for part in getattr(self, "shaft", ())],
@@ -207,6 +333,11 @@ class TrainBase(Part):
             speed=self.speed,  # pyright: ignore[reportArgumentType]
             forces=[part.part() for part in self.force],
             frictions=[part.part() for part in getattr(self, "friction", ())],
+            drags=[part.part() for part in getattr(self, "drag", ())],
+            planetaries=[part.part() for part in getattr(self, "planetary", ())],
+            bearings=[part.part() for part in getattr(self, "bearing", ())],
+            groups=self.groups,
+            over_speed={name: text for part in parts for name, text in part.factors()} | self.over_speed,
             reference=self.reference,
             longest=self.longest,
         )
@@ -221,7 +352,10 @@ def train_part() -> type[TrainBase]:
     for key, (name, base) in links.items():
         part: Any = create_model(name, __base__=base, **fields)
         links[key] = (list[part], Field(default=[], max_length=MAX_COORDINATES))
+    links["drag"] = (list[DragPart], Field(default=[], max_length=MAX_COORDINATES))
     links["friction"] = (list[friction_part(TrainFrictionBase)], Field(default=[], max_length=MAX_COORDINATES))
+    links["planetary"] = (list[PlanetaryPart], Field(default=[], max_length=MAX_COORDINATES))
+    links["bearing"] = (list[BearingPart], Field(default=[], max_length=MAX_COORDINATES))
     return create_model("TrainPart", __base__=TrainBase, **links, **load_fields(TrainLoadBase))
 
 
@@ -234,7 +368,7 @@ def train_problems(error: ModelError, source: Source) -> Iterator[Problem]:
     """Make a problem of each line of an error, at the part with which it begins."""
     places: dict[str, Path] = {name: (name,) for name in _TOP}
     beside: dict[str, Path] = {}  # of contacts that a table makes beside its springs
-    for kind in (*_KEYS, "force", "friction", *LOADS):
+    for kind in (*_KEYS, "force", "friction", "drag", *LOADS):
         for number, table in enumerate(source.data.get(kind, ())):
             name = table.get("name") or default_name(kind, table, places)
             places[name] = (kind, number)

@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
+from itertools import permutations
 from typing import TYPE_CHECKING, Any
 
 from gapwalk.errors import ModelError
-from gapwalk.model.contact import OF_FRICTION
-from gapwalk.model.drivetrain.train_assembly import LinkForm
+from gapwalk.model.contact import OF_FRICTION, Side
+from gapwalk.model.drivetrain.planetary import QUANTITIES, Mesh
 from gapwalk.model.drivetrain.train_parts import GROUND, Force, Friction, Gear, Link, links_of
+from gapwalk.model.drivetrain.train_tree import LinkForm
 from gapwalk.model.loads import Load
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.units import QuantityKind, kind_of
@@ -49,8 +51,23 @@ class Counted:
     turns_of: str = ""  #: Name of an inertia instead.
     #: The order in place of that of the load; it may be a fraction, such as 0.5 for a cycle of four strokes.
     order: float | None = None
+    #: Pairs of poles of an electric machine: then its order counts electrical periods, of which a turn has this number.
+    pole_pairs: int | None = None
+    #: Slots of its stator: then its order counts periods of the cogging torque, of which a turn has the least common
+    #: multiple of slots and poles.
+    slots: int | None = None
 
     def __post_init__(self) -> None:
+        for key in ("pole_pairs", "slots"):
+            number = getattr(self, key)
+            if number is not None and (isinstance(number, bool) or not isinstance(number, int) or number < 1):
+                raise ModelError(f"{self.name} has {key} = {number!r}; it must be a whole number >= 1, such as 4")
+        if self.slots is not None and self.pole_pairs is None:
+            raise ModelError(
+                f"{self.name} has slots, but no pole_pairs; cogging repeats with both: write pole_pairs = 4, say"
+            )
+        if self.mesh and self.pole_pairs is not None:
+            raise ModelError(f"{self.name} has both mesh and pole_pairs; leave one of the two out")
         for key in ("mesh", "turns_of"):
             if not isinstance(name := getattr(self, key), str):
                 what = "a gear" if key == "mesh" else "an inertia"
@@ -60,7 +77,7 @@ class Counted:
                 )
         if self.mesh and self.turns_of:
             raise ModelError(f"{self.name} has both mesh and turns_of; leave one of the two out")
-        given = self.load.order if self.order is None else self.order
+        given = self.load.turn_order if self.order is None else self.order
         if isinstance(given, bool) or not isinstance(given, int | float | Fraction) or not 0 < given < math.inf:
             raise ModelError(f"{self.name} has the order {given!r}; it must be a number > 0")
         if abs(self.exact_order - Fraction(given)) > Fraction(1, 10**9) * self.exact_order:
@@ -77,7 +94,14 @@ class Counted:
     @property
     def exact_order(self) -> Fraction:
         """The order as a fraction, counted as it says."""
-        return Fraction(self.load.order if self.order is None else self.order).limit_denominator(_LARGEST_PART)
+        given = self.load.turn_order if self.order is None else Fraction(self.order)
+        return given.limit_denominator(_LARGEST_PART)
+
+    @property
+    def periods(self) -> int:
+        """The periods in a turn that its order counts: those of an electric machine, or 1."""
+        poles = 2 * (self.pole_pairs or 0)
+        return (poles // 2 or 1) if self.slots is None else math.lcm(self.slots, poles)
 
 
 def plain_load(load: Load | Counted) -> Load:
@@ -89,7 +113,7 @@ def with_load(counted: Load | Counted, load: Load) -> Load | Counted:
     """Return a load whose order is counted as that of another one."""
     if not isinstance(counted, Counted):
         return load
-    return Counted(load, counted.mesh, counted.turns_of, counted.order)
+    return replace(counted, load=load)
 
 
 def real_orders(train: Train) -> list[Fraction]:
@@ -102,9 +126,11 @@ def real_orders(train: Train) -> list[Fraction]:
             # until they are counted, the orders of a curve over a cycle of two turns are halves
             found.append(load.turn_order if train.speed is not None else load.order * unit)
             continue
-        order, at = load.exact_order, load.turns_of
-        if load.mesh:
-            gear = _gear(train, load)
+        order, at = load.exact_order * load.periods, load.turns_of
+        gear = _gear(train, load) if load.mesh else None
+        if isinstance(gear, Mesh):
+            order *= abs(tooth_rate(train, load, gear, paths))
+        elif gear:
             order, at = order * (gear.first_teeth or 0), gear.between[0]
         if at:
             order *= abs(_speed(train, load, at, paths)[0])
@@ -117,7 +143,11 @@ def fixed_ratios(train: Train) -> frozenset[str]:
     paths, found = _speeds(train), set()
     for load in train.harmonics:
         if isinstance(load, Counted) and (load.mesh or load.turns_of):
-            at = _gear(train, load).between[0] if load.mesh else load.turns_of
+            gear = _gear(train, load) if load.mesh else None
+            if isinstance(gear, Mesh):
+                found |= {each.name for each in train.gears}
+                continue
+            at = gear.between[0] if gear else load.turns_of
             found |= {*_speed(train, load, at, paths)[1]}
             found |= {load.mesh} - {""}
     return frozenset(found)
@@ -186,8 +216,29 @@ def _turns(count: Fraction) -> str:
     return f"{count} turn" if count <= 1 else f"{count} turns"
 
 
-def _gear(train: Train, load: Counted) -> Gear:
-    gears = {gear.name: gear for gear in train.gears}
+def tooth_rate(train: Train, load: Counted, mesh: Mesh, paths: _Paths | None = None) -> Fraction:
+    """Return the teeth of a planetary set that pass a planet per turn of the reference, forwards or backwards."""
+    paths = _speeds(train) if paths is None else paths
+    name, teeth = mesh.counted
+    speeds = [Fraction(0) if each == GROUND else _speed(train, load, each, paths)[0] for each in (name, mesh.carrier)]
+    if speeds[0] == speeds[1]:
+        raise ModelError(f"{load.name} counts teeth of {mesh.name}, which do not roll on each other as the train turns")
+    return teeth * (speeds[0] - speeds[1])
+
+
+def _gear(train: Train, load: Counted) -> Gear | Mesh:
+    gears: dict[str, Any] = {gear.name: gear for gear in train.gears}
+    for each in train.planetaries:
+        meshes = {link.name: link for link in each.links if isinstance(link, Mesh) and link.counted[1]}
+        if meshes:
+            gears |= {each.name: next(iter(meshes.values()))} | meshes
+        elif each.name == load.mesh:
+            raise ModelError(
+                f"{load.name} counts its order per tooth of {each.name}, which has a ratio alone; write teeth = "
+                f"[30, 20, 70] for {each.name}: those of sun, planet and ring"
+            )
+    if isinstance(found := gears.get(load.mesh), Mesh):
+        return found
     if load.mesh not in gears:
         raise ModelError(f"{load.name}.mesh is {load.mesh!r}, which is no gear; {did_you_mean(load.mesh, [*gears])}")
     if gears[load.mesh].teeth is None:
@@ -201,30 +252,49 @@ def _gear(train: Train, load: Counted) -> Gear:
 _Paths = Mapping[str, tuple[Fraction | None, tuple[str, ...]]]
 
 
+def walked(train: Train) -> dict[str, tuple[str, Any, bool]]:
+    """Return all inertias that the reference reaches, each with the one before it, the link, and whether forwards.
+
+    Shortest paths come first, then those across drags: where a drag alone joins two parts, they turn together without
+    a torque.
+    """
+    links = [(link, [end for end in link.row or link.between if end != GROUND]) for link in links_of(train)]
+    ends: dict[str, list[tuple[str, Any, bool]]] = {}
+    for link, own in links:
+        for one, other in permutations(own, 2) if not (link.is_drag or link.only_follows) else ():
+            ends.setdefault(one, []).append((other, link, one == own[0]))
+    sliding = [(link, own) for link, own in links if link.is_drag and not isinstance(link, Friction) and own[1:]]
+    found, waiting = dict[str, tuple[str, Any, bool]](), [train.reference]
+    while waiting:
+        for name in waiting:
+            for other, link, forward in ends.get(name, ()):
+                if other not in found and other != train.reference:
+                    found[other] = name, link, forward
+                    waiting.append(other)
+        reached = {train.reference, *found}
+        across = ((link, own) for link, own in sliding if len(reached & {*own}) == 1)
+        link, own = next(across, (None, []))
+        waiting = [end for end in own if end not in reached]
+        found |= {end: (own[own[0] == end], link, own[0] != end) for end in waiting}
+    return found
+
+
 def _speeds(train: Train) -> _Paths:
     """Return the speeds of all inertias over that of the reference, and the gears between, along the shortest paths."""
-    links: dict[str, list[tuple[str, Any, bool]]] = {}
-    for link in links_of(train):
-        if GROUND not in link.between and not link.only_follows and not link.is_drag:
-            first, second = link.between
-            links.setdefault(first, []).append((second, link, True))
-            links.setdefault(second, []).append((first, link, False))
-    found: dict[str, tuple[Fraction | None, tuple[str, ...]]] = {train.reference: (Fraction(1), ())}
-    waiting = [train.reference]
-    for name in waiting:
-        speed, path = found[name]
-        for other, link, forward in links.get(name, ()):
-            if other in found:
-                continue
-            waiting.append(other)
-            if isinstance(link, Gear):
-                ratio, new = link.exact_ratio, None
-                if speed is not None and ratio is not None:
-                    new = speed / ratio if forward else speed * ratio
-                found[other] = new, (*path, link.name)
-            else:
-                found[other] = speed, path
-    return found
+    if train.branches:
+        gears = tuple(gear.name for gear in train.gears)
+        exact = all(gear.exact_ratio is not None for gear in train.gears)
+        return {name: (speed if exact else None, gears) for name, speed in train._whole.speeds(train.reference).items()}
+    paths: dict[str, tuple[Fraction | None, tuple[str, ...]]] = {train.reference: (Fraction(1), ())}
+    for name, (before, link, forward) in train._walked.items():
+        if link.is_drag:  # so is one before all that follow
+            break
+        speed, path = paths[before]
+        if isinstance(link, Gear):
+            ratio, path = link.exact_ratio, (*path, link.name)
+            speed = None if speed is None or ratio is None else speed / ratio if forward else speed * ratio
+        paths[name] = speed, path
+    return paths
 
 
 def _speed(train: Train, load: Counted, name: str, paths: _Paths) -> tuple[Fraction, tuple[str, ...]]:
@@ -242,6 +312,46 @@ def _speed(train: Train, load: Counted, name: str, paths: _Paths) -> tuple[Fract
             f"numbers, so the excitation would not repeat; write teeth = [27, 41] for {wrong}"
         )
     return speed, path
+
+
+def phased_loads(train: Train) -> Iterator[Load | Counted]:
+    """Iterate over the loads, with one for each planet in place of those that vary the meshes of planets apart.
+
+    A tooth of the sun that is at the first planet is later at the next one, by the angle between the two on the
+    carrier: the phase of order n falls by n z_s times that angle. That of the ring is the same, by the condition of
+    assembly.
+    """
+    groups = {
+        f"{each.name}_{what}": each
+        for each in train.planetaries
+        for what in ("sun", "ring")
+        if len(each.places) > 1 and getattr(each, what) is not None
+    }
+    for each in train.harmonics:
+        load = plain_load(each)
+        named = [name for name in load.varies if name.partition(".")[0] in groups]
+        if not named:
+            yield each
+            continue
+        mesh = groups[named[0].partition(".")[0]]
+        phased = "phase" in [parameter.name for parameter in load.parameters]
+        if not isinstance(each, Counted) or not each.mesh or not phased or len(named) < len(load.varies):
+            raise ModelError(
+                f"{load.name}.varies names {named[0]}, the meshes of {mesh.planets} planets in different phases, so "
+                f'it is a [[harmonic]] counted by their teeth; write mesh = "{mesh.name}", and leave out the rest'
+            )
+        link = _gear(train, each)
+        assert isinstance(link, Mesh)
+        way = math.copysign(1.0, tooth_rate(train, each, link))
+        unit = train.units.of(QuantityKind.PHASE).factor if train.units else 1.0
+        teeth = (mesh.teeth or (0,))[0]
+        for place, angle in zip(mesh.places, mesh.angles, strict=True):
+            shift = math.remainder(-way * float(each.exact_order) * teeth * angle, 2.0 * math.pi) / unit
+            varies = {f"{n.partition('.')[0]}{place}.{n.partition('.')[2]}": value for n, value in load.varies.items()}
+            phase: Any = vars(load)["phase"]
+            yield with_load(
+                each, replace(load, **{"phase": phase + shift, "varies": varies, "name": f"{load.name}{place}"})
+            )
 
 
 # Numbers of a train that its loads vary: stiffnesses of links, transmission errors, prescribed motions of inertias.
@@ -267,8 +377,33 @@ def own_kinds(train: Train) -> dict[str, QuantityKind | None]:
         for parameter in load.parameters if load.varies else ():
             if kind_of(f"{load.name}.{parameter.name}") is QuantityKind.TORQUE:
                 found[f"{load.name}.{parameter.name}"] = QuantityKind.ANGLE if displaced else None
-    for force in train.forces:
-        found |= {f"{force.name}.{name}": None for name in force.numbers}
+    for each in train.planetaries:
+        found |= {f"{each.name}.{what}": kind_of(f"{each.name}.{what.rpartition('_')[2]}") for what in QUANTITIES[:-1]}
+    return found | dict.fromkeys(formula_numbers(train))
+
+
+def formula_numbers(train: Train) -> list[str]:
+    """Return the names of the parameters of formulas, each of which has a unit of its own."""
+    return [
+        f"{part.name}.{name}"
+        for part in (*train.forces, *train.drags)
+        for name in part.numbers
+        if part.law is not None or name == "quadratic"
+    ]
+
+
+def turn_speeds(train: Train) -> dict[str, float]:
+    """Return the mean speeds of all inertias over that of the reference; empty if a spring holds the train still."""
+    if train.branches:
+        return {name: float(speed) for name, speed in train._whole.speeds(train.reference).items()}
+    if any(GROUND in link.between and not (link.is_drag or link.only_follows) for link in links_of(train)):
+        return {}
+    found = {train.reference: 1.0}
+    for name, (before, link, forward) in train._walked.items():
+        if link.is_drag:
+            found[name] = found[before] / ratio_of(link) if forward else found[before] * ratio_of(link)
+        else:
+            found[name] = found[before] * (1.0 / ratio_of(link) if forward else ratio_of(link))
     return found
 
 
@@ -292,6 +427,8 @@ def displaced_gears(train: Train) -> frozenset[str]:
     """Return the gears whose ratio multiplies a prescribed motion, so that it is no parameter."""
     prescribed = prescribed_inertias(train)
     geared = [*train.gears, *(each for each in train.frictions if each.ratio is not None)]
+    if prescribed and train.branches:  # then mean speeds depend on all of them
+        return frozenset(each.name for each in geared)
     return frozenset(each.name for each in geared if each.between[1] in prescribed)
 
 
@@ -311,7 +448,10 @@ def targets_of(
         elif first not in numbers and first not in beside:
             moved = [*_ends_at(train, first)]
         else:
-            varies.append((name, factor))
+            link = links_of(train)[numbers[first]] if first in numbers else None
+            apart = link is not None and link.centre and link.side is Side.BOTH and "." not in rest
+            halves = ["positive.", "negative."] if apart else [""]
+            varies += [(f"{first}.{half}{rest}", factor) for half in halves]
             if rest == "clearance" and first in numbers:  # a rigid stop has one too, which friction does not feel
                 stops = [each for each in links[numbers[first]].beside if each.stages]
                 varies += [(f"{each.name}.clearance", factor) for each in stops]
@@ -326,7 +466,10 @@ def targets_of(
 def _ends_at(train: Train, inertia: str) -> Iterator[tuple[int, float]]:
     """Iterate over the links that end at an inertia, with their deflections by its angle."""
     for number, link in enumerate(links_of(train)):
-        if link.between[0] == inertia:
+        if link.row is not None:
+            if inertia in link.row:
+                yield number, float(link.row[inertia])
+        elif link.between[0] == inertia:
             yield number, 1.0
         elif link.between[1] == inertia:
             yield number, -ratio_of(link)
@@ -426,11 +569,12 @@ def _prescription_problems(train: Train) -> Iterator[str]:
     if train.reaction in prescribed:
         yield f"reaction is {train.reaction!r}, whose motion is prescribed, so it takes the mean torques; leave it out"
     for link in links_of(train):
-        held = [end for end in link.between if end in (*prescribed, GROUND)]
-        if len(held) == 2:
+        ends = [*link.row] if link.row is not None else link.between
+        held = [end for end in ends if end in (*prescribed, GROUND)]
+        if len(held) == len(ends):
             yield f"{link.name} joins {held[0]} and {held[1]}, neither of which is free to move; leave it out"
         elif held and held[0] != GROUND and link.is_rigid:
-            other = next(end for end in link.between if end != held[0])
+            other = next(end for end in ends if end not in held)
             yield (
                 f"{link.name} is rigid, so the motion of {other} is prescribed with that of {held[0]}; write stiffness "
                 f"= ... for {link.name}, or prescribe the motion of {other} and leave {held[0]} out"

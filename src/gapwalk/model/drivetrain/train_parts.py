@@ -13,9 +13,10 @@ from fractions import Fraction
 from typing import Any, Self
 
 from gapwalk.errors import ModelError
-from gapwalk.model.contact import OF_FRICTION, RIGID, Contact, ContactParts, Stage
+from gapwalk.model.contact import OF_FRICTION, RIGID, Contact, ContactParts, Side, Stage, side_of
 from gapwalk.model.contact import friction as make_friction
 from gapwalk.model.laws import FRICTION, HYSTERESIS, STIFFNESS, Expression, Law, Rigid, law_with
+from gapwalk.model.laws.formula import GROUP_SCALE, MEAN_SLIP, MEAN_SPEED, PACE, Formula, formula_of
 from gapwalk.model.loads import Line, Load
 from gapwalk.model.registry import Parameter
 from gapwalk.model.units import QuantityKind
@@ -29,9 +30,9 @@ Change = Callable[[str, Any], Any]
 _LARGEST_PART = 500  # of a ratio that is taken for a fraction without the numbers of teeth
 _EXACT = 1e-9  # relative error of a ratio that is meant to be a fraction
 _ROUNDED = 1e-4  # relative error of a ratio that is given beside numbers of teeth
-OF_LINKS = ("stiffness", "damping", "clearance", "cubic")
+OF_LINKS = ("stiffness", "damping", "clearance", "cubic", "centre")
 """The quantities of a link without those of its law and its stages."""
-_OF_STAGES = ("clearance", "stiffness", "cubic")
+_OF_STAGES = ("clearance", "stiffness", "cubic", "centre")
 
 
 @dataclass(frozen=True)
@@ -48,12 +49,15 @@ class Inertia:
     #: Moment of inertia, > 0, in kg m^2 or any consistent unit. None if its motion is prescribed: loads vary its angle,
     #: as in ``gw.Harmonic("0.1 deg", varies="flywheel.angle")``.
     inertia: float | None = None
+    #: Radius at which its signal ``name.acceleration`` is counted, in m/s^2, as ``"35 mm"``; None: in rad/s^2. It is
+    #: no parameter: nothing moves otherwise.
+    radius: float | None = None
 
     def _converted(self, change: Change) -> Inertia:
-        """Return it with another value of its quantity."""
-        if self.inertia is None:
-            return self
-        return replace(self, inertia=change(f"{self.name}.inertia", self.inertia))
+        """Return it with other values of its quantities."""
+        given = {what: getattr(self, what) for what in ("inertia", "radius")}
+        known = {what: change(f"{self.name}.{what}", value) for what, value in given.items() if value is not None}
+        return replace(self, **known) if known else self
 
 
 @dataclass(frozen=True, init=False)
@@ -80,6 +84,12 @@ class Link:
     law: Law | str | None = None
     #: Parameters of any law by name; they may also be given as arguments.
     numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
+    #: The side on which that spring acts beyond its clearance, ``"positive"`` (of the first inertia ahead of the
+    #: second), ``"negative"`` or ``"both"``: one side alone is a freewheel.
+    side: Side = Side.BOTH
+    #: The middle of the gap, at most as far from 0 as the clearance. Then each side has parameters of its own, as in
+    #: ``mesh.positive.clearance``.
+    centre: float = 0.0
 
     def __init__(
         self,
@@ -93,14 +103,21 @@ class Link:
         cubic: float = 0.0,
         law: Law | str | None = None,
         numbers: Mapping[str, float] | None = None,
+        side: Side | str = Side.BOTH,
+        centre: float = 0.0,
         **more: float | None,
     ) -> None:
         given = {**(numbers or {}), **{what: value for what, value in more.items() if value is not None}}
         rigid = law in (RIGID, Rigid()) or (law is None and "restitution" in given)
         spring: Any = RIGID if rigid and stiffness is None and clearance is not None else stiffness
-        parts = (name, between, spring, damping, clearance, tuple(stages), cubic, law, given)
+        parts = (name, between, spring, damping, clearance, tuple(stages), cubic, law, given, side_of(side), centre)
         for each, value in zip(fields(Link), parts, strict=True):
             object.__setattr__(self, each.name, value)
+
+    @property
+    def row(self) -> Mapping[str, Fraction] | None:
+        """The weights of all angles in its deflection, by inertia, if it has more than two ends."""
+        return vars(self).get("weights")
 
     @property
     def acts_always(self) -> bool:
@@ -127,17 +144,21 @@ class Link:
         """True if it joins nothing: a torque that depends on the rate of its deflection alone."""
         return False
 
-    def contacts(self, gapless: bool = False, angle: float = 1.0) -> tuple[Contact, ...]:
-        """Return its springs with clearances, the friction beside them, and its rigid stop, as contacts."""
+    def contacts(self, gapless: bool = False, angle: float = 1.0, slips: Slips | None = None) -> tuple[Contact, ...]:
+        """Return its springs with clearances, the friction beside them, and its rigid stop, as contacts.
+
+        `slips` says how its ends slip on each other beside their deflection; by default they do not.
+        """
         alone = len(self.stages) + (self.stiffness is not None) == 1  # then its parameters need no name of a stage
         stages = []
         if self.stiffness is not None and (self.clearance is not None or gapless):
-            stages.append(Stage(self.clearance or 0.0, self.stiffness, self.cubic, name="" if alone else "stage1"))
+            own = Stage(self.clearance or 0.0, self.stiffness, self.cubic, self.side, "" if alone else "stage1")
+            stages.append(replace(own, centre=self.centre))
         for number, stage in enumerate(self.stages, start=1 if self.stiffness is None else 2):
             stages.append(replace(stage, name=stage.name or ("" if alone else f"stage{number}")))
         numbers = dict(self.numbers)
         if len(stages) == 1 and self.clearance is not None and HYSTERESIS.name in numbers:
-            own = stages[0].numbers | {HYSTERESIS.name: numbers.pop(HYSTERESIS.name)}
+            own = {**stages[0].numbers, HYSTERESIS.name: numbers.pop(HYSTERESIS.name)}
             stages = [replace(stages[0], numbers=own)]
         always = self.acts_always and not gapless
         return ContactParts(self.name, {self.name: 1.0}, stages, None, self.law, numbers, always).contacts()
@@ -164,6 +185,9 @@ class Link:
             yield 'has a clearance, but no stiffness beyond it; write stiffness = ..., or stiffness = "rigid"'
         if self.stiffness == RIGID and self.clearance is None:
             yield 'has the stiffness "rigid", but no clearance; write the clearance of the rigid stop, or leave it out'
+        for what in ("side", "centre"):
+            if getattr(self, what) not in (Side.BOTH, 0.0) and self.clearance is None:
+                yield f"has a {what}, but no clearance; write the clearance of the gap, as in clearance = 0.0"
         if any(name in self.numbers for name in OF_FRICTION) and not self.has_springs:
             yield "has hysteresis, but no spring; write friction alone as a part of its own, as a [[friction]]"
         if self.cubic and self.clearance is None:
@@ -186,8 +210,10 @@ class Link:
 
 
 def links_of(train: Any) -> tuple[Link, ...]:
-    """Return the shafts, then the gears, then the forces and the friction of a train."""
-    return (*train.shafts, *train.gears, *train.forces, *train.frictions)
+    """Return the shafts, then the gears, the forces, the friction, the drags, and the links of sets and bearings."""
+    made = [link for each in train.planetaries for link in each.links]
+    made += [each.shaft(train.units) for each in train.bearings]
+    return (*train.shafts, *train.meshes, *train.forces, *train.frictions, *train.drags, *made)
 
 
 @dataclass(frozen=True, init=False)
@@ -335,6 +361,14 @@ class _Made:
         """The parameters of that load."""
         return self.kind.parameters
 
+    def unscaled(self, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Iterable[Line]:
+        """Give no lines: they are neither of a displacement nor constant."""
+        return ()
+
+    def tables(self, constants: Mapping[str, Any]) -> Iterator[tuple[tuple[float, ...], str]]:
+        """Iterate over the tables of that load."""
+        return self.kind.tables(constants)
+
     def notes(self, constants: Mapping[str, Any]) -> str:
         """Return its own note: that load has described itself."""
         return self.note
@@ -377,8 +411,14 @@ class MeanOf(_Made):
 
 # Torques between two inertias that are no springs: by a formula, and dry friction.
 
-_OF_FORCES = {*OF_LINKS, "name", "between", "law", "numbers", "stages", "teeth", "ratio"}  # no names of parameters
+_OF_FORCES = {*OF_LINKS[:4], "name", "between", "law", "numbers", "stages", "teeth", "ratio"}  # no names of parameters
 _NOTHING = (None, 0.0, (), {})  # values of a link that has no springs
+_OF_GAPS = {"side": Side.BOTH, "centre": 0.0}  # values of one that has no gap; formulas may have such parameters
+
+
+def _own(more: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is said of a part without springs but what all links have."""
+    return {name: value for name, value in more.items() if name not in _OF_FORCES and _OF_GAPS.get(name) != value}
 
 
 @dataclass(frozen=True, init=False)
@@ -413,13 +453,13 @@ class Force(Link):
         numbers: Mapping[str, float | str] | None = None,
         **more: float | str,
     ) -> None:
-        given: Any = {**(numbers or {}), **{name: value for name, value in more.items() if name not in _OF_FORCES}}
+        given: Any = {**(numbers or {}), **_own(more)}
         super().__init__(name, between, law=law, numbers=given)
 
     @property
     def is_drag(self) -> bool:
         """True if its formula does not depend on the deflection."""
-        return "x" not in self.formula.formula.variables
+        return "x" not in self.formula.variables
 
     @property
     def only_follows(self) -> bool:
@@ -432,15 +472,29 @@ class Force(Link):
         return not self.is_drag
 
     @property
-    def formula(self) -> Expression:
+    def formula(self) -> Formula:
         """The formula as it was written."""
-        return Expression(str(self.law))
+        return formula_of(str(self.law), ("x", "x'", "v"))
 
-    def contacts(self, gapless: bool = False, angle: float = 1.0) -> tuple[Contact, ...]:
+    def contacts(self, gapless: bool = False, angle: float = 1.0, slips: Slips | None = None) -> tuple[Contact, ...]:
         """Return it as a contact; see `Link.contacts`. The formula is one of rad."""
-        law = Expression(scaled(self.formula.text, angle, angle), ("x",))
-        numbers = {each.name: self.numbers[each.name] for each in law.parameters if each.name in self.numbers}
-        return (Contact(self.name, {self.name: 1.0}, (), None, law, numbers),)
+        slips = slips or Slips()
+        speeds = {name: f"({slips.rate(f'{_SPEED}{k}')} + {MEAN_SPEED}{k})" for k, name in enumerate(self.speeds)}
+        if self.between[1] == GROUND:
+            speeds.setdefault("w2", "0.0")
+        text = of_turning(self.formula.text, slips, self.numbers, speeds)
+        return (formula_contact(self.name, scaled(text, angle, angle), self.numbers),)
+
+    @property
+    def speeds(self) -> dict[str, str]:
+        """The inertias whose absolute speeds occur in its formula, by their names there."""
+        ends = {name: end for name, end in zip(("w1", "w2"), self.between, strict=False) if end != GROUND}
+        return {name: ends[name] for name in self.formula.parameters if name in ends and name not in self.numbers}
+
+    @property
+    def needs_speed(self) -> bool:
+        """True if the mean speed of the train occurs in its formula."""
+        return any(name in COMPUTED and name not in self.numbers for name in self.formula.parameters)
 
     def _converted(self, change: Change) -> Self:
         """Return it with other values of its parameters."""
@@ -450,7 +504,7 @@ class Force(Link):
     def problems(self) -> Iterator[str]:
         """List the errors of its formula and its numbers, one sentence each, without its name."""
         try:
-            known = [each.name for each in self.formula.parameters]
+            known = [name for name in self.formula.parameters if name not in COMPUTED or name in self.numbers]
         except ModelError as error:
             yield f"has no formula as its law: {str(error).splitlines()[0]}"
             return
@@ -517,7 +571,7 @@ class Friction(Link):
         own |= {"static": static, "speed": speed}
         given: Any = {**(numbers or {}), **{what: value for what, value in own.items() if value is not None}}
         super().__init__(name, between, numbers=given)
-        wrong = [what for what, value in others.items() if what not in _OF_FORCES or value not in _NOTHING]
+        wrong = [what for what, value in others.items() if what in _own(others) or value not in (*_NOTHING, Side.BOTH)]
         if wrong:
             known = ", ".join((*FRICTION, "normal", "ratio"))
             raise ModelError(f"friction {name!r} has {wrong[0]}, which is none of its numbers; they are {known}")
@@ -539,7 +593,7 @@ class Friction(Link):
         """False: that of a Jenkins element slips."""
         return False
 
-    def contacts(self, gapless: bool = False, angle: float = 1.0) -> tuple[Contact, ...]:
+    def contacts(self, gapless: bool = False, angle: float = 1.0, slips: Slips | None = None) -> tuple[Contact, ...]:
         """Return it as a contact; see `Link.contacts`."""
         numbers: Any = self.numbers
         return (make_friction(self.name, {self.name: 1.0}, normal=self.normal, **numbers),)
@@ -562,13 +616,219 @@ class Friction(Link):
             yield reason.removeprefix(own) if reason.startswith(own) else f"is refused: {reason}"
 
 
-def scaled(text: str, angle: float, rate: float, torque: float = 1.0) -> str:
+@dataclass(frozen=True, init=False)
+class Drag(Link):
+    """Drag of a bearing, a seal or oil: a torque of the speed at which its two parts slip on each other.
+
+    The parts turn at different speeds, or the second is the ground (the casing). With the slip ``s``, the speed of the
+    first less that of the second, the torque is ``linear * s + quadratic * s * |s|`` and a constant one against the
+    slip; see docs/numerics/drive-trains.md.
+
+    Parameters
+    ----------
+    name
+        Prefix of its parameters' names.
+    between
+        The two inertias, or one and ``"ground"``.
+    linear
+        Torque over slip.
+    quadratic
+        Torque over the square of the slip.
+    constant
+        Torque of dry friction while it slips. Its direction is that of the mean slip: where the parts also turn back
+        against each other, write a `Friction`.
+    breakaway, stribeck, exponent
+        By Stribeck's curve the constant torque grows towards `breakaway` at rest, as ``exp(-|s / stribeck|**exponent)``
+        does. The exponent is 1 or 2, 2 by default.
+    law
+        In place of all of these: a formula of the slip ``s``, which may contain ``W`` as that of a `Force`.
+    group
+        Name of a group of drags, all multiplied by one parameter ``<group>.drag``, such as a factor of the viscosity
+        over the temperature.
+    numbers
+        The numbers above, or those of the formula, by name; they may also be given as arguments.
+
+    Examples
+    --------
+    >>> gw.train.Drag("churning", ("gear", "ground"), linear="0.018 N m s/rad").numbers
+    {'linear': '0.018 N m s/rad'}
+    """
+
+    group: str
+    exponent: int
+
+    def __init__(
+        self,
+        name: str,
+        between: tuple[str, str],
+        *,
+        law: str | None = None,
+        group: str = "",
+        exponent: int = 2,
+        numbers: Mapping[str, float | str] | None = None,
+        **more: float | str | None,
+    ) -> None:
+        given: Any = {**(numbers or {}), **{what: value for what, value in _own(more).items() if value is not None}}
+        super().__init__(name, between, law=law or None, numbers=given)
+        object.__setattr__(self, "group", group)
+        object.__setattr__(self, "exponent", exponent)
+
+    @property
+    def is_drag(self) -> bool:
+        """True: it has no spring."""
+        return True
+
+    @property
+    def only_follows(self) -> bool:
+        """True unless it is linear alone."""
+        return self.numbers.keys() != {"linear"} or self.law is not None
+
+    @property
+    def has_springs(self) -> bool:
+        """False: it is none."""
+        return False
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Names of its numbers that are no contact's: those by which its torque is linear or constant."""
+        if self.law is not None:
+            return ()
+        wanted = ("linear",) if "breakaway" in self.numbers else ("linear", "constant")
+        return tuple(name for name in wanted if name in self.numbers)
+
+    def contacts(self, gapless: bool = False, angle: float = 1.0, slips: Slips | None = None) -> tuple[Contact, ...]:
+        """Return its torque without the linear and the constant part as a contact; see `Link.contacts`."""
+        slips = slips or Slips()
+        text = self.formula_text(angle, slips.way)
+        if not text:
+            return ()
+        if self.group:
+            text = f"{GROUP_SCALE}*({text})"
+        return (formula_contact(self.name, of_turning(text, slips, self.numbers, {}), self.numbers),)
+
+    def formula_text(self, angle: float, way: int | None) -> str:
+        """Return the formula of its contact, of the slip s; empty if it has none."""
+        if self.law is not None:
+            return scaled(str(self.law), angle, angle, slip=angle)
+        parts, sign = [], "-" if way == -1 else ""
+        if "quadratic" in self.numbers:
+            rate = "s" if angle == 1.0 else f"({angle!r}*s)"
+            parts.append(f"{sign}quadratic*{rate}**2" if way else f"quadratic*{rate}*abs({rate})")
+        if "breakaway" in self.numbers and way:
+            share = f"exp(-({sign}s/stribeck)**{self.exponent})"
+            falling = "constant + (breakaway - constant)" if "constant" in self.numbers else "breakaway"
+            parts.append(f"{sign}({falling}*{share})")
+        return " + ".join(parts)
+
+    def _converted(self, change: Change) -> Self:
+        """Return it with other values of its numbers."""
+        numbers = {name: change(f"{self.name}.{name}", value) for name, value in self.numbers.items()}
+        law: Any = self.law
+        return type(self)(self.name, self.between, law=law, group=self.group, exponent=self.exponent, numbers=numbers)
+
+    def problems(self) -> Iterator[str]:
+        """List the errors of its numbers, one sentence each, without its name."""
+        if self.law is not None:
+            yield from Force(self.name, self.between, str(self.law), numbers=self.numbers).problems()
+            return
+        known = [each.name for each in OF_DRAGS]
+        for name, value in self.numbers.items():
+            if name not in known:
+                yield f"has {name}, which is none of its numbers; they are {', '.join(known)}, or those of its law"
+            elif isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+                yield f"has {name} = {value!r}; it must be a finite number"
+        if not {"linear", "quadratic", "constant", "breakaway"} & self.numbers.keys():
+            yield 'has no torque; write linear = ..., quadratic = ..., constant = ..., or law = "a*s + b*s**3"'
+        if ("breakaway" in self.numbers) is not ("stribeck" in self.numbers):
+            yield "has one of breakaway and stribeck; write both: the torque at rest, and the slip at which it falls"
+        if self.exponent not in (1, 2):
+            yield f"has exponent = {self.exponent!r}; it is 1 or 2"
+        if not isinstance(self.group, str) or (self.group and not self.group.isidentifier()):
+            yield f"has group = {self.group!r}; write a word of letters, digits and underscores"
+
+
+OF_DRAGS = (
+    Parameter("linear", QuantityKind.DAMPING, "it is the torque of drag over the slip", None, 0.0),
+    Parameter("quadratic", None, "it is the torque of drag over the square of the slip", None, 0.0, -2, 1),
+    Parameter("constant", QuantityKind.TORQUE, "it is the torque of drag while it slips", None, 0.0),
+    Parameter("breakaway", QuantityKind.TORQUE, "it is the torque of drag at rest", None, 0.0),
+    Parameter("stribeck", QuantityKind.RATE, "it is the slip at which the torque of drag falls", None, 0.0),
+)
+"""The numbers of a drag that is no formula."""
+NOT_NEGATIVE = tuple(each.name for each in OF_DRAGS if each.name != "stribeck")
+"""The numbers of a drag that may be 0, but not less."""
+
+_SPEED = "speed_"  # and a number: the name in a formula of the angle of an inertia whose speed occurs in it
+COMPUTED = ("W", "s", "w1", "w2")
+"""Names in a formula of a train for the mean speed of its reference, the slip, and the speeds of its two ends."""
+
+
+@dataclass(frozen=True)
+class Slips:
+    """How the ends of a link slip on each other beside their deflection."""
+
+    way: int | None = None  #: The sign of its mean slip; None if its ends turn at the same mean speed.
+    #: True if a drag alone joins two parts of the train, whose rates then contain leaks.
+    leaks: bool = False
+
+    def rate(self, argument: str) -> str:
+        """Return the formula of the rate of an argument of a formula."""
+        return f"{argument}' + {argument}{LEAK}" if self.leaks else f"{argument}'"
+
+    @property
+    def slip(self) -> str:
+        """The formula of the slip."""
+        found = self.rate("x") if self.way is None else f"{self.rate('x')} + {MEAN_SLIP}"
+        return f"({found})" if "+" in found else found
+
+
+LEAK = "_leak"
+"""The end of the name of an argument that is the leak of another one: see `gapwalk.model.drivetrain.train_assembly`."""
+
+
+def speed_number(argument: str) -> int | None:
+    """Return the number of the inertia of whose angle an argument of a formula is the name; None for the slip."""
+    return int(argument.removeprefix(_SPEED).removesuffix(LEAK)) if argument.startswith(_SPEED) else None
+
+
+def acts_along_its_slip(law: Law) -> bool:
+    """Return True if the first deflection of a law is the one along which it acts."""
+    return not law.arguments[0].startswith(_SPEED) and not law.arguments[0].endswith(LEAK)
+
+
+def formula_contact(name: str, text: str, numbers: Mapping[str, Any]) -> Contact:
+    """Make the contact of a formula, with the arguments that occur in it."""
+    text = re.sub(r"\bv\b", "x'", text)
+    names = dict.fromkeys(each.removesuffix("'") for each in re.findall(_WORD, text))
+    arguments = sorted(each for each in names if re.fullmatch(rf"(x|{_SPEED}\d+)({LEAK})?", each))
+    arguments.sort(key=lambda each: each[0] != "x")  # along the first of them it acts, if that is its slip
+    law = Expression(text, tuple(arguments) or ("x",))
+    given = {each.name: numbers.get(each.name, 1.0) for each in law.parameters}
+    vectors: Any = {each: {name: 1.0} for each in law.arguments}
+    return Contact(name, vectors if arguments[1:] else {name: 1.0}, (), None, law, given)
+
+
+_WORD = r"[^\W\d]\w*'?"
+
+
+def of_turning(text: str, slips: Slips, numbers: Mapping[str, Any], speeds: Mapping[str, str]) -> str:
+    """Write a formula of slips and speeds as one of the rates of the equations of motion, which lack the means."""
+    slip = slips.slip
+    known = {name: value for name, value in {"s": slip, "W": PACE, **speeds}.items() if name not in numbers}
+    known |= {"v": slip, "x'": slip}
+    return re.sub(_WORD, lambda match: known.get(match[0], match[0]), text)
+
+
+def scaled(text: str, angle: float, rate: float, torque: float = 1.0, slip: float | None = None) -> str:
     """Write a formula of a deflection and its rate for other units: in place of x, ``angle * x``, and so on."""
-    sizes = {"x": angle, "x'": rate, "v": rate}
+    sizes = {"x": angle, "x'": rate, "v": rate, PACE: rate, MEAN_SLIP: rate}
+    sizes |= {} if slip is None else {"s": slip}
 
     def instead(match: re.Match[str]) -> str:
-        size = sizes.get(match[0], 1.0)
-        return match[0] if size == 1.0 else f"({size!r}*{match[0]})"
+        word = match[0]
+        of_speed = re.fullmatch(rf"{_SPEED}\d+'|{MEAN_SPEED}\d+|\w+{LEAK}", word)
+        size = rate if of_speed else sizes.get(word, 1.0)
+        return word if size == 1.0 else f"({size!r}*{word})"
 
-    found = re.sub(r"[^\W\d]\w*'?", instead, text)
+    found = re.sub(_WORD, instead, text)
     return found if torque == 1.0 else f"({found})*{1.0 / torque!r}"

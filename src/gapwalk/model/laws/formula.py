@@ -38,6 +38,20 @@ from gapwalk.model.laws.law import Law, Stages
 from gapwalk.model.problems import near_names
 from gapwalk.model.registry import Parameter
 
+# Numbers of formulas that follow from the frequency, or from the mean speed of a train. They are parameters of the
+# equations of motion, and an assembly computes them.
+
+PACE, MEAN_SLIP, GROUP_SCALE, MEAN_SPEED = "speed_W", "mean_slip", "drag_scale", "mean_speed_"
+STATE_LAG = "state_lag"
+"""The lag of coordinates without inertia: see `gapwalk.model.states`."""
+
+
+def is_computed(parameter: str) -> bool:
+    """Return True if a parameter of a contact follows from the frequency or from the speed of a train."""
+    last = parameter.rpartition(".")[2]
+    return last in (PACE, MEAN_SLIP, GROUP_SCALE, STATE_LAG) or last.startswith(MEAN_SPEED)
+
+
 NUMPY_FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: getattr(np, name) for name in FUNCTIONS},
     "pow": np.power,
@@ -665,8 +679,17 @@ class Expression(Law):
 
     @property
     def title(self) -> str:
-        """See `Law.title`."""
-        return self.formula.text
+        """See `Law.title`; with the names that users know."""
+        text = self.formula.text.replace(f"x' + {MEAN_SLIP}", "s").replace("(s)", "s").replace(GROUP_SCALE, "drag")
+        text = re.sub(rf" - \(\w+ \+ {STATE_LAG}\*\w+'\)/{STATE_LAG}$", "", text)  # of the rate of a state
+        text = re.sub(rf"(?<!\w)\((\w+) \+ {STATE_LAG}\*\w+'\)|(\w+) \+ {STATE_LAG}\*\w+'", r"\1\2", text)
+        return re.sub(rf"\b{PACE}\b", "W", text)
+
+    def with_frequency(self, name: str) -> Expression:
+        """Return the formula with a parameter that is the frequency, instead of one of its own."""
+        if name not in self.formula.parameters:
+            return self
+        return Expression(re.sub(rf"(?<![\w.]){name}(?![\w'])", PACE, self.text), self.variables)
 
     @property
     def mode_count(self) -> int:

@@ -30,7 +30,7 @@ class Friction(Law):
     In *slip* the force has the size of its limit and the sign of the slip rate, which is the rate of the deflection
     less the constant `speed` of the base. In *stick* it is whatever keeps the element from slipping, up to the limit;
     so it is no function of the deflection and its rate. Slip in one direction, slip in the other and stick are modes of
-    the flow (`gapwalk.flow.dry_switches`); `Stages.slip` is 1, -1 or 0 in them.
+    the flow (`gapwalk.flow.friction_switches`); `Stages.slip` is 1, -1 or 0 in them.
     """
 
     #: ``"limit"``: the limit is a number. ``"stages"``: it is the sum of the numbers `hysteresis` of the closed stages

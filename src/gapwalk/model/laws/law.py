@@ -35,6 +35,13 @@ class StageTerms:
     closed: Any  #: The mode: 1 while the deflection is beyond the breakpoint, otherwise 0.
     innermost: bool  #: True for the first stage on its side.
     numbers: Mapping[str, Any] = field(hash=False)  #: Its parameters by name.
+    #: The mode of the breakpoint itself, in a gap that keeps its state whatever that is; None: it is `closed`.
+    own: Any = None
+
+    @property
+    def touching(self) -> Any:
+        """The mode for damping that grows with the depth: 0 beyond the breakpoint of a stage that is kept closed."""
+        return self.closed if self.own is None else self.own
 
     def __getitem__(self, name: str) -> Any:
         return self.numbers[name]
@@ -99,12 +106,13 @@ class Stages:
     def kept(self, side: int) -> Stages:
         """Return the stages as they are if the innermost one on a side is always closed, and those on the other open.
 
-        The modes are still of the kind of the backend: numbers, arrays or expressions.
+        The modes are still of the kind of the backend: numbers, arrays or expressions. Damping that grows with the
+        depth would feed energy in where the spring pulls; it acts only while the stage is `touching`.
         """
         found = copy(self)
         found._stages = tuple(
-            replace(each, closed=0.0 * each.closed + float(each.sign == side))
-            if each.sign != side or each.innermost
+            replace(each, closed=0.0 * each.closed + is_own, own=is_own * each.closed)
+            if not (is_own := float(each.sign == side)) or each.innermost
             else each
             for each in self._stages
         )
@@ -532,7 +540,7 @@ class Piecewise(Law):
         Parameter(
             "offset",
             QuantityKind.TORQUE,
-            "it is a constant force while the innermost stage is closed",
+            "it is a constant force while the innermost stage is closed; the middle of a gap is its centre",
             0.0,
             optional=True,
         ),
@@ -691,7 +699,7 @@ class HuntCrossley(Elastic):
 
     def force(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Any:
         """See `Law.force`."""
-        size = stages.total(stage.sign * (stage.closed * spring(stage)) for stage in stages)
+        size = stages.total(stage.sign * (stage.touching * spring(stage)) for stage in stages)
         return super().force(rate, stages, numbers) + numbers["impact_damping"] * (size * rate)
 
 
@@ -702,8 +710,8 @@ class HuntCrossleyAsPrinted(HuntCrossley):
 
     def force(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Any:
         """See `Law.force`."""
-        force = Elastic.force(self, rate, stages, numbers)
-        return force + numbers["impact_damping"] * (force * rate)
+        size = stages.total(stage.touching * spring(stage) for stage in stages)
+        return Elastic.force(self, rate, stages, numbers) + numbers["impact_damping"] * (size * rate)
 
 
 # Springs and dampers that push, and never pull.

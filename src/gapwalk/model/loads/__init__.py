@@ -3,6 +3,7 @@
 `gapwalk.model.loads.load.Load` is the protocol, and says what a kind of load must give.
 """
 
+from gapwalk.model.loads.cylinder import Cylinder
 from gapwalk.model.loads.load import (
     LOADS,
     Harmonic,
@@ -17,11 +18,12 @@ from gapwalk.model.loads.load import (
 )
 from gapwalk.model.loads.measured import Measured
 
-for _kind in (Harmonic, Measured, Rectangle, Steady):
+for _kind in (Harmonic, Measured, Rectangle, Steady, Cylinder):
     register(_kind)
 
 __all__ = [
     "LOADS",
+    "Cylinder",
     "Harmonic",
     "Levels",
     "Line",

@@ -14,15 +14,9 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 
 from gapwalk.errors import ModelError, OutsideError
+from gapwalk.model.channels.channel_file import NamedFile
 from gapwalk.model.laws.formula import NUMPY_FUNCTIONS, Formula, formula_of
-from gapwalk.model.measured.measured_table import (
-    NamedFile,
-    SpeedTable,
-    WantedColumn,
-    read_heads,
-    read_table,
-    speed_table,
-)
+from gapwalk.model.measured.measured_table import SpeedTable, WantedColumn, read_heads, read_table, speed_table
 from gapwalk.model.registry import Parameter, Registry
 from gapwalk.model.units import QuantityKind, Units
 
@@ -48,11 +42,12 @@ class FactorOverSpeed:
     1.2
     """
 
-    #: A smooth formula of the angular frequency ``W`` and of the ``speed``, the first parameter of the system in its
-    #: own unit; empty if there is a table.
+    #: A smooth formula of the angular frequency ``W`` (in a train with a speed, the angular speed of its reference
+    #: shaft) and of the ``speed``, the first parameter of the system in its own unit; empty if there is a table.
     formula: str = ""
     table: SpeedTable | None = None  #: A table over the speed; None if there is a formula.
     pace: float = 1.0  #: The frequency W at the speed 1; 1 in a system without units.
+    turns: float = 1.0  #: Periods of the excitation in one turn of the shaft, if a formula is of its speed.
 
     def __post_init__(self) -> None:
         if self.table is not None:
@@ -77,15 +72,18 @@ class FactorOverSpeed:
     @property
     def limits(self) -> tuple[float, float]:
         """The range of frequencies W in which it has values."""
-        if self.table is None:
-            return 0.0, math.inf
-        return self.table.speeds[0] * self.pace, self.table.speeds[-1] * self.pace
+        return (self.points[0], self.points[-1]) if self.points else (0.0, math.inf)
+
+    @property
+    def points(self) -> tuple[float, ...]:
+        """The frequencies W of the points of its table; none of a formula."""
+        return () if self.table is None else tuple(speed * self.pace for speed in self.table.speeds)
 
     @property
     def data(self) -> tuple[Any, ...]:
         """Its parts as texts, numbers and tuples; `factor_over_speed` takes them back."""
         if self.table is None:
-            return "formula", self.formula, self.pace
+            return "formula", self.formula, self.pace, self.turns
         table = self.table
         return "table", table.name, table.unit, self.pace, table.speeds, table.values
 
@@ -99,14 +97,21 @@ class FactorOverSpeed:
         if self.table is not None:
             return self.table.value(speed, continued=True)
         with np.errstate(all="ignore"):
-            found = self._read.value({"W": frequency, "speed": speed}, NUMPY_FUNCTIONS, ())
+            found = self._read.value({"W": frequency / self.turns, "speed": speed}, NUMPY_FUNCTIONS, ())
         if not np.all(np.isfinite(found)):
             raise OutsideError(f"over_speed is {self.formula!r}, which has no value at W = {np.real(frequency)}")
         return found
 
     def in_train(self, units: Units) -> FactorOverSpeed:
         """Return the factor in the units of a drive train: a formula has the speed in the train's own unit."""
-        return replace(self, pace=units.frequency if self.table is None else self.pace * float(units.turns or 1))
+        turns = float(units.turns or 1)
+        if self.table is None:
+            return replace(self, pace=units.frequency, turns=turns)
+        return replace(self, pace=self.pace * turns)
+
+    def scaled(self, frequency: float) -> FactorOverSpeed:
+        """Return the factor where the frequency is counted in another unit."""
+        return replace(self, pace=self.pace / frequency, turns=self.turns / frequency)
 
     @cached_property
     def _read(self) -> Formula:
@@ -118,7 +123,7 @@ OverSpeed = str | SpeedTable | FactorOverSpeed | tuple[Any, ...]
 
 
 def read_factor(file: NamedFile, *, units: bool) -> FactorOverSpeed:
-    """Read a table over the speed from a CSV file."""
+    """Read a table over the speed from a file."""
     speed = WantedColumn("speed", QuantityKind.FREQUENCY if units else None, ("frequency", "W", "n"))
     factor = WantedColumn("factor", None, ("amplitude", "value", "scale"))
     if units and any(head.is_of(QuantityKind.TORQUE) for head in read_heads(file)):
@@ -136,8 +141,8 @@ def read_factor(file: NamedFile, *, units: bool) -> FactorOverSpeed:
 def factor_over_speed(data: tuple[Any, ...]) -> FactorOverSpeed:
     """Make a factor from its `FactorOverSpeed.data`; raise a ValueError if it is none."""
     match data:
-        case ("formula", str(text), float(pace)):
-            return FactorOverSpeed(text, None, pace)
+        case ("formula", str(text), float(pace), float(turns)):
+            return FactorOverSpeed(text, None, pace, turns)
         case ("table", str(name), str(unit), float(pace), tuple(speeds), tuple(values)):
             return FactorOverSpeed("", SpeedTable(speeds, values, name, unit), pace)
     raise ValueError("a factor over the speed is a formula or a table")
@@ -235,7 +240,8 @@ class Load(ABC):
     Notes
     -----
     `lines` is the only place of the formula; the frequency may enter it. All derivatives, by the frequency
-    too, are taken of it by a complex step.
+    too, are taken of it by a complex step. A kind with curves of its own over the speed gives their points by `tables`;
+    one whose constants are torques or frequencies converts them by `rescaled`.
 
     Examples
     --------
@@ -317,6 +323,17 @@ class Load(ABC):
             Its parameters by name, of the same kinds, and its constants.
         """
 
+    @classmethod
+    def unscaled(cls, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Iterable[Line]:
+        """Give further lines, which `over_speed` does not multiply; by default none.
+
+        Parameters
+        ----------
+        order, frequency, numbers
+            As for `lines`.
+        """
+        return ()
+
     @staticmethod
     def grown(size: Any, frequency: Any, numbers: Mapping[str, Any]) -> Any:
         """Return a size that grows with a power of the frequency: ``size * (W / at)**growth``.
@@ -372,6 +389,40 @@ class Load(ABC):
             True if the quantities of the file have units.
         """
         return cls(**given)
+
+    @classmethod
+    def tables(cls, constants: Mapping[str, Any]) -> Iterator[tuple[tuple[float, ...], str]]:
+        """Iterate over its tables over the speed: the frequencies W of the points of each, and its name.
+
+        Parameters
+        ----------
+        constants
+            Values of its constants by name.
+        """
+        factor = factor_over_speed(data) if (data := constants.get("over_speed")) else None
+        if factor is not None and factor.table is not None:
+            yield factor.points, factor.table.name
+
+    @classmethod
+    def rescaled(cls, constants: Mapping[str, Any], frequency: float, size: float) -> dict[str, Any]:
+        """Return its constants in other units.
+
+        Parameters
+        ----------
+        constants
+            Values of its constants by name.
+        frequency
+            The new unit of frequencies, in the old one.
+        size
+            The new unit of its torque, of its displacement, or of the fraction by which something varies.
+        """
+        found = dict(constants)
+        for name in cls.frequencies if found.get("growth", True) else ():
+            found[name] /= frequency
+        if data := found.get("over_speed"):
+            factor = factor_over_speed(data)
+            found["over_speed"] = factor.scaled(frequency).data
+        return found
 
     @classmethod
     def notes(cls, constants: Mapping[str, Any]) -> str:
@@ -432,15 +483,23 @@ class LoadForm:
 
     def lines(self, frequency: Any, values: Iterable[Any]) -> tuple[Line, ...]:
         """Give its lines, for values of its parameters in their order."""
-        lines = self.kind.lines(self.order, frequency, self._numbers(values))
-        if self.factor is None:
-            return tuple(lines)
-        factor = self.factor.value(frequency)
-        return tuple(Line(order, factor * cosine, factor * sine) for order, cosine, sine in lines)
+        numbers = self._numbers(values)
+        lines = self.kind.lines(self.order, frequency, numbers)
+        if self.factor is not None:
+            factor = self.factor.value(frequency)
+            lines = (Line(order, factor * cosine, factor * sine) for order, cosine, sine in lines)
+        return (*lines, *self.kind.unscaled(self.order, frequency, numbers))
 
     def plain_lines(self, frequency: Any, values: Iterable[Any]) -> tuple[Line, ...]:
         """Give its lines without its factor over the speed."""
-        return tuple(self.kind.lines(self.order, frequency, self._numbers(values)))
+        numbers = self._numbers(values)
+        given = (self.order, frequency, numbers)
+        return (*self.kind.lines(*given), *self.kind.unscaled(*given))
+
+    @property
+    def tables(self) -> tuple[tuple[tuple[float, ...], str], ...]:
+        """Its tables over the speed: the frequencies W of the points of each, and its name."""
+        return tuple(self.kind.tables(dict(self.constants)))
 
     @property
     def factor(self) -> FactorOverSpeed | None:
@@ -473,7 +532,12 @@ class LoadForm:
     @property
     def depends_on_frequency(self) -> bool:
         """True if the frequency enters its lines."""
-        return self.factor is not None or _example(self, 0.7) != _example(self, 1.3)
+        return self.is_scaled or _example(self, 0.7) != _example(self, 1.3)
+
+    @property
+    def is_scaled(self) -> bool:
+        """True if a factor or a table over the speed enters its lines, which may be the same at two speeds."""
+        return self.factor is not None or bool(self.tables)
 
 
 @lru_cache

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Literal, Self
@@ -12,22 +12,58 @@ import numpy as np
 
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Positive, check
+from gapwalk.model.channels.channel_file import MAX_SAMPLES, ColumnHead, NamedFile
 from gapwalk.model.loads.load import Line, Load, OverSpeed, check_order
 from gapwalk.model.measured.crank_orders import ERROR, OrderTable, displacement_orders, orders_of
-from gapwalk.model.measured.measured_table import ColumnHead, NamedFile, WantedColumn, read_heads, read_table
+from gapwalk.model.measured.curve_map import CurveMap, Series, map_points, merged, orders_at, read_map, scaled_series
+from gapwalk.model.measured.measured_table import SpeedTable, WantedColumn, read_heads, read_table
+from gapwalk.model.measured.turned_record import turning_orders
 from gapwalk.model.registry import Parameter
 from gapwalk.model.units import QuantityKind, Units, read_quantity
 
 _SHARED = ("growth", "at", "over_speed")  # keys of its table that are its fields
+_SPEED = ("speed", "rpm", "n", "frequency")  # names of the column of speeds
+_DISPLACED = ("displacement", "transmission error", "error", "deflection", "clearance", "x")
+_LISTED = 12  # orders that are listed one by one
 _MEANS = ("deflection", "clearance")  # what varies by the curve itself, by the last part of its name
 
 
+class OfCurve(Load):
+    """A load with the orders of a curve over the angle of a shaft, or of one for each of some speeds."""
+
+    series: Series
+    turns: int
+
+    @classmethod
+    def tables(cls, constants: Mapping[str, Any]) -> Iterator[tuple[tuple[float, ...], str]]:
+        """See `Load.tables`."""
+        yield from super().tables(constants)
+        yield from map_points(constants)
+
+    @classmethod
+    def rescaled(cls, constants: Mapping[str, Any], frequency: float, size: float) -> dict[str, Any]:
+        """See `Load.rescaled`."""
+        found = super().rescaled(constants, frequency, size)
+        return {**found, **scaled_series(found, 1.0 / size, 1.0 / frequency)}
+
+    @property
+    def turn_order(self) -> Fraction:
+        """See `Load.turn_order`: a half for the curve of a cycle of two turns."""
+        return Fraction(self.order, self.turns)
+
+    def in_train(self, units: Units) -> Self:
+        """See `Load.in_train`."""
+        moved = replace(self, **scaled_series(vars(self), 1.0, float(units.turns or 1)))
+        return super(OfCurve, moved).in_train(units)
+
+
 @dataclass(frozen=True)
-class Measured(Load):
+class Measured(OfCurve):
     """A curve over the angle of a shaft, as a load or as what something varies by; made by `Measured.of`.
 
     It is ``scale`` times a mean and some orders, ``sum cosine * cos(k a) + sine * sin(k a)`` with ``a`` the angle of
-    the shaft plus `phase`. As a variation it has no mean.
+    the shaft plus `phase`. As a variation it has no mean. Of a map over angle and speed, the mean and all orders are
+    monotone cubics over the speed.
 
     Examples
     --------
@@ -51,6 +87,8 @@ class Measured(Load):
         "column": (str, ""),
         "period": (float | str | None, None),
         "speed": (float | str | None, None),
+        "speed_column": (str, ""),
+        "pulses": (int, 0),
         "relative": (bool, False),
         "growth": (int, 0),
         "at": (float, 1.0),
@@ -58,7 +96,8 @@ class Measured(Load):
     }
 
     #: tuple of (int, float, float): For each order: periods in a period of the curve, cosine, sine.
-    series: tuple[tuple[int, float, float], ...]
+    #: Of a map these are tuples of one number for each speed.
+    series: Series
     #: The vector along which it acts, by coordinate name.
     acts_on: Mapping[str, float] = field(default_factory=dict, hash=False)
     #: Periods of the curve in a period of the excitation, an integer >= 1. The fundamental frequency of a four-stroke
@@ -69,7 +108,7 @@ class Measured(Load):
     phase: float = 0.0  #: In radians of the shaft's angle: a curve with the phase 0.1 is ahead by 0.1 rad.
     #: What it varies instead: ``"mesh.deflection"``, or several names with factors.
     varies: Mapping[str, float] = field(default_factory=dict, hash=False)
-    mean: float = 0.0  #: The mean of the load; 0 for a variation.
+    mean: Any = 0.0  #: The mean of the load; 0 for a variation. Of a map it is a tuple, a number for each speed.
     #: growth, at, over_speed: As for `Harmonic`.
     growth: int = 0
     at: float = 1.0
@@ -78,12 +117,15 @@ class Measured(Load):
     mean_left_out: float = 0.0  #: The mean that a variation leaves out.
     is_angle: bool = False  #: True if the values are angles in rad, which a drive train converts to its own unit.
     source: str = ""  #: Name of the file.
+    drift: str = ""  #: What was taken off a record of a shaft that turns, in words.
+    #: Of a map: its name, the unit of its speeds, the frequency W at the speed 1, the speeds. Otherwise empty.
+    speeds: tuple[Any, ...] = ()
     name: str = ""  #: Prefix of its parameters' names.
 
     def __post_init__(self) -> None:
         super().__post_init__()
         try:
-            series = tuple((order, float(cosine), float(sine)) for order, cosine, sine in self.series)
+            series = tuple((order, _plain(cosine), _plain(sine)) for order, cosine, sine in self.series)
         except (TypeError, ValueError):
             raise ModelError(f"series is {self.series!r}; make a measured load with Measured.of(table, ...)") from None
         for order, *numbers in series:
@@ -95,7 +137,7 @@ class Measured(Load):
     @classmethod
     def of(
         cls,
-        table: OrderTable,
+        table: OrderTable | Mapping[float, OrderTable],
         acts_on: Mapping[str, float] | None = None,
         *,
         relative: bool = False,
@@ -106,7 +148,7 @@ class Measured(Load):
         Parameters
         ----------
         table
-            The curve: `gapwalk.loads.orders_of` finds it from samples.
+            The curve: `gapwalk.loads.orders_of` finds it from samples. For a map, one for each frequency W.
         acts_on
             See `Measured`.
         relative
@@ -122,95 +164,214 @@ class Measured(Load):
         >>> [order for order, *_ in load.series], round(load.mean, 9)
         ([1, 4], 80.0)
         """
-        mean, varies = table.mean, fields.get("varies") or {}
+        if isinstance(table, Mapping):
+            ordered = sorted(table.items())
+            speeds = tuple(float(speed) for speed, _ in ordered)
+            fields = {"speeds": ("the map", "", 1.0, SpeedTable(speeds, speeds).speeds)} | fields
+            tables = [each for _, each in ordered]
+        else:
+            tables = [table]
+        varies = fields.get("varies") or {}
         varied = [varies] if isinstance(varies, str) else list(varies)
-        size = math.sqrt(2.0 * sum(line.energy for line in table.lines))
-        if not table.lines and (varied or not mean):
-            raise ModelError("the curve is constant, so it excites nothing")
-        if relative:
-            if not varied:
-                raise ModelError("relative is only for what a curve varies; a load has its own size: leave it out")
-            if not abs(mean) > size:
-                raise ModelError(f"the mean of the curve is {mean:g}, too small to divide by; leave relative out")
-        elif varied and abs(mean) > size and not any(name.rpartition(".")[2] in _MEANS for name in varied):
-            raise ModelError(
-                f"the curve has the mean {mean:g}, but {varied[0]} varies by a fraction: if the curve is the number "
-                "itself over the angle, write relative = true; otherwise subtract the mean from the curve"
-            )
-        part = 1.0 / mean if relative else 1.0
-        series = tuple((round(line.order * table.turns), part * line.cosine, part * line.sine) for line in table.lines)
-        means = {"mean_left_out": 0.0 if relative else mean} if varied else {"mean": mean}
-        return cls(series, acts_on or {}, turns=table.turns, left_out=table.left_out, **means, **fields)
+        parts = [_part_of(each, varied, relative=relative) for each in tables]
+        mean, series = merged(parts)
+        means = {"mean": mean}
+        if varied:
+            of_curves = float(np.mean([each.mean for each in tables]))
+            means = {"mean_left_out": 0.0 if relative else of_curves}
+        left_out = max(each.left_out for each in tables)
+        return cls(series, acts_on or {}, turns=tables[0].turns, left_out=left_out, **means, **fields)
 
     @classmethod
     def from_table(cls, given: Mapping[str, Any], *, units: bool) -> Self:
         """See `Load.from_table`."""
         fields = {name: value for name, value in given.items() if name not in cls.table_keys or name in _SHARED}
         own = {name: value for name, value in given.items() if name not in fields}
-        table, is_angle = read_curve(own["file"], own, is_load=bool(given.get("acts_on")), units=units)
+        curves, tables, is_angle, drift = read_curve(own["file"], own, is_load=bool(given.get("acts_on")), units=units)
         relative = own["relative"]
         acts_on = fields.pop("acts_on", None)
-        marks = {"is_angle": is_angle and not relative, "source": own["file"].name}
-        return cls.of(table, acts_on, relative=relative, **fields, **marks)
+        marks = {"is_angle": is_angle and not relative, "source": own["file"].name, "drift": drift}
+        found = dict(zip(curves.speeds, tables, strict=True)) if curves.speeds else tables[0]
+        if curves.speeds:
+            marks["speeds"] = curves.speed_data
+        return cls.of(found, acts_on, relative=relative, **fields, **marks)
 
     @classmethod
     def lines(cls, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Iterable[Line]:
         """See `Load.lines`."""
         size = cls.grown(numbers["scale"], frequency, numbers)
-        if numbers["mean"]:
-            yield Line(0, size * numbers["mean"])
-        for multiple, cosine, sine in numbers["series"]:
-            ahead = multiple / numbers["turns"] * numbers["phase"]
-            c, s = np.cos(ahead), np.sin(ahead)
-            yield Line(order * multiple, size * (cosine * c + sine * s), size * (sine * c - cosine * s))
+        mean, series = orders_at(numbers, frequency)
+        if np.any(numbers["mean"]):
+            yield Line(0, size * mean)
+        yield from series_lines(order, size, series, numbers["phase"] / numbers["turns"])
 
-    @property
-    def turn_order(self) -> Fraction:
-        """See `Load.turn_order`: a half for the curve of a cycle of two turns."""
-        return Fraction(self.order, self.turns)
+    @classmethod
+    def rescaled(cls, constants: Mapping[str, Any], frequency: float, size: float) -> dict[str, Any]:
+        """See `Load.rescaled`."""
+        found = super().rescaled(constants, frequency, size)
+        return {**found, "mean_left_out": constants["mean_left_out"] / size}
 
     def in_train(self, units: Units) -> Self:
         """See `Load.in_train`."""
         unit = units.angle if self.is_angle else 1.0
-        series = tuple((order, cosine / unit, sine / unit) for order, cosine, sine in self.series)
-        moved = replace(self, series=series, mean_left_out=self.mean_left_out / unit, is_angle=False)
+        moved = scaled_series(vars(self), 1.0 / unit)
+        moved = replace(self, **moved, mean_left_out=self.mean_left_out / unit, is_angle=False)
         return super(Measured, moved).in_train(units)
 
     @classmethod
     def notes(cls, constants: Mapping[str, Any]) -> str:
         """Say which orders of the shaft it has, and what is left out; see `Load.notes`."""
-        kept = ", ".join(f"{order / constants['turns']:g}" for order, *_ in constants["series"])
-        source = f" of {constants['source']}" if constants["source"] else ""
-        text = f"orders {kept} per turn{source}, without {100.0 * constants['left_out']:.2g} % of the energy"
+        text = orders_words(constants)
+        text += f" ({constants['drift']})" if constants["drift"] else ""
         mean = constants["mean_left_out"]
         return f"{text} and without the mean {mean:.4g}" if mean else text
 
 
-def read_curve(file: NamedFile, keys: Mapping[str, Any], *, is_load: bool, units: bool) -> tuple[OrderTable, bool]:
-    """Find the orders of a curve in a CSV file, over an angle or over time."""
+def series_lines(order: int, size: Any, series: Series, ahead: Any) -> Iterable[Line]:
+    """Give the lines of a curve times a size, ahead by an angle of its period in rad."""
+    for multiple, cosine, sine in series:
+        c, s = np.cos(multiple * ahead), np.sin(multiple * ahead)
+        yield Line(order * multiple, size * (cosine * c + sine * s), size * (sine * c - cosine * s))
+
+
+def orders_words(constants: Mapping[str, Any]) -> str:
+    """Say which orders of the shaft a curve has, from which file, and what is left out."""
+    orders = [f"{order / constants['turns']:g}" for order, *_ in constants["series"]]
+    kept = f"orders {', '.join(orders)}"
+    if len(orders) > _LISTED:
+        kept = f"{len(orders)} orders from {orders[0]} to {orders[-1]}"
+    source = f" of {constants['source']}" if constants["source"] else ""
+    text = f"{kept} per turn{source}, without {100.0 * constants['left_out']:.2g} % of the energy"
+    if speeds := constants.get("speeds"):
+        _, unit, _, found = speeds
+        text += f", over {len(found)} speeds from {found[0]:g} to {found[-1]:g} {unit}".rstrip()
+    return text
+
+
+def _plain(number: Any) -> Any:
+    return tuple(map(float, number)) if isinstance(number, tuple | list) else float(number)
+
+
+def _part_of(table: OrderTable, varied: Sequence[str], *, relative: bool) -> tuple[float, Series]:
+    """Return the mean and the series of a curve, relative to its mean if wanted; refuse what excites nothing."""
+    mean = table.mean
+    size = math.sqrt(2.0 * sum(line.energy for line in table.lines))
+    if not table.lines and (varied or not mean):
+        raise ModelError("the curve is constant, so it excites nothing")
+    if relative:
+        if not varied:
+            raise ModelError("relative is only for what a curve varies; a load has its own size: leave it out")
+        if not abs(mean) > size:
+            raise ModelError(f"the mean of the curve is {mean:g}, too small to divide by; leave relative out")
+    elif varied and abs(mean) > size and not any(name.rpartition(".")[2] in _MEANS for name in varied):
+        raise ModelError(
+            f"the curve has the mean {mean:g}, but {varied[0]} varies by a fraction: if the curve is the number "
+            "itself over the angle, write relative = true; otherwise subtract the mean from the curve"
+        )
+    part = 1.0 / mean if relative else 1.0
+    series = tuple((round(line.order * table.turns), part * line.cosine, part * line.sine) for line in table.lines)
+    return 0.0 if varied else mean, series
+
+
+def read_curve(
+    file: NamedFile, keys: Mapping[str, Any], *, is_load: bool, units: bool
+) -> tuple[CurveMap, tuple[OrderTable, ...], bool, str]:
+    """Find the orders of the curves in a file, over an angle or time; whether they are angles; and the drift."""
     heads = read_heads(file)
     has_angle = any(_is(head, ("angle", "crank")) for head in heads)
     over_time = not has_angle and any(_is(head, ("time", "t")) for head in heads)
     accelerates = not is_load and not keys["relative"] and any(_is(head, ("acceleration", "a")) for head in heads)
-    wanted = [_abscissa(heads, over_time=over_time, units=units), _ordinate(keys, is_load, accelerates, units)]
-    table = read_table(file, wanted)
-    abscissa, values = table[wanted[0].role].values(), table[wanted[1].role].values()
+    has_speed = any(_is(head, _SPEED) or (units and head.is_of(QuantityKind.FREQUENCY)) for head in heads)
+    moves = not is_load and not keys["relative"] and not accelerates and not _has_displacement(heads, units)
+    ordinate = _ordinate(keys, is_load, accelerates, units)
+    if keys["pulses"] and not moves:
+        raise ModelError(
+            f'{file.name}: pulses give the motion of a shaft, as for varies = "flywheel.angle"; with a load, a '
+            "displacement or an acceleration leave pulses out, and give the speed"
+        )
+    if keys["pulses"] or (has_speed and (moves or (over_time and keys.get("period") is None))):
+        wanted = None if moves or keys["pulses"] else ordinate
+        table, is_angle, drift = _read_turned(file, keys, wanted, accelerates, not has_angle, units, heads)
+        return CurveMap((), name=file.name), (table,), is_angle, drift
+    curves = read_map(file, _abscissa(heads, over_time=over_time, units=units), ordinate, units=units)
     turns = 2 if keys["per"] == "cycle" else 1
-    how = {"orders": keys.get("orders"), "per": keys["per"], "error": keys["error"]}
+    how: dict[str, Any] = {"per": keys["per"], "error": keys["error"]}
     speed = keys.get("speed")
     try:
         if over_time:
             period = _number(keys.get("period"), "period", QuantityKind.TIME, "0.04", "s" if units else "")
-            abscissa, speed = 2.0 * math.pi * turns * abscissa / period, 2.0 * math.pi * turns / period
-        elif accelerates:
+            each = 2.0 * math.pi * turns / period
+            curves, speed = replace(curves, curves=tuple((each * t, y) for t, y in curves.curves)), each
+        elif accelerates and not curves.speeds:
             speed = _number(speed, "speed", QuantityKind.FREQUENCY, "1500", "rpm" if units else "")
-        if not over_time and float(np.ptp(abscissa)) > 100.0 and table[wanted[0].role].unit is None:
+        if not over_time and not curves.has_unit and float(np.ptp(curves.curves[0][0])) > 100.0:
             raise ModelError("its angles seem to be in degrees; name the column angle (deg)")
-        if accelerates:
-            return displacement_orders(abscissa, acceleration=values, speed=speed, **how), units
-        return orders_of(abscissa, values, **how), units and not is_load
     except ModelError as error:
         raise ModelError(f"{file.name}: {error}") from None
+    find: Any = orders_of
+    if accelerates:
+        find, how["speed"] = _displacement, speed
+    return curves, curves.tables(find, keys.get("orders"), **how), units and not is_load, ""
+
+
+def _read_turned(
+    file: NamedFile,
+    keys: Mapping[str, Any],
+    ordinate: WantedColumn | None,
+    accelerates: bool,
+    over_time: bool,
+    units: bool,
+    heads: Sequence[ColumnHead],
+) -> tuple[OrderTable, bool, str]:
+    """Find the orders of the motion of a shaft (without an ordinate), or of a signal while it turned."""
+    wanted = [_abscissa(heads, over_time=over_time, units=units)]
+    if pulses := keys["pulses"]:
+        if not over_time:
+            raise ModelError(
+                f"{file.name}: pulses is {pulses}, but there is an angle; pulses have times, as in time (s)"
+            )
+        others = [head for head in heads if head.name and not head.is_time and not _is(head, ("time", "t"))]
+        if others:
+            name = keys["column"] or (others[0].text if len(others) == 1 else "")
+            wanted.append(WantedColumn("pulses", None, (), name, "column", any_unit=True))
+    else:
+        name, key = (keys["column"], "column") if ordinate is None else (keys["speed_column"], "speed_column")
+        wanted.append(WantedColumn("speed", QuantityKind.FREQUENCY if units else None, _SPEED, name, key))
+        wanted += [] if ordinate is None else [ordinate]
+    table = read_table(file, wanted, most=MAX_SAMPLES)
+    values = {each.role: table[each.role].values() for each in wanted}
+    signal = values.get("pulses" if pulses else "" if ordinate is None else ordinate.role)
+    abscissa = {"time" if over_time else "angle": values[wanted[0].role]}
+    try:
+        at = keys.get("speed")
+        at = None if at is None else _number(at, "speed", QuantityKind.FREQUENCY, "1500", "rpm" if units else "")
+        found, drift = turning_orders(
+            speed=values.get("speed"),
+            signal=signal,
+            **abscissa,
+            pulses=pulses,
+            at=at,
+            accelerates=accelerates,
+            orders=keys.get("orders"),
+            per=keys["per"],
+            error=keys["error"],
+            where=table.where,
+            unit="rpm" if units else "",
+        )
+    except ModelError as error:
+        raise ModelError(f"{file.name}: {error}") from None
+    is_motion = ordinate is None or ordinate.kind in (QuantityKind.ANGLE, QuantityKind.ACCELERATION)
+    return found, units and is_motion, drift.words
+
+
+def _has_displacement(heads: Sequence[ColumnHead], units: bool) -> bool:
+    """Return True if a column besides the angle of the shaft may be a displacement."""
+    free = [head for head in heads if not _is(head, ("angle", "crank", "theta", "time", "t"))]
+    return any(_is(head, _DISPLACED) or (units and head.is_of(QuantityKind.ANGLE)) for head in free)
+
+
+def _displacement(angle: Any, acceleration: Any, **how: Any) -> OrderTable:
+    return displacement_orders(angle, acceleration=acceleration, **how)
 
 
 def _is(head: ColumnHead, names: Collection[str]) -> bool:
@@ -236,7 +397,7 @@ def _ordinate(keys: Mapping[str, Any], is_load: bool, accelerates: bool, units: 
         kind, role, others = QuantityKind.ACCELERATION, "acceleration", ("a",)
     else:
         kind, role = QuantityKind.ANGLE, "displacement"
-        others = ("transmission error", "error", "deflection", "clearance", "x")
+        others = _DISPLACED
     return WantedColumn(role, kind if units else None, others, name, key)
 
 

@@ -162,7 +162,7 @@ def orders_of(
         raise ModelError(f'per is {per!r}; it is "turn", or "cycle" for two turns')
     check("error", error, Fraction)
     turns = _TURNS[per]
-    angles, values = _one_period(angle, torque, turns)
+    angles, values = one_period(angle, torque, turns)
     scale = float(np.max(np.abs(values)))
     if not scale > 0.0:
         scale = 1.0
@@ -242,7 +242,7 @@ def displacement_orders(
     return replace(table, mean=0.0, lines=lines)
 
 
-def _one_period(angle: ArrayLike, values: ArrayLike, turns: int) -> tuple[Array, Array]:
+def one_period(angle: ArrayLike, values: ArrayLike, turns: int) -> tuple[Array, Array]:
     """Return the samples of one period, without the one that ends it."""
     x, y = number_row(angle, "angles"), number_row(values, "values")
     if len(x) != len(y):

@@ -1,14 +1,13 @@
-"""A measured table from a CSV file, whose columns are found by their quantity or by their name.
+"""A measured table from a file of any format, whose columns are found by their quantity or by their name.
 
-The line of names has the units: ``deflection (deg), torque (N m)``, or ``deflection [deg]; torque [Nm]``.
+In a CSV file the line of names has the units: ``deflection (deg), torque (N m)``, or ``deflection [deg]; torque [Nm]``.
 """
 
 from __future__ import annotations
 
-import csv
 import io
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -18,65 +17,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.files import content_of
+from gapwalk.model.channels.channel_file import (
+    MAX_ROWS,
+    ChannelFile,
+    ColumnHead,
+    NamedFile,
+    named_file,
+    open_channels,
+    spelled,
+)
 from gapwalk.model.model_source import Source
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.units import Quantity, QuantityKind, Unit, read_unit
-
-# Columns of numbers in a CSV file: a line of names, then rows. Records and measured tables are read with it.
-#
-# The file is treated as data only. Its lines are separated by any usual end of a line; its entries by tabs, semicolons
-# or commas, the first of these that the line of names contains. Empty lines, and lines that begin with ``#``, are
-# skipped. Numbers may have a decimal comma where the comma does not separate them; then all of them must have it.
-
-_MAX_COLUMNS = 1000
-_QUOTED = 40  # characters of an entry that is quoted
-
-
-@dataclass(frozen=True, eq=False)
-class CsvColumns:
-    """The text of a CSV file, in lines; the numbers of its columns are read on request."""
-
-    heads: tuple[str, ...]  #: The names of the columns, as they are written.
-    mark: str  #: What separates the entries: a tab, a semicolon or a comma.
-    rows: tuple[tuple[int, str], ...]  #: The other lines, each with its number in the file, from 1.
-
-    def numbers(self, places: Mapping[str, int]) -> dict[str, NDArray[np.float64]]:
-        """Read the numbers of some columns, each of shape (rows,)."""
-        table = np.empty((len(places), len(self.rows)))
-        commas: dict[bool, tuple[int, str]] = {}  # the first number with a point, and the first one with a comma
-        for row, (number, line) in enumerate(self.rows):
-            try:
-                entries = _entries(line, self.mark, strict=True)
-            except csv.Error as error:
-                raise ModelError(f"line {number}: it cannot be divided into entries: {error}") from None
-            if len(entries) > len(self.heads) and any(entry.strip() for entry in entries[len(self.heads) :]):
-                hint = "; with decimal commas, separate the columns by semicolons" if self.mark == "," else ""
-                raise ModelError(
-                    f"line {number}: it has {len(entries)} entries, but the first line names {len(self.heads)} "
-                    f"columns{hint}"
-                )
-            for index, (name, place) in enumerate(places.items()):
-                entry = entries[place].strip() if place < len(entries) else ""
-                try:
-                    table[index, row] = _number(entry, self.mark)
-                except ValueError:
-                    raise ModelError(f"line {number}: {_complaint(name, entry, self.mark)}") from None
-                if "." in entry or "," in entry:
-                    first = commas.setdefault("," in entry, (number, entry))
-                    if len(commas) == 2:
-                        other = commas["," not in entry]
-                        raise ModelError(
-                            f"line {first[0]}: {name} is {first[1]!r}, but line {other[0]} has {other[1]!r}; write all "
-                            "numbers with a decimal point, or all with a decimal comma, and none with separators of "
-                            "thousands"
-                        )
-        return dict(zip(places, table, strict=True))
-
-    def texts(self, place: int) -> list[str]:
-        """Return the entries of a column as texts; empty where a line ends before it."""
-        lines = [_entries(line, self.mark) for _, line in self.rows]
-        return [line[place].strip() if place < len(line) else "" for line in lines]
 
 
 def number_row(values: object, what: str) -> NDArray[np.float64]:
@@ -90,93 +42,7 @@ def number_row(values: object, what: str) -> NDArray[np.float64]:
     return row
 
 
-def parse_csv(content: bytes, example: str, most: int, hint: str = "") -> CsvColumns:
-    """Divide the content of a CSV file into its line of names and its rows."""
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        place = content.count(b"\n", 0, error.start) + 1
-        raise ModelError(
-            f"line {place}: it is not UTF-8 text (byte 0x{content[error.start]:02x}); save it as CSV in UTF-8"
-        ) from None
-    rows: list[tuple[int, str]] = []
-    commented = False
-    for number, line in enumerate(io.StringIO(text, newline=None), start=1):  # it knows all ends of lines
-        if line.lstrip().startswith("#"):
-            commented = commented or not rows
-        elif line.strip():
-            rows.append((number, line.rstrip("\n")))
-            if len(rows) > most + 1:  # before the lines take far more memory than the text
-                raise ModelError(f"it has more than {most:,} rows{hint and f'; {hint}'}")
-    if not rows:
-        raise ModelError(f"it is empty; the first line names the columns, as in {example}")
-    number, first = rows[0]
-    mark = next((mark for mark in "\t;," if mark in first), ",")
-    try:
-        heads = tuple(head.strip() for head in _entries(first, mark))
-    except csv.Error as error:
-        raise ModelError(f"line {number}: it is not a line of column names: {error}") from None
-    if len(heads) > _MAX_COLUMNS:
-        raise ModelError(f"line {number}: it names more than {_MAX_COLUMNS:,} columns; leave out those not needed")
-    if all(_is_number(head, mark) for head in heads):
-        skipped = "; a line that begins with # is a comment" if commented else ""
-        raise ModelError(f"its first line holds numbers; it must name the columns, as in {example}{skipped}")
-    return CsvColumns(heads, mark, tuple(rows[1:]))
-
-
-def _entries(line: str, mark: str, *, strict: bool = False) -> list[str]:
-    """Divide a line, at most into one entry more than there may be columns."""
-    if '"' in line:
-        return next(csv.reader([line], delimiter=mark, strict=strict))[: _MAX_COLUMNS + 1]
-    return line.split(mark, _MAX_COLUMNS)
-
-
-def _number(entry: str, mark: str) -> float:
-    """Return a number with a decimal point, or with a decimal comma where commas do not separate the entries."""
-    if "_" in entry:  # which Python would read
-        raise ValueError
-    if mark != "," and entry.count(",") == 1 and "." not in entry:
-        entry = entry.replace(",", ".")
-    return float(entry)
-
-
-def _is_number(entry: str, mark: str) -> bool:
-    try:
-        _number(entry, mark)
-    except ValueError:
-        return False
-    return True
-
-
-def _complaint(name: str, entry: str, mark: str) -> str:
-    if not entry:
-        return f"{name} is missing; every line must have as many entries as the first"
-    hint = ""
-    if mark != "," and "," in entry:
-        hint = ", without separators of thousands"
-    elif entry.count(",") == 1:
-        hint = "; with decimal commas, separate the columns by semicolons"
-    return f"{name} is {entry[:_QUOTED]!r}; it must be a number{hint}"
-
-
-MAX_BYTES = 10_000_000
-"""Largest size of a file."""
-MAX_ROWS = 100_000
-"""Largest number of rows of a table."""
-
-_NO_UNIT = ("", "-", "1")
 _LISTED = 20  # columns that a message lists
-
-
-@dataclass(frozen=True, slots=True)
-class NamedFile:
-    """A file that a model file names, with its content."""
-
-    name: str  #: Its name, as it stands in the model file.
-    content: bytes  #: Its bytes.
-
-    def __repr__(self) -> str:
-        return repr(self.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,8 +53,11 @@ class WantedColumn:
     kind: QuantityKind | None  #: Its kind of quantity. None if it must have no unit, since the model has none.
     #: Other names by which it is looked for, such as ``("angle",)``; capital letters make no difference.
     others: tuple[str, ...] = ()
-    name: str = ""  #: Its name in the file, if the user gave it: then it is not looked for.
+    #: Its name in the file, if the user gave it: then it is not looked for. It may have the unit, ``"M (N m)"``, which
+    #: a file may lack, and the group of the channel, ``"bench/M"``.
+    name: str = ""
     key: str = ""  #: The key with which the user gives that name, for messages.
+    any_unit: bool = False  #: True if its unit does not matter, as that of a square wave.
 
     @property
     def head(self) -> str:
@@ -224,31 +93,38 @@ class MeasuredTable:
 
     name: str  #: Name of the file, for messages.
     columns: dict[str, MeasuredColumn]  #: The columns that were wanted, by their roles.
-    lines: tuple[int, ...]  #: shape (rows,): The line of each row in the file, for messages.
+    where: Callable[[int], str]  #: Says where a row stands in the file, as in ``line 5``.
 
     def __len__(self) -> int:
-        return len(self.lines)
+        return len(next(iter(self.columns.values())).numbers)
 
     def __getitem__(self, role: str) -> MeasuredColumn:
         return self.columns[role]
 
 
 def read_table(
-    source: str | os.PathLike[str] | io.StringIO | NamedFile, wanted: Sequence[WantedColumn], *, name: str = ""
+    source: str | os.PathLike[str] | io.StringIO | NamedFile,
+    wanted: Sequence[WantedColumn],
+    *,
+    name: str = "",
+    most: int = MAX_ROWS,
 ) -> MeasuredTable:
-    r"""Read a measured table from a CSV file.
+    r"""Read a measured table from a file.
 
     Parameters
     ----------
     source
         A CSV file in UTF-8, its text as ``io.StringIO``, or its content: a line of column names with units, then
         numbers, separated by commas, semicolons or tabs. Lines that begin with ``#`` are comments. Where commas do not
-        separate numbers, they may be decimal ones.
+        separate numbers, they may be decimal ones. Or a file of another format, of which only the wanted channels are
+        read.
     wanted
         The columns to find. A column without a given name is found by its unit, if it is the only one with a unit of
         its kind, or by its role or one of its other names.
     name
         Name of the table in messages; by default that of the file.
+    most
+        Largest number of samples of a channel.
 
     Returns
     -------
@@ -268,32 +144,32 @@ def read_table(
     >>> read_table(io.StringIO(text), wanted)["torque"].values()
     array([-500.,  500.])
     """
-    if isinstance(source, io.StringIO):
-        name, content = name or "the table", source.getvalue().encode("utf-8", "replace")
-    elif isinstance(source, NamedFile):
-        name, content = name or source.name, source.content
-    else:
-        name = name or os.path.basename(os.fspath(source))
-        try:
-            content = content_of(source, MAX_BYTES, "leave out rows")
-        except ValueError as error:
-            raise ModelError(f"{name}: it {error}") from None
+    source, name = _source_of(source, name)
     try:
-        text = parse_csv(content, ", ".join(each.head for each in wanted), MAX_ROWS, "leave out rows")
-        if not text.rows:
-            raise ModelError("it has a line of names, but no numbers below it")
-        return MeasuredTable(name, _columns(text, wanted), tuple(number for number, _ in text.rows))
+        with open_channels(source, ", ".join(each.head for each in wanted)) as file:
+            return MeasuredTable(name, _columns(file, wanted, most), file.where)
     except ModelError as error:
         raise ModelError(f"{name}: {_printable(str(error))}") from None
 
 
-def read_heads(source: NamedFile) -> list[ColumnHead]:
+def read_heads(source: NamedFile | str | os.PathLike[str] | io.StringIO) -> list[ColumnHead]:
     """Read the names of the columns of a file, each divided into a name and a unit; errors as of `read_table`."""
+    source, name = _source_of(source)
     try:
-        text = parse_csv(source.content, "angle (deg), torque (N m)", MAX_ROWS, "leave out rows")
+        with open_channels(source, "angle (deg), torque (N m)", names_only=True) as file:
+            return list(file.heads)
     except ModelError as error:
-        raise ModelError(f"{source.name}: {_printable(str(error))}") from None
-    return [ColumnHead.of(head) for head in text.heads]
+        raise ModelError(f"{name}: {_printable(str(error))}") from None
+
+
+def _source_of(
+    source: str | os.PathLike[str] | io.StringIO | NamedFile, name: str = ""
+) -> tuple[NamedFile | str | os.PathLike[str], str]:
+    """Return a file or a text as something to open, and its name in messages."""
+    if isinstance(source, io.StringIO):
+        name = name or "the table"
+        return NamedFile(name, source.getvalue().encode("utf-8", "replace")), name
+    return source, name or (source.name if isinstance(source, NamedFile) else os.path.basename(os.fspath(source)))
 
 
 def _printable(text: str) -> str:
@@ -301,21 +177,20 @@ def _printable(text: str) -> str:
     return "".join(char if char.isprintable() else repr(char)[1:-1] for char in text)
 
 
-def _columns(text: CsvColumns, wanted: Sequence[WantedColumn]) -> dict[str, MeasuredColumn]:
-    heads = [ColumnHead.of(head) for head in text.heads]
-    places: dict[str, int] = {}
-    for each in (*(each for each in wanted if each.name), *(each for each in wanted if not each.name)):
-        places[each.role] = _place(heads, each, {*places.values()})
+def _columns(file: ChannelFile, wanted: Sequence[WantedColumn], most: int) -> dict[str, MeasuredColumn]:
+    heads = file.heads
+    places = _places(heads, wanted)
     units = {each.role: _unit(heads[places[each.role]], each) for each in wanted}  # before any number is read
     labels = {each.role: heads[places[each.role]].name or each.role for each in wanted}
     if len({*labels.values()}) < len(labels):  # two columns of one name
         labels = {each.role: each.role for each in wanted}
-    numbers = text.numbers({labels[each.role]: places[each.role] for each in wanted})
+    numbers = file.numbers({labels[each.role]: places[each.role] for each in wanted}, most)
     for label, column in numbers.items():
         wrong = np.flatnonzero(~np.isfinite(column))
         if len(wrong):
             more = f" ({len(wrong)} such entries)" if len(wrong) > 1 else ""
-            raise ModelError(f"line {text.rows[wrong[0]][0]}: {label} is not a finite number{more}; leave out its line")
+            do = "leave out its line" if file.row == "line" else "cut the record there, or correct it"
+            raise ModelError(f"{file.where(int(wrong[0]))}: {label} is not a finite number{more}; {do}")
         column.flags.writeable = False
     return {
         each.role: MeasuredColumn(
@@ -325,88 +200,113 @@ def _columns(text: CsvColumns, wanted: Sequence[WantedColumn]) -> dict[str, Meas
     }
 
 
-@dataclass(frozen=True, slots=True)
-class ColumnHead:
-    """The name of a column, divided into its name and its unit; without a unit, `unit` is empty."""
-
-    text: str
-    name: str
-    unit: str
-
-    @classmethod
-    def of(cls, text: str) -> ColumnHead:
-        """Divide a text at the last bracket that is not within others, as that of ``damping (N m/(rad s))``."""
-        opening = {")": "(", "]": "["}.get(text[-1:])
-        if opening:
-            depth = 0
-            for place in range(len(text) - 1, -1, -1):
-                depth += (text[place] == text[-1]) - (text[place] == opening)
-                if not depth:
-                    unit = text[place + 1 : -1].strip()
-                    return cls(text, text[:place].strip(), "" if unit in _NO_UNIT else unit)
-        return cls(text, text.strip(), "")
-
-    def is_of(self, kind: QuantityKind) -> bool:
-        """Return True if its unit is one of a kind."""
+def _places(heads: Sequence[ColumnHead], wanted: Sequence[WantedColumn]) -> dict[str, int]:
+    """Return where the wanted columns are: together in one group of channels, if there is one that has all of them."""
+    everywhere = range(len(heads))
+    groups = dict.fromkeys(head.group for head in heads)
+    fits: dict[str, dict[str, int] | _AmbiguousError] = {}
+    for group in groups if len(groups) > 1 else ():
         try:
-            return bool(self.unit) and bool(read_unit(self.unit, kind))
-        except ValueError:
-            return False
+            fits[group] = _found(heads, wanted, [place for place in everywhere if heads[place].group == group])
+        except _AmbiguousError as error:
+            fits[group] = error
+        except ModelError:
+            continue
+    if len(fits) > 1:
+        asked = next((each for each in reversed(wanted) if not each.name), wanted[-1])
+        found = [place for place in everywhere if heads[place].group in fits]
+        names = [f"{heads[k].group}/{heads[k].name}" for k in _sought(heads, asked, found)][:_LISTED]
+        write = f'; name one: {asked.key} = "{names[0]}"' if asked.key else "; leave the others out of the file"
+        raise ModelError(f"{len(names)} channels may be {asked.role}: {', '.join(map(repr, names))}{write}")
+    for held in fits.values():
+        if isinstance(held, ModelError):
+            raise held
+        return held
+    if len(groups) < 2 or not any(head.is_time for head in heads):
+        return _found(heads, wanted, everywhere)
+    others = [place for place in everywhere if not heads[place].is_time]  # each group has a time: that of the finest
+    clocks = [each for each in wanted if each.role == "time" and not each.name]
+    found = _found(heads, [each for each in wanted if each not in clocks], others)
+    finest = heads[max(found.values(), key=lambda place: heads[place].count)].group
+    return found | _found(heads, clocks, [place for place in everywhere if heads[place].group == finest])
 
 
-def _place(heads: Sequence[ColumnHead], wanted: WantedColumn, taken: set[int]) -> int:
+class _AmbiguousError(ModelError):
+    """Several columns may be the wanted one."""
+
+
+def _found(heads: Sequence[ColumnHead], wanted: Sequence[WantedColumn], among: Sequence[int]) -> dict[str, int]:
+    places: dict[str, int] = {}
+    for each in (*(each for each in wanted if each.name), *(each for each in wanted if not each.name)):
+        places[each.role] = _place(heads, each, {*places.values()}, among)
+    return places
+
+
+def _place(heads: Sequence[ColumnHead], wanted: WantedColumn, taken: set[int], among: Sequence[int]) -> int:
     """Return the index of a wanted column."""
-    shown = [head.text for head in heads if head.text][:_LISTED]
+    shown = list(dict.fromkeys(heads[place].text for place in among if heads[place].text))[:_LISTED]
     write = f'. Name it: {wanted.key} = "..."' if wanted.key else f". Name it {wanted.head}"
     if wanted.name:
-        found = _named(heads, (wanted.name,))
+        own = ColumnHead.of(wanted.name).name
+        found = _named(heads, (wanted.name,), among) or (_named(heads, (own,), among) if own else [])
         if not found:
             raise ModelError(
                 f"there is no column {wanted.name!r} for {wanted.role}; "
                 f"{did_you_mean(wanted.name, shown, 'columns are')}"
             )
     else:
-        found = _sought(heads, wanted, taken)
+        found = _sought(heads, wanted, [place for place in among if place not in taken])
         if not found:
             unit = f" with the unit of {wanted.kind.words}" if wanted.kind else ""
             raise ModelError(
                 f"there is no column {wanted.role!r}{unit}; {did_you_mean(wanted.role, shown, 'columns are')}{write}"
             )
     if len(found) > 1:
-        several = " and ".join(repr(heads[place].text) for place in found[:_LISTED])
-        raise ModelError(f"{len(found)} columns may be {wanted.role}: {several}{write}")
+        grouped = len({heads[place].group for place in found}) > 1
+        texts = [f"{heads[place].group}/" * grouped + heads[place].text for place in found[:_LISTED]]
+        several = " and ".join(map(repr, texts))
+        raise _AmbiguousError(f"{len(found)} columns may be {wanted.role}: {several}{write}")
     if found[0] in taken:
         raise ModelError(f"the column {heads[found[0]].text!r} cannot be {wanted.role} and something else{write}")
     return found[0]
 
 
-def _sought(heads: Sequence[ColumnHead], wanted: WantedColumn, taken: set[int]) -> list[int]:
+def _sought(heads: Sequence[ColumnHead], wanted: WantedColumn, free: Sequence[int]) -> list[int]:
     """Return the indices of the columns that may be meant: those of the right name among those of the right unit."""
     names = (wanted.role, *wanted.others)
-    free = [place for place in range(len(heads)) if place not in taken]
     if wanted.kind is not None:
         of_kind = [place for place in free if heads[place].is_of(wanted.kind)]
         for name in names:
-            if by_name := [place for place in _named(heads, (name,)) if place in of_kind]:
+            if by_name := _named(heads, (name,), of_kind):
                 return by_name
         if of_kind:
             return of_kind
     for name in names:  # a column of this name has no unit, or a wrong one, which is said then
-        if by_name := [place for place in _named(heads, (name,)) if place in free]:
+        if by_name := _named(heads, (name,), free):
             return by_name
     return []
 
 
-def _named(heads: Sequence[ColumnHead], names: Sequence[str]) -> list[int]:
-    """Return the indices of the columns of a name: exactly as written, or else in other letters or without its unit."""
-    for key in (lambda head: head.text, lambda head: head.name, lambda head: head.name.casefold()):
-        found = [place for place, head in enumerate(heads) if key(head) in (*names, *(n.casefold() for n in names))]
+def _named(heads: Sequence[ColumnHead], names: Sequence[str], among: Sequence[int]) -> list[int]:
+    """Return the indices of the columns of a name: as written, with its group, or in other letters or without unit."""
+    ways: tuple[Callable[[ColumnHead], str], ...] = (
+        lambda head: head.text,
+        lambda head: f"{head.group}/{head.name}" if head.group else head.name,
+        lambda head: head.name,
+        lambda head: head.name.casefold(),
+    )
+    for key in ways:
+        found = [place for place in among if key(heads[place]) in (*names, *(n.casefold() for n in names))]
         if found:
             return found
     return []
 
 
 def _unit(head: ColumnHead, wanted: WantedColumn) -> Unit | None:
+    written = ColumnHead.of(wanted.name)
+    own = written.unit if wanted.name != head.name else ""
+    if wanted.any_unit:
+        return None
     if wanted.kind is None:
         if head.unit:
             raise ModelError(
@@ -414,18 +314,26 @@ def _unit(head: ColumnHead, wanted: WantedColumn) -> Unit | None:
                 f"to those of the model, and name it {head.name or wanted.role}"
             )
         return None
-    if not head.unit:
+    if not head.unit and not own:
+        here = f', or {wanted.key} = "{head.name} ({wanted.kind.usual[0]})"' if wanted.key else ""
         raise ModelError(
             f"the column {head.text!r} has no unit; write {wanted.kind.words} as in "
-            f"{head.name or wanted.role} ({wanted.kind.usual[0]})"
+            f"{head.name or wanted.role} ({wanted.kind.usual[0]}){here}"
         )
     try:
-        return read_unit(head.unit, wanted.kind)
+        found = read_unit(spelled(head.unit or own), wanted.kind)
+        said = read_unit(spelled(own or head.unit), wanted.kind)
     except ValueError as error:
         raise ModelError(
             f"the column {head.text!r}: {error}; {wanted.kind.words} is expected, as in "
             f"{head.name or wanted.role} ({wanted.kind.usual[0]})"
         ) from None
+    if found.factor != said.factor:
+        raise ModelError(
+            f"the column {head.text!r} has the unit {head.unit} in the file, but {wanted.key} = {wanted.name!r} says "
+            f'{own}; write {wanted.key} = "{written.name}", or correct the file'
+        )
+    return found
 
 
 # Files that a model file names: where they may be, and how they are read.
@@ -443,9 +351,10 @@ def path_of(name: str, source: Source) -> str:
 
 def read_named(name: str, source: Source) -> NamedFile:
     """Read a file that a model file names."""
-    path = path_of(name, source)
     try:
-        return NamedFile(name, content_of(path, MAX_BYTES, "leave out rows"))
+        return named_file(name, path_of(name, source))
+    except ModelError as error:
+        raise ValueError(f"but {error}") from None
     except ValueError as error:
         raise ValueError(f"which {error}") from None
 

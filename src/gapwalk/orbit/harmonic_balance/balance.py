@@ -23,7 +23,7 @@ from gapwalk.orbit.orbit import Orbit, Turns
 
 if TYPE_CHECKING:
     from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation
-    from gapwalk.orbit.harmonic_balance.dry_forces import Memory
+    from gapwalk.orbit.harmonic_balance.jenkins_forces import Memory
 
 
 _FIRST = 10  # initial number of harmonics, if it is chosen automatically

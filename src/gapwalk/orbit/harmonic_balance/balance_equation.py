@@ -24,7 +24,7 @@ from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.harmonic_balance.balance import Balance, BalancedOrbit
 from gapwalk.orbit.harmonic_balance.compliance import DirectCompliance, Lines, PoleCompliance, Poles, poles_of
 from gapwalk.orbit.harmonic_balance.contact_forces import Forces, Laws, contact_forces_of, depend_on_frequency, laws_of
-from gapwalk.orbit.harmonic_balance.dry_forces import NO_MEMORY
+from gapwalk.orbit.harmonic_balance.jenkins_forces import NO_MEMORY
 from gapwalk.orbit.harmonic_balance.kernels import balance, beyond, changed, from_real_form, real_form, share
 from gapwalk.orbit.harmonic_balance.linear_part import (
     LOOSE,
@@ -47,17 +47,13 @@ from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation
 def projected_monodromy(
     linearised: Linearised, tangents: NDArray[np.complex128], length: float, pairs: Pairs
 ) -> NDArray[np.float64]:
-    """Compute the monodromy matrix of positions and momenta over one period, shape (2n, 2n).
-
-    Shapes: `tangents` (2 contacts, 2K + 1).
-
-    Notes
-    -----
-    With ``z_k = exp(i k W t / m) y`` the equation ``y' = sum_l L_l exp(i l W t / m) y`` has constant coefficients,
-    ``z_k' = i k (W/m) z_k + sum_l L_l z_(k+l)``: Hill's matrix. The monodromy matrix is the middle row of its
-    exponential, applied to ``z_k(0) = y(0)`` (Bayer and Leine 2023, Nonlinear Dynamics 111, 8439-8466: the Koopman-Hill
-    projection). Classical methods take 2n of its eigenvalues, and may take the wrong ones.
-    """
+    """Compute the monodromy matrix of positions and momenta over one period, shape (2n, 2n)."""
+    # Shapes: `tangents` (2 contacts, 2K + 1).
+    #
+    # With ``z_k = exp(i k W t / m) y`` the equation ``y' = sum_l L_l exp(i l W t / m) y`` has constant coefficients,
+    # ``z_k' = i k (W/m) z_k + sum_l L_l z_(k+l)``: Hill's matrix. The monodromy matrix is the middle row of its
+    # exponential, applied to ``z_k(0) = y(0)`` (Bayer and Leine 2023, Nonlinear Dynamics 111, 8439-8466: the
+    # Koopman-Hill projection). Classical methods take 2n of its eigenvalues, and may take the wrong ones.
     steady, parts = linearised.steady, linearised.parts
     size, count = len(steady), (tangents.shape[1] - 1) // 2
     spectra = _two_sided(tangents)  # k = -2K ... 2K
@@ -281,10 +277,8 @@ class BalanceEquation(OrbitEquation):
         return Linearised(self._fixed or self._linear(evidence.coefficients)[0], evidence.laws)
 
     def monodromy(self, evidence: Evidence, linearised: Linearised | None = None) -> NDArray[np.float64]:
-        """Compute the monodromy matrix, in the unknowns of the method that `options.stability` names.
-
-        Passing a known `linearised` saves time.
-        """
+        """Compute the monodromy matrix, in the unknowns of the method that `options.stability` names."""
+        # Passing a known `linearised` saves time.
         length = 2.0 * np.pi * self.period * float(evidence.coefficients[0])
         forces, laws = evidence.forces, evidence.laws
         poles, shift, by_lines = self._poles, self._shift, self.options.stability == "hill"
@@ -367,7 +361,7 @@ class BalanceEquation(OrbitEquation):
     @cached_property
     def _varying(self) -> tuple[str, ...]:
         """The parameters that may change more than 1/W: the matrices or the laws."""
-        enters = self._layout.frequency_in_loads or depend_on_frequency(self._layout)
+        enters = self._layout.frequency_enters or depend_on_frequency(self._layout)
         only_period = () if enters else (self.system.structure.pace,)
         return tuple(name for name in (self.parameter, *self.others) if name not in (None, *only_period))
 

@@ -260,10 +260,8 @@ def _of_state(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> E
     "(f8[::1], c16[::1], c16[:, ::1], i8[::1], c16[:, ::1], c16[:, :, ::1])"
 )
 def gains_of(frequencies, values, loads, load_lines, deflections, residues):
-    """Return three arrays on the given lines: amplitudes of eigenvectors, deflections by loads, and flexibility.
-
-    Amplitudes are under a unit load, shape (lines, poles); the flexibility has the shape (lines, contacts, contacts).
-    """
+    """Return three arrays on the given lines: amplitudes of eigenvectors, deflections by loads, and flexibility."""
+    # Amplitudes are under a unit load, shape (lines, poles); the flexibility has the shape (lines, contacts, contacts).
     contacts = len(deflections)
     gains = np.empty((len(frequencies), len(values)), np.complex128)
     free = np.zeros((len(frequencies), contacts), np.complex128)

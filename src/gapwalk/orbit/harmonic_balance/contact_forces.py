@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import CoefficientLayout, StageSlots, Wave
 from gapwalk.model.spring import ForcePolynomials, Product, arranged
-from gapwalk.orbit.harmonic_balance.dry_forces import NO_MEMORY, DryForces, Memory, check_dry
+from gapwalk.orbit.harmonic_balance.jenkins_forces import NO_MEMORY, DryForces, Memory, check_dry
 from gapwalk.orbit.harmonic_balance.kernels import contact_forces
 from gapwalk.orbit.harmonic_balance.linear_part import (
     Gate,
@@ -144,10 +144,8 @@ class Laws:
     def tangents(
         self, x: NDArray[np.float64], phi: NDArray[np.float64], period: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return ``g'(x)`` and ``P'(x)`` at deflections of shape (..., deflections), of the same shape.
-
-        Shapes: `phi` (...,).
-        """
+        """Return ``g'(x)`` and ``P'(x)`` at deflections of shape (..., deflections), of the same shape."""
+        # Shapes: `phi` (...,).
         # sign of each row in the column of its deflection
         select = (self.contact[:, None] == np.arange(x.shape[-1])) * self.sign[:, None]
         depth = np.maximum(self.sign * x[..., self.contact] - self.clearance, 0.0)
@@ -210,10 +208,8 @@ def laws_of(
     slope: NDArray[np.float64] | None = None,
     shares: tuple[Share, ...] = (),
 ) -> Laws:
-    """Return the laws of all contacts for the coefficients of the flow, and their derivatives along `slope`.
-
-    Of the forces by formulas some shares are taken away.
-    """
+    """Return the laws of all contacts for the coefficients of the flow, and their derivatives along `slope`."""
+    # Of the forces by formulas some shares are taken away.
     plan = _plan_of(layout)
     moves = np.zeros_like(coefficients) if slope is None else slope
     table, slopes = _table(plan.steady, coefficients, slope)
@@ -282,10 +278,8 @@ def _table(
 def _varied(
     layout: CoefficientLayout, plan: _Plan, coefficients: NDArray[np.float64], slope: NDArray[np.float64]
 ) -> dict[Gate, NDArray[np.complex128]]:
-    """Return the addition to the table of polynomials while each gate is open.
-
-    They are lines and their derivatives by the parameter, of shape (2, switches, 2, degree + 1, lines).
-    """
+    """Return the addition to the table of polynomials while each gate is open."""
+    # They are lines and their derivatives by the parameter, of shape (2, switches, 2, degree + 1, lines).
     found: dict[Gate, NDArray[np.complex128]] = {}
     frequency = 1.0 / coefficients[0]
     frequency_slope = -slope[0] * frequency**2

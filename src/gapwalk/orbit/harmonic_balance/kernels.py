@@ -151,10 +151,8 @@ def _first(rows, number):
 
 @kernel("f8[:, ::1](c16[::1], f8[::1], f8[:, ::1])")
 def turns(lines, phi, slopes):
-    """Find the angles at which a function turns, and its values there, shape (2, turns), from its lines.
-
-    Turning points are bracketed on a grid (see `grid`), then found by Halley's method.
-    """
+    """Find the angles at which a function turns, and its values there, shape (2, turns), from its lines."""
+    # Turning points are bracketed on a grid (see `grid`), then found by Halley's method.
     speeds, rates, number = _sampled(lines, slopes), _rate(lines), np.int64(0)
     found = np.empty((2, len(phi)))
     for cell in range(len(phi) - 1):
@@ -198,10 +196,8 @@ def _crossings(switch, function, depths, speeds, phi, found, number):
 
 @part
 def _indicator(found, first, last, starts, longest):
-    """Return the spectrum, k = 0 ... longest, of the function that is 1 while a stage is closed.
-
-    In closed form: ``(exp(-i k enters) - exp(-i k leaves)) / (2 pi i k)`` summed over the visits.
-    """
+    """Return the spectrum, k = 0 ... longest, of the function that is 1 while a stage is closed."""
+    # In closed form: ``(exp(-i k enters) - exp(-i k leaves)) / (2 pi i k)`` summed over the visits.
     result = np.zeros(longest + 1, np.complex128)
     mean = 1.0 if starts else 0.0
     for index in range(first, last):
@@ -260,11 +256,9 @@ def _add(table, powers, result):
 
 @part
 def _add_waves(orders, table, powers, result):
-    """Add the sum of some powers, each times a function of the angle, to each row.
-
-    With the spectrum h of a power, ``h cos l`` has the spectrum ``(h_(k-l) + h_(k+l)) / 2`` and ``h sin l`` that of
-    ``(h_(k-l) - h_(k+l)) / 2i``.
-    """
+    """Add the sum of some powers, each times a function of the angle, to each row."""
+    # With the spectrum h of a power, ``h cos l`` has the spectrum ``(h_(k-l) + h_(k+l)) / 2`` and ``h sin l`` that of
+    # ``(h_(k-l) - h_(k+l)) / 2i``.
     for row in range(len(result)):
         for exponent in range(len(powers)):
             for place in range(len(orders)):
@@ -279,10 +273,8 @@ def _add_waves(orders, table, powers, result):
 
 @part
 def _gated(found, first, last, starts, gate, open_first, jumps, merged):
-    """Merge the visits of a stage with the angles at which its gate opens and closes.
-
-    Returns the number of changes of the function that is 1 while both are, and 1 if it is so at first.
-    """
+    """Merge the visits of a stage with the angles at which its gate opens and closes."""
+    # Returns the number of changes of the function that is 1 while both are, and 1 if it is so at first.
     closed, opened, number = starts, open_first, np.int64(0)
     place, jump, begins = first, np.int64(0), 1.0 if starts and open_first else 0.0
     while True:
@@ -390,11 +382,9 @@ def contact_forces(
 
 @part
 def _tangent(forces, shift, w, k, j):
-    """Return the lines k of the change of a force with the cosine and with the sine j of its deflection.
-
-    With the spectrum u of the tangent, ``u cos j`` has the line ``u_(k-j) + u_(k+j)`` and ``u sin j`` the line
-    ``i (u_(k+j) - u_(k-j))``; half of that for k = 0.
-    """
+    """Return the lines k of the change of a force with the cosine and with the sine j of its deflection."""
+    # With the spectrum u of the tangent, ``u cos j`` has the line ``u_(k-j) + u_(k+j)`` and ``u sin j`` the line ``i
+    # (u_(k+j) - u_(k-j))``; half of that for k = 0.
     iw = complex(0.0, w)
     far = forces[1, k + j] + iw * forces[3, k + j]
     if k >= j:
@@ -465,10 +455,8 @@ def balance(
     pair_arguments,
     pair_spectra,
 ):
-    """Compute residual and Jacobian in real forms; forces and derivatives by the parameter, shape (K + 1, contacts).
-
-    `free` and `flexibility` have the lines first, as have the forces that are returned.
-    """
+    """Compute residual and Jacobian in real forms; forces and derivatives by the parameter, shape (K + 1, contacts)."""
+    # `free` and `flexibility` have the lines first, as have the forces that are returned.
     contacts, count = len(lines), lines.shape[1] - 1
     size = 2 * count + 1
     total, change = np.empty((count + 1, contacts), np.complex128), np.empty((count + 1, contacts), np.complex128)

@@ -420,10 +420,8 @@ class ForcesLessShares:
 
 
 def shares_of(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> tuple[Share, ...]:
-    """Choose the shares of forces without stages: dampers, and springs if the stiffness does not hold the system.
-
-    They are about as large as the inertia of the deflection at the frequency of the excitation.
-    """
+    """Choose the shares of forces without stages: dampers, and springs if the stiffness does not hold the system."""
+    # They are about as large as the inertia of the deflection at the frequency of the excitation.
     linear, frequency, found = linear_of(layout, coefficients), 1.0 / float(coefficients[0]), []
     is_held = np.linalg.cond(linear.stiffness, 1) < LOOSE
     for place, slots in zip(firsts_of(layout.structure), layout.contacts, strict=True):
@@ -440,10 +438,8 @@ def shared(
     slope: NDArray[np.float64] | None,
     shares: tuple[Share, ...],
 ) -> tuple[Linear, Linear | None]:
-    """Return the linear part with shares of formulas, and its derivative by a parameter.
-
-    Displacements that are prescribed in a deflection act on its spring and damper as loads.
-    """
+    """Return the linear part with shares of formulas, and its derivative by a parameter."""
+    # Displacements that are prescribed in a deflection act on its spring and damper as loads.
     linear, change = linear_of(layout, coefficients), None if slope is None else linear_of(layout, slope)
     frequency = 1.0 / float(coefficients[0])
     orders = np.array([0, *layout.orders])

@@ -24,11 +24,95 @@ from numpy.typing import NDArray
 
 from gapwalk.orbit.harmonic_balance.compliance import Poles
 from gapwalk.orbit.harmonic_balance.contact_forces import Laws
-from gapwalk.orbit.harmonic_balance.dry_forces import NO_MEMORY, Memory
+from gapwalk.orbit.harmonic_balance.jenkins_forces import NO_MEMORY, TURN, Change, DryForce, Memory
 from gapwalk.orbit.harmonic_balance.kernels import kernel, part
 from gapwalk.orbit.harmonic_balance.linear_part import Linear, kicks, waves
 from gapwalk.orbit.harmonic_balance.sampled_forces import Pairs
-from gapwalk.orbit.harmonic_balance.slider_changes import SliderChanges
+
+# Changes of a motion with Jenkins elements: places of sliders among the unknowns of the variational equations.
+#
+# While an element sticks, its slider keeps its place, and a change of that place pushes the momenta by the stiffness.
+# In slip it follows a bound, and what it was before is forgotten. So it suffices to set its change where it comes to
+# rest, at its pins: to that of the bound, a function of the changes of positions and momenta. Where the limit falls
+# below the force, the force jumps; the angle of that event moves with the host, and so the momenta jump with the
+# positions.
+
+Array = NDArray[np.float64]
+
+_ASIDE = 1e-9  # radians from a break, at which dampers beside it are read
+
+
+@dataclass(frozen=True, eq=False)
+class SliderChanges:
+    """The changes of the sliders of all elements along a motion."""
+
+    #: memory, linear, laws: The elements, the linear part, and the contacts.
+    memory: Memory
+    linear: Linear
+    laws: Laws
+    lines: NDArray[np.complex128]  #: shape (deflections, K + 1): The motion.
+    period: int  #: m.
+
+    def wider(self, matrices: Array) -> Array:
+        """Add the places of the sliders to matrices of shape (..., 2n, 2n), as rows and columns of zeros."""
+        more = len(self.memory)
+        return np.pad(matrices, [(0, 0)] * (matrices.ndim - 2) + [(0, more), (0, more)])
+
+    def pushes(self) -> Array:
+        """Return the matrix of what the place of each slider adds to the momenta in stick, shape (elements, ...)."""
+        n, found = len(self.linear.stiffness), []
+        for number, force in enumerate(self.memory.forces):
+            matrix = np.zeros((2 * n + len(self.memory),) * 2)
+            matrix[n : 2 * n, 2 * n + number] = force.stiffness[0] * self.linear.contacts[:, force.slider.element.place]
+            found.append(matrix)
+        return np.array(found)
+
+    def resets(self) -> tuple[Array, Array]:
+        """Return angles at which changes of the motion change at once, and the differences of the matrices from 1."""
+        n, found = len(self.linear.stiffness), []
+        size = 2 * n + len(self.memory)
+        for number, force in enumerate(self.memory.forces):
+            if force.never_slips:  # its place is kept: that is no change of the motion
+                matrix = np.zeros((size, size))
+                matrix[2 * n + number, 2 * n + number] = -1.0
+                found.append((TURN, 2, matrix))
+                continue
+            for pin in (force.pins[each] for each in {stick.pin for stick in force.sticks}):
+                change, matrix = force.change_of(pin), np.zeros((size, size))
+                aside = 0.0 if pin.place < 0 else -_ASIDE if pin.is_before else _ASIDE
+                matrix[2 * n + number, : 2 * n] = self._row(force, change, aside)
+                matrix[2 * n + number, 2 * n + number] = -1.0
+                found.append((pin.phi % TURN or TURN, 0 if pin.is_before else 2, matrix))
+            for leap in force.leaps:
+                change, matrix = force.shift_of(leap.place), np.zeros((size, size))
+                late = self._row(force, change, -_ASIDE) / force.slider.motion.frequency  # over time
+                pushed = self.linear.contacts[:, force.slider.element.place] * (-force.stiffness[0] * leap.change)
+                matrix[n : 2 * n, : 2 * n] = np.outer(pushed, late)
+                found.append((change.phi % TURN or TURN, 1, matrix))
+        found.sort(key=lambda each: each[:2])
+        return np.array([each[0] for each in found]), np.array([each[2] for each in found]).reshape(
+            len(found), size, size
+        )
+
+    def _row(self, force: DryForce, change: Change, aside: float) -> Array:
+        """Return a change as a function of the changes of positions and momenta, shape (2n,)."""
+        n, element, linear = len(self.linear.stiffness), force.slider.element, self.linear
+        row = np.zeros(2 * n)
+        row[:n] = change.own * linear.deflections[element.place]
+        if element.host >= 0:
+            other = linear.deflections[element.host_place]
+            row[:n] += change.host * other
+            if change.host_rate:
+                row[n:] += change.host_rate * other
+                row[:n] -= change.host_rate * (other @ self._dampers(change.phi + aside))
+        return row
+
+    def _dampers(self, phi: float) -> Array:
+        """Return the sum of ``D_k P_k' e_k`` at an angle, with which velocities follow from momenta; shape (n, n)."""
+        x = (waves(np.array([phi]), self.lines.shape[1] - 1) @ self.lines.T).real
+        dampers = self.laws.tangents(x, np.array([phi % TURN]), self.period)[1][0]
+        return (self.linear.contacts * dampers) @ self.linear.deflections
+
 
 # The monodromy matrix of a balanced motion of many degrees of freedom, in the eigenvectors of the linear part.
 #
@@ -52,18 +136,14 @@ def modal_monodromy(
     length: float,
     period: int,
 ) -> NDArray[np.float64]:
-    """Compute the monodromy matrix of the amplitudes of the eigenvectors, shape (poles, poles).
-
-    Shapes: `shift` (contacts,).
-
-    Notes
-    -----
-    With ``z' = lambda z - (inputs g' + lambda inputs P') x`` and ``x = deflections z`` (P as in
-    `gapwalk.orbit.harmonic_balance.monodromy`), the forces over a step are interpolated between two Gauss nodes, at
-    which they are solved for: an exponential method of collocation, of fourth order, exact for the linear part.
-
-    Of a pair of conjugate eigenvalues one is used, with real and imaginary part of its amplitude.
-    """
+    """Compute the monodromy matrix of the amplitudes of the eigenvectors, shape (poles, poles)."""
+    # Shapes: `shift` (contacts,).
+    #
+    # With ``z' = lambda z - (inputs g' + lambda inputs P') x`` and ``x = deflections z`` (P as in
+    # `gapwalk.orbit.harmonic_balance.monodromy`), the forces over a step are interpolated between two Gauss nodes, at
+    # which they are solved for: an exponential method of collocation, of fourth order, exact for the linear part.
+    #
+    # Of a pair of conjugate eigenvalues one is used, with real and imaginary part of its amplitude.
     times, spring, damper = _steps(poles, shift, laws, lines, breaks, length, period)
     half = poles.values.imag >= 0.0
     values, inputs = poles.values[half], poles.inputs[half]
@@ -91,10 +171,8 @@ def modal_monodromy(
 
 
 def _steps(poles: Poles, shift, laws: Laws, lines, breaks, length: float, period: int):
-    """Return the steps' lengths in time, and the tangents of the contacts' springs and dampers at their nodes.
-
-    There is one step for each interval in which no contact is closed and no share is moved.
-    """
+    """Return the steps' lengths in time, and the tangents of the contacts' springs and dampers at their nodes."""
+    # There is one step for each interval in which no contact is closed and no share is moved.
     slopes = np.bincount(laws.contact, laws.stiffness, len(lines))
     contact = np.sqrt(np.abs(np.diagonal((poles.deflections * poles.values) @ poles.inputs)) * slopes).max(initial=0.0)
     fastest = max(float(np.abs(poles.values).max()), float(contact))
@@ -114,10 +192,8 @@ def _steps(poles: Poles, shift, laws: Laws, lines, breaks, length: float, period
 
 
 def _weights(values: NDArray[np.complex128], times: NDArray[np.float64], end: float) -> NDArray[np.complex128]:
-    """Compute the effect of forces linear between two nodes up to a share `end` of a step, shape (steps, 2, poles).
-
-    It is the integral of ``exp(lambda (end h - s)) l_j(s)`` over s from 0 to ``end h``.
-    """
+    """Compute the effect of forces linear between two nodes up to a share `end` of a step, shape (steps, 2, poles)."""
+    # It is the integral of ``exp(lambda (end h - s)) l_j(s)`` over s from 0 to ``end h``.
     s = end * _POINTS
     gains = np.exp(times[:, None, None] * (end - s)[:, None] * values)
     other = _TWO_NODES[::-1]
@@ -186,11 +262,9 @@ class Linearised:
         return np.unique(self.laws.contact[acts])
 
     def pair_parts(self, pairs: Pairs) -> NDArray[np.float64]:
-        """Return matrices of derivatives of formulas, shape (pairs (2 + damped contacts), 2n, 2n).
-
-        They belong to all derivatives by deflections, to those by rates, and to the product of each of these with each
-        P' of a damped contact.
-        """
+        """Return matrices of derivatives of formulas, shape (pairs (2 + damped contacts), 2n, 2n)."""
+        # They belong to all derivatives by deflections, to those by rates, and to the product of each of these with
+        # each P' of a damped contact.
         linear, n = self.linear, len(self.linear.stiffness)
         along = [np.outer(linear.contacts[:, f], linear.deflections[a]) for f, a in zip(*pairs[:2], strict=True)]
         parts = np.zeros((2 + len(self.damped), len(along), 2 * n, 2 * n))
@@ -225,18 +299,14 @@ def monodromy(
     pairs: Pairs,
     memory: Memory = NO_MEMORY,
 ) -> NDArray[np.float64]:
-    """Compute the monodromy matrix of positions and momenta over one period, shape (2n, 2n).
-
-    The places of the sliders of Jenkins elements follow.
-
-    Shapes: `lines` (deflections, K + 1).
-
-    Notes
-    -----
-    Between two contact events the coefficients are smooth. Magnus' series of sixth order (Blanes, Casas, Oteo and Ros
-    2009, Physics Reports 470, section 5.4) evaluates the generator at three Gauss nodes of each step; it is exact
-    for a constant generator.
-    """
+    """Compute the monodromy matrix of positions and momenta over one period, shape (2n, 2n)."""
+    # The places of the sliders of Jenkins elements follow.
+    #
+    # Shapes: `lines` (deflections, K + 1).
+    #
+    # Between two contact events the coefficients are smooth. Magnus' series of sixth order (Blanes, Casas, Oteo and Ros
+    # 2009, Physics Reports 470, section 5.4) evaluates the generator at three Gauss nodes of each step; it is exact for
+    # a constant generator.
     laws, fine, rate = linearised.laws, _FINE, linearised.rate
     if len(pairs.forces):
         fine, rate = _FINE_SAMPLED, _rate_of_pairs(linearised, pairs)
@@ -280,10 +350,8 @@ def _values_of_pairs(
     period: int,
     memory: Memory,
 ) -> NDArray[np.float64]:
-    """Return the factors of `Linearised.pair_parts` at the nodes of all steps, shape (parts, 3, steps).
-
-    Then follows 1 for each Jenkins element that sticks.
-    """
+    """Return the factors of `Linearised.pair_parts` at the nodes of all steps, shape (parts, 3, steps)."""
+    # Then follows 1 for each Jenkins element that sticks.
     laws = linearised.laws
     knots = np.sort(np.concatenate((2.0 * np.pi / steps * np.arange(steps + 1), breaks)))
     phi = (knots[:-1] + _NODES[:, None] * np.diff(knots)).ravel()

@@ -230,7 +230,8 @@ def elements_of(system: System, form: ContactForm, name: str = "") -> Iterator[E
     law, signal = form.law, force_of(form)
     index = system.structure.contacts.index(form)
     varies = "(θ)" if any(each.contact == index for each in system.structure.variations) else ""
-    name = (name or form.name) + varies
+    name = name or form.name
+    name += varies * (not name.endswith("(θ)"))  # a link that is displaced as well has it already
     varying = ", varies over the angle" * bool(varies)
     if law.is_dry:
         kind, what = ("slider", "friction in series with a spring") if law.has_memory else ("friction", "dry friction")

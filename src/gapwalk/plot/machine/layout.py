@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.contact import ContactForm
-from gapwalk.model.drivetrain.train_assembly import LinkForm, TrainAssembly, TrainNumbers
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly, TrainNumbers
+from gapwalk.model.drivetrain.train_tree import LinkForm
 from gapwalk.model.system import System
 from gapwalk.plot.machine.elements import (
     BASE,
@@ -332,7 +333,8 @@ def _between(mass: Array, damping: Array, stiffness: Array, i: int, j: int) -> I
     for matrix, kind, what in ((stiffness, "spring", "stiffness"), (damping, "damper", "damping")):
         value, back = -matrix[i, j], -matrix[j, i]
         if abs(value - back) > _CLOSE * max(abs(value), abs(back)) or value < 0.0:
-            yield Element("coupling", what, f"coupled by the {what} matrix")
+            label = "gyroscopic" if what == "damping" and value == -back else what
+            yield Element("coupling", label, f"coupled by the {what} matrix")
         elif value:
             yield Element(kind, f"{value:.3g}" if kind == "spring" else "", f"{kind}, {value:.4g}")
     if mass[i, j] or mass[j, i]:
@@ -486,19 +488,22 @@ MOST_INERTIAS = 24
 def machine_of_train(system: System, assembly: TrainAssembly) -> Machine:
     """Return the machine of a train, with displacements referred to the first inertia."""
     form, numbers = assembly.form, assembly.numbers(system.values)
-    speeds = np.real(numbers.speeds)
+    speeds = numbers.referring
     rows = np.real(numbers.angles) / speeds[:, None]
     loads: list[list[Push]] = [[] for _ in form.inertias]
     # a displacement is the angle divided by the speed: the torque of an inertia that turns backwards pushes back
     constant, *others = numbers.torques
+    # to the others only drags give a mean torque
+    given = {form.reaction, *(each for each in form.loaded if system[f"mean.{form.inertias[each]}"])}
     for part, sizes, lines in zip(form.acting, others, numbers.sizes[1:], strict=True):
         if part.reacts:
             constant = constant + sizes * sum(line.cosine for line in lines)
+            given |= {*np.flatnonzero(sizes).tolist()}
             continue
         for number in np.flatnonzero(sizes):
             loads[number].append(Push.of(part.form.name, float(np.real(sizes[number])) * speeds[number]))
     for number, mean in enumerate(np.real(constant).tolist()):
-        if mean:
+        if mean and number in given:
             name = "reaction" if number == form.reaction else "mean"
             loads[number].append(Push.of(name, mean * speeds[number]))
     bodies = tuple(
@@ -523,7 +528,7 @@ def _indices(row: list[float]) -> tuple[tuple[int, float], ...]:
 
 
 def _link(system: System, numbers: TrainNumbers, place: int, is_displaced: bool) -> Link:
-    form, speeds, ratio = numbers.form, np.real(numbers.speeds), float(np.real(numbers.ratios[place]))
+    form, speeds, ratio = numbers.form, numbers.referring, float(np.real(numbers.ratios[place]))
     link = form.links[place]
     elements = tuple(_elements(system, link, ratio, is_displaced))
     first, second = link.ends
@@ -535,11 +540,11 @@ def _link(system: System, numbers: TrainNumbers, place: int, is_displaced: bool)
 def _elements(system: System, link: LinkForm, ratio: float, is_displaced: bool) -> Iterator[Element]:
     signal = f"{link.name}.torque"
     geared = f", ratio {ratio:.4g}" if link.geared else ""
-    what = "gear" if link.geared else "shaft"
+    what = "gear" if link.geared else "mesh of a planetary set" if link.row else "shaft"
     label = link.name + "(θ)" * is_displaced
     named = False
     if link.rigid:
-        yield Element("gear", label, f"{link.name}: rigid gear{geared}")
+        yield Element("gear", label, f"{link.name}: rigid {what}{geared}")
         return
     if link.always:
         stiffness = _with_unit(system, f"{link.name}.stiffness")
@@ -550,10 +555,12 @@ def _elements(system: System, link: LinkForm, ratio: float, is_displaced: bool) 
         for number, element in enumerate(elements_of(system, form, "" if not of_link or named else label)):
             yield _renamed(element, number, of_link and named)
         named = named or of_link
-    damper = f"{link.name}.damping"
-    if damper in system.parameters and system[damper]:
-        words = f"{link.name}: damper{geared}, {_with_unit(system, damper)}"
-        yield Element("damper", "" if named else label, words, "", signal)
+    for what, words in (("damping", "damper"), ("linear", "drag"), ("constant", "constant drag")):
+        number = f"{link.name}.{what}"
+        if number in system.parameters and system[number]:
+            words = f"{link.name}: {words}{geared}, {_with_unit(system, number)}"
+            yield Element("damper", "" if named else label, words, "", signal)
+            return
 
 
 def _renamed(element: Element, number: int, is_later: bool) -> Element:
@@ -830,10 +837,8 @@ def _draw_body(
 
 
 def _draw_loads(pen: Pen, pushes: Sequence[Push], body: int, across: _Pair, top: float, room: _Pair) -> None:
-    """Draw the arrow of loads above a body, with their names, or the first of them and how many more there are.
-
-    Loads in both directions have an arrow with two heads.
-    """
+    """Draw the arrow of loads above a body, with their names, or the first of them and how many more there are."""
+    # Loads in both directions have an arrow with two heads.
     x, y, moves = 0.5 * sum(across), top - 6.0, ((body, 1.0),)
     ways, names = {push.way for push in pushes}, [push.label for push in pushes]
     left, right = (9.0 if way in ways else 15.0 for way in (-1, 1))

@@ -1,0 +1,59 @@
+"""The picture of a response with settled motions: its stretches, and a band between the least and the largest value."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gapwalk.bifurcation.band import runs_of
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.model.measures import full_measure
+from gapwalk.picture_parts import NamedCurve, Parts, Picture, Series, pictured
+
+_SHOWN, _MOST = ("half", "max", "min"), 12  # measures that the page offers, of these first coordinates
+
+
+@dataclass(frozen=True, eq=False)
+class Stretches:
+    """The stretches of a response, of which the first has its settled motions."""
+
+    branches: tuple[Branch, ...]  #: The stretches.
+    measure: str = "half"  #: The measure that is shown first.
+
+    def summary(self) -> list[Any]:
+        """Return what each stretch says."""
+        return [part for branch in self.branches for part in branch.summary(points=False)]
+
+
+def band_series(branches: Sequence[Branch], measure: str) -> Iterator[Series]:
+    """Yield the bands of settled motions as series: what lies between least and largest value, and the mean."""
+    text = "least to largest, settled", "mean, settled"
+    for branch in branches:
+        measure = full_measure(measure, branch.system.coordinates)
+        if measure.startswith("half.") or measure.startswith("peak_to_peak."):
+            text = "largest to either side of the mean", "settled, no orbit followed"
+        for run in runs_of(branch.bands):
+            shown = [(band.value, heights) for band in run if (heights := band.shown(branch.system, measure))]
+            if shown:
+                values, (low, middle, high) = [value for value, _ in shown], np.array([each for _, each in shown]).T
+                axes = branch.parameter, measure
+                yield Series(values, np.array((low, high)), "between", "most", text[0], axes=axes)
+                yield Series(values, middle, "line", "main", text[1], axes=axes)
+                text = "", ""
+
+
+@pictured(Stretches, forms=())
+def _describe(found: Stretches) -> Picture:
+    first = found.branches[0]
+    measure = full_measure(found.measure, first.system.coordinates)
+    shown = dict.fromkeys([measure, *(f"{kind}.{q}" for q in first.system.coordinates[:_MOST] for kind in _SHOWN)])
+    return Picture(
+        first.system,
+        (first.parameter, measure),
+        [NamedCurve(f"P{each.period}-{number}", each) for number, each in enumerate(found.branches, start=1)],
+        lambda: Parts([each for name in shown for each in band_series(found.branches, name)]),
+        script="record.branches",
+    )

@@ -1,0 +1,450 @@
+"""Ends of quiet bands exactly, before any transient: the response with all teeth held on their flank.
+
+A gap whose parts press on one flank is held there by its own spring, which may pull. The held system has no gap: its
+response is a smooth curve. While no flank pulls, its motion is a motion of the machine; where the least force of a
+flank is zero the quiet motion ends, and beyond it there is none.
+
+Method: docs/numerics/rattle.md
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.answers.gap_states import (
+    BETWEEN,
+    RANGE,
+    BandEnd,
+    Mover,
+    RattleBand,
+    chosen_gaps,
+    contact_place,
+    innermost,
+    kept,
+)
+from gapwalk.bifurcation.kinds import Kind
+from gapwalk.bifurcation.loci.gradient import moving_names
+from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, ShotPlane
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bracketed_root import find_root
+from gapwalk.continuation.curve_points import BranchPoint
+from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError
+from gapwalk.flow.flow import PERIOD, Flow, flow_of, flow_with
+from gapwalk.flow.forces import contact_deflections
+from gapwalk.flow.motion import Gauge
+from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
+from gapwalk.model.equilibria import find_equilibria
+from gapwalk.model.laws import Stages, StageTerms
+from gapwalk.model.system import System
+from gapwalk.model.words import value_words
+from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.orbit import Orbit, describe_switch
+from gapwalk.orbit.orbit_equation import Evaluation
+from gapwalk.orbit.shooting import Shooting
+
+Ends = tuple[tuple[BandEnd, BandEnd], ...]
+"""Ranges by their ends, the low one first."""
+JUMP = "jump"
+"""Kind of an end at which the held motion itself ends, as other non-linear parts make it jump."""
+_FIRST, _LONGEST, _SHORTEST = 1 / 128, 1 / 16, 1 / 4096  # steps of the response, as shares of the range
+_GOOD, _ASTRAY = 0.02, 0.2  # distance from the guess, as a share of the motion, from which steps shrink; are refused
+_ITERATIONS, _STEP = 16, 1e-7  # of Broyden's method, and of the differences with which it begins
+_ROUGH, _ENOUGH, _EXACT = 1e-8, 1e-10, 1e-14  # residuals relative to the state: of a walk, of an end, of rounding
+_NEAR, _ABOUT = 1e-9, 1e-4  # shares of the range to which ends are located that are exact, and the others
+_ROUNDING = 1e-12  # relative error of an end, beside the last step of Newton's method
+_TINY = 1e-300  # size of a motion that is none
+_SIZES = (1e-5, 3e-5)  # relative changes of parameters for derivatives of the end
+
+
+@dataclass(frozen=True, eq=False)
+class QuietLimit:
+    """The held response at one gap: where it would pull, and where the quiet motion ends."""
+
+    gap: str  #: Name of the contact.
+    side: int  #: The flank on which it is held: 1 or -1; 0 if nothing presses it, so that it is open.
+    #: shape (points,): The least force of the held contact in a period at each of `QuietLimits.values`, positive while
+    #: it presses.
+    forces: NDArray[np.float64]
+    #: Ranges in which the held contact would pull. Their ends are those of the held motion.
+    lifts: Ends
+    #: The ends among them at which no other held contact pulls, so that the motion is one of the machine: ends of the
+    #: quiet motion, with the orbit as `special.orbit`. Others follow impacts of gaps that have lifted before: they need
+    #: simulation.
+    exact: tuple[BandEnd, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class QuietLimits:
+    """Held response over a range, and the ranges in which no quiet motion exists."""
+
+    system: System  #: The held system.
+    parameter: str  #: Name of the parameter.
+    within: tuple[float, float]  #: The range over which the held motion was followed.
+    values: NDArray[np.float64]  #: shape (points,): Values of the parameter at which it was computed.
+    limits: tuple[QuietLimit, ...]  #: One for each gap.
+    notes: tuple[str, ...] = ()  #: Remarks, in sentences.
+
+    @property
+    def restless(self) -> Ends:
+        """The ranges in which no quiet motion exists: one of the gaps must rattle. They lie between the exact ends."""
+        found: list[tuple[BandEnd, BandEnd]] = []
+        every = [pair for limit in self.limits for pair in limit.lifts]
+        for low, high in sorted(every, key=lambda pair: pair[0].value):
+            if found and low.value <= found[-1][1].value:
+                found[-1] = found[-1][0], max(found[-1][1], high, key=lambda end: end.value)
+            else:
+                found.append((low, high))
+        return tuple(found)
+
+
+def quiet_limits(
+    system: System, parameter: str, within: tuple[float, float], gaps: str | Iterable[str] = (), *, rising: bool = False
+) -> QuietLimits:
+    """Return where quiet motions end over a parameter, with the gaps held on the flank that the mean load presses.
+
+    The held motion is followed from the upper end of the range, or from the lower one if the parameter is `rising`.
+    """
+    names, (low, high) = chosen_gaps(system, gaps), sorted(map(float, within))
+    if low == high:
+        raise ModelError(f"the range of {parameter} has no width: {low:g} to {high:g}")
+    for name in names:
+        if system.structure.contacts[contact_place(system, name)].law.rebounds:
+            raise ModelError(
+                f"{name} is a rigid stop, which no spring can hold closed; leave it out of gaps, or give it a stiffness"
+            )
+    begin, end = (low, high) if rising else (high, low)
+    held = system.at({parameter: end}).at({parameter: begin})
+    rests = find_equilibria(held).equilibria
+    if not rests:
+        raise ConvergenceError("there is no static equilibrium: nothing holds the mean load, so no motion is quiet")
+    pressed = {contact.name: contact.side for contact in rests[0].contacts}
+    sides = {gap: pressed[gap] for gap in names}
+    for name, side in sides.items():
+        held = kept(held, name, side)
+    response = _Response(held, parameter, high - low, sides)
+    response.walk(begin, end, np.concatenate((rests[0].position, np.zeros(held.state_size - held.size))))
+    return _judged(response, (low, high))
+
+
+class _Point:
+    """A held orbit."""
+
+    def __init__(self, system: System, value: float, state: NDArray[np.float64], sides: Mapping[str, int]) -> None:
+        self.system, self.value, self.state, self.sides = system, value, state, sides
+        self.layout, self.coefficients = layout_of(system.structure), coefficients_of(system)
+
+    @cached_property
+    def orbit(self) -> Orbit:
+        """The orbit, without its multipliers."""
+        arc, unknown = flow_of(self.system).integrate(self.coefficients, self.state), np.full(len(self.state), 0j)
+        return Orbit(self.system, 1, self.state, unknown, tuple(arc.contacts), 0.0, arc.steps, slips=tuple(arc.slips))
+
+    @cached_property
+    def depths(self) -> dict[str, float]:
+        """Least depth of each gap beyond the breakpoint of its flank; inf for one that is not held."""
+        found, means = dict.fromkeys(self.sides, math.inf), self.orbit.extremes[:, 2]
+        for gap, side in self.sides.items():
+            for switch in [each for each, own in innermost(self.system, gap).items() if own == side]:
+                turns = self.orbit.turning_depths[switch].values
+                found[gap] = min(turns) if turns else self._depth(switch, self.state[: self.system.size])
+                if self._depth(switch, means) < 0.0:
+                    raise ModelError(
+                        f"the mean load does not press {gap} on the same flank over the whole range: at "
+                        f"{self.value:.6g} it is on the other one, or on none; ask for the parts of the range"
+                    )
+        return found
+
+    def is_first(self, gap: str) -> bool:
+        """Return True if no contact but this one pulls."""
+        return all(depth > 0.0 for name, depth in self.depths.items() if name != gap)
+
+    def _depth(self, switch: int, q: NDArray[np.float64]) -> float:
+        contact, side, clearance = self.system.breakpoints[switch]
+        return side * float(contact_deflections(self.layout, self.coefficients, 0.0, q)[contact]) - clearance
+
+    def force(self, gap: str) -> float:
+        """Return the force of a held contact where its depth is least and its rate zero; positive if it presses."""
+        slots, side, given = self.layout.contacts[contact_place(self.system, gap)], self.sides[gap], self.coefficients
+        if not side:
+            return 0.0
+        stages, first = list[StageTerms](), next(each for each in slots.stages if each.sign * each.innermost == side)
+        x = side * (self.depths[gap] + given[first.numbers["clearance"]])
+        for each in slots.stages:
+            numbers = {name: given[at] for name, at in each.numbers.items()}
+            depth = x - each.sign * numbers["clearance"]
+            stages.append(StageTerms(each.sign, depth, float(each.sign * depth > 0.0), each.innermost, numbers))
+        whole, law = {name: given[at] for name, at in slots.numbers.items()}, slots.form.law
+        return side * float(law.force(0.0, Stages(stages, modes=[1.0] * law.mode_count), whole))
+
+
+class _Response:
+    """Held orbits over the parameter, followed from an end of its range as far as they go.
+
+    Each is found by Broyden's method from the states before it: an iteration is one period without derivatives, some
+    fifty times cheaper than one of Newton's method.
+    """
+
+    def __init__(self, held: System, parameter: str, width: float, sides: Mapping[str, int]) -> None:
+        self.held, self.parameter, self.width, self.sides = held, parameter, width, sides
+        self.line, self.scales = ParameterLine(held, parameter), held.state_scales()
+        self.points: list[_Point] = []
+        self.jacobian: NDArray[np.float64] | None = None
+
+    def words(self, value: float) -> str:
+        """Write a value of the parameter."""
+        return value_words(value, self.parameter, self.held.units, 7)
+
+    @property
+    def ordered(self) -> list[_Point]:
+        """The points, by the parameter."""
+        return sorted(self.points, key=lambda point: point.value)
+
+    def walk(self, begin: float, end: float, rest: NDArray[np.float64]) -> None:
+        """Follow the response from a state of rest at one value towards another."""
+        first = self._solved(begin, rest)
+        self._add(begin, find_orbit(self.line.system_at(begin)).state if first is None else first)
+        way, value, step = math.copysign(1.0, end - begin), begin, _FIRST * self.width
+        while value != end:
+            ahead = value + way * step
+            ahead = end if way * (end - ahead) < _NEAR * self.width else ahead
+            guess = self._guess(ahead, self.points[-3:])
+            state = self._solved(ahead, guess)
+            far = math.inf if state is None else self._apart(state, guess)
+            if state is None or far > _ASTRAY:
+                if step <= _SHORTEST * self.width:
+                    return
+                step *= 0.25
+                continue
+            self._add(ahead, state)
+            factor = 2.0 if far < _GOOD else 1.0 if far < 0.5 * _ASTRAY else 0.5
+            value, step = ahead, min(step * factor, _LONGEST * self.width)
+
+    def at(self, value: float) -> _Point:
+        """Return the held orbit at a value between those of the walk."""
+        near = sorted(self.points, key=lambda point: abs(point.value - value))[:3]
+        if near[0].value == value:
+            return near[0]
+        for guess in self._guess(value, near), near[0].state:
+            if (state := self._solved(value, guess, _EXACT)) is not None:
+                return self._add(value, state)
+        raise ConvergenceError(f"no motion with held flanks was found at {self.words(value)}, beside one")
+
+    def _add(self, value: float, state: NDArray[np.float64]) -> _Point:
+        self.points.append(_Point(self.line.system_at(value), value, state, self.sides))
+        return self.points[-1]
+
+    def _apart(self, state: NDArray[np.float64], guess: NDArray[np.float64]) -> float:
+        """Return the distance of two states, as a share of their size."""
+        return float(np.abs((state - guess) / self.scales).max() / np.abs(state / self.scales).max())
+
+    def _guess(self, value: float, near: Sequence[_Point]) -> NDArray[np.float64]:
+        """Interpolate the states of some points."""
+        found = np.zeros(self.held.state_size)
+        for one in near:
+            others = [other.value for other in near if other is not one]
+            found += one.state * math.prod((value - other) / (one.value - other) for other in others)
+        return found
+
+    def _solved(self, value: float, guess: NDArray[np.float64], goal: float = _ROUGH) -> NDArray[np.float64] | None:
+        """Return the periodic state near a guess by Broyden's method; None if it does not converge."""
+        # What friction keeps that never slips leaves a direction without a residual, hence least squares.
+        system, enough = self.line.system_at(value), max(goal, _ENOUGH)
+        flow, coefficients = flow_of(system), coefficients_of(system)
+        for jacobian in (self.jacobian, None):
+            x, last, best = guess / self.scales, None, (math.inf, guess)
+            with suppress(FlowError):
+                jacobian = self._differences(flow, coefficients, x) if jacobian is None else jacobian
+                for _ in range(_ITERATIONS):
+                    residual = flow.integrate(coefficients, x * self.scales).state / self.scales - x
+                    error = float(np.abs(residual).max() / max(float(np.abs(x).max()), _TINY))
+                    if last is not None:
+                        wrong = residual - last[1] - jacobian @ last[0]
+                        jacobian = jacobian + np.outer(wrong, last[0]) / float(last[0] @ last[0])
+                    if error >= best[0] and best[0] <= enough:
+                        break
+                    best = (error, x * self.scales) if error < best[0] else best
+                    if error <= goal:
+                        break
+                    last = -np.linalg.lstsq(jacobian, residual, rcond=_ENOUGH)[0], residual
+                    x = x + last[0]
+            if best[0] <= enough:
+                self.jacobian = jacobian
+                return best[1]
+        return None
+
+    def _differences(
+        self, flow: Flow, coefficients: NDArray[np.float64], x: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the derivative of the residual by differences: to compile one takes longer than the whole walk."""
+        step = _STEP * max(float(np.abs(x).max()), _TINY)
+        moved = np.vstack((x + step * np.eye(len(x)), x)) * self.scales
+        ends = np.array([flow.integrate(coefficients, each).state for each in moved]) / self.scales
+        return (ends[:-1] - ends[-1]).T / step - np.eye(len(x))
+
+
+def _judged(response: _Response, within: tuple[float, float]) -> QuietLimits:
+    """Return the ranges in which held contacts would pull, with located ends."""
+    first, last = response.ordered[0], response.ordered[-1]
+    low, high = (
+        BandEnd(each.value, RANGE) if each.value in within else BandEnd(each.value, JUMP, _SHORTEST * response.width)
+        for each in (first, last)
+    )
+    limits, notes = list[QuietLimit](), list[str]()
+    for gap, side in response.sides.items():
+        if not side:
+            notes.append(f"nothing presses {gap}: it floats in its gap, and whether it rattles is left to simulation")
+        ends = [*[low] * (first.depths[gap] < 0.0), *(_ends(response, gap) if side else ())]
+        ends += [high] * (len(ends) % 2)
+        exact = tuple(end for end in ends if end.special)
+        limits.append(QuietLimit(gap, side, np.zeros(0), tuple(zip(ends[::2], ends[1::2], strict=True)), exact))
+    for end in (each for each in (low, high) if each.kind == JUMP):
+        notes.append(
+            f"with the flanks held, the motion jumps at {response.words(end.value)}, where other non-linear parts end "
+            "it; beyond, there may be others, or none that repeats"
+        )
+    for special in [end.special for limit in limits for end in limit.exact if end.special]:
+        stuck = " and ".join(special.orbit.system.structure.contacts[place].name for place in special.orbit.stuck)
+        where = response.words(special.value)
+        notes += [f"the quiet motion at {where} is unstable: it is lost before"] * (not special.orbit.stable)
+        notes += [f"{stuck} never slips at {where}: the end is that of its position at rest, one of many"] * bool(stuck)
+    points = response.ordered  # with those at which ends were looked for
+    values, extent = np.array([point.value for point in points]), (low.value, high.value)
+    limits = [replace(each, forces=np.array([point.force(each.gap) for point in points])) for each in limits]
+    return QuietLimits(response.held, response.parameter, extent, values, tuple(limits), tuple(notes))
+
+
+def _ends(response: _Response, gap: str) -> Iterator[BandEnd]:
+    """Yield the values at which a held contact just begins or ceases to pull; located where no other one pulls."""
+    _look_into_dips(response, gap)
+    for one, other in pairwise(response.ordered):
+        if one.depths[gap] * other.depths[gap] >= 0.0:
+            continue
+        near = (_NEAR if one.is_first(gap) or other.is_first(gap) else _ABOUT) * response.width
+        root = find_root(lambda value: response.at(value).depths[gap], one.value, other.value, absolute=near)
+        point = response.at(root.place)
+        located = point.is_first(gap) and near < _ABOUT * response.width
+        yield _located(response, point, gap) if located else BandEnd(point.value, str(Kind.GRAZING), 2.0 * near)
+
+
+def _look_into_dips(response: _Response, gap: str) -> None:
+    """Add points where the parabola through three of them comes near to zero between."""
+    points = response.ordered
+    for three in zip(points, points[1:], points[2:], strict=False):
+        depths = [point.depths[gap] for point in three]
+        if 0.0 < depths[1] <= min(depths[0], depths[2]):
+            x = np.array([point.value for point in three]) - three[1].value
+            bend, slope, _ = np.polyfit(x, depths, 2)
+            if bend > 0.0 and 0.25 * slope**2 / bend > 0.5 * depths[1]:
+                response.at(three[1].value - 0.5 * slope / bend)
+
+
+def _located(response: _Response, point: _Point, gap: str) -> BandEnd:
+    """Return an end as a grazing point of the held system, after a step of Newton's method on all its equations."""
+    switch = next(each for each, own in innermost(point.system, gap).items() if own == response.sides[gap])
+    plane, equation, unknowns = _posed(point.orbit, response.parameter, switch)
+    residual, matrix, place = equation.linearised(unknowns, point.system[plane.names[1]])
+    step = _solve(plane, point.orbit, matrix, residual)
+    evaluation = Evaluation(place.residual, place.jacobian, None, place)
+    orbit = plane.orbit(unknowns[:-2], point.value, point.system[plane.names[1]], evaluation)
+    value, error = point.value + step, abs(step) + _ROUNDING * abs(point.value)
+    at = BranchPoint(value, orbit, np.append(orbit.state, value), np.zeros(len(orbit.state) + 1), math.nan, math.nan)
+    contact, sides = describe_switch(orbit, switch), orbit.instability
+    special = SpecialPoint(Kind.GRAZING, at, sides, sides, error, contact, parameter=response.parameter)
+    return BandEnd(value, str(Kind.GRAZING), error, special)
+
+
+def with_movers(end: BandEnd) -> BandEnd:
+    """Return an exact end with the parameters that move it, by differences of single periods.
+
+    `BandEnd.with_movers` has more digits, and takes ten times as long for a train.
+    """
+    if (special := end.special) is None:
+        return end
+    orbit, parameter = special.orbit, special.parameter
+    switch = next(k for k in range(len(orbit.system.breakpoints)) if describe_switch(orbit, k) == special.contact)
+    plane, equation, unknowns = _posed(orbit, parameter, switch)
+    _, matrix, place = equation.linearised(unknowns, orbit.system[plane.names[1]])
+    names, gauge, movers = moving_names(orbit.system, parameter), Gauge(layout_of(orbit.system.structure), switch), []
+    ways = [ParameterLine(orbit.system, name).coefficients(orbit.system[name])[1] for name in names]
+    flow = flow_with(layout_of(orbit.system.structure), np.any([place.coefficients, *ways], axis=0).astype(float))
+    angles = np.array([0.0, float(unknowns[-2]), PERIOD])
+    for name, way in zip(names, ways, strict=True):
+        value, found = orbit.system[name], list[float]()
+        for size in _SIZES:
+            some = [place.coefficients + sign * size * value * way for sign in (1.0, -1.0)]
+            moved = [flow.sample(each, orbit.state, angles).states for each in some]
+            depths = [gauge.depth(each, angles[1], states[1])[0] for each, states in zip(some, moved, strict=True)]
+            change = np.array([*(moved[0][2] - moved[1][2]), depths[0] - depths[1], 0.0]) / (2.0 * size)
+            found.append(_solve(plane, orbit, matrix, change))
+        error = abs(found[1] - found[0])
+        movers.append(Mover(name, found[0] / value, error / abs(value), found[0] / end.value))
+    return replace(end, movers=tuple(sorted(movers, key=lambda mover: -abs(mover.share))))
+
+
+def _posed(orbit: Orbit, parameter: str, switch: int) -> tuple[ShotPlane, GrazingEquation, NDArray[np.float64]]:
+    """Return the equation of a touch, in the plane with any other parameter, and its unknowns."""
+    plane = ShotPlane(orbit.system, (parameter, moving_names(orbit.system, parameter)[0]), 1, Shooting())
+    equation = GrazingEquation(plane, switch, 0.0, _EXACT)
+    return plane, equation, equation.unknowns(orbit)
+
+
+def _solve(plane: ShotPlane, orbit: Orbit, matrix: NDArray[np.float64], change: NDArray[np.float64]) -> float:
+    """Return the change of the parameter by which a change of all equations is undone."""
+    scales = np.concatenate((plane.scales(orbit), [PERIOD, abs(orbit.system[plane.names[0]]) or 1.0]))
+    return float(np.linalg.solve(matrix[:, : len(scales)] * scales, -change)[-1] * scales[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class QuietEnds:
+    """The ends of the quiet motion of a system, exactly, with what moves them."""
+
+    ends: tuple[RattleBand, ...]  #: For each gap that lifts first somewhere: the range in which it would be pulled.
+    notes: tuple[str, ...] = ()  #: Remarks, in sentences.
+
+    def replace_in(self, bands: Iterable[RattleBand], width: float) -> tuple[RattleBand, ...]:
+        """Return bands with exact ends in place of those between samples that lie within a width of them."""
+        known = [
+            (each.gap, end) for each in self.ends for end in (each.low, each.high) if end.kind == str(Kind.GRAZING)
+        ]
+
+        def exact(gap: str, end: BandEnd) -> BandEnd:
+            if end.is_located:
+                return end
+            near = [each for own, each in known if own == gap and abs(each.value - end.value) <= max(width, end.error)]
+            return min(near, key=lambda each: abs(each.value - end.value), default=end)
+
+        return tuple(replace(band, low=exact(band.gap, band.low), high=exact(band.gap, band.high)) for band in bands)
+
+
+def quiet_ends(system: System, parameter: str, within: tuple[float, float], gaps: Sequence[str]) -> QuietEnds:
+    """Return the exact ends of the quiet motion with their movers, and notes; the latter alone where there is none."""
+    try:
+        found = quiet_limits(system, parameter, within, gaps)
+    except (ModelError, NumericalError) as error:
+        return QuietEnds((), (f"the ends of the quiet motion are not exact: {error}",))
+    ends = [
+        RattleBand(limit.gap, "held", _kept_end(low, limit.exact), _kept_end(high, limit.exact), ())
+        for limit in found.limits
+        for low, high in limit.lifts
+    ]
+    ranges = [
+        f"from {value_words(low.value, parameter, system.units)} to {value_words(high.value, parameter, system.units)}"
+        for low, high in found.restless
+    ]
+    notes = [f"no motion is quiet {' and '.join(ranges)}: a gap would have to be pulled"] if ranges else []
+    return QuietEnds(tuple(ends), (*notes, *found.notes))
+
+
+def _kept_end(end: BandEnd, exact: Iterable[BandEnd]) -> BandEnd:
+    """Return an end without the orbit of the held system; one that needs simulation is none of the machine."""
+    if not any(end is each for each in exact):
+        return replace(end, special=None, kind=BETWEEN if end.special is not None else end.kind)
+    return replace(with_movers(end), special=None)

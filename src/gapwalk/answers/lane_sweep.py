@@ -1,0 +1,367 @@
+"""Slow sweeps of systems with many gaps by equal steps: what all gaps do at each step, up and down.
+
+Where several gaps rattle, no two neighbouring values have the same sequence of contacts: the answer is no curve with a
+hundred grazing points but a band, of which each value is settled. A register holds four parts of the range in both
+directions. Each step begins with the motion of the one before; each part begins at rest, and is taken over by the part
+before it where that arrives with the same motion. The ends of bands are narrowed down by further values between two
+steps. Motions that no sweep meets are sought from random starts of physical size, and followed both ways.
+
+Method: docs/numerics/lanes.md
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise, product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.answers.gap_states import (
+    OTHER,
+    Direction,
+    SettledSweep,
+    lane_states,
+    usual_gaps,
+)
+from gapwalk.attractors.lane_settling import LaneMotion, Start, settle_lanes, slow_places
+from gapwalk.bifurcation.isolated.search_starts import generator, spread_starts, state_box
+from gapwalk.ensemble.batch_flow import state_at_rest
+from gapwalk.ensemble.lane_code import WIDTH
+from gapwalk.ensemble.lanes import prefers_lanes
+from gapwalk.model.coefficients import ParameterLine
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly
+from gapwalk.model.system import System
+
+NARROW = 5e-5
+"""Width to which the ends of bands are narrowed down, as a share of the range."""
+_PART = 20  # steps of a part, at most
+_STEPS = 5  # steps of each part in one piece of work
+_AT_ONCE = WIDTH // 2  # parts in a register, each in both directions
+_BETWEEN = 3  # values between two steps
+_FINER_ENDS = 1.5  # factor on the steps there
+_FEW = 4  # changes of a gap, from either end of a sweep, that are narrowed down
+_FLIES, _SWINGS = 0.02, (0.02, 0.1)  # rates of random starts, of the speed: of loose parts, and behind a spring
+_APART = 40  # random starts are at every fortieth of the range
+
+
+def is_many(system: System, gaps: Sequence[str]) -> bool:
+    """Return True if the gaps of a system interact so often that its sweeps are made by equal steps."""
+    return len(gaps) > 1 and prefers_lanes(system)
+
+
+@dataclass(frozen=True, eq=False)
+class LanePiece:
+    """Parts of sweeps in both directions: by part, then rising and falling."""
+
+    parts: tuple[LanePart, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class LanePart:
+    """Settled motions at successive steps of a part of a sweep, from the last one of the piece before on."""
+
+    number: int  #: Number of the part, from low to high.
+    direction: Direction  #: Direction of the sweep.
+    motions: tuple[LaneMotion, ...]  #: The motions, in the order of the sweep.
+
+
+def bounds_of(steps: int) -> list[tuple[int, int]]:
+    """Return the first and the last step of each part of a sweep, from low to high."""
+    count = -(-steps // _PART)
+    edges = np.round(np.linspace(0, steps, count + 1)).astype(int).tolist()
+    return list(pairwise(edges))
+
+
+class Piece(NamedTuple):
+    """Some steps of a few successive parts in both directions, which follow those of the piece before."""
+
+    parts: tuple[int, ...]
+    before: LanePiece | None
+
+
+def stages_of(steps: int) -> int:
+    """Return in how many pieces, one after the other, each register goes through its parts."""
+    return -(-max(high - low for low, high in bounds_of(steps)) // _STEPS)
+
+
+def pieces_of(steps: int, stage: int, known: Mapping[int, LanePiece]) -> dict[int, Piece]:
+    """Return the pieces of one stage by their numbers; those of the stage before are known."""
+    parts = range(len(bounds_of(steps)))
+    groups = [tuple(parts[first : first + _AT_ONCE]) for first in parts[::_AT_ONCE]]
+    first = stage * len(groups)
+    return {
+        first + number: Piece(group, known[first + number - len(groups)] if stage else None)
+        for number, group in enumerate(groups)
+    }
+
+
+def sweep_piece(system: System, parameter: str, within: tuple[float, float], steps: int, piece: Piece) -> LanePiece:
+    """Sweep on, from the motions of the piece before, or from those that rest leads to at the edges of the parts."""
+    values, bounds = np.linspace(*within, steps + 1).tolist(), bounds_of(steps)
+    line, systems = ParameterLine(system, parameter), dict[int, System]()
+
+    def at(place: int) -> System:
+        if place not in systems:
+            systems[place] = line.system_at(values[place])
+        return systems[place]
+
+    known: dict[tuple[int, Direction], list[LaneMotion]] = {}
+    if piece.before is None:
+        edges = sorted({place for part in piece.parts for place in bounds[part]})
+        rests = [Start(place, values[place], at(place), state_at_rest(at(place))) for place in edges]
+        begun = {start.key: motion for start, motion in settle_lanes(rests)}
+        for part, way in product(piece.parts, Direction):
+            known[part, way] = [begun[bounds[part][way is Direction.DOWN]]]
+    else:
+        known = {(part.number, part.direction): list(part.motions) for part in piece.before.parts}
+    found, slow = {key: [motions[-1]] for key, motions in known.items()}, slow_places(system)
+
+    def ahead(part: int, way: Direction) -> Start | None:
+        own, motion = [*known[part, way][:-1], *found[part, way]], found[part, way][-1]
+        place = round((motion.value - values[0]) / (values[-1] - values[0]) * steps) + way.sign
+        if motion.diverged or len(found[part, way]) > _STEPS or not bounds[part][0] <= place <= bounds[part][1]:
+            return None
+        state = motion.state
+        if len(own) > 1 and motion.period == own[-2].period == 1:  # along a curve the slow part is a straight line
+            state = state.copy()
+            state[slow] += state[slow] - own[-2].state[slow]
+        return Start((part, way), values[place], at(place), state, is_warm=True)
+
+    def step(start: Start, motion: LaneMotion) -> Start | None:
+        found[start.key].append(motion)
+        return ahead(*start.key)
+
+    firsts = [ahead(*way) for way in known]
+    for _ in settle_lanes([each for each in firsts if each], step):
+        pass
+    return LanePiece(tuple(LanePart(part, way, tuple(motions)) for (part, way), motions in found.items()))
+
+
+def joined(
+    system: System,
+    parameter: str,
+    within: tuple[float, float],
+    steps: int,
+    direction: Direction,
+    pieces: Sequence[LanePiece],
+    gaps: Sequence[str],
+    other: SettledSweep | None = None,
+    *,
+    whole: bool = True,
+) -> SettledSweep:
+    """Join the parts of a sweep, and narrow down the ends of its bands; with ``whole=False`` show what is known.
+
+    Where the `other` sweep has the same motions, its ends are taken.
+    """
+    parts: dict[int, list[LaneMotion]] = {}
+    for part in (part for piece in pieces for part in piece.parts if part.direction is direction):
+        known = parts.setdefault(part.number, [])
+        known += part.motions[bool(known) :]
+    order = [number for number in range(len(bounds_of(steps)))[:: direction.sign] if number in parts]
+    motions: list[LaneMotion] = []
+    for number in order:
+        own = parts[number]
+        if motions and whole and motions[-1].value == own[0].value and not motions[-1].is_like(own[0]):
+            own = _taken_over(system, parameter, motions[-1], own)
+        motions += own[1:] if motions and motions[-1].value == own[0].value else own
+    sweep = SettledSweep(parameter, within, direction, (), (), lanes=tuple(motions), contacts=tuple(_names(system)))
+    return _narrowed(system, sweep, gaps, other) if whole else sweep
+
+
+def _names(system: System) -> list[str]:
+    return [form.name for form in system.structure.equations.contacts]
+
+
+def _taken_over(system: System, parameter: str, before: LaneMotion, own: list[LaneMotion]) -> list[LaneMotion]:
+    """Go on with a sweep through a part that began with another motion, until both are the same."""
+    found, ways = [before], {(): [motion.value for motion in own]}
+
+    def step(start: Start, motion: LaneMotion) -> Start | None:
+        (place,) = start.key
+        found.append(motion)
+        if place + 1 >= len(own) or motion.diverged or motion.is_like(own[place]):
+            return None
+        value = ways[()][place + 1]
+        return Start((place + 1,), value, ParameterLine(system, parameter).system_at(value), motion.state)
+
+    value = own[1].value
+    first = Start((1,), value, ParameterLine(system, parameter).system_at(value), before.state)
+    for _ in settle_lanes([first], step):
+        pass
+    return [*found, *own[len(found) :]]
+
+
+def _narrowed(
+    system: System, sweep: SettledSweep, gaps: Sequence[str], other: SettledSweep | None = None
+) -> SettledSweep:
+    """Add motions between two steps where a gap begins or ceases to rattle, until its ends are narrow."""
+    motions, least = list(sweep.lanes), NARROW * (sweep.within[1] - sweep.within[0])
+    edges = [motion.value for motion in motions]
+    there = {} if other is None else {motion.value: motion for motion in other.lanes}
+    while True:
+        ends = [tuple(motions[place : place + 2]) for place in _ends(motions, edges, sweep, gaps)]
+        wide = [(one, two, inside) for one, two in ends if (inside := inside_of(one.value, two.value, least))]
+        if not wide:
+            return replace(sweep, lanes=tuple(motions))
+        more, starts = list[LaneMotion](), list[Start]()
+        for one, two, inside in wide:
+            low, high = sorted((one.value, two.value))
+            same = all(each.value in there and there[each.value].is_like(each) for each in (one, two))
+            known = [motion for value, motion in there.items() if low < value < high] if same else []
+            more += known
+            if not known:
+                line = ParameterLine(system, sweep.parameter)
+                starts += [Start((), value, line.system_at(value), one.state) for value in inside]
+        more += [motion for _, motion in settle_lanes(starts, width=2 * WIDTH, finer=_FINER_ENDS)]
+        motions = sorted([*motions, *more], key=lambda motion: sweep.direction.sign * motion.value)
+
+
+def inside_of(one: float, other: float, least: float) -> list[float]:
+    """Return values that narrow the range of an end down: inside it, or none if it is narrow."""
+    return np.linspace(one, other, _BETWEEN + 2)[1:-1].tolist() if abs(other - one) > least else []
+
+
+def _ends(motions: Sequence[LaneMotion], edges: Sequence[float], sweep: SettledSweep, gaps: Sequence[str]) -> list[int]:
+    """Return the places of motions after which a gap begins or ceases to rattle: the first of each step, few a gap."""
+    codes, found, sign = [lane_states(each, sweep.contacts, gaps) for each in motions], set[int](), sweep.direction.sign
+    for gap in range(len(gaps)):
+        rattles = [each[gap].rattles for each in codes]
+        changes = [place for place, (one, other) in enumerate(pairwise(rattles)) if one is not other]
+        first = {
+            int(np.searchsorted(np.multiply(edges, sign), sign * motions[k].value, "right")): k for k in changes[::-1]
+        }
+        places = [place for _, place in sorted(first.items())]
+        found |= {*places[:_FEW], *places[-_FEW:]}  # where a chaotic motion seldom parts, its label is one of chance
+    return sorted(found)
+
+
+def start_values(within: tuple[float, float], steps: int, asked: int | None) -> list[float]:
+    """Return the values at which motions are sought from random starts: steps of the sweeps."""
+    count = _APART if asked is None else asked
+    places = np.linspace(0, steps, count + 2)[1:-1] if asked is not None else np.linspace(0, steps, count + 1)
+    values = np.linspace(*within, steps + 1)
+    return values[np.unique(np.round(places).astype(int))].tolist()
+
+
+def random_states(
+    system: System, state: NDArray[np.float64], count: int, seed: int, value: float
+) -> NDArray[np.float64]:
+    """Return random states of physical size beside a settled motion: loose parts fly, and the soft spring swings."""
+    # Kicks on every inertia would excite stiff modes at velocities that no machine knows.
+    structure, assembly = system.structure, system.structure.assembly
+    if not isinstance(assembly, TrainAssembly):
+        return spread_starts([system], state_box(system), count, seed, value)
+    random, n, found = generator(seed, value), system.size, np.tile(state, (count, 1))
+    form = assembly.form
+    speed = system.frequency / float(system.turns or 1)
+    loose = {name.split(".", maxsplit=1)[0] for name in usual_gaps(system)}
+    flies = [k for k, name in enumerate(structure.coordinates) if name in loose]
+    found[:, [n + k for k in flies]] += _FLIES * speed * random.uniform(-1.0, 1.0, (count, len(flies)))
+    numbers, springs = assembly.numbers(system.values), [k for k in form.springs if form.links[k].always]
+    if springs:
+        soft = structure.coordinates.index(form.links[min(springs, key=lambda k: float(numbers.stiffness[k]))].name)
+        swings = np.resize(_SWINGS, count)
+        found[:, n + soft] += swings * speed * random.uniform(-1.0, 1.0, count)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Started:
+    """Motions to which random starts at one value lead."""
+
+    value: float  #: Value of the parameter.
+    #: led: How many lead to each motion that the sweeps meet there; motions: the others, one for each start.
+    led: tuple[int, ...]
+    motions: tuple[LaneMotion, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of starts."""
+        return sum(self.led) + len(self.motions)
+
+
+def started_piece(
+    system: System, parameter: str, count: int, seed: int, known: Sequence[tuple[LaneMotion, ...]]
+) -> tuple[Started, ...]:
+    """Follow random starts beside known motions at some values until they have settled."""
+    starts = []
+    for motions in known:
+        value = motions[0].value
+        here = ParameterLine(system, parameter).system_at(value)
+        states = random_states(here, motions[0].state, count, seed, value)
+        starts += [Start((value, k), value, here, each, motions) for k, each in enumerate(states)]
+    ended = {start.key: motion for start, motion in settle_lanes(starts, width=2 * WIDTH)}
+    found = []
+    for motions in known:
+        own = [ended[motions[0].value, k] for k in range(count)]
+        led = [next((k for k, each in enumerate(motions) if motion.is_like(each)), -1) for motion in own]
+        new = tuple(motion for motion, k in zip(own, led, strict=True) if k < 0)
+        found.append(Started(motions[0].value, tuple(led.count(k) for k in range(len(motions))), new))
+    return tuple(found)
+
+
+def known_at(sweeps: Sequence[SettledSweep], values: Sequence[float]) -> list[tuple[LaneMotion, ...]]:
+    """Return the different motions that sweeps meet at some values."""
+    found = []
+    for value in values:
+        here: list[LaneMotion] = []
+        for motion in (motion for sweep in sweeps for motion in sweep.lanes if motion.value == value):
+            if not motion.diverged and not any(motion.is_like(other) for other in here):
+                here.append(motion)
+        found += [tuple(here)] if here else []
+    return found
+
+
+def other_sweeps(
+    system: System, sweeps: Sequence[SettledSweep], steps: int, started: Sequence[Started]
+) -> tuple[list[SettledSweep], list[str]]:
+    """Follow the motions that no sweep meets in both directions, until they become one that is known."""
+    parameter, within = sweeps[0].parameter, sweeps[0].within
+    values, found = np.linspace(*within, steps + 1), list[SettledSweep]()
+    new = 0
+    for motion in (motion for each in started for motion in each.motions):
+        if motion.diverged or any(_meets(sweep, motion) for sweep in (*sweeps, *found)):
+            continue
+        new += 1
+        place = int(np.argmin(np.abs(values - motion.value)))
+        for direction in Direction:
+            way = values[place:] if direction is Direction.UP else values[: place + 1][::-1]
+            known, motions = [*sweeps, *found], [motion]
+
+            def step(start: Start, after: LaneMotion, way=way, known=known, motions=motions) -> Start | None:
+                if after.diverged or any(_meets(sweep, after) for sweep in known):
+                    return None
+                motions.append(after)
+                if start.key + 1 >= len(way):
+                    return None
+                value = float(way[start.key + 1])
+                return Start(start.key + 1, value, ParameterLine(system, parameter).system_at(value), after.state)
+
+            if len(way) > 1:
+                value = float(way[1])
+                for _ in settle_lanes(
+                    [Start(1, value, ParameterLine(system, parameter).system_at(value), motion.state)], step
+                ):
+                    pass
+            found.append(
+                SettledSweep(
+                    parameter, within, direction, (), (), name=OTHER, lanes=tuple(motions), contacts=sweeps[0].contacts
+                )
+            )
+    count = len(started)
+    what = "no motion that the sweeps had not met" if not new else f"{new} that the sweeps had not met"
+    each = started[0].count if started else 0
+    notes = [f"{each} random starts at each of {count} values led to {what}"]
+    if not new and each:
+        notes.append(
+            f"at each value, the share of starts that lead elsewhere is below {300.0 / each:.3g} % with 95 % confidence"
+        )
+    return found, notes
+
+
+def _meets(sweep: SettledSweep, motion: LaneMotion) -> bool:
+    """Return True if a sweep has the same motion at the same value."""
+    return any(other.is_like(motion) for other in sweep.lanes if other.value == motion.value)

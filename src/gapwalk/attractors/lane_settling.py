@@ -1,0 +1,420 @@
+"""Settling of many motions by equal steps: which gaps part, how badly, and with which period.
+
+Each lane follows a motion until one of three rules decides. Quiet: nothing has touched or parted for eight periods, and
+what is left of the transient, by its contraction, is less than a third of every gap's distance from a change. Periodic:
+the section repeats after at most eight periods, and the same holds. Otherwise it has no period: 64 periods are watched,
+and means over batches of eight give intervals. Rules by a fixed number of periods are either wrong or wasteful.
+
+Method: docs/numerics/lanes.md
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.ensemble.lane_code import OF_CONTACT, OF_COORDINATE, OF_SIGNAL, WIDTH
+from gapwalk.ensemble.lanes import Lanes
+from gapwalk.flow.motion import acceleration_names, signal_factor
+from gapwalk.model.coefficients import ParameterPlane, coefficients_of, layout_of
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly
+from gapwalk.model.system import System
+
+LANE_ERROR = 1e-3
+"""Error of a period by equal steps, relative to the size of the motion, where contacts open and close."""
+_BLOCK = 6  # forcing periods between two examinations
+_APART = 8  # forcing periods between which a transient is compared
+_LONGEST = 8  # longest period that is distinguished from none
+_ENVELOPE = 6  # of them in succession, whose largest change counts: a mode that oscillates changes little at times
+_SAME = 2e-3  # difference of two sections, relative to the range of each coordinate, up to which they are the same
+_SAFE = 3.0  # factor by which the distance of a gap from a change exceeds what is left of the transient
+_WATCHED, _BATCHES, _STUDENT = 64, 8, 2.365  # periods and batches of a motion without period; 95 % of 7 degrees
+_TRANSIENT, _WARM = 40, 16  # periods before them, and after a small step
+_PATIENCE = 400  # the most periods of a transient that shrinks
+_SHRINKS = 0.9  # ratio of the changes over `_APART` periods up to which it does
+_NEAR = 0.1  # distance from a known motion, relative to its ranges and accelerations, within which one approaches it
+_SETTLED = 0.005  # what may be left of the mean square of an acceleration, relative to it
+_ENDED = 2e-3  # distance of slow coordinates from where they end, relative to their range
+_STILL = 1e-7  # change of an extreme, relative to the width of its gap, that counts as none
+_FINER = 4.0  # factor on the steps of motions that failed
+_SUMS = ("total", "drift", "square", "power", "energy", "fourth")  # notes of which the means over a period are kept
+_EXTRAPOLATED, _SECTIONS = 12, 12  # periods between extrapolations, and sections of each
+_CANCELS, _SPREAD = 0.1, 50.0  # what may be left of the changes, of the largest; the most that weights may add up to
+_KINDS = (*OF_CONTACT, *OF_COORDINATE, *OF_SIGNAL)
+
+
+@dataclass(frozen=True, eq=False)
+class LaneMotion:
+    """A settled motion by equal steps; arrays of contacts have nan for those without stages.
+
+    Figures are those of one period, or means over the periods that were watched where there is none, and then the
+    largest in them.
+    """
+
+    value: float  #: Value of the parameter.
+    state: NDArray[np.float64]  #: shape (state_size,): A state at theta = 0; nan if the motion diverged.
+    #: period, waited, watched: Period in forcing periods, 0 if it has none of at most eight; periods of the transient,
+    #: and of the figures.
+    period: int
+    waited: int
+    watched: int
+    sides: NDArray[np.float64]  #: shape (contacts, 2): Closings per period on the positive and the negative side.
+    closed: NDArray[np.bool_]  #: shape (contacts,): True for one that is closed at theta = 0.
+    #: peak, power, approach: shape (contacts,): Largest force; mean power that it takes; largest approach velocity.
+    peak: NDArray[np.float64]
+    power: NDArray[np.float64]
+    approach: NDArray[np.float64]
+    extremes: NDArray[np.float64]  #: shape (3, n): Least, mean and largest value of each coordinate.
+    #: rms, largest, kurtosis: shape (signals,): Root mean square, largest magnitude and kurtosis of accelerations.
+    rms: NDArray[np.float64]
+    largest: NDArray[np.float64]
+    kurtosis: NDArray[np.float64]
+    #: shape (signals,): Half the width of the interval of the root mean square at 95 %.
+    error: NDArray[np.float64]
+
+    @property
+    def diverged(self) -> bool:
+        """True if it has diverged."""
+        return not np.isfinite(self.state).all()
+
+    def is_like(self, other: LaneMotion) -> bool:
+        """Return True if both are the same motion, by what their gaps do and by their accelerations."""
+        if self.diverged or other.diverged:
+            return self.diverged and other.diverged
+        # intervals of the means overlap: four standard errors, of which an interval has two
+        apart = np.abs(self.rms - other.rms)
+        return bool(
+            np.all(apart <= np.maximum(2.0 * np.hypot(self.error, other.error), _ALIKE * (self.rms + other.rms)))
+        )
+
+
+_ALIKE = 0.01  # of the sum of two accelerations: half the relative difference up to which they count as equal
+
+
+def acceleration_rows(system: System) -> NDArray[np.float64]:
+    """Return the accelerations by those of the coordinates, 1, and the cosines and sines of all orders."""
+    # Their shape is (signals, n + 1 + 2 orders), in the units of the signals.
+    assembly, n, orders = system.structure.assembly, system.size, layout_of(system.structure).orders
+    names = acceleration_names(system)
+    factors = np.array([signal_factor(system, name) for name in names])
+    if not isinstance(assembly, TrainAssembly):
+        return np.eye(n, n + 1 + 2 * len(orders)) * factors[:, None]
+    train = assembly.numbers(system.values)
+    quick = [place for place, name in enumerate(assembly.form.inertias) if name not in assembly.form.slow]
+    return np.hstack((train.angles, train.driven(orders)))[quick] * factors[:, None]
+
+
+class Start(NamedTuple):
+    """A motion to be followed: anything that names it, the value of the parameter, the system, and its state."""
+
+    key: Any
+    value: float
+    system: System
+    state: NDArray[np.float64]
+    known: tuple[LaneMotion, ...] = ()  #: Settled motions at this value, to one of which it may lead.
+    is_warm: bool = False  #: True for a state on a settled motion nearby.
+
+
+def starts_at(system: System, states: NDArray[np.float64], values: Mapping[str, NDArray[np.float64]]) -> list[Start]:
+    """Return starts by their numbers, each from its state and at its own values of named parameters."""
+    plane, known = ParameterPlane(system, tuple(values)), {(): system}
+    keys = list(zip(*(each.tolist() for each in values.values()), strict=True)) or [()] * len(states)
+    known |= {key: plane.system_at(*key) for key in dict.fromkeys(keys) if key}
+    return [Start(k, 0.0, known[key], state) for k, (key, state) in enumerate(zip(keys, states, strict=True))]
+
+
+def settle_lanes(
+    starts: Iterable[Start],
+    next_start: Callable[[Start, LaneMotion], Start | None] = lambda start, motion: None,
+    *,
+    width: int = WIDTH,
+    finer: float = 1.0,
+) -> Iterator[tuple[Start, LaneMotion]]:
+    """Follow motions of systems of one structure until they have settled; yield each once it is decided.
+
+    `next_start` returns what the lane of a settled motion does next, such as the next step of a sweep.
+    """
+    waiting, failed = deque(starts), list[Start]()
+    if not waiting:
+        return
+    first = waiting[0]
+    count = min(width, max(len(waiting), 1))
+    taken = [waiting.popleft() for _ in range(count)]
+    lanes = _Settling(taken, first.system, finer)
+    while any(start is not None for start in lanes.starts):
+        lanes.advance()
+        for lane, motion in lanes.decided():
+            start = lanes.starts[lane]
+            assert start is not None
+            if motion.diverged and finer < _FINER:
+                failed.append(start)
+                following = None
+            else:
+                following = next_start(start, motion)
+                yield start, motion
+            lanes.take(lane, following or (waiting.popleft() if waiting else None))
+    if failed:
+        yield from settle_lanes(failed, next_start, width=width, finer=_FINER)
+
+
+def slow_places(system: System) -> list[int]:
+    """Return the places in a state of the coordinates whose deflection is no gap, and of their rates."""
+    n, names = system.size, system.coordinates
+    gaps = {slots.form.name.split(".", maxsplit=1)[0] for slots in layout_of(system.structure).contacts if slots.stages}
+    assembly = system.structure.assembly
+    if isinstance(assembly, TrainAssembly):
+        gaps -= {link.name for link in assembly.form.links if link.always}
+    own = [k for k in range(n) if names[k] not in gaps]
+    return [*own, *(n + k for k in own)]
+
+
+class _Settling:
+    """Lanes, each with the motion that it follows."""
+
+    def __init__(self, starts: list[Start], system: System, finer: float) -> None:
+        self.starts: list[Start | None] = list(starts)
+        structure = system.structure
+        self.layout = layout_of(structure)
+        self.staged = [k for k, slots in enumerate(self.layout.contacts) if slots.stages]
+        coefficients = np.array([coefficients_of(start.system) for start in starts])
+        states = np.array([start.state for start in starts])
+        self.signals = acceleration_rows(system)
+        self.lanes = Lanes(structure, coefficients, states, kinds=_KINDS, signals=self.signals, finer=finer)
+        self.kinds = {kind: [row for (own, _), row in self.lanes.code.notes.items() if own == kind] for kind in _KINDS}
+        self.sums = [row for kind in _SUMS for row in self.kinds[kind]]
+        count = len(starts)
+        self.notes: list[list[NDArray[np.float64]]] = [[] for _ in range(count)]
+        self.strobes: list[list[NDArray[np.float64]]] = [[] for _ in range(count)]
+        self.waits = [0] * count
+        self.slow = slow_places(system)
+        self.clear = np.array([self._clearances(row) for row in coefficients]).reshape(count, 2, -1)
+
+    def take(self, lane: int, start: Start | None) -> None:
+        """Give a lane another motion, or none."""
+        self.starts[lane] = start
+        self.notes[lane], self.strobes[lane], self.waits[lane] = [], [], 0
+        if start is not None:
+            numbers = coefficients_of(start.system)
+            self.lanes.put(np.array([lane]), numbers[None], start.state[None])
+            self.clear[lane] = self._clearances(numbers)
+        else:
+            self.lanes.idle(lane)
+
+    def advance(self) -> None:
+        """Advance all motions by some forcing periods."""
+        for _ in range(_BLOCK):
+            self.lanes.advance()
+            taken, states = self.lanes.all_notes, self.lanes.states
+            taken[:, self.sums] /= self.lanes.steps[:, None]
+            for lane, start in enumerate(self.starts):
+                if start is not None:
+                    self.notes[lane].append(taken[lane])
+                    self.strobes[lane].append(states[lane])
+        for lane, start in enumerate(self.starts):
+            if start is not None and len(self.notes[lane]) % _EXTRAPOLATED == 0 and self.waits[lane] <= _TRANSIENT:
+                self._extrapolate(lane)
+
+    def _extrapolate(self, lane: int) -> None:
+        """Take the slow modes of a transient to where they end."""
+        end = self._slow_end(lane)
+        if end is None:
+            return
+        state = self.strobes[lane][-1].copy()
+        state[self.slow] = end
+        self.waits[lane] += len(self.notes[lane])
+        self.notes[lane], self.strobes[lane] = [], []
+        self.lanes.restart(np.array([lane]), state[None])
+
+    def _slow_end(self, lane: int) -> NDArray[np.float64] | None:
+        """Return where the slow modes of a transient end, by reduced rank extrapolation; None if that is not known.
+
+        A sum of sections whose changes cancel is a fixed point of linear modes (Eddy 1979; Sidi 1986). Gaps are left
+        out: a sum of their deflections would have them overlap.
+        """
+        # half as many changes as there are numbers: more would cancel in chaos as well
+        count = min(_SECTIONS, 2 + len(self.slow) // 2)
+        sections = np.array(self.strobes[lane][-count:])[:, self.slow]
+        changes = np.diff(sections, axis=0)
+        largest = np.abs(changes).max(axis=0)
+        scaled = changes / np.where(largest <= _STILL * np.abs(sections).max(axis=0), np.inf, largest)
+        products = scaled @ scaled.T
+        if not (trace := float(np.trace(products))) > 0.0:
+            return None
+        weights = np.linalg.solve(products + 1e-9 * trace * np.eye(len(products)), np.ones(len(products)))
+        weights /= weights.sum()
+        left = np.sqrt(max(float(weights @ products @ weights), 0.0) / np.diag(products).max())
+        return None if left > _CANCELS or np.abs(weights).sum() > _SPREAD else weights @ sections[1:]
+
+    def _clearances(self, numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the breakpoints of the innermost stages on the negative and the positive side of each contact."""
+        found = np.array([[-np.inf], [np.inf]]) * np.ones(len(self.staged))
+        for place, contact in enumerate(self.staged):
+            for stage in self.layout.contacts[contact].stages:
+                if stage.innermost:
+                    found[int(stage.sign > 0), place] = stage.sign * numbers[stage.clearance]
+        return found
+
+    def decided(self) -> Iterator[tuple[int, LaneMotion]]:
+        """Yield the lanes whose motion has settled."""
+        lost = self.lanes.diverged
+        states = self.lanes.states
+        for lane, start in enumerate(self.starts):
+            if start is None:
+                continue
+            if lost[lane]:
+                yield lane, self._motion(lane, start, np.full_like(states[lane], np.nan), 0, 1)
+                continue
+            if (there := self._arrives(lane, start)) is not None:
+                yield lane, there
+            elif (verdict := self._judge(lane, start)) is not None:
+                yield lane, self._motion(lane, start, states[lane].copy(), *verdict)
+
+    def _judge(self, lane: int, start: Start) -> tuple[int, int] | None:
+        """Return the period and the number of watched periods once the motion of a lane is decided; else None."""
+        age = len(self.notes[lane])
+        if age < 2 * _APART + _ENVELOPE:
+            return None
+        recent = np.array(self.notes[lane][-(2 * _APART + _ENVELOPE + 3 * _LONGEST) :])
+        counts = np.hstack((recent[:, self.kinds["up"]], recent[:, self.kinds["down"]]))
+        period, shrinks = self._period(lane, counts), 1.0
+        if period or not counts[-_APART:].any():
+            q = period or 1
+            shrinks, left, of_energy, at = self._left(recent, q)
+            distance = np.min([np.abs(each - bound) for each in at for bound in self.clear[lane]], axis=0)
+            if np.all(_SAFE * left <= distance) and np.all(of_energy <= _SETTLED) and (q > 1 or self._is_there(lane)):
+                return q, q
+        if age < (_WARM if start.is_warm else _TRANSIENT) + _WATCHED or (
+            age < _PATIENCE and (shrinks < _SHRINKS or self._calms(lane))
+        ):
+            return None
+        return (period, period) if period else (0, _WATCHED)
+
+    def _is_there(self, lane: int) -> bool:
+        """Return True if the slow modes are where they end: one that oscillates slowly hardly changes as it turns."""
+        if (end := self._slow_end(lane)) is None:
+            return True
+        notes = self.notes[lane][-1]
+        spans = notes[self.kinds["most"]] - notes[self.kinds["least"]]
+        half = len(self.slow) // 2
+        own = [k for k in range(half) if self.slow[k] != self.lanes.turn]
+        apart = np.abs(end - self.strobes[lane][-1][self.slow])[own]
+        return bool(np.all(apart <= _ENDED * np.maximum(spans[np.array(self.slow)[own]], np.finfo(float).tiny)))
+
+    def _arrives(self, lane: int, start: Start) -> LaneMotion | None:
+        """Return the known periodic motion that a motion approaches, near it in section and accelerations."""
+        if len(self.notes[lane]) < 2 * _APART:
+            return None
+        for motion in start.known:
+            if not (q := motion.period):
+                continue
+            scale = np.maximum(motion.extremes[2] - motion.extremes[0], np.finfo(float).tiny)
+            if self.lanes.turn is not None:
+                scale[self.lanes.turn] = np.inf
+            strobes = np.array(self.strobes[lane][-(_APART + _ENVELOPE + q) :])[:, : len(scale)]
+            apart = (np.abs(strobes - motion.state[: len(scale)]) / scale).max(axis=1)
+            now, before = (
+                np.lib.stride_tricks.sliding_window_view(each, q).min(axis=1)
+                for each in (apart[-_ENVELOPE - q + 1 :], apart[: _ENVELOPE + q - 1])
+            )
+            energy = np.array(self.notes[lane][-q:])[:, self.kinds["energy"]].mean(axis=0)
+            alike = np.abs(np.sqrt(energy) - motion.rms) <= _NEAR * motion.rms
+            if now.max() <= _NEAR and (now.max() <= _SHRINKS * before.max() or now.max() <= _SAME) and alike.all():
+                return motion
+        return None
+
+    def _calms(self, lane: int) -> bool:
+        """Return True if the steps between the last sections are at most half as long as those before."""
+        strobes = np.array(self.strobes[lane][-_WATCHED:])
+        steps = np.abs(np.diff(strobes, axis=0))
+        third = len(steps) // 3
+        early, late = steps[:third].max(axis=0), steps[-third:].max(axis=0)
+        return bool(np.any((late < 0.5 * early) & (late > _STILL * np.abs(strobes).max(axis=0))))
+
+    def _period(self, lane: int, counts: NDArray[np.float64]) -> int:
+        """Return after how many forcing periods sections and closings repeat; 0 if they do not."""
+        strobes = np.array(self.strobes[lane][-(3 * _APART + _ENVELOPE) :])[:, : self.layout.structure.size]
+        spans = self.notes[lane][-1][self.kinds["most"]] - self.notes[lane][-1][self.kinds["least"]]
+        scale = np.maximum(spans, np.finfo(float).tiny)
+        if self.lanes.turn is not None:
+            scale[self.lanes.turn] = np.inf
+        steps = (np.abs(np.diff(strobes, axis=0)) / scale).max(axis=1)
+        for q in range(1, _LONGEST + 1):
+            apart = (np.abs(strobes[-1] - strobes[-1 - q]) / scale).max()
+            if apart <= _SAME and np.array_equal(counts[-q:], counts[-2 * q : -q]):
+                # a slow mode that dies away may come back after some periods: the period is that without it
+                dies = q > 1 and (
+                    len(steps) < 3 * _APART or steps[-_ENVELOPE:].max() < _SHRINKS * steps[:_ENVELOPE].max()
+                )
+                return 0 if dies else q
+        return 0
+
+    def _left(self, recent: NDArray[np.float64], q: int) -> tuple[float, Any, Any, tuple[Any, Any]]:
+        """Return the contraction of a transient, and what is left of it by that.
+
+        That is of the extremes of each contact, and of the energy of each signal, relative to it; and the latest
+        extremes. The figures are those of q periods; the envelope of their changes over some periods contracts.
+        """
+        low, high, energy = (
+            np.lib.stride_tricks.sliding_window_view(recent[:, self.kinds[kind]], q, axis=0)
+            for kind in ("low", "high", "energy")
+        )
+        apart = q * -(-_APART // q)
+        low, high, energy = low.min(axis=2), high.max(axis=2), energy.mean(axis=2)
+        width = np.maximum(high[-1] - low[-1], np.finfo(float).tiny)
+        parts = low / width, high / width, energy / np.maximum(energy[-1], np.finfo(float).tiny)
+        changes = [np.abs(each[apart:] - each[:-apart]) for each in parts]
+        if len(changes[0]) <= apart:
+            return 1.0, np.full(len(width), np.inf), np.inf, (low[-1], high[-1])
+        now = [each[-_ENVELOPE:].max(axis=0) for each in changes]
+        before = [each[:-apart][-_ENVELOPE:].max(axis=0) for each in changes]
+        now = [np.where(each <= _STILL, 0.0, each) for each in now]
+        largest = max(float(each.max(initial=0.0)) for each in now)
+        ratio = largest / max(*(float(each.max(initial=0.0)) for each in before), np.finfo(float).tiny)
+        # what changes fast at first hides a slow mode: by a ratio below one half nothing is taken for granted
+        rest = max(ratio / (1.0 - ratio), 1.0) if ratio < 1.0 else 1.0 / np.finfo(float).eps
+        left = [each * rest if each.any() else each for each in now]
+        return ratio, np.maximum(left[0], left[1]) * width, left[2], (low[-1], high[-1])
+
+    def _motion(self, lane: int, start: Start, state: NDArray[np.float64], period: int, watched: int) -> LaneMotion:
+        notes = np.array(self.notes[lane][-watched:])
+        contacts, staged = len(self.layout.contacts), self.staged
+
+        def of_contacts(values: NDArray[np.float64]) -> NDArray[np.float64]:
+            found = np.full((contacts, *values.shape[1:]), np.nan)
+            found[staged] = values
+            return found
+
+        kind = {name: notes[:, rows] for name, rows in self.kinds.items()}
+        sides = np.stack((kind["up"].mean(axis=0), kind["down"].mean(axis=0)), axis=1)
+        closed = np.zeros(contacts, dtype=bool)
+        closed[staged] = np.abs(kind["side"][-1]) > 0.5
+        energy, fourth = (kind[name].mean(axis=0) for name in ("energy", "fourth"))
+        error = np.zeros_like(energy)
+        if not period and watched >= _BATCHES:
+            batches = kind["energy"].reshape(_BATCHES, -1, len(energy)).mean(axis=1)
+            spread = _STUDENT * batches.std(axis=0, ddof=1) / math.sqrt(_BATCHES)
+            error = spread / (2.0 * np.sqrt(np.maximum(energy, np.finfo(float).tiny)))
+        n_mean = kind["total"].mean(axis=0)
+        return LaneMotion(
+            start.value,
+            state,
+            period,
+            self.waits[lane] + len(self.notes[lane]) - watched,
+            watched,
+            of_contacts(sides),
+            closed,
+            of_contacts(kind["peak"].max(axis=0)),
+            of_contacts(kind["power"].mean(axis=0)),
+            of_contacts(kind["approach"].max(axis=0)),
+            np.array([kind["least"].min(axis=0), n_mean, kind["most"].max(axis=0)]),
+            np.sqrt(energy),
+            kind["summit"].max(axis=0),
+            fourth / np.maximum(energy**2, np.finfo(float).tiny),
+            error,
+        )

@@ -1,0 +1,237 @@
+"""Many motions at once by equal steps without events: for statistics, labels and starts, not for orbits.
+
+The classical Runge-Kutta method advances eight motions in a register (`gapwalk.ensemble.lane_code`). Contact forces are
+continuous, so that a step over a breakpoint has an error of second order of the step; a step turns the fastest
+vibration by 0.4. Friction in series with a spring is exact but for where it turns; friction that sticks rigidly has a
+stiff spring with a damper in place of stick. Rigid stops need the exact flow. Half the step tells how right it is.
+
+Method: docs/numerics/lanes.md
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.ensemble.batch_flow import LIMIT, fastest
+from gapwalk.ensemble.kernel_source import Linear
+from gapwalk.ensemble.lane_code import LABELS, WIDTH, Code, Form, code_of, refuse
+from gapwalk.errors import UnfitError
+from gapwalk.flow.flow import PERIOD
+from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, coefficients_of, layout_of
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly
+from gapwalk.model.structure import Structure
+from gapwalk.model.system import System
+
+TURN = 0.4
+"""Angle in radians by which a step turns the fastest vibration."""
+_FEW = 3  # coordinates up to which the exact flow is fast
+_LEAST = 40  # fewest steps in a period of the highest order
+DAMPED = 0.7
+"""Damping of the spring that stands for stick, as a share of its critical damping."""
+
+
+class Lanes:
+    """Motions of systems of one structure, from theta = 0 on, each with its own numbers.
+
+    Shapes: `coefficients` (count, number of coefficients), `states` (count, state_size), `signals` (count of signals, n
+    + 1 + 2 orders), by the accelerations, 1, and the cosines and sines of all orders.
+    """
+
+    def __init__(
+        self,
+        structure: Structure,
+        coefficients: NDArray[np.float64],
+        states: NDArray[np.float64],
+        *,
+        kinds: Sequence[str] = LABELS,
+        signals: NDArray[np.float64] | None = None,
+        pattern: NDArray[np.bool_] | None = None,
+        finer: float = 1.0,
+        **more: bool,
+    ) -> None:
+        self.structure, self.layout, self.finer = structure, layout_of(structure), finer
+        self._pattern = (coefficients != 0.0).any(axis=0) if pattern is None else pattern
+        self._signals = np.zeros((0, 0)) if signals is None else signals
+        asked = self.layout, self._pattern.tobytes(), (self._signals != 0.0).tobytes(), tuple(kinds)
+        self.code: Code = code_of(Form(structure, *asked[1:], **more))
+        for slots in self.layout.contacts:
+            _refuse_static(slots, coefficients)
+        self.count = len(states)
+        blocks, n = -(-self.count // WIDTH), self.layout.structure.size
+        self._numbers = aligned((blocks, 1 + len(self.code.rows), WIDTH))
+        self._state = aligned((blocks, 2 * n + 2 * len(self.code.dry), WIDTH))
+        self._scratch = aligned((4 * n, WIDTH))
+        self._notes = aligned((blocks, max(len(self.code.notes), 1), WIDTH))
+        self._steps, self._needed = np.zeros(blocks, dtype=int), np.ones((blocks, WIDTH), dtype=int)
+        self._coefficients, self._used = (
+            np.zeros((blocks * WIDTH, len(self.layout))),
+            np.zeros(blocks * WIDTH, dtype=bool),
+        )
+        self.turn = turn_of(structure)
+        places = np.minimum(np.arange(blocks * WIDTH), self.count - 1)  # the last block is filled with copies
+        self.put(np.arange(blocks * WIDTH), coefficients[places], states[places])
+        self._used[self.count :] = False
+
+    def put(self, lanes: NDArray[np.intp], coefficients: NDArray[np.float64], states: NDArray[np.float64]) -> None:
+        """Give some lanes the numbers of a system, and a state at theta = 0."""
+        self._coefficients[lanes] = coefficients
+        self._needed.reshape(-1)[lanes] = np.ceil(self.finer * steps_of(self.layout, coefficients)).astype(int)
+        self.restart(lanes, states)
+        block, lane = np.divmod(lanes, WIDTH)
+        slots = [(slot, row) for slot, row in self.code.rows.items() if isinstance(slot, int)]
+        if slots:
+            from_, to = map(list, zip(*slots, strict=True))
+            self._numbers[block[:, None], to, lane[:, None]] = coefficients[:, from_]
+        for key, row in self.code.rows.items():
+            if isinstance(key, tuple) and isinstance(key[0], int):
+                self._numbers[:, row] = self._signals[key]
+        for one in np.unique(block):
+            self._set_steps(int(one))
+
+    def restart(self, lanes: NDArray[np.intp], states: NDArray[np.float64]) -> None:
+        """Give some lanes another state at theta = 0."""
+        n, dry = self.layout.structure.size, self.code.dry
+        rows = np.zeros((len(states), self._state.shape[1]))
+        rows[:, : 2 * n] = states[:, : 2 * n]
+        memories = [dry.index(index) for index in self.layout.structure.memories]
+        rows[:, [2 * n + place for place in memories]] = states[:, 2 * n :]
+        for place, index in enumerate(dry):
+            slots = self.layout.contacts[index]
+            rows[:, 2 * n + len(dry) + place] = self._start(slots, lanes, states)
+        block, lane = np.divmod(lanes, WIDTH)
+        self._state[block, :, lane] = rows
+        self._notes[block, :, lane] = np.nan  # sides are not known
+        self._used[lanes] = True
+
+    def _start(self, slots: Any, lanes: NDArray[np.intp], states: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the deflection of friction at theta = 0."""
+        n, own = self.layout.structure.size, self._coefficients[lanes]
+        moved = np.einsum("li,li->l", own[:, slots.deflection], states[:, :n])
+        if slots.sway is None:
+            return moved
+        count = len(self.layout.orders)
+        return moved + own[:, slots.sway[:count]].sum(axis=1)
+
+    def _set_steps(self, block: int) -> None:
+        # they never become fewer: a change of the steps looks like a change of the motions that are under way
+        steps = max(even(int(self._needed[block].max())), int(self._steps[block]))
+        self._steps[block] = steps
+        rate = self._coefficients[block * WIDTH : (block + 1) * WIDTH, 0]
+        self._numbers[block, 0] = PERIOD / steps * rate
+        fast = TURN / self._numbers[block, 0]
+        for index in self.code.dry:
+            if ("spring", index) not in self.code.rows:
+                continue
+            slots, own = self.layout.contacts[index], self._coefficients[block * WIDTH : (block + 1) * WIDTH]
+            inverse = np.einsum("li,li->l", own[:, slots.deflection], own[:, slots.force])
+            self._numbers[block, self.code.rows["spring", index]] = fast**2 / inverse
+            self._numbers[block, self.code.rows["damper", index]] = 2.0 * DAMPED * fast / inverse
+
+    @property
+    def states(self) -> NDArray[np.float64]:
+        """The states at theta = 0, shape (count, state_size); without meaning for motions that have diverged."""
+        n, dry = self.layout.structure.size, self.code.dry
+        rows = [*range(2 * n), *(2 * n + dry.index(index) for index in self.layout.structure.memories)]
+        return self._of(self._state[:, rows])
+
+    @property
+    def diverged(self) -> NDArray[np.bool_]:
+        """Marks of the motions that have diverged, shape (count,)."""
+        return ~(np.abs(self._of(self._state)).max(axis=1) < LIMIT)
+
+    @property
+    def steps(self) -> NDArray[np.intp]:
+        """Steps in a period of each motion, shape (count,)."""
+        return np.repeat(self._steps, WIDTH)[: self.count]
+
+    @property
+    def all_notes(self) -> NDArray[np.float64]:
+        """All notes over the last period, shape (count, rows); their rows are `Code.notes`."""
+        return self._of(self._notes)
+
+    def idle(self, lane: int) -> None:
+        """Leave a lane out, if its whole register is; otherwise it goes on as a copy."""
+        self._used[lane] = False
+
+    def note(self, kind: str) -> NDArray[np.float64]:
+        """Return the notes of a kind over the last period, shape (count, contacts with stages, or the like)."""
+        return self._of(self._notes[:, [row for (own, _), row in self.code.notes.items() if own == kind]])
+
+    def _of(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        return rows.transpose(0, 2, 1).reshape(-1, rows.shape[1])[: self.count].copy()  # of one block it is a view
+
+    def advance(self) -> None:
+        """Advance all motions by one forcing period, and take new notes."""
+        kept = len(self.code.begin) - sum(kind == "side" for kind, _ in self.code.notes)
+        self._notes[:, :kept] = self.code.begin[:kept, None]
+        n = self.layout.structure.size
+        for block in np.flatnonzero(self._used.reshape(-1, WIDTH).any(axis=1)).tolist():
+            steps = int(self._steps[block])
+            table = _table(self.layout.orders, steps)
+            arrays = self._numbers[block], table, self._state[block], self._scratch, self._notes[block]
+            self.code.advance(*(each.ctypes.data for each in arrays), steps)
+            if self.turn is not None and ("drift", self.turn) in self.code.notes:
+                # the rotation as a whole returns to its mean within thousands of periods: it is put there
+                drift = self._notes[block, self.code.notes["drift", self.turn]]
+                self._state[block, n + self.turn] -= drift / steps
+
+
+def prefers_lanes(system: System) -> bool:
+    """Return True for trains of many parts: other integrators meet too many contacts, or need too many steps."""
+    structure = system.structure
+    if not isinstance(structure.assembly, TrainAssembly) or structure.equations.size <= _FEW:
+        return False
+    try:
+        refuse(structure.equations)
+        for slots in layout_of(structure).contacts:
+            _refuse_static(slots, coefficients_of(system)[None])
+    except UnfitError:
+        return False
+    return True
+
+
+def _refuse_static(slots: ContactSlots, coefficients: NDArray[np.float64]) -> None:
+    static = slots.numbers.get("static") if slots.form.law.is_dry else None
+    if static is not None and np.any(coefficients[:, static] != 1.0):
+        raise UnfitError(f"equal steps cannot carry {slots.form.name!r}: at rest its friction is larger than in slip")
+
+
+def turn_of(structure: Structure) -> int | None:
+    """Return the number of the coordinate that is the rotation of a train as a whole, if it has one."""
+    assembly = structure.assembly
+    return structure.size - 1 if isinstance(assembly, TrainAssembly) and assembly.form.has_turn else None
+
+
+def steps_of(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the steps that a period of each system needs, shape (count,)."""
+    linear = Linear(layout, coefficients)
+    fast = fastest(linear, np.zeros((len(coefficients), layout.structure.state_size)))
+    highest = max([*layout.orders, *(cycle.order for cycle in layout.cycles)], default=1)
+    return np.maximum(PERIOD * linear.rate * fast / TURN, _LEAST * highest)
+
+
+def even(steps: int) -> int:
+    """Round steps up to one of eight numbers an octave, so that few tables over the angle are needed."""
+    unit = max(1 << (max(steps, 8).bit_length() - 4), 1)
+    return -(-steps // unit) * unit
+
+
+@lru_cache(maxsize=32)
+def _table(orders: tuple[int, ...], steps: int) -> NDArray[np.float64]:
+    """Return cosines and sines of all orders, and the angle, at each half step, shape (2 steps + 1, columns)."""
+    theta = np.arange(2 * steps + 1) * (0.5 * PERIOD / steps)
+    angles = np.multiply.outer(theta, np.array(orders, dtype=float))
+    return np.ascontiguousarray(np.column_stack((np.cos(angles), np.sin(angles), theta)), dtype=np.float64)
+
+
+def aligned(shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Make an array of zeros that begins at the boundary of a register."""
+    size = int(np.prod(shape))
+    whole = np.zeros(size + WIDTH)
+    first = (-whole.ctypes.data % (8 * WIDTH)) // 8
+    return whole[first : first + size].reshape(shape)

@@ -1,0 +1,72 @@
+"""Bodies of a train without inertia: nodes between shafts, whose equations are of first order.
+
+A node of angle u takes part in no kinetic energy, so its equation is ``c u' + k u = ...``, with the dampers c and the
+springs k of its links. As the states of `gapwalk.model.states` it is carried with a lag g. Let the column w be the
+deflections x of the coordinates as the node turns by itself, and ``W`` all such columns. With new coordinates y,
+
+    x = y + G y',    G = g W (W^T W)^-1 W^T,
+
+the angle of each node is ``u = y_u + g y_u'``, and all else is as it was. As ``M W = 0``, the equations of y are of the
+second order, with ``M + C G``, ``C + K G`` and K. What deflects with a node must be linear; other contacts see x = y.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def nodes_of(form: Any, numbers: Any) -> tuple[list[str], NDArray[Any]]:
+    """Return the name of an inertia of each body without inertia, and the columns W, shape (n, such bodies)."""
+    body, turn, _ = numbers.bodies
+    found: dict[int, str] = {}
+    for number in form.massless:
+        found.setdefault(int(body[number]), form.inertias[number])
+    turned = np.zeros((len(body) + 1, len(found)), dtype=turn.dtype)
+    for column, each in enumerate(found):
+        turned[:-1, column] = np.where(body == each, turn[: len(body)], 0.0)
+    springs = list(form.springs)
+    ends = np.array([form.links[link].ends for link in springs]).reshape(-1, 2)
+    nodes = np.zeros((len(form.coordinates), len(found)), dtype=turn.dtype)
+    nodes[: len(springs)] = turned[ends[:, 0]] - numbers.ratios[springs, None] * turned[ends[:, 1]]
+    return [*found.values()], nodes
+
+
+def node_problems(form: Any, numbers: Any) -> Iterator[str]:
+    """List what is wrong at bodies without inertia: what joins them must be linear, and have a damper."""
+    names_of_nodes, nodes = nodes_of(form, numbers)
+    moved = np.abs(numbers.deflections @ nodes) > _MOVED
+    for name, column in zip(names_of_nodes, moved.T, strict=True):
+        ends = [form.links[number] for number in np.flatnonzero(column)]
+        names, here = " and ".join(link.name for link in ends), f"{name}.inertia is 0"
+        bent = [link.name for link in ends if link.parts or link.turns]
+        alone = len(ends) == 1 and not np.any(np.array(numbers.torques)[:, form.inertias.index(name)])
+        damped, springs = np.any(numbers.damping[column]), numbers.stiffness[column]
+        if alone and not damped:
+            yield f"{here}, and {names} alone holds it, so that no torque acts there: leave both out"
+        elif bent and not alone:  # alone it has no torque, whatever its spring is
+            yield (
+                f"{here}; it must be > 0 beside {bent[0]}, which is no linear spring or damper: only those may "
+                "join a part without inertia"
+            )
+        elif form.slips:
+            yield (
+                f"{here}; it must be > 0 in a train with a drag that alone joins two parts of it: give it a small "
+                "inertia, or join its shafts in series"
+            )
+        elif not damped and len(springs) == 2 and not any(link.geared for link in ends):
+            yield (
+                f"{here}, and {names} have no damping, so that it follows them at once: join them in series, as "
+                f"one shaft with stiffness = {float(np.prod(springs) / np.sum(springs)):.10g}"
+            )
+        elif not damped:
+            yield (
+                f"{here}, and {names} have no damping, so that no equation gives its rate: give one of them a "
+                "damping, or the part an inertia"
+            )
+
+
+_MOVED = 1e-9  # deflection of a link by a node from which the node moves it

@@ -1,0 +1,157 @@
+"""Rattle sweeps by equal steps: against exact curves, a reference train, resumed and in several processes."""
+
+import sqlite3
+from contextlib import closing, suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import gapwalk as gw
+from gapwalk.answers.gap_states import OTHER, Direction
+from gapwalk.answers.lane_sweep import Piece, is_many, joined, known_at, other_sweeps, started_piece, sweep_piece
+from gapwalk.answers.rattle_bands import RattleBands
+from gapwalk.model.model_source import parse_source
+from gapwalk.studies.study_file import check_study
+from tests.attractors.lane_labels import Text
+from tests.attractors.test_lane_settling import small_text, small_train
+
+TRAIN_A = Path(__file__).parents[1] / "data/train_a.toml"
+SMALL, RANGE = small_train(), (400.0, 1200.0)
+# Exact grazing points of the small train, by continuation (`by = "curves"`, 30 s): the slow test finds them again.
+ENDS = {"mesh": 585.8626, "idle": 923.3213}
+
+
+def bands(**options: Any) -> RattleBands:
+    return gw.ask.rattle_bands(
+        SMALL, "speed", RANGE, **{"search": 0, "starts": 0, "steps": 30, "workers": 1, **options}
+    )
+
+
+@cache
+def by_steps() -> RattleBands:
+    return bands()
+
+
+def ends_of(found: RattleBands, gap: str, met: str) -> list[float]:
+    return [end.value for band in found.of(gap, met) for end in (band.low, band.high)]
+
+
+@pytest.mark.parametrize("gap", [*ENDS])
+def test_ends_of_bands_are_those_of_exact_curves(gap: str) -> None:
+    assert is_many(SMALL, ("mesh", "idle"))
+    assert not is_many(SMALL, ("mesh",))
+    for met in ("rising", "falling"):
+        assert ends_of(by_steps(), gap, met) == pytest.approx([RANGE[0], ENDS[gap]], abs=1e-4 * (RANGE[1] - RANGE[0]))
+
+
+@pytest.mark.slow
+def test_exact_curves_have_these_ends() -> None:
+    found = bands(by="curves")
+    for gap, value in ENDS.items():
+        assert ends_of(found, gap, "rising")[-1] == pytest.approx(value, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_ends_of_train_a_are_those_of_an_independent_program() -> None:
+    found = gw.ask.rattle_bands(gw.read_model(str(TRAIN_A)), "speed", (700.0, 1500.0), steps=160, workers=1)
+    for met in ("rising", "falling"):
+        for gap, value, error in (
+            ("mesh1", 989.1, 0.05),
+            ("mesh2", 946.2, 0.05),
+            ("mesh3", 780.85, 0.05),
+            ("mesh4", 723.9, 1.0),
+        ):
+            assert ends_of(found, gap, met)[-1] == pytest.approx(value, abs=error)
+        assert not [value for value in ends_of(found, "mesh5", met) if value > 710.0]
+    assert not found.of("mesh1", OTHER)
+
+
+def parts(path: Path) -> dict[tuple[str, int], bytes]:
+    """The arrays of the parts of a result file."""
+    with closing(sqlite3.connect(path)) as file:
+        rows = file.execute("SELECT name, number, arrays FROM part WHERE name != 'moment'")
+        return {(name, number): arrays for name, number, arrays in rows}
+
+
+STUDY = """
+[[study]]
+kind = "rattle"
+parameter = "speed"
+from = "400 rpm"
+to = "1200 rpm"
+steps = 24
+search = 1
+starts = 4
+"""
+
+
+def run(path: Path, stop: int = 0, workers: int = 1) -> dict[tuple[str, int], bytes]:
+    """Run a study, stop it after some reports, and go on; return its parts."""
+    study = check_study(parse_source(small_text() + STUDY + f"workers = {workers}"))
+    left = [stop]
+
+    def report(*_: object) -> None:
+        left[0] -= 1
+        if left[0] == 0:
+            raise KeyboardInterrupt
+
+    with suppress(KeyboardInterrupt):
+        gw.run(study, path, report=report)
+    gw.run(study, path, resume=True)
+    return parts(path)
+
+
+def test_a_study_that_is_resumed_after_a_part_stores_the_same_bytes(tmp_path: Path) -> None:
+    whole = run(tmp_path / "whole.gapwalk")
+    assert {name for name, _ in whole} >= {"piece", "quiet", "sweep", "starts", "others", "bands"}
+    assert run(tmp_path / "resumed.gapwalk", stop=2) == whole
+
+
+@pytest.mark.slow
+def test_a_study_that_is_resumed_after_any_part_or_has_two_workers_stores_the_same_bytes(tmp_path: Path) -> None:
+    whole = run(tmp_path / "whole.gapwalk")
+    for stop in range(1, 6):
+        assert run(tmp_path / f"{stop}.gapwalk", stop=stop) == whole
+    assert run(tmp_path / "two.gapwalk", workers=2) == whole
+
+
+def second_train() -> gw.System:
+    """A train whose mesh stays on its flank in one motion, and hammers from flank to flank in another."""
+    text = Text("900 rpm", "vehicle", 'flywheel = "12 N m"')
+    text.inertias(flywheel=0.3, input=0.004, loose=0.003, output=0.02, vehicle=3.0)
+    text.shaft("clutch", "flywheel", "input", 400, 0.3)
+    text.gear("mesh", "input", "output", 1.2, "0.02 rad", 6000, 'damping = "0.4 N m s/rad"')
+    text.gear("idle", "input", "loose", 2.0, "0.004 rad", 4000, 'damping = "0.3 N m s/rad"')
+    text.drag("churn", "loose", "ground", 0.02)
+    text.drag("bearing", "loose", "output", 0.01)
+    text.shaft("half", "output", "vehicle", 300, 0.8)
+    text.harmonics("flywheel", o2=60)
+    return text.system
+
+
+def test_a_second_motion_is_found_by_random_starts_and_followed_both_ways() -> None:
+    system, within, steps = second_train(), (1460.0, 1540.0), 4
+    piece = sweep_piece(system, "speed", within, steps, Piece((0,), None))
+    gaps = ("mesh", "idle")
+    sweeps = [joined(system, "speed", within, steps, way, [piece], gaps) for way in Direction]
+    known = known_at(sweeps, [1500.0])
+    started = started_piece(system, "speed", 16, 0, known)
+    assert started[0].count == 16
+    found, notes = other_sweeps(system, sweeps, steps, started)
+    loud = [each for each in found if each.lanes[0].rms[0] > 1.03 * known[0][0].rms[0]]
+    assert {each.direction for each in loud} == set(Direction)
+    assert all(each.name == OTHER for each in found)
+    assert any(len(each.lanes) > 1 for each in loud)
+    assert "16 random starts at each of 1 values led to" in notes[0]
+
+
+def test_where_no_start_leads_elsewhere_the_share_is_bounded() -> None:
+    sweeps = [each for each in by_steps().sweeps if not each.name]
+    known = known_at(sweeps, [1200.0])
+    started = started_piece(SMALL, "speed", 8, 0, known)
+    assert sum(started[0].led) == 8
+    found, notes = other_sweeps(SMALL, sweeps, 30, started)
+    assert not found
+    assert "share of starts that lead elsewhere is below 37.5 % with 95 % confidence" in notes[1]
