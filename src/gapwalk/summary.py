@@ -12,11 +12,11 @@ from enum import Enum
 from functools import partial, wraps
 from io import StringIO
 from operator import attrgetter
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, ClassVar, ParamSpec
 
 if TYPE_CHECKING:
     import rich.console
-    import rich.table
     import rich.tree
     import xarray
 
@@ -214,14 +214,25 @@ def remarks(notes: Iterable[str], failures: Iterable[str]) -> Iterator[str]:
 
 
 def render(summary: SummaryParts, screen: rich.console.Console) -> None:
-    """Print the parts of a summary on a console."""
+    """Print the parts of a summary on a console: texts are wrapped between words, and no number is ever cut."""
     for part in summary:
         if isinstance(part, Table):
-            screen.print(_rich_table(part))
+            _print_table(part, screen)
         elif isinstance(part, Tree):
             screen.print(_rich_tree(part))
         else:
-            screen.print(printable(part), soft_wrap=True)
+            screen.print(wrapped(printable(part), screen.width), soft_wrap=True)
+
+
+def wrapped(text: str, width: int) -> str:
+    """Return a text with lines of at most a width, broken between words alone and with its indents kept."""
+    lines = []
+    for line in text.split("\n"):
+        indent = " " * (len(line) - len(line.lstrip()))
+        lines += wrap(line, width, subsequent_indent=f"{indent}  ", break_long_words=False, break_on_hyphens=False) or [
+            ""
+        ]
+    return "\n".join(lines)
 
 
 def text_of(summary: SummaryParts) -> str:
@@ -238,16 +249,78 @@ def printable(text: str) -> str:
     return "".join(char if char.isprintable() or char == "\n" else repr(char)[1:-1] for char in text)
 
 
-def _rich_table(table: Table) -> rich.table.Table:
+_GAP = 2  # blanks between two columns
+
+
+def _print_table(table: Table, screen: rich.console.Console) -> None:
+    """Print a table: with texts in several lines, or each row in several lines, where the width does not suffice."""
     from rich import box
     from rich.table import Table as RichTable
 
-    made = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for heading, is_right in table.columns:
-        made.add_column(printable(heading), justify="right" if is_right else "left")
-    for number, row in enumerate(table.rows):
-        made.add_row(*map(printable, row), end_section=number in table.groups)
-    return made
+    columns = [(printable(heading), is_right) for heading, is_right in table.columns]
+    rows = [list(map(printable, row)) for row in table.rows]
+    wide = [max(len(cell) for cell in column) for column in zip([name for name, _ in columns], *rows, strict=True)]
+    room = screen.width - _GAP * (len(wide) - 1)
+    widths = wide if sum(wide) <= room else _narrowed(columns, rows, wide, room)
+    if not widths:
+        screen.print("\n".join(_stacked(columns, rows, wide, table.groups, screen.width)), soft_wrap=True)
+        return
+    is_tight = sum(wide) + len(wide) - 1 > room
+    made = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, collapse_padding=is_tight)
+    for (heading, is_right), width in zip(columns, widths, strict=True):
+        made.add_column(heading, justify="right" if is_right else "left", width=width)
+    for number, row in enumerate(rows):
+        made.add_row(*row, end_section=number in table.groups)
+    screen.print(made)
+
+
+def _narrowed(
+    columns: Sequence[tuple[str, bool]], rows: Sequence[Sequence[str]], wide: Sequence[int], room: int
+) -> list[int]:
+    """Return widths that break texts between words, and headings too; none if that is not narrow enough."""
+    found = []
+    for place, (heading, is_right) in enumerate(columns):
+        texts = [row[place] for row in rows]
+        parts = [*heading.split(), *(texts if is_right else " ".join(texts).split())]
+        found.append(max(map(len, parts), default=0))
+    left = room - sum(found)
+    if left < 0:
+        return []
+    while left and found != list(wide):  # the column that lacks most gets the next place
+        place = max(range(len(found)), key=lambda each: wide[each] - found[each])
+        found[place] += 1
+        left -= 1
+    return found
+
+
+def _stacked(
+    columns: Sequence[tuple[str, bool]],
+    rows: Sequence[Sequence[str]],
+    wide: Sequence[int],
+    groups: Sequence[int],
+    room: int,
+) -> Iterator[str]:
+    """Yield a table with several lines for each row, columns below columns; the headings are as many lines."""
+    bands: list[list[int]] = [[]]
+    for place, width in enumerate(wide):
+        used = sum(wide[each] + _GAP for each in bands[-1]) + _GAP * (len(bands) > 1)
+        if bands[-1] and used + width > room:
+            bands.append([])
+        bands[-1].append(place)
+
+    def lines(cells: Sequence[str]) -> Iterator[str]:
+        for number, band in enumerate(bands):
+            parts = [cells[k].rjust(wide[k]) if columns[k][1] else cells[k].ljust(wide[k]) for k in band]
+            line = (" " * _GAP * bool(number) + (" " * _GAP).join(parts)).rstrip()
+            if line or not number:
+                yield wrapped(line, room) if len(line) > room else line
+
+    yield from lines([heading for heading, _ in columns])
+    yield "─" * room
+    for number, row in enumerate(rows):
+        yield from lines(row)
+        if number in groups:
+            yield ""
 
 
 def _rich_tree(tree: Tree, above: rich.tree.Tree | None = None) -> rich.tree.Tree:
