@@ -181,3 +181,17 @@ def test_each_command_explains_each_option(capsys) -> None:
     for name in ("new", "check", "modes", "run", "show", "export", "compare", "measure"):
         assert main([name, "--help"]) == 0
         assert "--debug" in capsys.readouterr().out
+
+
+def test_a_word_that_is_too_much_is_answered_with_the_option(capsys) -> None:
+    assert main(["export", "stop.gapwalk", "html"]) == 2
+    assert capsys.readouterr().err == "gapwalk: gapwalk export takes 'html' as an option; write --format html\n"
+    assert main(["show", "stop.gapwalk", "more"]) == 2
+    assert "does not take 'more' there" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_shells_complete_commands_and_options(shell, capsys) -> None:
+    assert main(["completion", shell]) == 0
+    script = capsys.readouterr().out
+    assert all(word in script for word in ("export", "resume", "full-scale"))

@@ -130,3 +130,18 @@ def resume_and_compare(model: Path, stopped: gw.Result, undisturbed: gw.Result) 
     resumed = gw.open_result("a.gapwalk")
     assert 60 <= len(stopped.branches[0].points) < len(undisturbed.branches[0].points)
     assert_same_result(resumed, undisturbed)
+
+
+def test_the_result_of_another_text_gets_a_number_and_that_of_the_same_is_kept(model, capsys) -> None:
+    assert main(["run", str(model), "--quiet"]) == 0
+    assert main(["run", str(model), "--quiet"]) == 2
+    assert "exists already" in capsys.readouterr().err
+    before = Path("stop.gapwalk").read_bytes()
+    model.write_text(MODEL.replace("to = 1.9", "to = 0.9"))
+    assert main(["run", str(model), "-j"]) == 0
+    assert "stop.gapwalk was the result of another text; it is stop-1.gapwalk now" in capsys.readouterr().err
+    assert Path("stop-1.gapwalk").read_bytes() == before
+    model.write_text(MODEL)
+    assert main(["run", str(model), "-o", "stop.gapwalk", "--quiet"]) == 2  # a name that was asked for stays
+    assert main(["run", str(model), "-f", "--quiet"]) == 0
+    assert not Path("stop-2.gapwalk").exists()

@@ -7,12 +7,27 @@ from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from cyclopts import App, Parameter
+from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
+from rich.text import Text
+
+
+def _error_words(error: CycloptsError) -> str:
+    """Describe what is wrong with the words of a command, and what to write instead."""
+    text = str(error)
+    if isinstance(error, UnusedCliTokensError):
+        name, extra = " ".join(("gapwalk", *(error.command_chain or ()))), (error.unused_tokens or [""])[0]
+        text = f"{name} does not take {extra!r} there; {name} --help lists what it takes"
+        for option, hint in getattr(error.target, "__annotations__", {}).items():
+            if f"'{extra}'" in hint and "Literal" in hint:
+                text = f"{name} takes {extra!r} as an option; write --{option} {extra}"
+    return f"gapwalk: {text}"
+
 
 app = App(
     name="gapwalk",
     help="Numerical continuation for vibrating systems with gaps.",
     help_format="plaintext",
+    error_formatter=lambda error: Text(_error_words(error)),
     version=lambda: __import__("gapwalk").__version__,
 )
 
@@ -24,11 +39,13 @@ EXIT_CODES = (
 
 _SWITCH = Parameter(negative=(), show_default=False)
 Flag = Annotated[bool, _SWITCH]
-Json = Annotated[bool, _SWITCH, Parameter(help="Print one JSON document.")]
+Force = Annotated[bool, _SWITCH, Parameter(alias="-f")]
+Json = Annotated[bool, _SWITCH, Parameter(alias="-j", help="Print one JSON document.")]
 Debug = Annotated[bool, _SWITCH, Parameter(help="Show the traceback of an error.")]
 Changes = Annotated[list[str] | None, Parameter(name="--set", negative=())]
 Form = Literal["csv", "json", "netcdf", "mat", "parquet", "xlsx", "png", "svg", "pdf", "html", "wav"]
 Names = Annotated[list[str] | None, Parameter(negative=())]
+Output = Annotated[Path | None, Parameter(alias="-o")]
 
 
 def command(sort_key: float, *examples: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
@@ -151,12 +168,12 @@ def run(
     file: Path,
     /,
     *studies: str,
-    output: Path | None = None,
+    output: Output = None,
     study: Names = None,
     changes: Changes = None,
     units: Literal["none"] | None = None,
     resume: Flag = False,
-    force: Flag = False,
+    force: Force = False,
     scheduler: str | None = None,
     json: Json = False,
     quiet: Flag = False,
@@ -174,7 +191,8 @@ def run(
         Names of the studies to run, if not all.
     output
         The result file, by default named after the model file, ending in .gapwalk; names of several studies are added.
-        Picture and tables are written next to it and replace earlier ones.
+        Picture and tables are written next to it and replace earlier ones. An earlier result of another text that has
+        the default name gets a number, as in rattle-1.gapwalk.
     study
         The same: a study to run; may be repeated.
     changes
@@ -240,7 +258,7 @@ def export(
     *,
     format: Literal["csv", "json", "netcdf", "mat", "parquet", "xlsx", "png", "svg", "pdf", "html", "wav"]
     | None = None,
-    output: Annotated[list[Path] | None, Parameter(negative=())] = None,
+    output: Annotated[list[Path] | None, Parameter(alias="-o", negative=())] = None,
     measure: str | None = None,
     size: Literal["screen", "column", "page", "slide"] | None = None,
     signal: str | None = None,
@@ -289,7 +307,7 @@ def compare(
     /,
     *,
     tolerance: float = 1e-3,
-    output: Path | None = None,
+    output: Output = None,
     measure: str | None = None,
     changes: Changes = None,
     json: Json = False,
@@ -351,7 +369,7 @@ def measure(
     *,
     fit: Names = None,
     changes: Changes = None,
-    output: Path | None = None,
+    output: Output = None,
     json: Json = False,
     debug: Debug = False,
 ) -> int:
@@ -418,6 +436,23 @@ def explore(
         from gapwalk.explorer.web_app import serve
 
         serve(file, host, port, browser=browser, engine=engine)
+    return 0
+
+
+@command(
+    9,
+    "source <(gapwalk completion bash)  # in ~/.bashrc; zsh likewise, in ~/.zshrc after compinit",
+    "gapwalk completion fish > ~/.config/fish/completions/gapwalk.fish",
+)
+def completion(shell: Literal["bash", "zsh", "fish"], /, *, debug: Debug = False) -> int:
+    """Print the script with which a shell completes the commands and their options.
+
+    Parameters
+    ----------
+    shell
+        The shell.
+    """
+    print(app.generate_completion(prog_name="gapwalk", shell=shell))
     return 0
 
 

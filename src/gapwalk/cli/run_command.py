@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import shlex
 import sys
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +30,9 @@ from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import GapwalkError, ModelError, WorkError
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.workers import on_cluster
+from gapwalk.results.result_file import looks_like_result
 from gapwalk.studies.export import save_tables
-from gapwalk.studies.result import Result, check_claim
+from gapwalk.studies.result import Result, check_claim, is_another
 from gapwalk.studies.runner import check_work, run
 from gapwalk.studies.set_values import parse_changes
 from gapwalk.studies.study_file import Study, read_studies
@@ -61,6 +63,8 @@ def run_file(
     alone = len(studies) == 1
     outputs = [result_path(file, output, study.name, alone=alone) for study in studies]
     for study, path in zip(studies, outputs, strict=True):
+        if output is None and not (how["resume"] or how["force"]):
+            _make_room(path, study)
         check_claim(path, study, resume=how["resume"], force=how["force"])  # before anything is computed
     resume_words = ["gapwalk", "run", str(file), *(["--units", "none"] if plain else []), "--resume"]
     resume_words += [] if scheduler is None else ["--scheduler", scheduler]
@@ -99,6 +103,15 @@ def run_file(
     if how["json"]:
         print_json(documents[0] if alone else documents)
     return max(codes)
+
+
+def _make_room(path: Path, study: Study) -> None:
+    """Give the result of another text a name of its own, and say which; what cannot be read is left to others."""
+    with suppress(GapwalkError):
+        if path.is_file() and looks_like_result(path) and is_another(path, study):
+            number = next(k for k in count(1) if not path.with_stem(f"{path.stem}-{k}").exists())
+            kept = path.rename(path.with_stem(f"{path.stem}-{number}"))
+            show([f"{path} was the result of another text; it is {kept} now"], console(stderr=True))
 
 
 def _file_number(path: Path) -> int | None:

@@ -35,6 +35,7 @@ from gapwalk.results.result_file import (
     check_not_newer,
     check_place,
     check_same,
+    differences,
     lock,
     looks_like_result,
     reading,
@@ -588,12 +589,8 @@ def check_claim(path: str | os.PathLike[str], study: Study, *, resume: bool, for
     check_place(path)
     if resume:
         result = load_result(path)
-        now, before = as_before(study, result.study), result.study
-        # titles, texts and names change nothing of a result
-        before = replace(now, system=before.system, options=before.options)
-        check_same(
-            name, now, before, "choose another name for the new result (--output), or write over this one (--force)"
-        )
+        advice = "choose another name for the new result (--output), or write over this one (--force)"
+        check_same(name, *_compared(study, result.study), advice)
         return result
     if not force:
         raise StoreError(
@@ -602,6 +599,17 @@ def check_claim(path: str | os.PathLike[str], study: Study, *, resume: bool, for
     if not looks_like_result(path):
         raise StoreError(f"{name} is not a result file of gapwalk, so it is not overwritten; choose another name")
     return None
+
+
+def is_another(path: str | os.PathLike[str], study: Study) -> bool:
+    """Return True if a file has the result of another study; errors as `load_result`."""
+    return any(differences(*_compared(study, load_result(path).study)))
+
+
+def _compared(study: Study, stored: Study) -> tuple[Study, Study]:
+    """Return a study and a stored one without titles, texts and names, which change nothing of a result."""
+    now = as_before(study, stored)
+    return now, replace(now, system=stored.system, options=stored.options)
 
 
 _ROUNDING = 1e-9  # of a value, relative to the largest there is
