@@ -8,10 +8,14 @@ from .answers.goals import Quiet as Quiet
 from .answers.goals import Resonance as Resonance
 from .answers.run_up import run_up as run_up
 from .answers.run_ups import run_ups as run_ups
-from .answers.scan import MotionClaim as MotionClaim
-from .answers.scan import PointClaim as PointClaim
 from .answers.scan import Variations as Variations
 from .answers.scan import variations as variations
+from .answers.scan_claims import AlikeClaim as AlikeClaim
+from .answers.scan_claims import LoopClaim as LoopClaim
+from .answers.scan_claims import MotionClaim as MotionClaim
+from .answers.scan_claims import PointClaim as PointClaim
+from .answers.scan_claims import RangeClaim as RangeClaim
+from .answers.scan_claims import SizeClaim as SizeClaim
 from .answers.speed_course import SpeedCourse as SpeedCourse
 from .answers.tolerance import Spread as Spread
 from .studies.functions import campbell as campbell

@@ -3,6 +3,7 @@
 import io
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy import stats
 
 import gapwalk as gw
 from gapwalk.answers.scan import FAILS, HOLDS, UNKNOWN, Scan, Variations, VariedHow
+from gapwalk.answers.scan_claims import Settled
 from gapwalk.attractors.regimes import Regime
 from gapwalk.errors import ModelError
 from gapwalk.studies.scan_study import ScanStudy
@@ -21,7 +23,7 @@ CLUTCH = gw.paper.case("15").at(frequency=0.45)
 
 def test_claims_about_motions() -> None:
     three = gw.ask.MotionClaim("period 3")
-    motions = [(PERIODIC, 3), (PERIODIC, 1), (TORUS, 0), (CHAOS, 0)]
+    motions = [Settled(PERIODIC, 3), Settled(PERIODIC, 1), Settled(TORUS, 0), Settled(CHAOS, 0)]
     assert three.judge(motions) == (True, 0.25)
     assert gw.ask.MotionClaim("periodic", share=0.5).judge(motions) == (True, 0.5)
     assert gw.ask.MotionClaim("periodic", share=1.0).judge(motions) == (False, 0.5)
@@ -33,22 +35,28 @@ def test_claims_about_points() -> None:
     branch = gw.follow(gw.find_orbit(gw.paper.case("12"), frequency=0.7), "frequency", 0.58)
     (high, low) = (point.value for point in branch.special("fold"))
     low, high = min(low, high), max(low, high)
-    fold = gw.ask.PointClaim("fold", "frequency", low - 0.001, high + 0.001, over=(0.7, 0.58))
-    assert fold.judge(branch) == (True, 2.0)
-    none = gw.ask.PointClaim("fold", "frequency", 0.65, 0.69, absent=True)
-    assert none.judge(branch) == (True, 0.0)
+    fold = gw.ask.PointClaim("fold", parameter="frequency", low=low - 0.001, high=high + 0.001, over=(0.7, 0.58))
+    assert fold.judge([branch]) == (True, 2.0)
+    none = gw.ask.PointClaim("fold", parameter="frequency", low=0.65, high=0.69, absent=True)
+    assert none.judge([branch]) == (True, 0.0)
     # what the walk has not covered may hold a point
-    assert gw.ask.PointClaim("fold", "frequency", 0.5, 0.55, absent=True).judge(branch) == (None, 0.0)
-    assert gw.ask.PointClaim("fold", "frequency", 0.65, 0.69).judge(branch) == (False, 0.0)
+    assert gw.ask.PointClaim("fold", parameter="frequency", low=0.5, high=0.55, absent=True).judge([branch]) == (
+        None,
+        0.0,
+    )
+    assert gw.ask.PointClaim("fold", parameter="frequency", low=0.65, high=0.69).judge([branch]) == (False, 0.0)
 
 
 @pytest.mark.parametrize(
     ("make", "text"),
     [
         (lambda: gw.ask.MotionClaim("period 0"), 'write "period 3"'),
-        (lambda: gw.ask.PointClaim("fold", "frequency", 2.0, 1.0), "lower end first"),
-        (lambda: gw.ask.PointClaim("fold", "frequency", 1.0, 2.0, over=(1.5, 1.0)), "must cover"),
-        (lambda: gw.ask.PointClaim("fold", "frequency", 1.0, 2.0, at={"frequency": 1.0}), "leave it out"),
+        (lambda: gw.ask.PointClaim("fold", parameter="frequency", low=2.0, high=1.0), "lower end first"),
+        (lambda: gw.ask.PointClaim("fold", parameter="frequency", low=1.0, high=2.0, over=(1.5, 1.0)), "must cover"),
+        (
+            lambda: gw.ask.PointClaim("fold", parameter="frequency", low=1.0, high=2.0, at={"frequency": 1.0}),
+            "leave it out",
+        ),
         (lambda: ScanStudy(claims=(), spread=0.0), "must be a number > 0"),
         (lambda: ScanStudy(claims=(), starts=0), "starts is 0"),
         (lambda: gw.ask.variations(CLUTCH, ["harmonic1.phase"], factors=[2.0]), "write it in listed"),
@@ -127,8 +135,8 @@ def test_a_scan_finds_the_change_that_makes_a_claim_hold() -> None:
         frequency=1.2,
     )
     claims = [
-        gw.ask.PointClaim("grazing", "frequency", 0.9, 1.6, over=(1.6, 0.6)),
-        gw.ask.PointClaim("grazing", "frequency", 0.9, 1.6, absent=True, over=(1.6, 0.6)),
+        gw.ask.PointClaim("grazing", parameter="frequency", low=0.9, high=1.6, over=(1.6, 0.6)),
+        gw.ask.PointClaim("grazing", parameter="frequency", low=0.9, high=1.6, absent=True, over=(1.6, 0.6)),
     ]
     options = {"factors": (1.9, 2.1), "neighbours": 0, "starts": 1}
     found = gw.ask.scan(system, claims, ["harmonic1.amplitude"], **options, workers=1)
@@ -162,7 +170,7 @@ def test_a_walk_that_has_no_beginning_is_unknown(monkeypatch) -> None:
         raise gw.errors.ConvergenceError("no orbit")
 
     monkeypatch.setattr("gapwalk.studies.scan_study.find_orbit", fail)
-    claims = [gw.ask.PointClaim("fold", "frequency", 0.5, 0.6)]
+    claims = [gw.ask.PointClaim("fold", parameter="frequency", low=0.5, high=0.6)]
     options = {"factors": (0.5,), "neighbours": 0}
     found = gw.ask.scan(CLUTCH, claims, ["mean.q1"], **options, workers=1)
     assert (found.holds == UNKNOWN).all()
@@ -236,3 +244,101 @@ def test_the_example_finds_the_first_stage_left_out(tmp_path) -> None:
     assert found.holds[found.best[0]].tolist() == [HOLDS, FAILS, HOLDS]
     assert found.luck(2).neighbours == 300
     assert found.check.different == ()
+
+
+# Claims as an experiment states them.
+
+LINEAR = gw.System(
+    ["x"], mass=[1.0], damping=[0.2], stiffness=[1.0], harmonics=[gw.Harmonic(0.1, {"x": 1.0})], frequency=2.0
+)
+OVER: dict[str, Any] = {"parameter": "frequency", "low": 0.5, "high": 2.0}
+
+
+def walked(claim, system=LINEAR) -> tuple:
+    """The verdict on a claim about a system."""
+    found = gw.ask.scan(system, [claim], ["harmonic1.amplitude"], factors=(), neighbours=0, workers=1)
+    return bool(found.holds[0, 0]) if found.holds[0, 0] != UNKNOWN else None, float(found.amounts[0, 0])
+
+
+def test_peaks_and_their_places_are_those_of_a_linear_oscillator() -> None:
+    height, place = 0.1 / (0.2 * math.sqrt(1.0 - 0.01)), math.sqrt(1.0 - 0.02)
+    holds, amount = walked(gw.ask.SizeClaim("peak", "max.x", **OVER, least=0.5, most=0.51))
+    assert holds
+    assert amount == pytest.approx(height, rel=5e-4)  # of the points of the walk
+    holds, amount = walked(gw.ask.SizeClaim("place", "max.x", **OVER, least=0.99))
+    assert holds is (place >= 0.99)
+    assert amount == pytest.approx(place, abs=0.01)  # between two points of the walk
+    holds, amount = walked(gw.ask.SizeClaim("peak", "max.x", **OVER, than={"damping.x.x": 0.1}))
+    assert (holds, amount) == (False, pytest.approx(0.5 * math.sqrt((1.0 - 0.0025) / (1.0 - 0.01)), rel=1e-3))
+    assert walked(gw.ask.SizeClaim("peak", "max.x", **OVER, than={"damping.x.x": 0.1}, smaller=True))[0] is True
+
+
+def test_responses_are_alike_within_their_largest_difference() -> None:
+    louder = {"harmonic1.amplitude": 0.104}
+    for within, expected in ((0.05, True), (0.03, False)):
+        holds, off = walked(gw.ask.AlikeClaim("max.x", within, **OVER, than=louder))
+        assert (holds, off) == (expected, pytest.approx(0.04, abs=1e-3))  # lines between points
+
+
+def test_figure_4_with_the_matched_impact_damping() -> None:
+    """Against the walks of an independent program: flips .131 and .119 wide, pairs on P2, second resonance alike."""
+    system = gw.paper.case("4a").at({"frequency": 2.0, "stage2.impact_damping": 0.05})
+    viscous = {"stage2.impact_damping": 0.0, "damping.q1.q1": 0.04, "damping.q3.q1": -0.04}
+    where: dict[str, Any] = {"parameter": "frequency", "low": 0.5, "high": 2.0}
+    with_other = where | {"than": viscous}
+    claims = [
+        gw.ask.SizeClaim("width", "doubled", **with_other, least=0.13, most=0.132),
+        gw.ask.RangeClaim("doubled", **where | {"low": 1.2755, "high": 1.3042}, within=2e-4, over=(2.0, 0.5)),
+        gw.ask.RangeClaim("pair", **where | {"low": 0.595, "high": 0.605}, within=2e-3, over=(2.0, 0.5)),
+        gw.ask.SizeClaim("peak", "half.q1", **with_other, smaller=True),
+        gw.ask.AlikeClaim("half.q1", 0.05, **with_other | {"low": 0.8, "high": 1.95}, over=(2.0, 0.5)),
+        gw.ask.AlikeClaim("fold", 0.1, **with_other),
+    ]
+    found = gw.ask.scan(system, claims, ["mean.q1"], factors=(), neighbours=0, workers=1)
+    assert found.holds.tolist() == [[HOLDS] * len(claims)]
+    ratio = 0.131 / 0.119
+    assert found.amounts[0, 0] == pytest.approx(ratio, rel=0.01)
+    assert found.amounts[0, 4] == pytest.approx(0.030 / 1.048, rel=0.2)
+
+
+def test_a_closed_branch_of_twice_the_period_and_its_pairs() -> None:
+    """Parametric excitation of a stop: figure 13's loop about the second resonance, 1.229 to 1.332, has pairs."""
+    system = gw.paper.case("13").at(frequency=1.45)
+    where: dict[str, Any] = {"parameter": "frequency", "low": 1.1, "high": 1.45, "period": 2}
+    claims = [
+        gw.ask.LoopClaim(**where),
+        gw.ask.LoopClaim(**where | {"high": 1.3}, over=(1.45, 1.1)),
+        gw.ask.RangeClaim("pair", **where | {"low": 1.184, "high": 1.197}, within=1e-3, over=(1.45, 1.1)),
+    ]
+    found = gw.ask.scan(system, claims, ["mean.q1"], factors=(), neighbours=0, workers=1)
+    assert found.holds.tolist() == [[HOLDS, FAILS, HOLDS]]
+
+
+def test_patterns_of_impacts_are_those_of_the_motion() -> None:
+    settled = gw.settle(CLUTCH)
+    assert settled.orbit is not None
+    at, own = {"frequency": 0.45}, settled.orbit.pattern
+    claims = [gw.ask.MotionClaim("period 3", at, hits=each) for each in (own, "9+/9-", "")]
+    found = gw.ask.scan(CLUTCH, claims, ["mean.q1"], factors=(), neighbours=0, starts=4, workers=1)
+    assert found.holds.tolist() == [[HOLDS, FAILS, HOLDS]]
+    assert 0.0 < found.amounts[0, 0] <= found.amounts[0, 2]
+    assert claims[0].words == f"period 3 with impacts {own} at frequency = 0.45"
+
+
+@pytest.mark.parametrize(
+    ("table", "text"),
+    [
+        ('{ peak = "half.q1", from = 0.4, to = 0.5 }', "says neither least nor most"),
+        ('{ peak = "half.q9", from = 0.4, to = 0.5, least = 1.0 }', "no signal q9"),
+        ('{ width = "twisted", from = 0.4, to = 0.5, least = 0.1 }', 'width is "twisted"; natures of motions are'),
+        ('{ alike = "half.q1", from = 0.4, to = 0.5 }', "names no other model"),
+        ("{ loop = 3, from = 0.4, to = 0.5 }", "write an even period"),
+        ('{ motion = "chaotic", hits = "1+/0-" }', "no pattern that repeats"),
+        ('{ point = "flip", from = 0.4, to = 0.5, least = 1.0 }', "least says nothing of a claim about point"),
+        ('{ peak = "half.q1", width = "pair", from = 0.4, to = 0.5 }', "a claim names width and peak"),
+        ('{ range = "pair" }', "a claim about a branch has no range"),
+    ],
+)
+def test_tables_of_claims_teach(table: str, text: str) -> None:
+    with pytest.raises(ModelError, match=text):
+        gw.read_study(io.StringIO(SCAN.replace('{ motion = "period 3", at = { frequency = 0.45 } }', table)))

@@ -8,7 +8,8 @@ from gapwalk.answers.campbell import Campbell
 from gapwalk.answers.design import Change, Design
 from gapwalk.answers.goals import NoPoint, PeakBelow, Quiet, Resonance
 from gapwalk.answers.rattle_bands import RattleBands
-from gapwalk.answers.scan import MotionClaim, PointClaim, Scan
+from gapwalk.answers.scan import Scan
+from gapwalk.answers.scan_claims import AlikeClaim, LoopClaim, MotionClaim, PointClaim, RangeClaim, SizeClaim
 from gapwalk.answers.threshold import Threshold
 from gapwalk.answers.tolerance import Spread, Spreads, Tolerance
 from gapwalk.attractors.basins import Basins
@@ -184,7 +185,7 @@ def regimes(
 ) -> Regimes: ...
 def scan(
     system: System,
-    claims: Sequence[MotionClaim | PointClaim],
+    claims: Sequence[MotionClaim | PointClaim | RangeClaim | SizeClaim | AlikeClaim | LoopClaim],
     parameters: str | Sequence[str] = ...,
     *,
     listed: Sequence[Mapping[str, float]] = ...,

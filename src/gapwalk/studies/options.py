@@ -191,15 +191,19 @@ Second = Annotated[
 """The second parameter of a study in a plane of two."""
 
 
-def _can_be_measured(measure: str | None, info: ValidationInfo[Surroundings]) -> str | None:
-    if measure is None:
-        return None
-    system, asked = info.context.system, parsed(measure)
+def check_measure(system: System | None, measure: str) -> None:
+    """Raise a ValueError if motions of a system have no such measure."""
+    asked = parsed(measure)
     if asked is None:
         raise ValueError(f"is {given(measure)}; it must be one of {EXAMPLES}, a dot and a signal, as in half.q1")
     known = [] if system is None else signal_names(system)
     for signal in (each for each in asked.signals if known and each not in known):
         raise ValueError(f"is {given(measure)}, but there is no signal {signal}; {did_you_mean(signal, known)}")
+
+
+def _can_be_measured(measure: str | None, info: ValidationInfo[Surroundings]) -> str | None:
+    if measure is not None:
+        check_measure(info.context.system, measure)
     return measure
 
 

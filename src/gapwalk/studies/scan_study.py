@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -12,20 +12,19 @@ from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationInfo
 
-from gapwalk.answers.scan import (
-    FAILS,
-    HOLDS,
-    UNKNOWN,
+from gapwalk.answers.scan import FAILS, HOLDS, UNKNOWN, Scan, ScanCheck, Variations, variations
+from gapwalk.answers.scan_claims import (
+    AlikeClaim,
     AnyClaim,
     Course,
-    Motion,
+    LoopClaim,
     MotionClaim,
     PointClaim,
-    Scan,
-    ScanCheck,
-    Variations,
+    RangeClaim,
+    Settled,
+    SizeClaim,
     check_claims,
-    variations,
+    fixed_by,
 )
 from gapwalk.attractors.many_motions import (
     BatchMotions,
@@ -47,6 +46,8 @@ from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit, initial_state
 from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
+from gapwalk.studies import functions
+from gapwalk.studies.options import check_measure
 from gapwalk.studies.study_kind import INLINE, OPEN, Found, Job, StudyKind, plain_numbers
 from gapwalk.studies.study_schema import Surroundings, key_type
 
@@ -54,12 +55,13 @@ if TYPE_CHECKING:
     from typing import Self
 
 
+Motion = tuple[int, int]
+"""A `Regime` as a number, and the period of a periodic motion."""
+
 # Work on a scan: claims judged for many variations, in chunks, then the best ones again with the exact flow.
 
-CHUNK = 32
+CHUNK = 8
 """Variations in a chunk of settled motions: one piece of work, and what a killed run loses at most."""
-WALKED = 4
-"""Variations in a chunk if each is walked."""
 _STEPS = 400  # per forcing period from which on the exact flow is faster for one variation
 _FAR = 1000.0  # times the box of starts: a motion that goes so far does not come back
 _LOOKS, _BETWEEN = 8, 4  # how often it is looked for, and after how many forcing periods each time
@@ -106,15 +108,16 @@ class _Scanner:
         amounts = np.full(holds.shape, np.nan)
         settled, error = self.settle(values)
         for index, row in enumerate(values):
-            walks: dict[Course, Branch | None] = {}
+            walks: dict[Course, Sequence[Branch]] = {}
             for number, claim in enumerate(self._claims):
                 if isinstance(claim, MotionClaim):
-                    found: tuple[bool | None, float] = claim.judge(settled[index][self._places.index(claim.at)][0])
+                    found = claim.judge(self._with_patterns(claim, row, *settled[index][self._places.index(claim.at)]))
                 else:
-                    if claim.course not in walks:
-                        walks[claim.course] = self._walk(self._system(row), claim.course)
-                    branch = walks[claim.course]
-                    found = (None, np.nan) if branch is None else claim.judge(branch)
+                    for course in claim.courses:
+                        if course not in walks:
+                            walks[course] = self._walk(self._system(row), course)
+                    known = [walks[course] for course in claim.courses]
+                    found = claim.judge(*known) if all(known) else (None, np.nan)
                 holds[index, number] = UNKNOWN if found[0] is None else HOLDS if found[0] else FAILS
                 amounts[index, number] = found[1]
         return holds, amounts, error
@@ -193,17 +196,41 @@ class _Scanner:
         """Classify motions that seem quasi-periodic with the exact flow, where a claim speaks of such motions."""
         torus = int(Regime.QUASI_PERIODIC), 0
         claims = (claim for claim in self._claims if isinstance(claim, MotionClaim) and claim.at == place)
-        if any(claim.matches(torus) for claim in claims):
+        if any(claim.matches(Settled(*torus)) for claim in claims):
             for start in np.flatnonzero(np.isin(kinds[:, 0], (Regime.QUASI_PERIODIC, Regime.UNDECIDED))).tolist():
                 kinds[start] = take_another_look(system, states[start])
 
-    def _walk(self, system: System, course: Course) -> Branch | None:
-        """Walk a branch; None if there is no first orbit."""
+    def _walk(self, system: System, course: Course) -> Sequence[Branch]:
+        """Walk a branch, and those of twice the period that leave it if they are wanted; none without a first orbit."""
         begin = system.at({**dict(course.at), course.parameter: course.begin})
         try:
-            return follow(find_orbit(begin, course.period), course.parameter, course.end)
+            orbit = find_orbit(begin, course.period)
+            if not course.doubled:
+                return (follow(orbit, course.parameter, course.end),)
+            ends = min(course.begin, course.end), max(course.begin, course.end)
+            options = {"start": orbit, "max_period": 2 * course.period, "workers": 1}
+            return tuple(functions.diagram(begin, course.parameter, ends, **options).branches)
         except NumericalError:
-            return None
+            return ()
+
+    def _with_patterns(
+        self, claim: MotionClaim, row: NDArray[np.float64], motions: Sequence[Motion], states: NDArray[np.float64]
+    ) -> list[Settled]:
+        """Return what starts settle on, with the contact patterns of periodic motions if a claim speaks of them."""
+        settled, known = [], dict[str, str]()
+        system = self._system(row).at(claim.at)
+        for (regime, period), state in zip(motions, states, strict=True):
+            each = Settled(regime, period)
+            if claim.hits and claim.matches(each._replace(pattern=claim.hits)):
+                key = np.array2string(state, precision=6)  # most starts lead to the same motion
+                if key not in known:
+                    try:
+                        known[key] = find_orbit(system, period, start=state).pattern
+                    except NumericalError:
+                        known[key] = ""
+                each = each._replace(pattern=known[key])
+            settled.append(each)
+        return settled
 
     def _starts(self) -> NDArray[np.float64]:
         rest = np.asarray(initial_state(self.system, "rest"))[None, :]
@@ -246,12 +273,20 @@ Count = Annotated[int, Ge(0), Le(MAX_VARIATIONS)]
 
 @dataclass(frozen=True, slots=True)
 class ClaimTable:
-    """Table of a claim: one of `motion`, `point` and `no`, with its range or its values."""
+    """Table of a claim: what it speaks of (the first keys; one of them), and its range or its values."""
 
     #: Kind of motion on which starts settle: ``"period 3"``, ``"periodic"``, ``"quasi-periodic"`` or ``"chaotic"``.
     motion: str | None = None
     point: str | None = None  #: A kind of special point that lies in the range.
     no: str | None = None  #: A kind of special point of which none lies in the range.
+    #: Nature of the motions that extend from one end of the range to the other: ``"doubled"`` (a multiplier beyond -1),
+    #: ``"folded"`` (beyond +1), ``"pair"`` (quasi-periodic motions leave there), ``"unstable"`` or ``"stable"``.
+    range: str | None = None
+    width: str | None = None  #: Nature of motions, as in `range`, whose total width is said.
+    peak: str | None = None  #: A measure, such as ``"half.q1"``, whose largest value is said.
+    place: str | None = None  #: A measure; the value of the parameter at its peak is said.
+    alike: str | None = None  #: A measure, or a kind of special point, that is alike in another model.
+    loop: Counted | None = None  #: Period of a closed branch that leaves another one at a flip and returns to it.
     parameter: str | None = None  #: Parameter of the range; by default the frequency or speed.
     #: begin, end: The range, the lower end first.
     begin: Annotated[Any, Field(alias="from")] = None
@@ -262,38 +297,83 @@ class ClaimTable:
     period: Counted = 1  #: Number m of forcing periods after which the orbits of the branch repeat.
     at: Annotated[Any, Field()] = None  #: Values of parameters, by name, at which it is said.
     share: float = 0.0  #: Least share of the starts that must settle on the motion; at 0, one start is enough.
+    #: Contact pattern of the motion: ``"4+/1-"`` for four impacts on the positive side and one on the other.
+    hits: str = ""
+    #: Largest distance of the ends of a range, in the unit of the parameter; or largest relative difference of what is
+    #: alike.
+    within: Annotated[Any, Field()] = None
+    least: Annotated[Any, Field()] = None  #: Least width, peak or place.
+    most: Annotated[Any, Field()] = None  #: Largest width, peak or place.
+    than: Annotated[Any, Field()] = None  #: Values of parameters, by name, of the model that is alike.
+    larger_than: Annotated[Any, Field()] = None  #: Values of the model in which the width, peak or place is smaller.
+    smaller_than: Annotated[Any, Field()] = None  #: Values of the model in which it is larger.
 
     def __post_init__(self) -> None:
-        named = [name for name in ("motion", "point", "no") if getattr(self, name) is not None]
+        named = [name for name in _SPOKEN if getattr(self, name) is not None]
         if len(named) != 1:
             raise ModelError(
-                f"a claim names {' and '.join(named) or 'nothing'}; write one of them, as in "
+                f"a claim names {' and '.join(named) or 'nothing'}; write one of {', '.join(_SPOKEN)}, as in "
                 '{ motion = "period 3", at = { frequency = 0.63 } }, { point = "flip", from = 0.62, to = 0.85 } or '
-                '{ no = "fold", from = 0.6, to = 0.7 }'
+                '{ peak = "half.q1", from = 0.4, to = 0.8, least = 2.0 }'
             )
+        (name,) = named
+        useful = {"within": ("range", "alike"), "than": ("alike",), "share": ("motion",), "hits": ("motion",)}
+        useful |= dict.fromkeys(("least", "most", "larger_than", "smaller_than"), ("width", "peak", "place"))
+        for key, users in useful.items():
+            if getattr(self, key) not in (None, "", 0.0) and name not in users:
+                raise ModelError(f"{key} says nothing of a claim about {name}; it belongs to {' or '.join(users)}")
 
     def claim(self, system: System) -> AnyClaim:
         """Return the claim that it describes."""
-        at = _values(system, {} if self.at is None else self.at, "at")
+        at = _values(system, self.at or {}, "at")
         if self.motion is not None:
             if self.begin is not None or self.end is not None or self.over is not None:
                 raise ModelError("a claim about a motion has no range; write at = { frequency = 0.63 }")
-            return MotionClaim(self.motion, at, self.share)
-        parameter = self.parameter or system.structure.pace
+            return MotionClaim(self.motion, at, self.share, self.hits)
+        name = self.parameter or system.structure.pace
         if self.begin is None or self.end is None:
-            raise ModelError("a claim about a special point has no range; write from = 0.62 and to = 0.85")
-        low, high = (_number(system, parameter, each) for each in (self.begin, self.end))
+            raise ModelError("a claim about a branch has no range; write from = 0.62 and to = 0.85")
+        low, high = (_number(system, name, each) for each in (self.begin, self.end))
         over = None
         if self.over is not None:
             if not isinstance(self.over, list) or len(self.over) != 2:
                 raise ModelError(
                     f"over is {self.over!r}; write where the walk begins and ends, as in over = [2.0, 0.5]"
                 )
-            first, last = (_number(system, parameter, each) for each in self.over)
+            first, last = (_number(system, name, each) for each in self.over)
             over = first, last
-        return PointClaim(
-            Kind.named(str(self.point or self.no)), parameter, low, high, self.no is not None, over, self.period, at
+        where: dict[str, Any] = {
+            "parameter": name,
+            "low": low,
+            "high": high,
+            "over": over,
+            "period": self.period,
+            "at": at,
+        }
+        if self.loop is not None:
+            return LoopClaim(**where | {"period": self.loop})
+        if self.alike is not None:
+            than = _values(system, self.than or {}, "than")
+            return AlikeClaim(self.alike, 0.05 if self.within is None else float(self.within), **where, than=than)
+        if self.range is not None:
+            within = None if self.within is None else _number(system, name, self.within)
+            return RangeClaim(self.range, **where, within=within)
+        if (kind := self.point or self.no) is not None:
+            return PointClaim(Kind.named(str(kind)), **where, absent=self.no is not None)
+        size = next(each for each in ("width", "peak", "place") if getattr(self, each) is not None)
+        bounds = (
+            None if each is None else each if size == "peak" else _number(system, name, each)
+            for each in (self.least, self.most)
         )
+        other = self.larger_than or self.smaller_than or {}
+        return SizeClaim(
+            size, getattr(self, size), **where, **dict(zip(("least", "most"), bounds, strict=True)),
+            than=_values(system, other, "larger_than" if self.larger_than else "smaller_than"),
+            smaller=self.smaller_than is not None,
+        )  # fmt: skip
+
+
+_SPOKEN = ("motion", "point", "no", "range", "width", "peak", "place", "alike", "loop")
 
 
 def _number(system: System, parameter: str, value: object) -> float:
@@ -324,6 +404,18 @@ def _leaves(table: Mapping[str, object], above: str = "") -> Iterator[tuple[str,
             yield f"{above}{name}", value
 
 
+def _check(system: System, claims: Sequence[AnyClaim]) -> None:
+    """Refuse claims about parameters, values or measures that a system does not have."""
+    check_claims(system, claims)
+    for claim in claims:
+        is_size = isinstance(claim, SizeClaim) and claim.size != "width"
+        if is_size or (isinstance(claim, AlikeClaim) and claim.is_measure):
+            try:
+                check_measure(system, claim.of)
+            except ValueError as error:
+                raise ModelError(f"the measure of a claim {error}") from None
+
+
 def _known(parameters: tuple[str, ...] | None, info: ValidationInfo[Surroundings]) -> tuple[str, ...]:
     if info.context.system:
         for name in parameters or ():
@@ -342,7 +434,7 @@ class ScanStudy(StudyKind):
 
     Examples
     --------
-    >>> claims = [gw.ask.PointClaim("fold", "frequency", 1.3, 1.45, over=(1.6, 1.1))]
+    >>> claims = [gw.ask.PointClaim("fold", parameter="frequency", low=1.3, high=1.45, over=(1.6, 1.1))]
     >>> found = gw.ask.scan(system, claims, ["harmonic1.amplitude"], factors=(0.5,), neighbours=0)
     >>> found.holds.tolist()  # the model, and half of its excitation
     [[1], [0]]
@@ -395,7 +487,7 @@ class ScanStudy(StudyKind):
         rest = dict(values)
         claims = tuple(table.claim(system) for table in rest.pop("claim"))
         listed = tuple(_values(system, each, "listed") for each in rest.pop("listed", ()))
-        check_claims(system, claims)
+        _check(system, claims)
         return cls(**rest, claims=claims, listed=listed)
 
     @property
@@ -410,14 +502,13 @@ class ScanStudy(StudyKind):
 
     def refuse_invalid(self, system: System) -> None:
         """Refuse claims and variations that are not possible."""
-        check_claims(system, self.claims)
+        _check(system, self.claims)
         self._variations(system)
 
     def _variations(self, system: System) -> Variations:
         names = ("factors", "pairs", "listed", "neighbours", "spread", "seed")
         options: dict[str, Any] = {name: getattr(self, name) for name in names}
-        fixed = frozenset(name for claim in self.claims for name in claim.varied)
-        return variations(system, self.parameters, fixed=fixed, **options)
+        return variations(system, self.parameters, fixed=fixed_by(self.claims), **options)
 
     def _every(self, job: Job) -> Variations:
         return job.cached("variations", lambda: self._variations(job.system))
@@ -430,7 +521,7 @@ class ScanStudy(StudyKind):
 
     @property
     def _size(self) -> int:
-        return WALKED if any(isinstance(claim, PointClaim) for claim in self.claims) else CHUNK
+        return CHUNK if all(isinstance(claim, MotionClaim) for claim in self.claims) else 1
 
     def do(self, job: Job) -> Generator[Found]:
         """Judge the variations that are left; then compare the best ones with the exact flow."""
