@@ -251,7 +251,7 @@ def test_the_example_finds_the_first_stage_left_out(tmp_path) -> None:
 LINEAR = gw.System(
     ["x"], mass=[1.0], damping=[0.2], stiffness=[1.0], harmonics=[gw.Harmonic(0.1, {"x": 1.0})], frequency=2.0
 )
-OVER: dict[str, Any] = {"parameter": "frequency", "low": 0.5, "high": 2.0}
+OVER: Any = {"parameter": "frequency", "low": 0.5, "high": 2.0}
 
 
 def walked(claim, system=LINEAR) -> tuple:
@@ -284,7 +284,7 @@ def test_figure_4_with_the_matched_impact_damping() -> None:
     """Against the walks of an independent program: flips .131 and .119 wide, pairs on P2, second resonance alike."""
     system = gw.paper.case("4a").at({"frequency": 2.0, "stage2.impact_damping": 0.05})
     viscous = {"stage2.impact_damping": 0.0, "damping.q1.q1": 0.04, "damping.q3.q1": -0.04}
-    where: dict[str, Any] = {"parameter": "frequency", "low": 0.5, "high": 2.0}
+    where: Any = {"parameter": "frequency", "low": 0.5, "high": 2.0}
     with_other = where | {"than": viscous}
     claims = [
         gw.ask.SizeClaim("width", "doubled", **with_other, least=0.13, most=0.132),
@@ -304,7 +304,7 @@ def test_figure_4_with_the_matched_impact_damping() -> None:
 def test_a_closed_branch_of_twice_the_period_and_its_pairs() -> None:
     """Parametric excitation of a stop: figure 13's loop about the second resonance, 1.229 to 1.332, has pairs."""
     system = gw.paper.case("13").at(frequency=1.45)
-    where: dict[str, Any] = {"parameter": "frequency", "low": 1.1, "high": 1.45, "period": 2}
+    where: Any = {"parameter": "frequency", "low": 1.1, "high": 1.45, "period": 2}
     claims = [
         gw.ask.LoopClaim(**where),
         gw.ask.LoopClaim(**where | {"high": 1.3}, over=(1.45, 1.1)),

@@ -361,6 +361,11 @@ class SizeClaim(_Compared):
         said += [f"{'smaller' if self.smaller else 'larger'} than with {_values_words(self.than)}"] if self.than else []
         return f"{self.size} of {self.of}{self._of} {' and '.join(said)}{self._where}"
 
+    @property
+    def is_measure(self) -> bool:
+        """True if it speaks of a measure, not of a nature of motions."""
+        return self.size != "width"
+
     def judge(self, branches: Sequence[Branch], others: Sequence[Branch] = ()) -> Verdict:
         """Return whether the claim holds, and the size, or its ratio to that of the other model."""
         own = self._size(branches)

@@ -351,7 +351,7 @@ class ClaimTable:
             "at": at,
         }
         if self.loop is not None:
-            return LoopClaim(**where | {"period": self.loop})
+            return LoopClaim(**{**where, "period": self.loop})
         if self.alike is not None:
             than = _values(system, self.than or {}, "than")
             return AlikeClaim(self.alike, 0.05 if self.within is None else float(self.within), **where, than=than)
@@ -408,8 +408,7 @@ def _check(system: System, claims: Sequence[AnyClaim]) -> None:
     """Refuse claims about parameters, values or measures that a system does not have."""
     check_claims(system, claims)
     for claim in claims:
-        is_size = isinstance(claim, SizeClaim) and claim.size != "width"
-        if is_size or (isinstance(claim, AlikeClaim) and claim.is_measure):
+        if isinstance(claim, (SizeClaim, AlikeClaim)) and claim.is_measure:
             try:
                 check_measure(system, claim.of)
             except ValueError as error:
