@@ -33,12 +33,13 @@ def test_a_ball_comes_to_rest_where_the_geometric_series_ends(restitution: float
     found = sum_chatter(stop, np.array(2.0), np.ones(1), np.array([-speed]))
     assert found is not None
     lasts = 2.0 * speed / gravity / (1.0 - restitution)
+    rounding = 1e-14 + np.finfo(float).eps / (1.0 - restitution)  # which the series amplifies; processors differ
     theta, state, integrals = found.after(stop)
-    assert float(theta) == pytest.approx(2.0 + lasts, abs=1e-14)
+    assert float(theta) == pytest.approx(2.0 + lasts, abs=rounding)
     assert state == pytest.approx([1.0, 0.0], abs=1e-15)
     times, rates = found.impacts(restitution, 1e-6)
     left = lasts * restitution ** np.arange(1.0, len(times) + 1.0)
-    assert times == pytest.approx(2.0 + lasts - left, abs=1e-14)
+    assert times == pytest.approx(2.0 + lasts - left, abs=rounding)
     assert rates == pytest.approx(speed * restitution ** np.arange(len(times)), abs=1e-14)
     heights = gravity * (2.0 * speed / gravity) ** 3 / 12.0 / (1.0 - restitution**3)  # areas of all flights
     assert float(integrals[0]) == pytest.approx(lasts - heights, abs=1e-13)
