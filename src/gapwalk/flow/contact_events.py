@@ -96,6 +96,7 @@ class Switchboard(BreakpointGeometry):
             not (rebounds or (columns and jump is not None) or self.dry.count or self.modes.mode_count)
             for rebounds, jump in zip(self._rebounds, self._jumps, strict=True)
         ]
+        self._only_stages = not (self.dry.count or self.modes.mode_count)
         self.modes.attach(integrator)
         self.dry.attach(integrator, columns, readings, self._coefficient_change())
 
@@ -208,10 +209,12 @@ class Switchboard(BreakpointGeometry):
 
     def at_event(self, switch: int, theta: float) -> bool:
         """Flip a switch at an event of its breakpoint; return whether the integrator continues."""
-        if self.dry.count and self.dry.holds(switch):
+        if not self._only_stages and self.dry.count and self.dry.holds(switch):
             self.dry.let_go(switch, theta)
         elif self._settle(switch, theta) and self._simultaneous[switch]:
             self._settle_simultaneous(self._simultaneous[switch], theta)
+        if self._only_stages:
+            return self._counts_on(theta)
         if self.modes.mode_count:
             self.modes.set_simultaneous(self._closed(), dry=self.dry.present)
         return self._go_on(theta)
@@ -453,12 +456,16 @@ class Switchboard(BreakpointGeometry):
             self.modes.wait(theta, self.dry)
         if self.listener is not None and (listener := self.listener()) is not None:
             listener(theta)
+        return self._counts_on(theta) and self._impacts.rest is None
+
+    def _counts_on(self, theta: float) -> bool:
+        """Count an event; return False where there were too many, or the motion comes to rest on a force that jumps."""
         self.event_limit -= 1
         if self.event_limit % _OFTEN == 0:
             if theta - self._counted < 2.0 * math.pi and self._rests_on(theta) is not None:
                 self.event_limit = 0
             self._counted = theta
-        return self.event_limit > 0 and self._impacts.rest is None
+        return self.event_limit > 0
 
     def refuse_rest(self, theta: float) -> None:
         """Raise an error if the motion comes to rest on a force that jumps: it has no derivatives there."""
@@ -580,7 +587,8 @@ class TurningPoints:
         """Record where a coordinate or a deflection turns, at an event of the integrator."""
         if self._switches.dry.held and event in self._keeping_still():
             return  # its rate is 0 all the time, and changes its sign by rounding
-        self._turns.append(Turn(event, theta, [self._unit * each for each in positions[: self._size]]))
+        own = positions[: self._size]
+        self._turns.append(Turn(event, theta, own if self._unit == 1.0 else [self._unit * each for each in own]))
 
     def at_stop(self, theta: float) -> None:
         """Note an event of friction or stops, which stops the integrator: it may report no other at the same time."""

@@ -119,6 +119,8 @@ class DryState:
         The part of `rows` that changes velocities.
     vectors
         Deflection vector of each contact that is friction or a rigid stop.
+    spans
+        For each of them, the sum of the sizes of its numbers.
     column_signs : shape (columns,)
         Signs with which the columns of coefficients enter accelerations and reactions.
     is_moved
@@ -138,6 +140,7 @@ class DryState:
     coefficients: Array
     entry: _Held
     vectors: dict[int, Array]
+    spans: dict[int, float]
     is_moved: dict[int, bool]
     has_base: dict[int, bool]
     rate_factors: list[list[tuple[int, float]] | None]
@@ -240,6 +243,7 @@ class DryState:
             self._known = {}
             self.rate_factors = [self._factors_of(place) for place in range(len(self.slots))]
             self.vectors = {contact: base[self.layout.contacts[contact].deflection] for contact in self._contacts}
+            self.spans = {contact: float(np.abs(vector).sum()) for contact, vector in self.vectors.items()}
             self.has_base = {contact: bool(base[slots[self.n :]].any()) for contact, slots in self._contacts.items()}
             self.is_strained = [bool(directions[:, slots].any()) for slots in self._strains]
             self.is_moved = {contact: bool(directions[:, slots].any()) for contact, slots in self._contacts.items()}
@@ -365,7 +369,8 @@ class DryState:
     def acceleration(self, contact: int, now: Readings, theta: float) -> float:
         """Return the second derivative of a deflection over time."""
         moved = float(self.vectors[contact].dot(now.accelerations))
-        return moved if self.layout.contacts[contact].sway is None else moved + self._swaying(contact, theta)
+        is_plain = not self._sways or self.layout.contacts[contact].sway is None
+        return moved if is_plain else moved + self._swaying(contact, theta)
 
     def _swaying(self, contact: int, theta: float) -> float:
         """Return the second derivative over time of the displacement that is added to a deflection."""

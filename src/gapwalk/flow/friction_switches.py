@@ -9,7 +9,7 @@ Method: docs/numerics/flow.md
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -36,6 +36,7 @@ from gapwalk.flow.friction_state import (
 from gapwalk.flow.single_friction import BARELY, LATER, NEAR, ON, PAUSE, SETTLING, STILL, UNSEEN, VALUES, LoneFriction
 
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
+_FAST = 2e-9  # radians of the largest acceleration after which a slip rate is too fast to vanish; twice `_TOGETHER`
 _BRIEF = 4e-9  # radians that they must last: two events of one contact are distinct from a quarter of that
 
 Array = NDArray[np.float64]
@@ -271,15 +272,11 @@ class DrySwitches(LoneFriction):
         elif not second and self._turns_alone(place, direction, theta):
             return
         now = self.read(theta)
-        for other, memory in enumerate(self.memory_of):  # of two events at the same time only one is reported
-            if other != place and memory is not None and self._stops_too(other, now, theta):
+        for other in self._stopping(now, theta):  # of two events at the same time only one is reported
+            if other != place and self.memory_of[other] is not None:
                 self._at_memory(other, False, -self.slips[other], theta, now)
         if self.memory_of[place] is not None:
-            hidden = [
-                other
-                for other, memory in enumerate(self.memory_of)
-                if memory is None and self._stops_too(other, now, theta)
-            ]
+            hidden = [other for other in self._stopping(now, theta) if self.memory_of[other] is None]
             self._at_memory(place, bool(second), direction, theta, now)
             if hidden:  # it lets the others stop with it
                 self._stop(hidden[0], theta, self.read(theta))
@@ -287,6 +284,15 @@ class DrySwitches(LoneFriction):
             self._release(place, -1 if second else 1, theta, now)
         elif not second and (theta - self._begun[place] > SETTLING or direction == -self.slips[place]):
             self._stop(place, theta, now)
+
+    def _stopping(self, now: Readings, theta: float) -> Iterator[int]:
+        """Yield the friction whose slip rate vanishes at the same time as an event, each as it is asked for."""
+        # nearly all of it is far too fast, whatever its acceleration: `_stops_too` need not be asked
+        fastest = _FAST * largest(now.accelerations) * self.base.item(0)
+        for place, (slots, contact) in enumerate(zip(self.slots, self.equations.dry, strict=True)):
+            is_fast = abs(now.friction[place][0]) > fastest * self.spans[contact] and slots.sway is None
+            if self.slips[place] and not is_fast and self._stops_too(place, now, theta):
+                yield place
 
     def stop_simultaneous(self, theta: float) -> None:
         """Change the mode of friction whose slip rate vanishes at the same time as another event, which hides it."""
@@ -307,9 +313,8 @@ class DrySwitches(LoneFriction):
             return  # the rate only begins to grow
         shifts = rate_changes(self, self.equations.dry[place], theta) if self.columns else np.zeros(0)
         candidates = [*self.held, self.reaction_of[place]]
-        for other, number in enumerate(self.reaction_of):  # of two events at the same time only one is reported
-            if number is not None and other != place and self._stops_too(other, before, theta):
-                candidates.append(number)
+        # of two events at the same time only one is reported
+        candidates += [self.reaction_of[other] for other in self._stopping(before, theta) if other != place]
         modes = self.slips.copy()
         after = self._hold(theta, [number for number in candidates if number is not None], before)
         if abs(self._over.get(self.reaction_of[place], 1.0)) < BARELY:

@@ -32,6 +32,7 @@ from gapwalk.model.value_checks import value_problems
 
 _ASIDE = 0.0123  # relative shift of parameters, at which no slope is zero by coincidence
 _STEP = 1e-150  # complex step: its square must underflow relative to every coefficient, the step must not
+_MOST_KEPT = 100_000  # numbers of a table that is kept for the next call
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -212,6 +213,16 @@ class CoefficientLayout:
         return self._variations[0] + self._contacts[1].size + self.reactions.size
 
     @cached_property
+    def _solved(self) -> dict[str, tuple[tuple[str, bytes, bytes], NDArray[Any]]]:
+        """The last table, real and complex, with what it is for: along a load or a contact it stays the same."""
+        return {}
+
+    @cached_property
+    def _mass_places(self) -> NDArray[np.intp]:
+        """Places of the mass matrix in the value vector."""
+        return self.structure.block("mass", self.structure.size, self.structure.size)
+
+    @cached_property
     def _column_places(self) -> NDArray[np.intp]:
         """Places, in the value vector, of ``[K | C | d_1 ... | m | s_1 ...]``, with the shapes s of the loads."""
         s, n = self.structure, self.structure.size
@@ -307,12 +318,21 @@ class CoefficientLayout:
 
     def table(self, values: NDArray[Any]) -> NDArray[Any]:
         """Compute ``M^-1 [K | C | d_1 ... | m | s_1 ...]``, with the shapes s of the loads, from the same vector."""
-        assembly, n = self.assembled.assembly, self.structure.size
+        assembly = self.assembled.assembly
         if assembly is not None:
             if (found := assembly.accelerations(values)) is not None:
                 return found
             values = assembly.expand(values)
-        return np.linalg.solve(values[self.structure.block("mass", n, n)], values[self._column_places])
+        mass, columns = values[self._mass_places], values[self._column_places]
+        numbers = values.dtype.char, mass.tobytes(), columns.tobytes()
+        known = self._solved.get(numbers[0])
+        if known is None or known[0] != numbers:
+            found = np.linalg.solve(mass, columns)
+            found.setflags(write=False)
+            known = numbers, found
+            if columns.size <= _MOST_KEPT:
+                self._solved[numbers[0]] = known
+        return known[1]
 
 
 @lru_cache(maxsize=256)

@@ -485,8 +485,8 @@ class LoadForm:
         """Give its lines, for values of its parameters in their order."""
         numbers = self._numbers(values)
         lines = self.kind.lines(self.order, frequency, numbers)
-        if self.factor is not None:
-            factor = self.factor.value(frequency)
+        if (over_speed := self.factor) is not None:
+            factor = over_speed.value(frequency)
             lines = (Line(order, factor * cosine, factor * sine) for order, cosine, sine in lines)
         return (*lines, *self.kind.unscaled(self.order, frequency, numbers))
 
