@@ -142,7 +142,7 @@ def _print(report: Report, folder: Path | None) -> None:
                 result = report.results[job.key]
                 print(f"  {job.key}: {result if result.diagram is None else result.diagram!r}")
         for claim, outcome in report.about(figure):
-            print(f"  {outcome}: {claim.says} ({outcome.evidence})")
+            print(f"  {outcome}: {claim.says} ({outcome.line})")
         if folder is not None and figure.name in report.pictures:
             print(f"  written: {', '.join(str(folder / name) for name in report.pictures[figure.name])}")
 

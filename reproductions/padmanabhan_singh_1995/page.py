@@ -17,7 +17,6 @@ from reproductions.padmanabhan_singh_1995.quantities import LOOPS
 from reproductions.padmanabhan_singh_1995.report import Report
 from reproductions.padmanabhan_singh_1995.tables import demands
 
-_LONG = 260  # letters of evidence that is shown at once
 _DEMANDS = "No one physical system has all rows: equations 10 and 11 of the paper leave these ratios no choice."
 
 Checked = Sequence[tuple[Claim, Outcome]]
@@ -57,11 +56,14 @@ ul.claims { list-style: none; margin: 0; padding: 0; font-size: .92rem; }
 ul.claims li { border-left: 5px solid var(--own); padding: .1rem 0 .1rem .7rem; margin: .2rem 0 .9rem; }
 """
 _CLASS = {
-    Verdict.REPRODUCED: "good",
+    Verdict.LETTER: "good",
+    Verdict.KIND: "good",
     Verdict.OTHER_READING: "other",
     Verdict.OTHER_NUMBER: "by-number",
+    Verdict.OTHER_NUMBERS: "by-number",
     Verdict.EXPLAINED: "why",
-    Verdict.NOT_REPRODUCED: "bad",
+    Verdict.OPEN: "bad",
+    Verdict.ELSEWHERE: "other",
 }
 
 _HTML = """<!doctype html>
@@ -154,9 +156,7 @@ def _claims(checked: Checked) -> str:
 
 
 def _claim(claim: Claim, outcome: Outcome) -> str:
-    first, *more = outcome.evidence.split("; [")
-    evidence = f"<div>{escape(first)}</div>" if len(first) <= _LONG else ""
-    rest = ([first] if len(first) > _LONG else []) + [f"[{each}" for each in more]
+    evidence, rest = f"<div>{escape(outcome.line)}</div>", [str(each) for each in outcome.evidence]
     folded = f"<details><summary>evidence</summary>{''.join(f'<p>{escape(each)}</p>' for each in rest)}</details>"
     name = escape(claim.name)
     return (
@@ -209,7 +209,7 @@ def _table(checked: Checked) -> str:
     rows = "".join(
         f"<tr><td>{escape(claim.name)}</td><td>{escape(claim.says)}</td>"
         f'<td class="{_CLASS[outcome.verdict]} verdict">{escape(str(outcome))}</td>'
-        f"<td>{escape(outcome.evidence)}</td></tr>"
+        f"<td>{escape(outcome.line)}</td></tr>"
         for claim, outcome in checked
     )
     head = "<tr><th>claim</th><th>the paper</th><th>verdict</th><th>evidence</th></tr>"
@@ -249,7 +249,7 @@ def claims_page(checked: Checked, trades: Sequence[Trade] = ()) -> str:
         text += ["| claim | the paper | verdict | evidence |", "|---|---|---|---|"]
         for claim, outcome in checked:
             if claim.figure == figure:
-                says, evidence = (cell.replace("|", "\\|") for cell in (claim.says, outcome.evidence))
+                says, evidence = (cell.replace("|", "\\|") for cell in (claim.says, outcome.line))
                 text.append(f"| {claim.name} | {says} | **{outcome}** | {evidence} |")
     if trades:
         text += ["", "## Other numbers", ""]
@@ -265,11 +265,13 @@ def claims_page(checked: Checked, trades: Sequence[Trade] = ()) -> str:
 
 _COUNTED = re.compile(r"(- |)Of \d+ statements of the paper( below|),[^;]*;")
 _SHORT = {
-    Verdict.REPRODUCED: "{} are reproduced",
+    Verdict.LETTER: "{} are reproduced to the letter",
+    Verdict.KIND: "{} in kind",
     Verdict.OTHER_READING: "{} under another reading",
-    Verdict.OTHER_NUMBER: "{} at one other number",
+    Verdict.OTHER_NUMBER: "{} with one number changed",
+    Verdict.OTHER_NUMBERS: "{} with several numbers changed",
     Verdict.EXPLAINED: "{} are explained",
-    Verdict.NOT_REPRODUCED: "{} are open",
+    Verdict.OPEN: "{} are open",
 }
 
 
@@ -285,10 +287,11 @@ def with_counts(text: str, verdicts: Sequence[Verdict]) -> str:
         The verdicts on all claims.
     """
     counts = Counter(verdicts)
+    counted = sum(counts.values()) - counts[Verdict.ELSEWHERE]
     parts = ", ".join(words.format(counts[verdict]) for verdict, words in _SHORT.items() if counts[verdict])
     return _COUNTED.sub(
         lambda found: textwrap.fill(
-            f"{found[1]}Of {len(verdicts)} statements of the paper{found[2]}, {parts};",
+            f"{found[1]}Of {counted} statements of the paper{found[2]}, {parts};",
             118,
             subsequent_indent="  " if found[1] else "",
             break_on_hyphens=False,
@@ -339,7 +342,10 @@ def _claim_document(claim: Claim, outcome: Outcome) -> dict[str, Any]:
     return {
         "claim": claim.name,
         "says": claim.says,
-        "verdict": outcome.verdict.value,
-        "reading": outcome.reading or None,
-        "evidence": outcome.evidence,
+        "verdict": outcome.kind,
+        "by": outcome.by or None,
+        "line": outcome.line,
+        "evidence": [str(each) for each in outcome.evidence],
+        "changed": {symbol: list(pair) for symbol, pair in outcome.changed.items()},
+        "costs": list(outcome.costs),
     }

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import gapwalk as gw
-from reproductions.padmanabhan_singh_1995.claims import CLAIMS, Claim, Outcome, Trade, jobs_of_trades, weigh
+from reproductions.padmanabhan_singh_1995.claims import Claim, Outcome, Trade, decide, jobs_of
 from reproductions.padmanabhan_singh_1995.figures import Figure
 from reproductions.padmanabhan_singh_1995.jobs import Job, Reading
 
@@ -99,14 +99,11 @@ def reproduce(
         After Ctrl-C; what has been computed is kept.
     """
     figures = tuple(figure.at(reading) for figure in figures)
-    jobs = {job.key: job for owner in (*figures, *claims) for job in owner.jobs}
-    weighed = len(claims) == len(CLAIMS)
-    jobs |= {job.key: job for job in jobs_of_trades(claims)} if weighed else {}
+    jobs = {job.key: job for job in (*(job for figure in figures for job in figure.jobs), *jobs_of(claims))}
     effort = sum(job.effort for job in jobs.values())
     with gw.parallel.local_workers(1 if effort < _LONG or len(jobs) < 2 else cores) as workers:
         results, failures = compute(list(jobs.values()), folder / "results", workers, force=force, progress=progress)
-        checked = [(claim, claim.outcome(results, failures)) for claim in claims]
-        trades = weigh(claims, results, failures) if weighed else ()
+        checked, trades = decide(claims, results, failures)
         report = Report(figures, reading, results, failures, checked, trades=trades)
         return replace(report, pictures=_draw(report, folder, workers, force, progress)) if draw else report
 
