@@ -139,7 +139,7 @@ _SCALE: Any = {"heights": (0.25, 40.0), "log": True}
 _LAWS = {VISCOUS: "4b", IMPACT: "4a"}
 _BEYOND = (0.75, 1.8)
 _SUPERHARMONIC = ("about the superharmonic resonance", (0.24, 0.36))
-_RAISED = ("7-viscous-raised", "7-impact-raised")
+_RAISED = ("7-viscous-raised", "7-impact-raised") if "7-viscous-raised" in JOBS else ("6", "5")
 _BOTH: Any = {"jobs": _RAISED, "names": (VISCOUS, IMPACT), "reading": _MORE}
 _LOW = ("low frequencies", (0.15, 0.42))
 

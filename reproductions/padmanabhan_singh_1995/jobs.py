@@ -7,8 +7,10 @@ and every study can be run in each reading.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache, cached_property, partial
+from typing import Any
 
 import gapwalk as gw
 
@@ -16,29 +18,93 @@ MEASURE = "half.q1"
 """What frequency responses show: half the peak to peak of q1."""
 
 
-@dataclass(frozen=True, slots=True)
+Values = tuple[tuple[str, float], ...]
+
+_SYMBOLS = {
+    "K11": ("stiffness.q1.q1", 1.0),
+    "K12": ("stiffness.q1.q3", -1.0),
+    "K21": ("stiffness.q3.q1", -1.0),
+    "K22": ("stiffness.q3.q3", 1.0),
+    "C11": ("damping.q1.q1", 1.0),
+    "C21": ("damping.q3.q1", -1.0),
+    "C12": ("damping.q1.q3", -1.0),
+    "C22": ("damping.q3.q3", 1.0),
+    "β": ("stage2.impact_damping", 1.0),
+    "n1": ("stage2.force.q1", 1.0),
+    "n2": ("stage2.force.q3", -1.0),
+    "Tm1": ("mean.q1", 1.0),
+    "Tm2": ("mean.q3", 1.0),
+    "Te1": ("harmonic1.amplitude", 1.0),
+    "Te2": ("harmonic2.amplitude", 1.0),
+    "φ": ("harmonic2.phase", 1.0),
+    "Ω": ("frequency", 1.0),
+}
+"""The numbers of the tables: parameters, and the signs with which they stand in the equations of motion."""
+
+# One spring or damper of the machine stands behind both: if they change by one factor, one number has changed.
+_ONE_ELEMENT = (("K11", "K21"), ("C11", "C21"), ("C12", "C22"), ("K12", "K22"), ("n1", "n2"))
+
+
+def changed_numbers(printed: gw.System, other: gw.System) -> dict[str, tuple[float, float]]:
+    """Return the numbers of the tables in which two systems differ: the printed value and the other one."""
+    found = {
+        symbol: (sign * printed[name], sign * other[name])
+        for symbol, (name, sign) in _SYMBOLS.items()
+        if name in printed.parameters and name in other.parameters and printed[name] != other[name]
+    }
+    for pair in _ONE_ELEMENT:
+        if not set(pair) <= set(found):
+            continue
+        (before, after), (also_before, also_after) = (found[symbol] for symbol in pair)
+        alike = (before, after) == (also_before, also_after)
+        if alike or (before and abs(before * also_after - after * also_before) < 1e-9):
+            first, second = pair
+            del found[second]
+            found = {
+                (f"{first} = {second}" if alike else f"{first}, {second}") if key == first else key: each
+                for key, each in found.items()
+            }
+    return found
+
+
+@dataclass(frozen=True)
 class OtherNumber:
-    """A number of the tables that may be a misprint, or another number than that of the figure.
+    """Numbers of the tables that may be misprints, or other numbers than those of the figure.
 
     Parameters
     ----------
-    words
-        The number, such as ``C11 = C21 = 0.025``.
-    printed
-        What is printed in its place.
     slug
         The end of file names.
-    values
-        Values of parameters.
+    given
+        Values of parameters, or a function that computes them.
     cases
-        Parameter sets that have it.
+        Parameter sets that have them.
     """
 
-    words: str
-    printed: str
     slug: str
-    values: tuple[tuple[str, float], ...]
+    given: Values | Callable[[], Values]
     cases: tuple[str, ...]
+
+    @cached_property
+    def values(self) -> Values:
+        """Values of parameters."""
+        return self.given() if callable(self.given) else self.given
+
+    @cached_property
+    def changed(self) -> dict[str, tuple[float, float]]:
+        """The numbers of the tables that differ: the printed value and the other one, by their symbols."""
+        printed = gw.paper.case(self.cases[0])
+        return changed_numbers(printed, printed.at(dict(self.values)))
+
+    @property
+    def words(self) -> str:
+        """The numbers, such as ``C11 = C21 = 0.025``."""
+        return ", ".join(f"{symbol} = {other:.3g}" for symbol, (_, other) in self.changed.items())
+
+    @property
+    def printed(self) -> str:
+        """What is printed in their place."""
+        return ", ".join(f"{printed:.3g}" for printed, _ in self.changed.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +159,48 @@ class Reading:
 USUAL = Reading()
 LITERAL = Reading(slope=gw.paper.SlopeReading.LITERAL)
 AS_PRINTED = Reading(damping=gw.paper.DampingReading.AS_PRINTED)
+
+_AMPLITUDE, _BETA = "harmonic1.amplitude", "stage2.impact_damping"
+_ONE_HARMONIC = 1.5  # the frequency of figure 3, where the response has one harmonic
+
+
+@cache
+def matched_damping(viscous: str, impact: str) -> Any:
+    """Match the impact damping of one set to the viscous damping of another by the rule of the paper's section 4."""
+    motion = gw.find_orbit(gw.paper.case(viscous), frequency=_ONE_HARMONIC)
+    return gw.measure.match_impact_damping(motion, gw.paper.case(impact))
+
+
+def _matched(viscous: str, impact: str) -> Values:
+    return ((_BETA, float(matched_damping(viscous, impact).impact_damping)),)
+
+
+def _c11(value: float) -> Values:
+    """C11 = C21 of the first stage; the second stands in the matrix with the other sign."""
+    return ("damping.q1.q1", value), ("damping.q3.q1", -value)
+
+
+_ROW_3 = ("4a", "3-impact", "10a", "10b")
+_ROW_5 = ("5", "6", "7-impact", "7-viscous", "8a")
+_ROW_12 = ("12", "13", "9a", "20a", "20b", "22", "27", "28")  # the set of figure 12 under other loads; 14 is 9a
+
+_NUMBERS = (
+    OtherNumber("matched", partial(_matched, "3-viscous", "3-impact"), _ROW_3),
+    OtherNumber("matched-light", partial(_matched, "6", "5"), ("5", "7-impact", "8a")),
+    OtherNumber("c11-0.025", _c11(0.025), _ROW_12),
+    OtherNumber("beta-0", ((_BETA, 0.0),), ("12", "27", "28")),
+    OtherNumber("te1-0.37", ((_AMPLITUDE, 0.37),), _ROW_5),
+    OtherNumber("te1-0.338", ((_AMPLITUDE, 0.338),), _ROW_5),
+    OtherNumber("beta-0.1", ((_BETA, 0.1),), _ROW_3),
+    OtherNumber(
+        "exchanged",
+        (("stage2.force.q1", 1.0), ("stage2.force.q3", -0.6), ("stiffness.q1.q3", -0.36)),
+        ("11b",),
+    ),
+    OtherNumber("k11-0", (("stiffness.q1.q1", 0.0),), ("17", "18", "19")),
+)
+CHANGES = {number.slug: Reading(number=number) for number in _NUMBERS}
+"""Readings with other numbers, by the ends of their file names."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,7 +269,6 @@ class Job:
 
 # Isolated branches of period 1: Newton's method finds them whether they are stable or not, so transients may be short.
 _SEARCH = gw.SearchOptions(starts=8, periods=2, newton_starts=24, newton_periods=(1,), patience=64)
-_AMPLITUDE = "harmonic1.amplitude"
 
 
 def _branches(
@@ -240,7 +347,6 @@ _OVERLAPPING = replace(
 _NEAR = {"mean.q1": 0.2143, "mean.q3": 0.2047, _AMPLITUDE: 0.2968, "frequency": 0.1679}
 _FOUR_PEAKS = (2.432, 0.709, 0.46, 0.282)  # a state on the motion of figure 5
 _VERY_LOW = {"mean.q1": 0.05, "mean.q3": 0.05, "frequency": 0.35}
-_BETA = "stage2.impact_damping"
 
 _SHOWN = (  # in figures
     _motion("3-impact", signal="q1''"),

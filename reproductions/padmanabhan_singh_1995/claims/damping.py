@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import gapwalk as gw
-from reproductions.padmanabhan_singh_1995.claims.claim import claim
+from reproductions.padmanabhan_singh_1995.claims.claim import Finding, claim
 from reproductions.padmanabhan_singh_1995.jobs import AS_PRINTED, MEASURE
 from reproductions.padmanabhan_singh_1995.quantities import (
     IMPACT,
@@ -37,17 +37,17 @@ _BEYOND = 0.75  # from here on: beyond the first resonance
 
 
 @claim("1-viscous", "Viscous damping leaves a force that pulls when the bodies part.")
-def _pulls() -> tuple[bool, str]:
+def _pulls() -> Finding:
     loop = LOOPS[VISCOUS]
     least = float(loop.force.min())
-    return least < 0.0, f"where the bodies part it pulls with {-least:.3g}; {_size(loop)}"
+    return Finding(least < 0.0, f"where the bodies part it pulls with {-least:.3g}; {_size(loop)}")
 
 
 @claim("1-impact", "Impact damping does not.")
-def _never_pulls() -> tuple[bool, str]:
+def _never_pulls() -> Finding:
     loop = LOOPS[IMPACT]
     least = float(loop.force.min())
-    return least >= 0.0, f"least force {least:.3g}; {_size(loop)}"
+    return Finding(least >= 0.0, f"least force {least:.3g}; {_size(loop)}")
 
 
 def _size(loop: Any) -> str:
@@ -55,15 +55,17 @@ def _size(loop: Any) -> str:
 
 
 @claim("3-acceleration", "At Ω = 1.5 the accelerations of both damping models agree.", "3-impact", "3-viscous")
-def _accelerations(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
+def _accelerations(impact: gw.Result, viscous: gw.Result) -> Finding:
     apart = difference(*(over_two_periods(each, "q1''") for each in (impact, viscous)))
-    return apart < 0.1, f"rms of the difference: {apart:.1%} of that of the acceleration of q1"
+    return Finding(apart < 0.1, f"rms of the difference: {apart:.1%} of that of the acceleration of q1")
 
 
 @claim("3-force", "Their contact forces differ slightly.", "3-impact", "3-viscous")
-def _forces(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
+def _forces(impact: gw.Result, viscous: gw.Result) -> Finding:
     apart = difference(*(over_two_periods(each, "stage2") for each in (impact, viscous)))
-    return 1e-6 < apart < 0.2, f"rms of the difference: {apart:.1%} of that of the contact force about its mean"
+    return Finding(
+        1e-6 < apart < 0.2, f"rms of the difference: {apart:.1%} of that of the contact force about its mean"
+    )
 
 
 def _once_in_two(result: gw.Result) -> list[Range]:
@@ -76,7 +78,7 @@ def _once_in_two(result: gw.Result) -> list[Range]:
 
 
 @claim("3-impacts", "One impact happens every two forcing periods.", "3-impact", "3-viscous", "4a", "4b")
-def _each_second_period(impact: gw.Result, viscous: gw.Result, *responses: gw.Result) -> tuple[bool, str]:
+def _each_second_period(impact: gw.Result, viscous: gw.Result, *responses: gw.Result) -> Finding:
     found = [attractor_of(each) for each in (impact, viscous)]
     labels = words([f"{each.label} with contacts {each.orbit.pattern if each.orbit else '?'}" for each in found])
     near = [_once_in_two(result) for result in responses]
@@ -84,41 +86,41 @@ def _each_second_period(impact: gw.Result, viscous: gw.Result, *responses: gw.Re
         f"impact and viscous model: {labels}; stable with one impact in two periods: impact {words(near[0])}; viscous "
         f"{words(near[1])}"
     )
-    return all(each.orbit is not None and each.orbit.pattern == _ONCE for each in found), evidence
+    return Finding(all(each.orbit is not None and each.orbit.pattern == _ONCE for each in found), evidence)
 
 
 @claim("4-folds", "Both damping models jump at about the same frequencies.", "4a", "4b")
-def _same_folds(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
+def _same_folds(impact: gw.Result, viscous: gw.Result) -> Finding:
     one, two = (values(main_branch(each), gw.Kind.FOLD) for each in (impact, viscous))
     evidence = f"impact {words(one)}; viscous {words(two)}"
-    return len(one) == len(two) and max(abs(a - b) for a, b in zip(one, two, strict=False)) < 0.05, evidence
+    return Finding(len(one) == len(two) and max(abs(a - b) for a, b in zip(one, two, strict=False)) < 0.05, evidence)
 
 
 @claim("4-flips", "The range of doubled periods is smaller for viscous damping.", "4a", "4b")
-def _smaller_flips(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
+def _smaller_flips(impact: gw.Result, viscous: gw.Result) -> Finding:
     one, two = (flipped(main_branch(each)) for each in (impact, viscous))
     near = [[each for each in found if each.meets(0.5, 0.9)] for found in (one, two)]
     widths = [sum(each.width for each in found) for found in near]
     evidence = f"impact {words(one)}; viscous {words(two)}; beside the jump {widths[0]:.3f} and {widths[1]:.3f} wide"
-    return 0.0 < widths[1] < widths[0], evidence
+    return Finding(0.0 < widths[1] < widths[0], evidence)
 
 
 @claim("4-beats", "Motions of period 1 become quasi-periodic with both.", "4a", "4b", others=(AS_PRINTED,), short=True)
-def _both_with_pair(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
+def _both_with_pair(impact: gw.Result, viscous: gw.Result) -> Finding:
     one, two = (with_pair(main_branch(each)) for each in (impact, viscous))
     loops = [each for member in members(viscous, 2) for each in with_pair(member.branch)]
     evidence = f"impact {words(one)}; viscous {words(two)}, but on its loops of period 2 {words(loops)}"
-    return bool(one and two), evidence
+    return Finding(bool(one and two), evidence)
 
 
 @claim("4-peak", "The peak is higher with viscous damping.", "4a", "4b")
-def _higher_peak(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
+def _higher_peak(impact: gw.Result, viscous: gw.Result) -> Finding:
     one, two = (highest(main_branch(each)) for each in (impact, viscous))
-    return two.height > one.height, f"impact {one}; viscous {two}"
+    return Finding(two.height > one.height, f"impact {one}; viscous {two}")
 
 
 @claim("4-beyond", "Beyond the first resonance both give almost the same.", "4a", "4b")
-def _same_beyond(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
+def _same_beyond(impact: gw.Result, viscous: gw.Result) -> Finding:
     grid = np.linspace(_BEYOND, 1.95, 200)
     curves = [_height_at(main_branch(each), grid) for each in (impact, viscous)]
     apart = np.abs(curves[1] - curves[0])
@@ -128,7 +130,7 @@ def _same_beyond(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
         f"the amplitudes differ by at most {apart[worst]:.2g} (of {curves[0][worst]:.2g}) at "
         f"{grid[worst]:.3g}; only the viscous model has doubled periods there, at {words(flips)}"
     )
-    return float(apart.max()) < 0.1 * float(curves[0].max()) and not flips, evidence
+    return Finding(float(apart.max()) < 0.1 * float(curves[0].max()) and not flips, evidence)
 
 
 def _height_at(branch, grid: np.ndarray) -> np.ndarray:
@@ -162,10 +164,10 @@ def distance(system: gw.System, printed: gw.System) -> float:
     "5-amplitude",
     elsewhere=("5",),
 )
-def _double_sided(printed: gw.Result, *walks: gw.Result) -> tuple[bool, str]:
+def _double_sided(printed: gw.Result, *walks: gw.Result) -> Finding:
     orbit = attractor_of(printed).orbit
     evidence = _motion_at(printed, *walks)
-    return orbit is not None and force_peaks(orbit) in (_FOUR_ONE, _FOUR_ONE[::-1]), evidence
+    return Finding(orbit is not None and force_peaks(orbit) in (_FOUR_ONE, _FOUR_ONE[::-1]), evidence)
 
 
 @claim(
@@ -174,15 +176,16 @@ def _double_sided(printed: gw.Result, *walks: gw.Result) -> tuple[bool, str]:
     "5-near",
     "6-near",
     "5",
+    apart=True,
 )
-def _four_and_one(near: gw.Result, viscous: gw.Result, printed: gw.Result) -> tuple[bool, str]:
+def _four_and_one(near: gw.Result, viscous: gw.Result, printed: gw.Result) -> Finding:
     one, two = orbit_of(near), orbit_of(viscous)
     evidence = (
         f"at {_place(one.system)}: impact model {_contacts(one)}, viscous model {_contacts(two)}; distance from the "
         f"printed numbers {distance(one.system, printed.system):.2f}, the root of the sum of squares of the logarithms "
         "of their ratios"
     )
-    return force_peaks(one) == _FOUR_ONE and one.stable, evidence
+    return Finding(force_peaks(one) == _FOUR_ONE and one.stable, evidence)
 
 
 def _hits_one_side(orbit: gw.Orbit) -> bool:
@@ -214,10 +217,10 @@ def _patterns(result: gw.Result) -> str:
 
 
 @claim("5-harmonics", "At least ten to twelve harmonics make up its force.", "5-near")
-def _many_lines(near: gw.Result) -> tuple[bool, str]:
+def _many_lines(near: gw.Result) -> Finding:
     heights = lines(orbit_of(near), "stage2")
     notable = int(np.count_nonzero(heights > _NOTABLE * heights.max()))
-    return notable >= 10, f"{notable} lines of the force above {_NOTABLE:.0%} of the highest"
+    return Finding(notable >= 10, f"{notable} lines of the force above {_NOTABLE:.0%} of the highest")
 
 
 def _place(system: gw.System) -> str:
@@ -232,32 +235,39 @@ def _place(system: gw.System) -> str:
     "6-amplitude",
     elsewhere=("6",),
 )
-def _single_sided(printed: gw.Result, *walks: gw.Result) -> tuple[bool, str]:
+def _single_sided(printed: gw.Result, *walks: gw.Result) -> Finding:
     orbit = attractor_of(printed).orbit
-    return orbit is not None and _hits_one_side(orbit), _motion_at(printed, *walks)
+    return Finding(orbit is not None and _hits_one_side(orbit), _motion_at(printed, *walks))
 
 
-@claim("6-elsewhere", "It does at the place where the impact model hits on both.", "6-near", "5-near", "6-near-rest")
-def _one_sided_there(viscous: gw.Result, impact: gw.Result, from_rest: gw.Result) -> tuple[bool, str]:
+@claim(
+    "6-elsewhere",
+    "It does at the place where the impact model hits on both.",
+    "6-near",
+    "5-near",
+    "6-near-rest",
+    apart=True,
+)
+def _one_sided_there(viscous: gw.Result, impact: gw.Result, from_rest: gw.Result) -> Finding:
     one, two, other = orbit_of(viscous), orbit_of(impact), orbit_of(from_rest)
     evidence = (
         f"at the place of 5-elsewhere, from the motion of the impact model ({_contacts(two)}): {_contacts(one)}; "
         f"from rest: {_contacts(other)}"
     )
-    return _hits_one_side(one) and one.stable and not _hits_one_side(two), evidence
+    return Finding(_hits_one_side(one) and one.stable and not _hits_one_side(two), evidence)
 
 
 @claim("6-weaker", "Its higher harmonics are much smaller.", "6-near", "5-near", elsewhere=("6", "5"))
-def _weaker_lines(viscous: gw.Result, impact: gw.Result) -> tuple[bool, str]:
+def _weaker_lines(viscous: gw.Result, impact: gw.Result) -> Finding:
     high = [float(np.linalg.norm(lines(orbit_of(each), "stage2")[_HIGH - 1 :])) for each in (viscous, impact)]
     evidence = (
         f"rms of the force from harmonic {_HIGH} on: viscous model {high[0] / high[1]:.2f} of that of the impact one"
     )
-    return high[0] < 0.5 * high[1], evidence
+    return Finding(high[0] < 0.5 * high[1], evidence)
 
 
 @claim("7-differ", "With more damping the accelerations of both models differ.", "5", "6")
-def _accelerations_differ(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
+def _accelerations_differ(impact: gw.Result, viscous: gw.Result) -> Finding:
     apart = difference(*(over_two_periods(each, "q1''") for each in (impact, viscous)))
     patterns = words(
         [_contacts(orbit) for each in (impact, viscous) if (orbit := attractor_of(each).orbit) is not None]
@@ -266,7 +276,7 @@ def _accelerations_differ(impact: gw.Result, viscous: gw.Result) -> tuple[bool, 
         f"at Te1 = {impact.system['harmonic1.amplitude']:g} {patterns}; rms of the difference {apart:.1%}. The higher "
         "damping of this figure is not printed"
     )
-    return apart > 0.5, evidence
+    return Finding(apart > 0.5, evidence)
 
 
 @claim(
@@ -274,8 +284,9 @@ def _accelerations_differ(impact: gw.Result, viscous: gw.Result) -> tuple[bool, 
     "They do so though the damping is chosen for the forces to be alike.",
     "7-impact-near",
     "7-viscous-near",
+    apart=True,
 )
-def _differ_there(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
+def _differ_there(impact: gw.Result, viscous: gw.Result) -> Finding:
     force, acceleration = (
         difference(*(over_two_periods(each, signal) for each in (viscous, impact))) for signal in ("stage2", "q1''")
     )
@@ -283,28 +294,13 @@ def _differ_there(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
     evidence = (
         f"at the place of 5-elsewhere, {damping}: forces differ by {force:.1%}, accelerations by {acceleration:.1%}"
     )
-    return force < _ALIKE and acceleration > 1.5 * force, evidence
+    return Finding(force < _ALIKE and acceleration > 1.5 * force, evidence)
 
 
-@claim(
-    "8-double",
-    "At a light mean load impacts are double-sided, as in measured rattle.",
-    "5",
-    "8-impact",
-    elsewhere=("5",),
-)
-def _both_sided(printed: gw.Result, *elsewhere: gw.Result) -> tuple[bool, str]:
-    orbit = attractor_of(printed).orbit
-    evidence = _motion_at(printed)
-    for low in map(orbit_of, elsewhere):
-        evidence += f"; at {_place(low.system)}: {_contacts(low)}"
-    return orbit is not None and _hits_both_sides(orbit), evidence
-
-
-@claim("8-elsewhere", "At a very low mean load they are.", "8-impact")
-def _both_sided_there(very_low: gw.Result) -> tuple[bool, str]:
+@claim("8-elsewhere", "At a very low mean load impacts are double-sided.", "8-impact", apart=True)
+def _both_sided_there(very_low: gw.Result) -> Finding:
     orbit = orbit_of(very_low)
-    return _hits_both_sides(orbit) and orbit.stable, f"at {_place(orbit.system)}: {_contacts(orbit)}"
+    return Finding(_hits_both_sides(orbit) and orbit.stable, f"at {_place(orbit.system)}: {_contacts(orbit)}")
 
 
 def _hits_both_sides(orbit: gw.Orbit) -> bool:
@@ -318,11 +314,11 @@ def _hits_both_sides(orbit: gw.Orbit) -> bool:
     "8-viscous",
     "8-record",
 )
-def _like_the_record(impact: gw.Result, viscous: gw.Result, recorded: gw.Result) -> tuple[bool, str]:
+def _like_the_record(impact: gw.Result, viscous: gw.Result, recorded: gw.Result) -> Finding:
     found = [aligned_with_record(each, recorded).agreement.relative for each in (impact, viscous)]
     evidence = (
         "the measured record is not printed as numbers, so nothing can be compared with it. Compared with a "
         f"SYNTHETIC one (impact damping, a little other numbers, {NOISE:.0%} of noise), the rms error of u3'' is "
         f"{found[0]:.1%} with impact and {found[1]:.1%} with viscous damping"
     )
-    return False, evidence
+    return Finding(False, evidence)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import gapwalk as gw
-from reproductions.padmanabhan_singh_1995.claims.claim import BOTH, claim
+from reproductions.padmanabhan_singh_1995.claims.claim import BOTH, Finding, claim
 from reproductions.padmanabhan_singh_1995.jobs import MEASURE
 from reproductions.padmanabhan_singh_1995.quantities import (
     Peak,
@@ -40,7 +40,7 @@ def _jump(branch: gw.Branch, within: tuple[float, float]) -> Range | None:
 @claim(
     "20-peak", "A second harmonic adds a peak with a jump at about half the main resonance.", "12", "20a", short=True
 )
-def _superharmonic(single: gw.Result, dual: gw.Result) -> tuple[bool, str]:
+def _superharmonic(single: gw.Result, dual: gw.Result) -> Finding:
     branch = main_branch(dual)
     main, found, before = highest(branch), highest(branch, *_SUPER), highest(main_branch(single), *_SUPER)
     jump = _jump(branch, _SUPER)
@@ -48,11 +48,11 @@ def _superharmonic(single: gw.Result, dual: gw.Result) -> tuple[bool, str]:
         f"peak {found}, {found.value / main.value:.2f} of the main one at {main.value:.3g}, with folds at "
         f"{jump}; without the second harmonic {before.height:.3g}"
     )
-    return jump is not None and found.height > 1.2 * before.height, evidence
+    return Finding(jump is not None and found.height > 1.2 * before.height, evidence)
 
 
 @claim("20-flips", "At 120° periods double there, and period 2 is stable.", "20a", "20b")
-def _phase_flips(zero: gw.Result, turned: gw.Result) -> tuple[bool, str]:
+def _phase_flips(zero: gw.Result, turned: gw.Result) -> Finding:
     before, after = (meeting(flipped(main_branch(each)), *_SUPER) for each in (zero, turned))
     doubled = [member.branch for member in members(turned, 2) if extent(member.branch).meets(*_SUPER)]
     stable = [extent(branch) for branch in doubled if any(point.stable for point in branch.points)]
@@ -60,17 +60,17 @@ def _phase_flips(zero: gw.Result, turned: gw.Result) -> tuple[bool, str]:
         f"in phase: {words(before)}; at 120°: {words(after)}, with loops of period 2, stable in part, at "
         f"{words(stable)}"
     )
-    return not before and bool(after and stable), evidence
+    return Finding(not before and bool(after and stable), evidence)
 
 
 @claim("21-folds", "The phase moves the folds: the range between them widens.", "20a", "20b", short=True)
-def _moved_folds(zero: gw.Result, turned: gw.Result) -> tuple[bool, str]:
+def _moved_folds(zero: gw.Result, turned: gw.Result) -> Finding:
     branches = [main_branch(each) for each in (zero, turned)]
     first = [jump for branch in branches if (jump := _jump(branch, _FIRST))]
     lower = [jump for branch in branches if (jump := _jump(branch, _SUPER))]
     evidence = f"in phase, and at 120°: first resonance {words(first)}; superharmonic {words(lower)}"
     both = len(first) == len(lower) == 2
-    return both and all(after.width > before.width for before, after in (first, lower)), evidence
+    return Finding(both and all(after.width > before.width for before, after in (first, lower)), evidence)
 
 
 @claim(
@@ -80,20 +80,20 @@ def _moved_folds(zero: gw.Result, turned: gw.Result) -> tuple[bool, str]:
     others=BOTH,
     short=True,
 )
-def _antiphase_flips(result: gw.Result) -> tuple[bool, str]:
+def _antiphase_flips(result: gw.Result) -> Finding:
     found = flipped(main_branch(result))
     above, lower = meeting(found, 0.65, 0.85), meeting(found, *_SUPER)
-    return bool(above and lower), f"doubled periods at {words(found)} (the paper: about 0.8, and there)"
+    return Finding(bool(above and lower), f"doubled periods at {words(found)} (the paper: about 0.8, and there)")
 
 
 @claim("22-wider", "At 180° the non-linear range is wider still.", "20a", "20b", "22", others=BOTH, short=True)
-def _wider(zero: gw.Result, turned: gw.Result, antiphase: gw.Result) -> tuple[bool, str]:
+def _wider(zero: gw.Result, turned: gw.Result, antiphase: gw.Result) -> Finding:
     branches = [main_branch(each) for each in (zero, turned, antiphase)]
     jumps, whole = [_jump(branch, _SUPER) for branch in branches], [_nonlinear(branch) for branch in branches]
     evidence = (
         f"folds at 0°, 120°, 180°: {words(jumps)}; from the lowest fold to the highest flip there: {words(whole)}"
     )
-    return whole[2].width > whole[1].width > whole[0].width, evidence
+    return Finding(whole[2].width > whole[1].width > whole[0].width, evidence)
 
 
 def _nonlinear(branch: gw.Branch) -> Range:
@@ -117,16 +117,18 @@ def _peak_words(found: dict[int, Peak | None]) -> str:
 
 
 @claim("23-single", "One harmonic: peaks at 1/2, 1/3 and 1/4 of the main resonance.", "9b")
-def _single_peaks(result: gw.Result) -> tuple[bool, str]:
+def _single_peaks(result: gw.Result) -> Finding:
     branch = main_branch(result)
     found = _order_peaks(branch)
-    return all(found.values()), f"main peak {highest(branch)}; {_peak_words(found)}"
+    return Finding(all(found.values()), f"main peak {highest(branch)}; {_peak_words(found)}")
 
 
 @claim("23-half", "A second harmonic at 2 Ω makes the peak at 1/2 higher.", "9b", "23b")
-def _half_grows(single: gw.Result, dual: gw.Result) -> tuple[bool, str]:
+def _half_grows(single: gw.Result, dual: gw.Result) -> Finding:
     one, two = (_order_peaks(main_branch(each))[2] for each in (single, dual))
-    return one is not None and two is not None and two.height > 1.2 * one.height, f"{one} without, {two} with it"
+    return Finding(
+        one is not None and two is not None and two.height > 1.2 * one.height, f"{one} without, {two} with it"
+    )
 
 
 @claim(
@@ -139,12 +141,12 @@ def _half_grows(single: gw.Result, dual: gw.Result) -> tuple[bool, str]:
     others=BOTH,
     short=True,
 )
-def _others_vanish(*results: gw.Result) -> tuple[bool, str]:
+def _others_vanish(*results: gw.Result) -> Finding:
     """From the response to one harmonic, and from those to two at three phases."""
     single, *dual = [_order_peaks(main_branch(result)) for result in results]
     phases = [f"{phase}: {_peak_words(found)}" for phase, found in zip(("0°", "120°", "180°"), dual, strict=True)]
     gone = all(_gone(single[order], found[order]) for found in dual for order in (3, 4))
-    return gone, f"one harmonic: {_peak_words(single)}; two: {'; '.join(phases)}"
+    return Finding(gone, f"one harmonic: {_peak_words(single)}; two: {'; '.join(phases)}")
 
 
 def _gone(before: Peak | None, after: Peak | None) -> bool:
@@ -164,28 +166,28 @@ def _low_heights(branch: gw.Branch, low: float, high: float) -> np.ndarray:
 
 
 @claim("25-peaks", "The same holds for twice the excitation.", "24", "25", others=BOTH, short=True)
-def _doubled_peaks(single: gw.Result, dual: gw.Result) -> tuple[bool, str]:
+def _doubled_peaks(single: gw.Result, dual: gw.Result) -> Finding:
     one, two = (_order_peaks(main_branch(each)) for each in (single, dual))
     half_grows = one[2] is not None and two[2] is not None and two[2].height > one[2].height
     evidence = f"one harmonic: {_peak_words(one)}; two: {_peak_words(two)}"
-    return half_grows and all(_gone(one[order], two[order]) for order in (3, 4)), evidence
+    return Finding(half_grows and all(_gone(one[order], two[order]) for order in (3, 4)), evidence)
 
 
 @claim("25-lower", "There the second harmonic lowers the amplitude for Ω ≤ 0.25.", "24", "25")
-def _lower_amplitude(single: gw.Result, dual: gw.Result) -> tuple[bool, str]:
+def _lower_amplitude(single: gw.Result, dual: gw.Result) -> Finding:
     one, two = (_low_heights(main_branch(each), 0.15, 0.25) for each in (single, dual))
     share = float(np.mean(two < one))
     evidence = (
         f"lower at {share:.0%} of the frequencies between 0.15 and 0.25; the highest there is {two.max():.3g} "
         f"with the second harmonic and {one.max():.3g} without, the mean {two.mean():.3g} and {one.mean():.3g}"
     )
-    return two.max() < one.max() and share > 0.5, evidence
+    return Finding(two.max() < one.max() and share > 0.5, evidence)
 
 
 @claim(
     "26-higher", "A second harmonic at 3 Ω raises the low-frequency peaks to twice their height at least.", "9b", "26b"
 )
-def _third_harmonic(single: gw.Result, dual: gw.Result) -> tuple[bool, str]:
+def _third_harmonic(single: gw.Result, dual: gw.Result) -> Finding:
     one, two = (peaks(main_branch(each), 0.15, 0.36) for each in (single, dual))
     rises = [_rises(main_branch(result)) for result in (single, dual)]
     evidence = (
@@ -193,7 +195,7 @@ def _third_harmonic(single: gw.Result, dual: gw.Result) -> tuple[bool, str]:
         f"{rises[1]:.3g} above the lowest amplitude there"
     )
     heights = [max((peak.height for peak in found), default=0.0) for found in (one, two)]
-    return heights[1] >= 2.0 * heights[0], evidence
+    return Finding(heights[1] >= 2.0 * heights[0], evidence)
 
 
 def _rises(branch: gw.Branch) -> float:
@@ -216,37 +218,39 @@ def _extents(result: gw.Result) -> list[Range]:
 
 
 @claim("27-islands", "At Ω = 0.25 two isolated branches lie over the amplitude.", "27", short=True)
-def _two_isolated(result: gw.Result) -> tuple[bool, str]:
+def _two_isolated(result: gw.Result) -> Finding:
     found = _extents(result)
     positive = [each for each in found if each.high > 0.0]
     evidence = (
         f"closed branches at {words(found)}; the equations are the same for −Te1 half a period later, so "
         "those away from 0 come in pairs"
     )
-    return len(positive) == 2, evidence
+    return Finding(len(positive) == 2, evidence)
 
 
 @claim("27-beats", "The larger one has two small ranges of quasi-periodic motions.", "27", others=BOTH, short=True)
-def _large_pairs(result: gw.Result) -> tuple[bool, str]:
+def _large_pairs(result: gw.Result) -> Finding:
     if not isolated(result):
-        return False, "no isolated branch"
+        return Finding(False, "no isolated branch")
     loop, main = isolated(result)[0].branch, main_branch(result)
     found = [each for each in with_pair(main) if each.high > 0.0]
     evidence = (
         f"on the larger isolated branch ({extent(loop)}): {words(with_pair(loop))}; on the branch that runs through "
         f"the whole range: {words(found)}"
     )
-    return len(with_pair(loop)) == 2, evidence
+    return Finding(len(with_pair(loop)) == 2, evidence)
 
 
 @claim("27-flip", "On the smaller one periods double.", "27", short=True)
-def _small_flips(result: gw.Result) -> tuple[bool, str]:
+def _small_flips(result: gw.Result) -> Finding:
     small = isolated(result)[-1].branch
-    return bool(values(small, gw.Kind.FLIP)), f"on {extent(small)}: flips at {words(values(small, gw.Kind.FLIP))}"
+    return Finding(
+        bool(values(small, gw.Kind.FLIP)), f"on {extent(small)}: flips at {words(values(small, gw.Kind.FLIP))}"
+    )
 
 
 @claim("27-nothing", "For 0.3 ≤ Te1 ≤ 0.45 there is no periodic motion, stable or not.", "27")
-def _nothing_between(result: gw.Result) -> tuple[bool, str]:
+def _nothing_between(result: gw.Result) -> Finding:
     branch = main_branch(result)
     low, high = _BARE
     through = extent(branch).low <= low and extent(branch).high >= high
@@ -256,20 +260,20 @@ def _nothing_between(result: gw.Result) -> tuple[bool, str]:
         if each.meets(low, high)
     ]
     evidence = f"one branch of period 1 runs through all of {low}–{high}; it is stable at {words(stable)}"
-    return not through, evidence if through else "no branch of period 1 runs through"
+    return Finding(not through, evidence if through else "no branch of period 1 runs through")
 
 
 @claim("28-grow", "At Ω = 0.255 both loops are larger.", "27", "28", short=True)
-def _grow(first: gw.Result, second: gw.Result) -> tuple[bool, str]:
+def _grow(first: gw.Result, second: gw.Result) -> Finding:
     before, after = _extents(first), _extents(second)
     evidence = f"at Ω = 0.25: {words(before)}; at 0.255: {words(after)}"
     if len(before) < 2 or len(after) < 2:
-        return False, evidence
-    return after[0].width > before[0].width and after[-1].width > before[-1].width, evidence
+        return Finding(False, evidence)
+    return Finding(after[0].width > before[0].width and after[-1].width > before[-1].width, evidence)
 
 
 @claim("28-overlap", "There they overlap.", "28", "28-overlap", others=BOTH, elsewhere=("28",), short=True)
-def _overlap(result: gw.Result, *further: gw.Result) -> tuple[bool, str]:
+def _overlap(result: gw.Result, *further: gw.Result) -> Finding:
     found = [each for each in _extents(result) if each.high > 0.0]
     evidence = f"at Ω = 0.255: {words(found)}"
     for other in further:
@@ -280,27 +284,27 @@ def _overlap(result: gw.Result, *further: gw.Result) -> tuple[bool, str]:
             evidence += (
                 f", for the smaller one is connected there to the branch that runs through; its folds: {words(folds)}"
             )
-    return len(found) == 2 and found[0].meets(found[1].low, found[1].high), evidence
+    return Finding(len(found) == 2 and found[0].meets(found[1].low, found[1].high), evidence)
 
 
 @claim("28-throughout", "There periodic motions exist throughout the range.", "28", short=True)
-def _throughout(result: gw.Result) -> tuple[bool, str]:
+def _throughout(result: gw.Result) -> Finding:
     covered = extent(main_branch(result))
-    return covered.width > 1.59, f"a branch of period 1 runs from {covered.low:.3g} to {covered.high:.3g}"
+    return Finding(covered.width > 1.59, f"a branch of period 1 runs from {covered.low:.3g} to {covered.high:.3g}")
 
 
 @claim("29-small", "At Ω = 0.35 period 1 is stable for small amplitudes.", "29")
-def _small_amplitude(result: gw.Result) -> tuple[bool, str]:
+def _small_amplitude(result: gw.Result) -> Finding:
     branch = main_branch(result)
     special = next(each for each in branch.special_points if each.before.total == 0 and each.after.total > 0)
-    return (
+    return Finding(
         branch.points[0].stable,
         f"stable from {branch.values[0]:.3g} up to the {special.kind.value} at {special.value:.4f}",
     )
 
 
 @claim("29-cascade", "At moderate amplitudes periods double to 2, 4 and more.", "29")
-def _cascade(result: gw.Result) -> tuple[bool, str]:
+def _cascade(result: gw.Result) -> Finding:
     twice, four = members(result, 2), members(result, 4)
     on_four = sum(len(values(member.branch, gw.Kind.FLIP)) for member in four)
     first = flipped(main_branch(result))
@@ -308,16 +312,16 @@ def _cascade(result: gw.Result) -> tuple[bool, str]:
         f"period 1 is unstable by a flip at {words(first)}; {len(twice)} branches of period 2, {len(four)} of "
         f"period 4 with {on_four} flips"
     )
-    return bool(twice and four) and on_four > 0, evidence
+    return Finding(bool(twice and four) and on_four > 0, evidence)
 
 
 @claim("29-beats", "Quasi-periodic motions appear.", "29")
-def _pairs(result: gw.Result) -> tuple[bool, str]:
+def _pairs(result: gw.Result) -> Finding:
     found = {
         f"period {period}": [each for member in members(result, period) for each in with_pair(member.branch)]
         for period in (1, 2)
     }
-    return any(found.values()), "; ".join(f"{name}: {words(each)}" for name, each in found.items())
+    return Finding(any(found.values()), "; ".join(f"{name}: {words(each)}" for name, each in found.items()))
 
 
 def _labels(results: Sequence[gw.Result]) -> list[str]:
@@ -330,15 +334,15 @@ _HIGH, _MODERATE = ("29-0.65", "29-0.8", "29-0.95"), ("29-0.16", "29-0.27")
 
 
 @claim("29-high", "At high amplitudes only quasi-periodic motion is stable.", *_HIGH)
-def _high_amplitude(*results: gw.Result) -> tuple[bool, str]:
+def _high_amplitude(*results: gw.Result) -> Finding:
     only = all(attractor_of(each).kind == "quasi-periodic" for each in results)
-    return only, f"from rest: {', '.join(_labels(results))}"
+    return Finding(only, f"from rest: {', '.join(_labels(results))}")
 
 
 @claim("29-chaos", "Moderate amplitudes lead to chaos.", *_MODERATE)
-def _chaos(*results: gw.Result) -> tuple[bool, str]:
+def _chaos(*results: gw.Result) -> Finding:
     chaotic = any(attractor_of(each).kind == "chaotic" for each in results)
-    return chaotic, f"from rest: {', '.join(_labels(results))}"
+    return Finding(chaotic, f"from rest: {', '.join(_labels(results))}")
 
 
 @claim(
@@ -351,17 +355,19 @@ def _chaos(*results: gw.Result) -> tuple[bool, str]:
     others=BOTH,
     short=True,
 )
-def _heavy(*results: gw.Result) -> tuple[bool, str]:
+def _heavy(*results: gw.Result) -> Finding:
     names = ("12", "20a", "4a", "10b")
     found = {name: flipped(main_branch(result)) for name, result in zip(names, results, strict=True)}
     evidence = "; ".join(f"set {name}: {words(each)}" for name, each in found.items())
-    return not any(found.values()), f"doubled periods with Tm1 = 0.5 — {evidence}"
+    return Finding(not any(found.values()), f"doubled periods with Tm1 = 0.5 — {evidence}")
 
 
 @claim("summary-light", "Light loads and a large excitation give the richest behaviour.", "12", "9a", "13", "15")
-def _light(*results: gw.Result) -> tuple[bool, str]:
+def _light(*results: gw.Result) -> Finding:
     names = ("12", "14", "13", "15")
     specials = [main_branch(result).special_points for result in results]
     counts = [sum(each.kind is not gw.Kind.GRAZING for each in points) for points in specials]
     parts = [f"{count} in figure {name}" for name, count in zip(names, counts, strict=True)]
-    return counts[-1] == max(counts) and counts[0] == min(counts), f"special points of period 1: {', '.join(parts)}"
+    return Finding(
+        counts[-1] == max(counts) and counts[0] == min(counts), f"special points of period 1: {', '.join(parts)}"
+    )

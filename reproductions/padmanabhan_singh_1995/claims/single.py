@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import gapwalk as gw
-from reproductions.padmanabhan_singh_1995.claims.claim import BOTH, claim
+from reproductions.padmanabhan_singh_1995.claims.claim import BOTH, Finding, claim
 from reproductions.padmanabhan_singh_1995.jobs import AS_PRINTED
 from reproductions.padmanabhan_singh_1995.quantities import (
     Range,
@@ -33,7 +33,7 @@ _CLOSE = 0.002  # share of the picture by which two curves may differ and still 
     "9b",
     "9b-balance",
 )
-def _balance(*results: gw.Result) -> tuple[bool, str]:
+def _balance(*results: gw.Result) -> Finding:
     parts, agree = [], True
     for name, shot, balanced in zip(("κ = 0.1", "κ = 0.4"), results[::2], results[1::2], strict=True):
         compared = gw.compare(main_branch(balanced), main_branch(shot))
@@ -44,14 +44,14 @@ def _balance(*results: gw.Result) -> tuple[bool, str]:
         )
     method = results[1].walked.method
     assert isinstance(method, gw.Balance)
-    return agree, f"with {method.harmonics} harmonics; {'; '.join(parts)}"
+    return Finding(agree, f"with {method.harmonics} harmonics; {'; '.join(parts)}")
 
 
 @claim("10-shrinks", "A softer second stage makes the range of doubled periods smaller.", "4a", "10b", short=True)
-def _shrinks(stiff: gw.Result, soft: gw.Result) -> tuple[bool, str]:
+def _shrinks(stiff: gw.Result, soft: gw.Result) -> Finding:
     before, after = flipped(main_branch(stiff)), flipped(main_branch(soft))
     smaller = sum(each.width for each in after) < sum(each.width for each in before)
-    return smaller, f"doubled periods at {words(before)} for n1 = 1, at {words(after)} for n1 = 0.8"
+    return Finding(smaller, f"doubled periods at {words(before)} for n1 = 1, at {words(after)} for n1 = 0.8")
 
 
 @claim(
@@ -63,12 +63,12 @@ def _shrinks(stiff: gw.Result, soft: gw.Result) -> tuple[bool, str]:
     elsewhere=("10b",),
     short=True,
 )
-def _disappears(soft: gw.Result, *softer: gw.Result) -> tuple[bool, str]:
+def _disappears(soft: gw.Result, *softer: gw.Result) -> Finding:
     left = flipped(main_branch(soft))
     if not left:
-        return True, "none at n1 = 0.8"
+        return Finding(True, "none at n1 = 0.8")
     further = "".join(f"; at n1 = 0.7 there is {words(flipped(main_branch(each)))}" for each in softer)
-    return False, f"at n1 = 0.8 it is still there, at {words(left)}{further}"
+    return Finding(False, f"at n1 = 0.8 it is still there, at {words(left)}{further}")
 
 
 def resonances(system: gw.System) -> tuple[float, float]:
@@ -80,7 +80,7 @@ def resonances(system: gw.System) -> tuple[float, float]:
 
 
 @claim("11-spacing", "The resonances of the two sets are 0.6 and 0.8 apart.", "11a", "11b", "11a-mended")
-def _spacing(first: gw.Result, second: gw.Result, mended: gw.Result) -> tuple[bool, str]:
+def _spacing(first: gw.Result, second: gw.Result, mended: gw.Result) -> Finding:
     pairs = [resonances(result.system) for result in (first, second, mended)]
     apart = [high - low for low, high in pairs]
     evidence = (
@@ -88,7 +88,7 @@ def _spacing(first: gw.Result, second: gw.Result, mended: gw.Result) -> tuple[bo
         "set a with K12 = 0.6 and n2 = 0.6 n1 = 0.42, the proportions of all other sets, has "
         f"{apart[2]:.3f}"
     )
-    return abs(apart[0] - 0.6) < 0.05 and abs(apart[1] - 0.8) < 0.05, evidence
+    return Finding(abs(apart[0] - 0.6) < 0.05 and abs(apart[1] - 0.8) < 0.05, evidence)
 
 
 def _about(result: gw.Result, resonance: float) -> list[Range]:
@@ -96,14 +96,14 @@ def _about(result: gw.Result, resonance: float) -> list[Range]:
 
 
 @claim("11-second", "Periods double about the second resonance in set b, but not in set a.", "11a", "11b", "11a-mended")
-def _second_resonance(first: gw.Result, second: gw.Result, mended: gw.Result) -> tuple[bool, str]:
+def _second_resonance(first: gw.Result, second: gw.Result, mended: gw.Result) -> Finding:
     places = [resonances(result.system)[1] for result in (first, second, mended)]
     found = [_about(result, place) for result, place in zip((first, second, mended), places, strict=True)]
     evidence = (
         f"doubled periods within 0.15 of the second resonance: set a at {words(found[0])}, set b at {words(found[1])}; "
         f"set a with K12 = 0.6 and n2 = 0.42: {words(found[2])}. Set b rests on a damaged number"
     )
-    return not found[0] and bool(found[1]), evidence
+    return Finding(not found[0] and bool(found[1]), evidence)
 
 
 @claim(
@@ -113,21 +113,21 @@ def _second_resonance(first: gw.Result, second: gw.Result, mended: gw.Result) ->
     "11b",
     "11a-mended",
 )
-def _wider_pair(first: gw.Result, second: gw.Result, mended: gw.Result) -> tuple[bool, str]:
+def _wider_pair(first: gw.Result, second: gw.Result, mended: gw.Result) -> Finding:
     found = [with_pair(main_branch(result)) for result in (first, second, mended)]
     inside = [sum(min(each.high, 0.7) - max(each.low, 0.5) for each in meeting(ranges, 0.5, 0.7)) for ranges in found]
     evidence = (
         f"unstable by a complex pair between 0.5 and 0.7: {inside[0]:.3f} in set a, {inside[1]:.3f} in set b; "
         f"anywhere: a {words(found[0])}; b {words(found[1])}"
     )
-    return inside[1] > inside[0] + _NOTABLE, evidence
+    return Finding(inside[1] > inside[0] + _NOTABLE, evidence)
 
 
 @claim("12-folds", "Under a heavy load the response jumps, and no period doubles.", "12", short=True)
-def _heavy_folds(result: gw.Result) -> tuple[bool, str]:
+def _heavy_folds(result: gw.Result) -> Finding:
     branch = main_branch(result)
     flips, folds = flipped(branch), values(branch, gw.Kind.FOLD)
-    return bool(folds) and not flips, f"folds at {words(folds)}; doubled periods: {words(flips)}"
+    return Finding(bool(folds) and not flips, f"folds at {words(folds)}; doubled periods: {words(flips)}")
 
 
 @claim(
@@ -137,10 +137,10 @@ def _heavy_folds(result: gw.Result) -> tuple[bool, str]:
     others=BOTH,
     short=True,
 )
-def _heavy_pair(result: gw.Result) -> tuple[bool, str]:
+def _heavy_pair(result: gw.Result) -> Finding:
     found = with_pair(main_branch(result))
     few = bool(found) and sum(each.width for each in found) < 0.05
-    return few, f"unstable by a complex pair: {words(found)}"
+    return Finding(few, f"unstable by a complex pair: {words(found)}")
 
 
 _SECOND = (1.1, 1.4)  # about the second resonance
@@ -153,13 +153,13 @@ _JUMP = (0.55, 0.9)  # beside the jump of the first
     "13",
     others=BOTH,
 )
-def _flips(result: gw.Result) -> tuple[bool, str]:
+def _flips(result: gw.Result) -> Finding:
     branch = main_branch(result)
     second, jump = meeting(flipped(branch), *_SECOND), meeting(flipped(branch), *_JUMP)
     evidence = (
         f"at {words(second)} about the second resonance and at {words(jump)} beside the jump (the paper: 0.62–0.85)"
     )
-    return bool(second and jump), evidence
+    return Finding(bool(second and jump), evidence)
 
 
 def _loop_about_second(result: gw.Result) -> list[Range]:
@@ -168,23 +168,23 @@ def _loop_about_second(result: gw.Result) -> list[Range]:
 
 
 @claim("13-loop", "The loop of period 2 about the second resonance has quasi-periodic motions.", "13")
-def _loop_with_pair(result: gw.Result) -> tuple[bool, str]:
+def _loop_with_pair(result: gw.Result) -> Finding:
     found = _loop_about_second(result)
-    return bool(found), f"on the loop of period 2 about the second resonance, at {words(found)}"
+    return Finding(bool(found), f"on the loop of period 2 about the second resonance, at {words(found)}")
 
 
 @claim("13-natures", "Periods double both super- and subcritically.", "13")
-def _natures(result: gw.Result) -> tuple[bool, str]:
+def _natures(result: gw.Result) -> Finding:
     flips = [each for each in main_branch(result).special(gw.Kind.FLIP) if each.nature]
     found = [f"{each.nature} at {each.value:.4f}" for each in flips]
-    return len({each.nature for each in flips}) == 2, words(found)
+    return Finding(len({each.nature for each in flips}) == 2, words(found))
 
 
 @claim("13-once", "Doubled periods do not double again, neither here nor in figure 14.", "13", "9a", others=BOTH)
-def _no_cascade(*results: gw.Result) -> tuple[bool, str]:
+def _no_cascade(*results: gw.Result) -> Finding:
     found = [[str(extent(member.branch)) for member in members(result, 4)] for result in results]
     evidence = f"period 4 in figure 13: {words(found[0])}; in figure 14: {words(found[1])}"
-    return not any(found), evidence
+    return Finding(not any(found), evidence)
 
 
 @claim(
@@ -194,22 +194,22 @@ def _no_cascade(*results: gw.Result) -> tuple[bool, str]:
     "9a",
     others=BOTH,
 )
-def _jump_region_gone(before: gw.Result, after: gw.Result) -> tuple[bool, str]:
+def _jump_region_gone(before: gw.Result, after: gw.Result) -> Finding:
     first, then = (meeting(flipped(main_branch(each)), *_JUMP) for each in (before, after))
-    return bool(first) and not then, f"{words(first)} in figure 13, {words(then)} in figure 14"
+    return Finding(bool(first) and not then, f"{words(first)} in figure 13, {words(then)} in figure 14")
 
 
 @claim("14-second", "The range of doubled periods about the second resonance shrinks.", "13", "9a")
-def _second_shrinks(before: gw.Result, after: gw.Result) -> tuple[bool, str]:
+def _second_shrinks(before: gw.Result, after: gw.Result) -> Finding:
     first, then = (meeting(flipped(main_branch(each)), *_SECOND) for each in (before, after))
     smaller = bool(first and then) and sum(each.width for each in then) < sum(each.width for each in first)
-    return smaller, f"{words(first)} in figure 13, {words(then)} in figure 14"
+    return Finding(smaller, f"{words(first)} in figure 13, {words(then)} in figure 14")
 
 
 @claim("14-loop", "The loop of period 2 about the second resonance has no quasi-periodic motions.", "9a")
-def _loop_without_pair(result: gw.Result) -> tuple[bool, str]:
+def _loop_without_pair(result: gw.Result) -> Finding:
     found = _loop_about_second(result)
-    return not found, f"unstable by a complex pair on the loop of period 2: {words(found)}"
+    return Finding(not found, f"unstable by a complex pair on the loop of period 2: {words(found)}")
 
 
 @claim(
@@ -218,7 +218,7 @@ def _loop_without_pair(result: gw.Result) -> tuple[bool, str]:
     "15",
     "13",
 )
-def _rich(light: gw.Result, before: gw.Result) -> tuple[bool, str]:
+def _rich(light: gw.Result, before: gw.Result) -> Finding:
     branch, other = main_branch(light), main_branch(before)
     below = 0.6
     superharmonics = peaks(branch, high=below)
@@ -227,11 +227,11 @@ def _rich(light: gw.Result, before: gw.Result) -> tuple[bool, str]:
         f"below {below}: {len(superharmonics)} peaks (figure 13: {len(peaks(other, high=below))}), doubled periods at "
         f"{words(flips)}, a complex pair at {words(pairs)}"
     )
-    return len(superharmonics) > len(peaks(other, high=below)) and len(flips) > 2 and bool(pairs), evidence
+    return Finding(len(superharmonics) > len(peaks(other, high=below)) and len(flips) > 2 and bool(pairs), evidence)
 
 
 @claim("16-cascade", "Period 2 doubles to stable period 4, and that doubles again.", "16")
-def _cascade(result: gw.Result) -> tuple[bool, str]:
+def _cascade(result: gw.Result) -> Finding:
     doubled = members(result, 4)
     stable = [member for member in doubled if any(point.stable for point in member.branch.points)]
     further = sum(len(values(member.branch, gw.Kind.FLIP)) for member in doubled)
@@ -239,7 +239,7 @@ def _cascade(result: gw.Result) -> tuple[bool, str]:
         f"{len(doubled)} branches of period 4, {len(stable)} of them stable in part, such as those at "
         f"{words([extent(member.branch) for member in stable[:3]])}; {further} flips on them"
     )
-    return bool(stable) and further > 0, evidence
+    return Finding(bool(stable) and further > 0, evidence)
 
 
 _WANTED = ("periodic", "quasi-periodic", "chaotic")
@@ -253,10 +253,10 @@ _WANTED = ("periodic", "quasi-periodic", "chaotic")
     "19",
     others=BOTH,
 )
-def _printed_sequence(*results: gw.Result) -> tuple[bool, str]:
+def _printed_sequence(*results: gw.Result) -> Finding:
     found = [attractor_of(result) for result in results]
     evidence = f"the motions are {words([each.label for each in found])}; 17-elsewhere says where it is"
-    return found[0].period == 3 and tuple(each.kind for each in found) == _WANTED, evidence
+    return Finding(found[0].period == 3 and tuple(each.kind for each in found) == _WANTED, evidence)
 
 
 @claim(
@@ -265,8 +265,9 @@ def _printed_sequence(*results: gw.Result) -> tuple[bool, str]:
     "17-near",
     "18-near",
     "19-near",
+    apart=True,
 )
-def _sequence(*results: gw.Result) -> tuple[bool, str]:
+def _sequence(*results: gw.Result) -> Finding:
     found = [attractor_of(result) for result in results]
     evidence = ", ".join(f"{each.label} at Ω = {each.system.frequency:g}" for each in found)
-    return found[0].period == 3 and tuple(each.kind for each in found) == _WANTED, evidence
+    return Finding(found[0].period == 3 and tuple(each.kind for each in found) == _WANTED, evidence)
