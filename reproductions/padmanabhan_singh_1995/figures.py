@@ -15,6 +15,7 @@ from reproductions.padmanabhan_singh_1995.panels import (
     ForceLoop,
     History,
     Hysteresis,
+    Isolated,
     Loops,
     Machine,
     Overlay,
@@ -96,7 +97,7 @@ def _settled(job: str, at: str = "", reading: Reading | None = None) -> tuple[Pa
     """History, spectrum and section of q1."""
     more: Any = {"jobs": (job,), "at": at, "reading": reading}
     return (
-        History(title="history of q1", letter="a", periods=30, **more),
+        History(title="history of q1", letter="a", periods=16, **more),
         Spectrum(title="spectrum", letter="b", within=(0.0, 4.0), **more),
         Section(title="section, once every forcing period", letter="c", **more),
     )
@@ -108,16 +109,18 @@ def _impacts(job: str, *others: Panel) -> tuple[Panel, ...]:
     harmonics = (Fact("paper: at least 10 to 12 lines", 10.0, 12.0),) if job == "5" else ()
     return (
         ForceLoop(title="force over the twist", letter="a", **more),
-        History(title="history of the force", letter="b", periods=2, signal="stage2", **more),
+        History(title="history of the force", letter="b", signal="stage2", **more),
         Spectrum(title="its spectrum", letter="c", within=(0.0, 26.0), signal="stage2", facts=harmonics, **more),
-        History(title="at the printed numbers the contact stays closed", jobs=(job,), periods=2, signal="stage2"),
+        History(title="at the printed numbers the contact stays closed", jobs=(job,), signal="stage2"),
         *others,
     )
 
 
-def _over_amplitude(name: str, caption: str, job: str, facts: tuple[Fact, ...] = (), *more: Panel) -> Figure:
+def _over_amplitude(
+    name: str, caption: str, job: str, facts: tuple[Fact, ...] = (), *more: Panel, kind: type[Response] = Isolated
+) -> Figure:
     panels = (
-        _response(job, "motions of period 1", facts=facts),
+        kind(title="motions of period 1", jobs=(job,), letter="a", facts=facts),
         _loops(job, "states once every period", "b", most=2),
         *more,
     )
@@ -132,10 +135,11 @@ _TENTH = CHANGES["beta-0.1"]
 _EXCHANGED = CHANGES["exchanged"]
 _ALONE = CHANGES["k11-0"]
 
-_HALF = Fact("half of the main peak", 0.5, of_peak="share")
-_PARTS = (Fact("1/4", 0.25, of_peak="share"), Fact("1/3", 1 / 3, of_peak="share"))
+_HALF = Fact("paper: half the main peak", 0.5, of_peak="share")
+_PARTS = tuple(Fact(f"1/{part}", 1.0 / part, of_peak="share") for part in (4, 3, 2))
+_SMALL = (0.15, 0.35)
 _NOTHING = Fact("paper: nothing found", 0.3, 0.45)
-_SCALE: Any = {"heights": (0.25, 40.0), "log": True}
+_SCALE: Any = {"heights": (0.1, 50.0), "log": True}
 _LAWS = {VISCOUS: "4b", IMPACT: "4a"}
 _BEYOND = (0.75, 1.8)
 _SUPERHARMONIC = ("about the superharmonic resonance", (0.24, 0.36))
@@ -197,7 +201,7 @@ FIGURES = (
     Figure(
         "5",
         "Impact damping at Ω = 0.17. At the printed loads the contact stays closed; with Te1 = 0.37 it opens.",
-        _impacts("5", History(title="four peaks, then one", jobs=("5-start",), periods=2, signal="stage2", reading=_FOUR)),
+        _impacts("5", History(title="four peaks, then one", jobs=("5-start",), signal="stage2", reading=_FOUR)),
         kind="settled motion",
     ),
     Figure(
@@ -210,7 +214,7 @@ FIGURES = (
         "7",
         "Both damping models at Ω = 0.17 with more damping, such that their forces are alike.",
         (
-            History(title="force of the second stage", letter="a", periods=2, signal="stage2", **_BOTH),
+            History(title="force of the second stage", letter="a", signal="stage2", **_BOTH),
             Spectrum(title="its spectrum", letter="b", within=(0.0, 16.0), signal="stage2", **_BOTH),
             *(
                 History(
@@ -328,7 +332,7 @@ FIGURES = (
         "Period 3 at Ω = 0.63 without the first stage (K11 = 0). With it only period 1 was found.",
         (
             *_settled("17-start", reading=_ALONE),
-            Section(title="section at the printed numbers: period 1", jobs=("17",)),
+            History(title="at the printed numbers: period 1", jobs=("17",), periods=16),
         ),
         kind="settled motion",
     ),
@@ -347,7 +351,7 @@ FIGURES = (
         "Chaos at Ω = 0.636 without the first stage (K11 = 0). With it only period 1 was found.",
         (
             *_settled("19-start", reading=_ALONE),
-            Section(title="section at the printed numbers: period 1", jobs=("19",)),
+            History(title="at the printed numbers: period 1", jobs=("19",), periods=16),
         ),
         kind="settled motion",
     ),
@@ -368,7 +372,7 @@ FIGURES = (
         "22",
         "A second harmonic in antiphase: one more range of doubled periods.",
         (
-            _response("22", "φ = 180°", facts=(Fact("superharmonic", 0.5, of_peak="share"), Fact("flips about 0.8", 0.8))),
+            _response("22", "φ = 180°", facts=(_HALF, Fact("paper: flips about 0.8", 0.8))),
             _overlay("b", *_SUPERHARMONIC, {"φ = 0": "20a", "φ = 120°": "20b", "φ = 180°": "22"}),
         ),
     ),
@@ -376,10 +380,10 @@ FIGURES = (
         "23",
         "A softer clutch (κ = 0.4) under one harmonic, and with a second one at twice the frequency.",
         (
-            _response("9b", "one harmonic", "a", facts=(*_PARTS, Fact("1/2", 0.5, of_peak="share"))),
-            _response("23b", "Ω and 2 Ω", "b", facts=(*_PARTS, Fact("1/2", 0.5, of_peak="share"))),
-            _response("9b", "one harmonic, the small peaks", "", (0.15, 0.34), facts=_PARTS),
-            _response("23b", "Ω and 2 Ω, the small peaks", "", (0.15, 0.34), facts=_PARTS),
+            _response("9b", "one harmonic", "a"),
+            _response("23b", "Ω and 2 Ω", "b"),
+            _response("9b", "one harmonic, the small peaks", "", _SMALL, facts=_PARTS),
+            _response("23b", "Ω and 2 Ω, the small peaks", "", _SMALL, facts=_PARTS),
         ),
     ),
     Figure(
@@ -406,9 +410,9 @@ FIGURES = (
         "26",
         "The clutch of figure 23 under one harmonic, and with a second one at three times the frequency.",
         (
-            _response("9b", "one harmonic", "a", facts=(*_PARTS, Fact("1/2", 0.5, of_peak="share"))),
-            _response("26b", "Ω and 3 Ω", "b", facts=(*_PARTS, Fact("1/2", 0.5, of_peak="share"))),
-            _overlay("", "low frequencies", (0.15, 0.55), {"one harmonic": "9b", "Ω and 3 Ω": "26b"}),
+            _response("9b", "one harmonic", "a"),
+            _response("26b", "Ω and 3 Ω", "b"),
+            _overlay("", "low frequencies", (0.15, 0.55), {"one harmonic": "9b", "Ω and 3 Ω": "26b"}, facts=_PARTS),
         ),
     ),
     _over_amplitude(
@@ -416,16 +420,18 @@ FIGURES = (
         "Motions over the amplitude at Ω = 0.25, with the isolated branches.",
         "27",
         (_NOTHING,),
-        _response("27", "one number changed", "", reading=_LESS_DAMPING),
+        Isolated(title="one number changed", jobs=("27",), reading=_LESS_DAMPING),
     ),
     _over_amplitude(
         "28",
         "As figure 27, at Ω = 0.255.",
         "28",
         (),
-        _response("28", "one number changed", "", reading=_LESS_DAMPING),
+        Isolated(title="one number changed", jobs=("28",), reading=_LESS_DAMPING),
     ),
-    _over_amplitude("29", "Pure backlash at Ω = 0.35 over the amplitude: cascades of doubled periods.", "29"),
+    _over_amplitude(
+        "29", "Pure backlash at Ω = 0.35 over the amplitude: cascades of doubled periods.", "29", kind=Response
+    ),
 )
 
 

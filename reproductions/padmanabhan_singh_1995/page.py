@@ -17,7 +17,7 @@ from reproductions.padmanabhan_singh_1995.panels import Hysteresis, Loops, Panel
 from reproductions.padmanabhan_singh_1995.quantities import LOOPS
 from reproductions.padmanabhan_singh_1995.report import Report
 from reproductions.padmanabhan_singh_1995.tables import demands
-from reproductions.padmanabhan_singh_1995.today import CHECKED, FIFTY, exponents
+from reproductions.padmanabhan_singh_1995.today import CHECKED, EXPONENTS, FIFTY, exponents
 
 _DEMANDS = (
     "Equations 10 and 11 of the paper make ten numbers of each row from few: three inertias, two stiffnesses, two "
@@ -58,12 +58,13 @@ article > p { margin-top: 0; }
   margin: 0; padding: 0; list-style: none; font-size: .9rem; line-height: 1.4; }
 .classes li { border-left: 5px solid var(--own); padding-left: .6rem; } .classes b { color: var(--own); }
 nav { display: grid; grid-template-columns: repeat(auto-fill, minmax(4.6rem, 1fr)); gap: .4rem; margin: 1rem 0 0; }
-nav a { display: block; border: 1px solid var(--line); border-radius: 6px; padding: .15rem .45rem .3rem; color: var(--ink);
-  font-size: .85rem; text-decoration: none; background: var(--page); }
+nav a { display: block; border: 1px solid var(--line); border-radius: 6px; padding: .15rem .45rem .3rem;
+  color: var(--ink); font-size: .85rem; text-decoration: none; background: var(--page); }
 nav a.wide { grid-column: span 2; }
 nav i { display: block; height: 6px; margin-top: .2rem; border-radius: 3px; display: flex; gap: 2px; }
 nav i b { flex: 1; background: var(--own); border-radius: 2px; max-width: 1.3rem; }
 .card { display: grid; grid-template-columns: minmax(0, 1.75fr) minmax(0, 1fr); gap: 0 1.6rem; align-items: start; }
+.card.alone { grid-template-columns: minmax(0, 1fr); }
 .pictures { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(18rem, 100%), 1fr)); gap: .8rem 1rem; }
 figure { margin: 0; min-width: 0; max-width: 27rem; }
 figure img { display: block; width: 100%; height: auto; border-radius: 4px; background: #fff; }
@@ -91,7 +92,8 @@ th { color: var(--soft); font-weight: 600; border-top: 0; } td.number { font-var
 @media print { :root { --page: #fff; --card: #fff; } body { max-width: none; padding: 0; font-size: 10.5pt; }
   nav, summary, .go { display: none; } section, article { border: 0; border-top: 1px solid #999; border-radius: 0;
   padding: .6rem 0; } figure, ul.claims li, tr { break-inside: avoid; } h2 { break-after: avoid; }
-  .card { grid-template-columns: 1.4fr 1fr; } .bar span, .chip { print-color-adjust: exact; -webkit-print-color-adjust: exact; } }
+  .card { grid-template-columns: 1.4fr 1fr; }
+  .bar span, .chip { print-color-adjust: exact; -webkit-print-color-adjust: exact; } }
 """
 
 _HTML = """<!doctype html>
@@ -161,11 +163,11 @@ def html_page(report: Report, folder: Path | None = None) -> str:
         _section("summary", "The paper's summary", _claims(rest)) if rest else "",
         _section("numbers", "What another number gains and costs", _numbers(report.trades)) if report.trades else "",
         _today(report, folder) if len(of_paper) < len(report.figures) else "",
-        _section("checked", "What it was checked against", _checks()),
-        f'<p class="soft">Computed with {made} ({escape(str(report.reading))}). C. Padmanabhan and R. Singh, Journal of '
-        "Sound and Vibration 184(5), 767–799, 1995. Ω is the excitation frequency; everything is non-dimensional. Nothing "
-        "printed is changed in silence: each picture says at which numbers it is drawn. The page is one file without "
-        "scripts, and needs no network.</p>",
+        _section("checked", "What it was checked against", _rows(("by", "what", "agreement"), CHECKED)),
+        f'<p class="soft">Computed with {made} ({escape(str(report.reading))}). C. Padmanabhan and R. Singh, Journal '
+        "of Sound and Vibration 184(5), 767–799, 1995. Ω is the excitation frequency; everything is non-dimensional. "
+        "Nothing printed is changed in silence: each picture says at which numbers it is drawn. The page is one file "
+        "without scripts, and needs no network.</p>",
     ]
     return _HTML.format(style=_STYLE, body="\n".join(filter(None, body)))
 
@@ -187,11 +189,13 @@ def _head(report: Report) -> str:
         for each, count in classes
     )
     if found.elsewhere:
-        each = Verdict.ELSEWHERE
-        rules += f'<li class="{_COLOUR[each]}"><b>{found.elsewhere} {each.value}, not counted</b><br>{escape(each.rule)}</li>'
+        words = f"<b>{found.elsewhere} {Verdict.ELSEWHERE}, not counted</b><br>{escape(Verdict.ELSEWHERE.rule)}"
+        rules += f'<li class="{_COLOUR[Verdict.ELSEWHERE]}">{words}</li>'
     links = "".join(_cell(report, figure) for figure in report.figures if figure.number)
     places = {"tables": "the tables", "numbers": "other numbers", "today": "today", "checked": "checks"}
-    links += "".join(f'<a class="wide" href="#{place}">{words}</a>' for place, words in places.items() if _has(report, place))
+    links += "".join(
+        f'<a class="wide" href="#{place}">{words}</a>' for place, words in places.items() if _has(report, place)
+    )
     return (
         f'<section id="summary-of-all"><p class="lead">{_lead(found)}</p><div class="bar">{bar}</div>'
         f'<ul class="classes">{rules}</ul><nav>{links}</nav></section>'
@@ -211,7 +215,8 @@ def _lead(found: Any) -> str:
     return (
         f"Of the paper's {found.statements} statements about its figures, <b>{agree} hold</b> at the printed numbers, "
         f"<b>{changed}</b> hold once the tables are read otherwise or numbers in them are changed, "
-        f"<b>{number[Verdict.EXPLAINED]}</b> do not hold and one can see why, and <b>{number[Verdict.OPEN]}</b> stay open."
+        f"<b>{number[Verdict.EXPLAINED]}</b> do not hold and one can see why, and <b>{number[Verdict.OPEN]}</b> stay "
+        "open."
     )
 
 
@@ -232,10 +237,10 @@ def _card(report: Report, figure: Figure, folder: Path | None) -> str:
         shown.append(f'<div class="pictures">{drawn}</div>{_legend(figure.panels)}')
     shown.append(_more(figure, results))
     about = report.about(figure)
-    said = f"<div>{_claims(about)}</div>" if about else ""
+    said, alone = (f"<div>{_claims(about)}</div>", "") if about else ("", " alone")
     return (
         f'<article id="figure-{figure.name}"><h2><a href="#figure-{figure.name}">Figure {figure.name}</a></h2>'
-        f'<p>{escape(figure.caption)}</p><div class="card"><div>{"".join(shown)}</div>{said}</div></article>'
+        f'<p>{escape(figure.caption)}</p><div class="card{alone}"><div>{"".join(shown)}</div>{said}</div></article>'
     )
 
 
@@ -245,7 +250,7 @@ def _figure(figure: Figure, panel: Panel, name: str, folder: Path | None) -> str
     text = f"Figure {figure.number}{panel.letter}: {panel.title}"
     return (
         f"<figure><figcaption>{letter}<span>{escape(panel.title)}</span>{place}</figcaption>"
-        f'<img src="{_source(name, folder)}" alt="{escape(text)}" loading="lazy"></figure>'
+        f'<img src="{_source(name, folder)}" alt="{escape(text)}"></figure>'
     )
 
 
@@ -262,7 +267,9 @@ def _more(figure: Figure, results: dict[str, gw.Result]) -> str:
     parts = [f"<p>Set {escape(name)}: {escape(note)}</p>" for name, note in figure.notes.items()]
     if results:
         lines = "".join(f"<p><code>gapwalk explore out/paper/results/{key}.gapwalk</code></p>" for key in results)
-        parts.append(f"<p>After <code>make paper FIG={figure.number}</code>, in the browser, motion by motion:</p>{lines}")
+        parts.append(
+            f"<p>After <code>make paper FIG={figure.number}</code>, in the browser, motion by motion:</p>{lines}"
+        )
     parts += [_special_points(key, result) for key, result in branches.items()]
     summary = "open in the explorer, special points" if results else "notes"
     return f'<details class="go"><summary>{summary}</summary>{"".join(parts)}</details>' if parts else ""
@@ -293,22 +300,13 @@ def _tried(each: Any) -> str:
 
 
 def _demands() -> str:
-    rows = "".join(
-        f"<tr><td>{escape(each.relation)}</td><td>{escape(each.demanded)}</td><td>{escape(each.printed)}</td></tr>"
-        for each in demands()
-    )
-    return f'<div class="wide"><table><tr><th>ratio</th><th>demanded</th><th>printed</th></tr>{rows}</table></div>'
+    return _rows(("ratio", "demanded", "printed"), [(each.relation, each.demanded, each.printed) for each in demands()])
 
 
 def _numbers(trades: Sequence[Trade]) -> str:
     """What other numbers gain and cost."""
     headings = ("number", "rows", "then also holds", "ceases to hold", "still holds", "neither")
-    head = f"<tr>{''.join(f'<th>{each}</th>' for each in headings)}</tr>"
-    rows = "".join(
-        f"<tr><td>{escape(trade.words)}</td>" + "".join(f"<td>{escape(cell)}</td>" for cell in _cells(trade)) + "</tr>"
-        for trade in trades
-    )
-    return f'<div class="wide"><table>{head}{rows}</table></div>'
+    return _rows(headings, [(trade.words, *_cells(trade)) for trade in trades])
 
 
 def _cells(trade: Trade) -> tuple[str, ...]:
@@ -325,23 +323,18 @@ def _today(report: Report, folder: Path | None) -> str:
         drawn = "".join(_figure(figure, *each, folder) for each in zip(figure.panels, files, strict=False))
         pictures = f'<div class="pictures">{drawn}</div>{_legend(figure.panels)}' if drawn else ""
         parts.append(f"<h3>{escape(figure.kind)}</h3><p>{escape(figure.caption)}</p>{pictures}")
-    rows = "".join(
-        f'<tr><td>{escape(each.place)}</td><td>{each.label}</td><td class="number">{each.value:.3f} ± {each.error:.3f}</td></tr>'
-        for each in exponents(report.results)
-    )
-    parts.append(
-        "<h3>Exponents instead of the look of a section</h3><p>Figures 17 to 19 tell period 3, a torus and chaos apart by "
-        "their sections. The largest Lyapunov exponent with its error decides it: below zero the motion is periodic, at "
-        'zero a torus, above zero chaos.</p><div class="wide"><table><tr><th>motion</th><th>kind</th><th>largest '
-        f"exponent per period</th></tr>{rows}</table></div>"
-    )
+    cells = [(each.place, each.label, f"{each.value:.3f} ± {each.error:.3f}") for each in exponents(report.results)]
+    parts.append(f"<h3>Exponents instead of the look of a section</h3><p>{EXPONENTS}</p>")
+    parts.append(_rows(("motion", "kind", "largest exponent per period"), cells))
     parts.append(f"<h3>Fifty inertias</h3><p>{FIFTY}</p>")
     return _section("today", "What one sees today", "".join(parts))
 
 
-def _checks() -> str:
-    rows = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in CHECKED)
-    return f'<div class="wide"><table><tr><th>by</th><th>what</th><th>agreement</th></tr>{rows}</table></div>'
+def _rows(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table of texts."""
+    lines = (f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    head = f"<tr>{''.join(f'<th>{each}</th>' for each in headings)}</tr>"
+    return f'<div class="wide"><table>{head}{"".join(lines)}</table></div>'
 
 
 def _special_points(key: str, result: gw.Result) -> str:
@@ -374,9 +367,9 @@ numbers, and the evidence folded. `make paper` makes it again, into `out/paper/i
 |---|---|---|
 {classes}
 
-The parameters are those of the tables in the paper. Nothing printed is changed in silence: each picture and each verdict
-says at which numbers it holds, and what another number gains and costs is in a table of its own. {apart} statements were
-found at other places than the paper has them; they are not counted.
+The parameters are those of the tables in the paper. Nothing printed is changed in silence: each picture and each
+verdict says at which numbers it holds, and what another number gains and costs is in a table of its own. {apart}
+motions were found at other places than the paper has them; they are not counted.
 
 ## Where they disagree
 

@@ -81,7 +81,9 @@ class Panel:
     log: bool = False  #: Whether the axis at the left is logarithmic.
     facts: tuple[Fact, ...] = ()  #: What the paper says.
     names: tuple[str, ...] = ()  #: Names of the jobs in a legend; none if there is one.
-    reading: Reading | None = None  #: The reading, or the other numbers, at which it is drawn; None: those of the figure.
+    reading: Reading | None = (
+        None  #: The reading, or the other numbers, at which it is drawn; None: those of the figure.
+    )
     at: str = ""  #: Where else it is drawn than at the printed numbers, in words; by default what the reading says.
     size: ClassVar[Within] = (8.0, 4.3)
     """Width and height in inches on a screen."""
@@ -106,6 +108,7 @@ class Panel:
             ax.set_ylabel(_WORDS.get(ax.get_ylabel().replace("\n", ", "), ax.get_ylabel()))
             if self.log:
                 ax.set_yscale("log")
+                ax.yaxis.set_major_formatter("{x:g}")
             if self.heights:
                 ax.set_ylim(self.heights)
             if self.within:
@@ -189,6 +192,21 @@ class Through(Response):
         gw.plot.draw([main_branch(results[0])], MEASURE, ax=ax, legend=False, within=self.within)
 
 
+class Isolated(Response):
+    """The motions of period 1, with names for the two isolated loops as the paper has them."""
+
+    def draw(self, ax: Axes, results: Sequence[gw.Result]) -> None:
+        """Draw the branches; of a loop and its mirror image one has the name."""
+        super().draw(ax, results)
+        loops = sorted(_shortest(results[0])[1:], key=lambda branch: -float(np.ptp(branch.values)))
+        for name, branch in zip(("larger loop", "smaller loop"), loops, strict=False):
+            heights = branch.measure(MEASURE)
+            place = (0.5 * float(branch.values.min() + branch.values.max()), float(heights.max()))
+            ax.annotate(
+                name, place, xytext=(0.0, 5.0), textcoords="offset points", ha="center", color=_PAPER, fontsize="small"
+            )
+
+
 class Balance(Response):
     """The response by shooting, and points by harmonic balance."""
 
@@ -242,18 +260,22 @@ class Hysteresis(Panel):
     def draw(self, ax: Axes, results: Sequence[gw.Result]) -> None:
         """Draw the loop of its damping law, on the scale of both."""
         gw.plot.draw([LOOPS[self.law]], [self.law], ax=ax)
-        ax.get_legend().remove()
-        ax.set(ylim=(-0.45, 1.3), xlim=(0.2, 2.05))
+        ax.legend_ = None
+        ax.set(ylim=(-0.45, 1.3), xlim=(0.2, 2.05), yticks=(0.0, 0.5, 1.0))
         ax.set_title(f"loss {LOOPS[self.law].loss:.3f} per cycle", fontsize="small")
 
 
-def machine() -> gw.System:
+def _machine() -> gw.System:
     """Return the machine of figure 2 with the ratios of the tables, for its drawing alone."""
     return gw.train.Train(
         [gw.train.Inertia("flywheel", 1.5), gw.train.Inertia("hub", 1.0), gw.train.Inertia("driveline", 1.2)],
         [
             gw.train.Shaft(
-                "clutch", ("flywheel", "hub"), stiffness=0.06, damping=0.024, stages=[gw.Stage(clearance=1.0, stiffness=0.54)]
+                "clutch",
+                ("flywheel", "hub"),
+                stiffness=0.06,
+                damping=0.024,
+                stages=[gw.Stage(clearance=1.0, stiffness=0.54)],
             ),
             gw.train.Shaft("shaft", ("hub", "driveline"), stiffness=0.6, damping=0.033),
         ],
@@ -272,7 +294,7 @@ class Machine(Panel):
 
     def draw(self, ax: Axes, results: Sequence[gw.Result]) -> None:
         """Draw it from the model."""
-        gw.plot.draw_machine(machine(), ax=ax)
+        gw.plot.draw_machine(_machine(), ax=ax)
 
 
 class Torque(Panel):
@@ -324,7 +346,7 @@ class Motion(Panel):
 class History(Motion):
     """A signal over the forcing periods: of the settled motion, or from rest."""
 
-    periods: int = 4
+    periods: int = 2
     from_rest: bool = False  #: Whether it shows the start; dots mark where the contact closes.
 
     view: ClassVar[str] = "history"
@@ -353,6 +375,7 @@ class Spectrum(Motion):
     def draw_one(self, ax: Axes, result: gw.Result, place: int, options: dict[str, Any]) -> None:
         """Draw lines of a periodic motion, and a curve of any other."""
         attractor = attractor_of(result)
+        assert isinstance(result.finding, gw.studies.SettleFinding)
         found = gw.analysis.spectrum(attractor.orbit or result.finding.settled, self.signal)
         top = self.within[1] if self.within else 6.0
         shown = (found.orders > 0.02) & (found.orders <= top)
@@ -379,6 +402,8 @@ class Section(Motion):
         attractor = attractor_of(result)
         found = gw.analysis.strobe(result.system, attractor.state, attractor.period if attractor.orbit else 4000)
         gw.plot.draw(found, ax=ax, heading=False)
+        if attractor.orbit is None:  # smaller dots are lost at this size
+            ax.lines[-1].set(markersize=2.4, markeredgewidth=0.0)
 
 
 class ForceLoop(Motion):

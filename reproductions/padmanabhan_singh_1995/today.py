@@ -15,8 +15,8 @@ TODAY = (
     Figure(
         "through",
         "A system with losses has a motion of period 1 at every amplitude, stable or not. Here it goes from one end of "
-        "figure 27 to the other, unstable where the paper found nothing: Newton's method seldom comes to it from a random "
-        "start, but a walk along the amplitude passes through.",
+        "figure 27 to the other, unstable where the paper found nothing: Newton's method seldom comes to it from a "
+        "random start, but a walk along the amplitude passes through.",
         (
             Through(
                 title="the branch that begins at small amplitudes",
@@ -29,8 +29,8 @@ TODAY = (
     ),
     Figure(
         "slivers",
-        "Period 4 is stable in ranges narrower than a thousandth of the frequency. Each point where stability changes is "
-        "located to ten digits, so no step jumps over them.",
+        "Period 4 is stable in ranges narrower than a thousandth of the frequency. Each point where stability changes "
+        "is located to ten digits, so no step jumps over them.",
         (
             Loops(title="figure 16, period 4 in orange", jobs=("16",), within=(0.4128, 0.4158)),
             Loops(title="figure 13, beside the jump", jobs=("13",), within=(0.6842, 0.686)),
@@ -65,15 +65,22 @@ def exponents(results: Mapping[str, gw.Result]) -> list[Exponent]:
             assert exponents is not None
             words = job.reading.differs or ("printed numbers" if not job.changes else "printed row, another frequency")
             place = f"Ω = {attractor.system.frequency:g}, {words}"
-            found.append(Exponent(place, attractor.label, float(exponents.per_period[0]), float(exponents.errors_per_period[0])))
+            found.append(
+                Exponent(place, attractor.label, float(exponents.per_period[0]), float(exponents.errors_per_period[0]))
+            )
     return found
 
+
+EXPONENTS = (
+    "Figures 17 to 19 tell period 3, a torus and chaos apart by their sections. The largest Lyapunov exponent with its "
+    "error decides it: below zero the motion is periodic, at zero it is a torus, above zero chaos."
+)
 
 FIFTY = (
     "The paper names its limit: n + n² equations are integrated for the Jacobian, so large systems cost too much. "
     "Transition matrices are exact here, and cost one product of matrices per step. The machine of figure 13 with its "
-    "shaft and driveline divided into 48 inertias has 49 coordinates; its response from Ω = 2 to 0.3, 228 points with all "
-    "multipliers and 8 special points to ten digits, takes half a minute of one core."
+    "shaft and driveline divided into 48 inertias has 49 coordinates; its response from Ω = 2 to 0.3, 228 points with "
+    "all multipliers and 8 special points to ten digits, takes half a minute of one core."
 )
 
 CHECKED = (
