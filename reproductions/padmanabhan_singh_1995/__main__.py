@@ -84,6 +84,11 @@ def _list(as_json: bool) -> int:
 def _draw(asked: argparse.Namespace) -> int:
     """Draw the figures that are asked for; an unknown one is refused before anything is computed."""
     reading = Reading(gw.paper.SlopeReading(asked.slope), gw.paper.DampingReading(asked.damping))
+    if asked.docs and (asked.figures or asked.json or reading != USUAL):
+        raise gw.errors.ModelError(
+            "the documentation has all figures at the printed numbers: write --docs without figures, --slope, "
+            "--damping and --json"
+        )
     figures = [find_figure(name) for name in asked.figures] or [*FIGURES, *TODAY]
     numbers = dict.fromkeys(figure.number for figure in figures)
     claims = tuple(claim for number in numbers for claim in claims_about(number)) if asked.figures else CLAIMS

@@ -201,7 +201,12 @@ FIGURES = (
     Figure(
         "5",
         "Impact damping at Ω = 0.17. At the printed loads the contact stays closed; with Te1 = 0.37 it opens.",
-        _impacts("5", History(title="four peaks, then one", jobs=("5-start",), signal="stage2", reading=_FOUR)),
+        _impacts(
+            "5",
+            History(
+                title="four peaks, then a touch on the other side", jobs=("5-start",), signal="stage2", reading=_FOUR
+            ),
+        ),
         kind="settled motion",
     ),
     Figure(

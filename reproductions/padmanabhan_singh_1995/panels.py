@@ -20,6 +20,7 @@ from reproductions.padmanabhan_singh_1995.quantities import (
     main_branch,
     third_inertia,
 )
+from reproductions.padmanabhan_singh_1995.tables import consistent_machine
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -265,27 +266,6 @@ class Hysteresis(Panel):
         ax.set_title(f"loss {LOOPS[self.law].loss:.3f} per cycle", fontsize="small")
 
 
-def _machine() -> gw.System:
-    """Return the machine of figure 2 with the ratios of the tables, for its drawing alone."""
-    return gw.train.Train(
-        [gw.train.Inertia("flywheel", 1.5), gw.train.Inertia("hub", 1.0), gw.train.Inertia("driveline", 1.2)],
-        [
-            gw.train.Shaft(
-                "clutch",
-                ("flywheel", "hub"),
-                stiffness=0.06,
-                damping=0.024,
-                stages=[gw.Stage(clearance=1.0, stiffness=0.54)],
-            ),
-            gw.train.Shaft("shaft", ("hub", "driveline"), stiffness=0.6, damping=0.033),
-        ],
-        harmonics=[gw.Harmonic(0.25, {"flywheel": 1.0})],
-        mean={"flywheel": 0.25},
-        reaction="driveline",
-        frequency=1.0,
-    ).system()
-
-
 class Machine(Panel):
     """The drawing of the three inertias with the clutch and the shaft between them."""
 
@@ -294,7 +274,7 @@ class Machine(Panel):
 
     def draw(self, ax: Axes, results: Sequence[gw.Result]) -> None:
         """Draw it from the model."""
-        gw.plot.draw_machine(_machine(), ax=ax)
+        gw.plot.draw_machine(consistent_machine(), ax=ax)
 
 
 class Torque(Panel):

@@ -21,7 +21,6 @@ At the beginning nothing was done last, and its name is empty.
 """
 
 _COLOURS = 64  # of a picture: a third of the bytes, and no difference to be seen
-_AT_ONCE = 0.05  # share of its effort below which a job was not computed, but found in its file
 _LONG = 10.0  # seconds of work from which on another process is worth its start
 
 
@@ -124,12 +123,12 @@ def compute(
     done: list[str] = []
     begin, left, spent = time.monotonic(), sum(task.job.effort for task in tasks), 0.0
 
-    def accept(index: int, found: tuple[str, float]) -> None:
+    def accept(index: int, found: tuple[str, bool]) -> None:
         nonlocal left, spent
-        (failure, seconds), job = found, tasks[index].job
+        (failure, is_new), job = found, tasks[index].job
         done.append(job.key)
         left -= job.effort
-        spent += job.effort if seconds > _AT_ONCE * job.effort else 0.0
+        spent += job.effort if is_new else 0.0
         if failure:
             failures[job.key] = failure
         if progress is not None:
@@ -148,10 +147,16 @@ class _Task(NamedTuple):
     force: bool
 
 
-def _compute(task: _Task) -> tuple[str, float]:
-    """Run the study of one job; return an empty text, or a sentence on what failed, and how many seconds it took."""
-    begin = time.monotonic()
-    return _failure(task), time.monotonic() - begin
+def _compute(task: _Task) -> tuple[str, bool]:
+    """Run the study of one job; return an empty text, or a sentence on what failed, and whether it was computed now."""
+    before = _written(task.path)
+    failure = _failure(task)
+    return failure, _written(task.path) != before
+
+
+def _written(path: Path) -> int:
+    """Return when a file was written; 0 if there is none."""
+    return path.stat().st_mtime_ns if path.exists() else 0
 
 
 def _failure(task: _Task) -> str:

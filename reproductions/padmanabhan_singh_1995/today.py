@@ -14,9 +14,9 @@ from reproductions.padmanabhan_singh_1995.quantities import attractor_of
 TODAY = (
     Figure(
         "through",
-        "A system with losses has a motion of period 1 at every amplitude, stable or not. Here it goes from one end of "
-        "figure 27 to the other, unstable where the paper found nothing: Newton's method seldom comes to it from a "
-        "random start, but a walk along the amplitude passes through.",
+        "A system with losses has a motion of period 1 at every amplitude, stable or not. This branch goes through the "
+        "range where the paper found nothing, and is stable over most of it: motions settle on it. Newton's method alone "
+        "seldom comes to it from a random start; a walk along the amplitude passes through.",
         (
             Through(
                 title="the branch that begins at small amplitudes",
@@ -51,6 +51,11 @@ class Exponent(NamedTuple):
     label: str  #: The kind of motion.
     value: float
     error: float
+
+    def __str__(self) -> str:
+        """The number; its error too, if it has one."""
+        error = f" ± {self.error:.3f}" if self.error > 5e-4 else ""
+        return f"{self.value:+.3f}".replace("-", "−") + error
 
 
 def exponents(results: Mapping[str, gw.Result]) -> list[Exponent]:
@@ -93,7 +98,7 @@ CHECKED = (
     ("DOP853 of SciPy, stopped at each contact", "periods of motion", "2e-7, which is the error of DOP853"),
     ("steps 20 times smaller", "21 responses of the paper, 484 special points", "none missing, none spurious; 5e-14"),
     (
-        "a program of its own in C: Runge-Kutta steps, contacts by bisection, arclength walks",
+        "an independent program in C: Runge-Kutta steps, contacts by bisection, arclength walks",
         "60 walks, 20 branches over Te1, 12 loops, 200 settled motions",
         "the 3 to 4 digits of its walks",
     ),

@@ -187,7 +187,7 @@ def test_figure_1_rests_on_no_result_and_has_one_scale() -> None:
 
 def test_figure_2_has_the_machine_and_the_torque_of_its_clutch() -> None:
     drawing, torque = (drawn(panel, {}) for panel in find_figure("2").panels)
-    assert {"flywheel", "hub", "driveline", "clutch", "shaft"} <= set(written(drawing))
+    assert {"flywheel", "hub", "rest", "clutch", "shaft"} <= set(written(drawing))
     curves = [line for line in torque.lines if len(line.get_xdata()) > 9]
     for line, (first, second) in zip(curves, ((0.0, 1.0), (0.1, 0.9), (0.4, 0.6)), strict=True):
         # by hand: the first stage alone up to the clearance of 1, both beyond it
