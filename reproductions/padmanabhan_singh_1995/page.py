@@ -27,10 +27,10 @@ _DEMANDS = (
 )
 
 _MACHINE = (
-    "<b>The machine that keeps them.</b> With equal widths bc, I1 = 1.5 I2 and I3 = 1.2 I2 one machine has the stiffnesses "
-    "of rows 12 to 22, 27 and 28 exactly; its C21 is 0.024, its C12 0.0327, its Tm2 Tm1/0.8. Built in kg m² and N m, it has "
-    "the special points of the non-dimensional equations to four digits. It mends none of the open figures, so that the "
-    "tables contradict each other does not explain them."
+    "<b>The machine that keeps them.</b> With equal widths bc, I1 = 1.5 I2 and I3 = 1.2 I2 one machine has the "
+    "stiffnesses of rows 12 to 22, 27 and 28 exactly; its C21 is 0.024, its C12 0.0327, its Tm2 Tm1/0.8. Built in kg "
+    "m² and N m, it has the special points of the non-dimensional equations to four digits. It mends none of the open "
+    "figures, so that the tables contradict each other does not explain them."
 )
 
 Checked = Sequence[tuple[Claim, Outcome]]
@@ -93,7 +93,7 @@ summary { cursor: pointer; color: var(--soft); font-size: .84rem; } details { ma
 table { border-collapse: collapse; width: 100%; font-size: .87rem; } .wide { overflow-x: auto; }
 th, td { text-align: left; vertical-align: top; padding: .35rem .8rem .35rem 0; border-top: 1px solid var(--line); }
 th { color: var(--soft); font-weight: 600; border-top: 0; } td.number { font-variant-numeric: tabular-nums; }
-@media (max-width: 62rem) { .card { grid-template-columns: minmax(0, 1fr); } 
+@media (max-width: 62rem) { .card { grid-template-columns: minmax(0, 1fr); }
   .card > div + div { order: -1; } }
 @media (max-width: 34rem) { body { padding: .9rem .7rem 2rem; } section, article { padding: .9rem .85rem; }
   h1 { font-size: 1.35rem; } .lead { font-size: 1rem; } nav { grid-template-columns: repeat(5, 1fr); }
@@ -318,9 +318,9 @@ def _tables(report: Report) -> str:
     ratios = [(each.relation, each.demanded, each.printed) for each in demands()]
     (printed, heavy), (other, light) = (CHANGES[slug].number.changed["β"] for slug in ("matched", "matched-light"))
     rule = (
-        "<b>β by the paper's own rule.</b> Its section 4 chooses β such that both damping models agree where the response "
-        f"has one harmonic. That gives {heavy:.3g} in the rows of figures 3, 4 and 10, where {printed:g} is printed, and "
-        f"{light:.3g} in those of figures 5 to 7, where {other:g} is printed."
+        "<b>β by the paper's own rule.</b> Its section 4 chooses β such that both damping models agree where the "
+        f"response has one harmonic. That gives {heavy:.3g} in the rows of figures 3, 4 and 10, where {printed:g} is "
+        f"printed, and {light:.3g} in those of figures 5 to 7, where {other:g} is printed."
     )
     trade = next((each for each in report.trades if each.candidate.reading == CHANGES["matched"]), None)
     if trade:

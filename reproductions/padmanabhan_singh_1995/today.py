@@ -14,9 +14,9 @@ from reproductions.padmanabhan_singh_1995.quantities import attractor_of
 TODAY = (
     Figure(
         "through",
-        "A system with losses has a motion of period 1 at every amplitude, stable or not. This branch goes through the "
-        "range where the paper found nothing, and is stable over most of it: motions settle on it. Newton's method alone "
-        "seldom comes to it from a random start; a walk along the amplitude passes through.",
+        "A system with losses has a motion of period 1 at every amplitude, stable or not. This branch goes through "
+        "the range where the paper found nothing, and is stable over most of it: motions settle on it. Newton's "
+        "method alone seldom comes to it from a random start; a walk along the amplitude passes through.",
         (
             Through(
                 title="the branch that begins at small amplitudes",
