@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import gapwalk as gw
-from reproductions.padmanabhan_singh_1995.claims import CLAIMS, claims_about
+from reproductions.padmanabhan_singh_1995.claims import CLAIMS, claims_about, counts
 from reproductions.padmanabhan_singh_1995.figures import FIGURES, find_figure
 from reproductions.padmanabhan_singh_1995.jobs import USUAL, Reading
 from reproductions.padmanabhan_singh_1995.page import claims_page, document, html_page, with_counts
@@ -108,8 +108,12 @@ def _draw(asked: argparse.Namespace) -> int:
         )
     if asked.json:
         print(json.dumps(document(report, whole=not asked.figures), allow_nan=False))
-    else:
+    elif asked.figures:
         _print(report, folder)
+    else:
+        found = counts([outcome for _, outcome in report.checked])
+        classes = (f"{count} {each}" for each, count in found.classes.items() if count)
+        print(f"{found.statements} statements of the paper: {'; '.join(classes)}")
     if folder is not None:
         name = f"figure-{'-'.join(figure.name for figure in figures)}" if asked.figures else "index"
         page = folder / f"{name}{reading.suffix}.html"
@@ -117,7 +121,7 @@ def _draw(asked: argparse.Namespace) -> int:
         if asked.docs:
             _write_docs(report, page)
         if not asked.json:
-            print(f"the page: {page}")
+            print(f"all of it is on one page: {page}" if not asked.figures else f"the page: {page}")
     return _code(report)
 
 

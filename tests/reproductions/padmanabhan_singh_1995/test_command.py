@@ -120,7 +120,8 @@ class Links(HTMLParser):
 def test_all_figures_make_a_page_that_opens_offline(capsys) -> None:
     assert main(["--output", "report"]) == 0
     captured = capsys.readouterr()
-    assert "the page: report/index.html" in captured.out
+    assert "1 statements of the paper: 1 to the letter\n" in captured.out
+    assert "all of it is on one page: report/index.html" in captured.out
     assert captured.err.splitlines()[0].endswith("studies; Ctrl-C stops, and the same command resumes")
     text = Path("report/index.html").read_text(encoding="utf-8")
     links = Links(text)
