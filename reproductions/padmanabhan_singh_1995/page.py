@@ -296,14 +296,16 @@ def _claims(checked: Checked) -> str:
 
 def _claim(claim: Claim, outcome: Outcome) -> str:
     name = escape(claim.name)
-    costs = f'<div class="numbers">costs: {escape(", ".join(outcome.costs))}</div>' if outcome.costs else ""
+    costs = f'<div class="numbers">costs {_links(outcome.costs)}</div>' if outcome.costs else ""
+    pairs = (f"{each.what}: {each.paper:g} and {each.found:.4g}, {each.off:.1%} off" for each in outcome.against)
+    against = f'<div class="numbers fact">paper and here: {escape("; ".join(pairs))}</div>' if outcome.against else ""
     tried = "".join(f"<p>{_tried(each)}</p>" for each in outcome.evidence)
     known = len(outcome.evidence) == 1 and not outcome.evidence[0].details
     more = "" if known else f"<details><summary>evidence</summary>{tried}</details>"
     return (
         f'<li id="{name}" class="{_COLOUR[outcome.verdict]}">{escape(claim.says)}<br><span class="chip">'
         f'{escape(str(outcome))}</span><span class="soft">{name}</span>'
-        f'<div class="numbers">{escape(outcome.line)}</div>{costs}{more}</li>'
+        f'<div class="numbers">{escape(outcome.line)}</div>{against}{costs}{more}</li>'
     )
 
 
@@ -389,9 +391,9 @@ C. Padmanabhan and R. Singh, "Dynamics of a piecewise non-linear system subject 
 parametric continuation" (Journal of Sound and Vibration 184(5), 767-799, 1995): gapwalk computes all of its figures
 again, and checks each of its statements about them.
 
-**[The page with all figures and statements](../_static/padmanabhan_singh_1995.html)** is one file that opens offline: a
-card for each figure, with what the paper says drawn into our picture, each statement with its verdict and one line of
-numbers, and the evidence folded. `make paper` makes it again, into `out/paper/index.html`.
+<a href="../_static/padmanabhan_singh_1995.html"><strong>The page with all figures and statements</strong></a> is one
+file that opens offline: a card for each figure, with what the paper says drawn into our picture, each statement with its
+verdict and one line of numbers, and the evidence folded. `make paper` makes it again, into `out/paper/index.html`.
 
 | class | statements | rule |
 |---|---|---|
