@@ -101,6 +101,20 @@ def meeting(found: Sequence[Range], low: float, high: float) -> list[Range]:
     return [each for each in found if each.meets(low, high)]
 
 
+def covered(found: Sequence[Range], low: float, high: float) -> float:
+    """Return how much of a range others cover; where they overlap it counts once."""
+    width, end = 0.0, low
+    for each in sorted(found):
+        begin, stop = max(each.low, end), min(each.high, high)
+        width, end = width + max(stop - begin, 0.0), max(end, stop)
+    return width
+
+
+def unstable_width(branch: gw.Branch, low: float, high: float) -> float:
+    """Return how much of a range has an unstable motion of the branch; between the folds of a jump there is one."""
+    return covered(ranges(branch, lambda instability: instability.total > 0), low, high)
+
+
 def extent(branch: gw.Branch) -> Range:
     """Return the range of the parameter that a branch covers."""
     return Range(float(branch.values.min()), float(branch.values.max()))
@@ -120,6 +134,17 @@ def highest(branch: gw.Branch, low: float = -np.inf, high: float = np.inf) -> Pe
     inside = np.flatnonzero((places >= low) & (places <= high))
     best = inside[np.argmax(heights[inside])]
     return Peak(float(places[best]), float(heights[best]))
+
+
+def heights_at(branch: gw.Branch, grid: Array) -> Array:
+    """Return the amplitude at each of many values of the parameter; where several motions exist, the largest."""
+    heights, places = branch.measure(MEASURE), branch.values
+    best = np.zeros_like(grid)
+    for (a, b), (p, q) in zip(np.c_[places[:-1], places[1:]], np.c_[heights[:-1], heights[1:]], strict=True):
+        inside = (grid >= min(a, b)) & (grid <= max(a, b))
+        if inside.any() and a != b:
+            best[inside] = np.maximum(best[inside], p + (q - p) * (grid[inside] - a) / (b - a))
+    return best
 
 
 def words(found: Sequence[object]) -> str:

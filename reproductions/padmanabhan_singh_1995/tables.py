@@ -6,6 +6,49 @@ from dataclasses import dataclass
 
 import gapwalk as gw
 
+_HUB, _NORMALIZING, _GAP = 0.01, 100.0, 0.05  # kg m^2, rad/s, rad: any other choice gives the same numbers
+_FLYWHEEL, _REST = 1.5, 1.2  # I1/I2 and I3/I2, as K21/K11 = Ia/I2 = 0.6 and K12/K22 = Ib/I2 = 0.6/1.1 demand
+
+
+def consistent_machine() -> gw.System:
+    """Build the dimensional machine of equations 1 to 3 that has the stiffnesses of rows 12 to 22, 27 and 28 exactly.
+
+    With bc3 = bc1 three inertias, two springs and two dampers leave no choice: C21 and C12 follow from C11 and C22, and
+    Tm2 from Tm1. The row is that of figure 13.
+    """
+    row = gw.paper.parameter_set("13")
+    first, last = _HUB * _FLYWHEEL / (1.0 + _FLYWHEEL), _HUB * _REST / (1.0 + _REST)  # Ia, Ib
+    (k11, _, _, k22), (c11, _, _, c22) = row.stiffness, row.damping
+    w, torque = _NORMALIZING, _FLYWHEEL * _HUB * _GAP * _NORMALIZING**2
+    return gw.train.Train(
+        inertias=[
+            gw.train.Inertia("flywheel", f"{_FLYWHEEL * _HUB!r} kg m^2"),
+            gw.train.Inertia("hub", f"{_HUB!r} kg m^2"),
+            gw.train.Inertia("rest", f"{_REST * _HUB!r} kg m^2"),
+        ],
+        shafts=[
+            gw.train.Shaft(
+                "clutch",
+                ("flywheel", "hub"),
+                stiffness=f"{k11 * first * w**2!r} N m/rad",
+                damping=f"{c11 * first * w!r} N m s/rad",
+                stages=[gw.Stage(f"{_GAP!r} rad", f"{row.n[0] * first * w**2!r} N m/rad")],
+                law="hunt-crossley",
+                impact_damping=f"{row.beta / (w * _GAP)!r} s/rad",
+            ),
+            gw.train.Shaft(
+                "shaft",
+                ("hub", "rest"),
+                stiffness=f"{k22 * last * w**2!r} N m/rad",
+                damping=f"{c22 * last * w!r} N m s/rad",
+            ),
+        ],
+        mean={"flywheel": f"{row.mean[0] * torque!r} N m"},
+        reaction="rest",
+        harmonics=[gw.Harmonic(f"{row.excitation * torque!r} N m", acts_on={"flywheel": 1.0})],
+        frequency=f"{row.frequency * w!r} rad/s",
+    ).system()
+
 
 @dataclass(frozen=True)
 class Demand:

@@ -4,6 +4,7 @@ from reproductions.padmanabhan_singh_1995.claims import (  # noqa: F401 (they de
     damping,
     dual,
     explanations,
+    method,
     single,
 )
 from reproductions.padmanabhan_singh_1995.claims.claim import (

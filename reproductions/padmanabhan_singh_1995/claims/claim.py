@@ -41,6 +41,7 @@ class Finding(NamedTuple):
     line: str  #: One short line of numbers.
     details: str = ""
     against: tuple[Against, ...] = ()  #: Numbers that the paper names.
+    short: str = ""  #: A part that is missing or too faint for a picture, with its number: it then holds in kind.
 
 
 Check = Callable[..., Finding]
@@ -69,7 +70,8 @@ _RULES = {
     Verdict.LETTER: "The statement holds at the printed numbers, and each number that it names is met within "
     f"{TOLERANCE:.0%}.",
     Verdict.KIND: "At the printed numbers the feature is there, but a number that the statement names is off by more "
-    f"than {TOLERANCE:.0%}; the verdict says by how much.",
+    f"than {TOLERANCE:.0%}, a change is smaller than that, or one of several peaks has no part in it; the verdict "
+    "says by how much.",
     Verdict.OTHER_READING: "It holds if a formula of the paper is read in another way; no number is changed.",
     Verdict.OTHER_NUMBER: "It holds if exactly one number of the tables is another; two entries that stand for one "
     "damper, spring or clutch, changed by one factor, are one number.",
@@ -211,6 +213,8 @@ class Claim:
                 changed |= changed_numbers(gw.paper.case(job.case), job.study.system)
             return Outcome(Verdict.ELSEWHERE, found.line, changed=changed)
         off = max((each.off for each in found.against), default=0.0)
+        if found.short:
+            return Outcome(Verdict.KIND, found.line, by=found.short)
         if off > TOLERANCE:
             return Outcome(Verdict.KIND, found.line, by=f"off by {off:.0%}")
         return Outcome(Verdict.LETTER, found.line)
