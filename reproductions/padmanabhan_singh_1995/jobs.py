@@ -357,8 +357,6 @@ _SHOWN = (  # in figures
     _motion("7-impact", "7-impact-near", _NEAR | {_BETA: 0.287}, start=_FOUR_PEAKS),
     _motion("8a", "8-impact", _VERY_LOW),
     _motion("6", "8-viscous", _VERY_LOW),
-    # The motion behind the synthetic record: its load and its damping differ a little from those of figure 8.
-    _motion("8a", "8-record", _VERY_LOW | {"mean.q1": 0.055, _BETA: 0.12}),
     _branches("9a", max_period=4),
     _branches("9b"),
     _balance("9a"),

@@ -392,8 +392,8 @@ parametric continuation" (Journal of Sound and Vibration 184(5), 767-799, 1995):
 again, and checks each of its statements about them.
 
 <a href="../_static/padmanabhan_singh_1995.html"><strong>The page with all figures and statements</strong></a> is one
-file that opens offline: a card for each figure, with what the paper says drawn into our picture, each statement with its
-verdict and one line of numbers, and the evidence folded. `make paper` makes it again, into `out/paper/index.html`.
+file that opens offline: a card for each figure, with what the paper says drawn into our picture, each statement with
+its verdict and one line of numbers, and the evidence folded. `make paper` makes it again, into `out/paper/index.html`.
 
 | class | statements | rule |
 |---|---|---|
