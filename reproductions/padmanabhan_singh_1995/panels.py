@@ -141,21 +141,17 @@ def _draw_facts(ax: Axes, facts: Sequence[tuple[str, float, float]]) -> None:
         middle = (0.5 * (begin + end) - left) / (right - left)
         side = "left" if middle < 0.33 else "right" if middle > 0.67 else "center"
         x = {"left": max(begin, left), "right": min(end, right), "center": 0.5 * (begin + end)}[side]
-        ax.annotate(
-            text,
-            (x, y),
-            xytext=(0.0, 2.5),
-            textcoords="offset points",
-            ha=side,
-            va="bottom",
-            color=_PAPER,
-            fontsize="small",
-            zorder=6,
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85},
-        )
+        _write(ax, text, (x, y), side)
     if facts:
         ax.set_ylim(low, scale[1](top + height * (max(rows) + 1.15)))
         ax.set_xlim(left, right)
+
+
+def _write(ax: Axes, text: str, place: Within, side: str, above: float = 2.5) -> None:
+    """Write words of the paper some points above a place, in its colour."""
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
+    style: Any = {"color": _PAPER, "fontsize": "small", "zorder": 7, "bbox": box}
+    ax.annotate(text, place, xytext=(0.0, above), textcoords="offset points", ha=side, va="bottom", **style)
 
 
 def _rows(facts: Sequence[tuple[str, float, float]]) -> list[int]:
@@ -203,9 +199,7 @@ class Isolated(Response):
         for name, branch in zip(("larger loop", "smaller loop"), loops, strict=False):
             heights = branch.measure(MEASURE)
             place = (0.5 * float(branch.values.min() + branch.values.max()), float(heights.max()))
-            ax.annotate(
-                name, place, xytext=(0.0, 5.0), textcoords="offset points", ha="center", color=_PAPER, fontsize="small"
-            )
+            _write(ax, name, place, "center", 6.0)
 
 
 class Balance(Response):
