@@ -97,7 +97,7 @@ th { color: var(--soft); font-weight: 600; border-top: 0; } td.number { font-var
   .card > div + div { order: -1; } }
 @media (max-width: 34rem) { body { padding: .9rem .7rem 2rem; } section, article { padding: .9rem .85rem; }
   h1 { font-size: 1.35rem; } .lead { font-size: 1rem; } nav { grid-template-columns: repeat(5, 1fr); }
-  .classes { grid-template-columns: 1fr; } figcaption { min-height: 0; } }
+  #numbers table { min-width: 46rem; } .classes { grid-template-columns: 1fr; } figcaption { min-height: 0; } }
 @media print { :root { --page: #fff; --card: #fff; } body { max-width: none; padding: 0; font-size: 10.5pt; }
   nav, summary, .go { display: none; } section, article { border: 0; border-top: 1px solid #999; border-radius: 0;
   padding: .6rem 0; } figure, ul.claims li, tr { break-inside: avoid; } h2 { break-after: avoid; }
