@@ -172,6 +172,7 @@ _NOTABLE = 0.01  # of the highest line: what a picture of a spectrum shows
 _HIGH = 5  # from this harmonic on: the higher ones
 _ALIKE = 0.2  # rms difference of two histories that look alike
 _REACH = 0.005  # of Te1: how far the range of a motion is looked for
+_HALVINGS = 6  # to narrow down its ends
 
 
 def distance(system: gw.System, printed: gw.System) -> float:
@@ -193,13 +194,23 @@ def _double_sided(result: gw.Result) -> Finding:
 
 
 def _span_over_force(orbit: gw.Orbit) -> Range:
-    """The range of Te1 over which the motion stays stable and keeps its peaks."""
-    name, ends = "harmonic1.amplitude", []
+    """The range of Te1 over which the motion stays stable and keeps its peaks, to a hundredth of its width."""
+    name, wanted = "harmonic1.amplitude", force_peaks(orbit)
+    ends = []
     for step in (-_REACH, _REACH):
-        branch = gw.follow(orbit, name, to=orbit.system[name] + step)
-        alike = [point.stable and force_peaks(point.orbit) == force_peaks(orbit) for point in branch.points]
-        ends.append(branch.values[(alike.index(False) if False in alike else len(alike)) - 1])
-    return Range(float(ends[0]), float(ends[1]))
+        points = gw.follow(orbit, name, to=orbit.system[name] + step).points
+        alike = [point.stable and force_peaks(point.orbit) == wanted for point in points]
+        last = (alike.index(False) if False in alike else len(points)) - 1
+        good, bad = points[last].orbit, points[min(last + 1, len(points) - 1)].value
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (good.system[name] + bad)
+            tried = gw.find_orbit(good.system.at({name: middle}), 1, good.state)
+            if tried.stable and force_peaks(tried) == wanted:
+                good = tried
+            else:
+                bad = middle
+        ends.append(good.system[name])
+    return Range(ends[0], ends[1])
 
 
 @claim(
@@ -215,8 +226,8 @@ def _four_and_one(near: gw.Result, viscous: gw.Result, printed: gw.Result) -> Fi
     return Finding(
         force_peaks(one) == _FOUR_ONE and one.stable,
         f"{_contacts(one)}, at the distance {distance(one.system, printed.system):.2f} from the printed numbers",
-        f"at {_place(one.system)}; viscous model {_contacts(two)}. The distance is the root of the sum of squares of the "
-        "logarithms of their ratios",
+        f"at {_place(one.system)}; viscous model {_contacts(two)}. The distance is the root of the sum of squares of "
+        "the logarithms of their ratios",
     )
 
 

@@ -108,9 +108,8 @@ def _hard_to_find(result: gw.Result, *motions: gw.Result) -> Finding:
     labels = words([f"{each.label} at {each.system['harmonic1.amplitude']:g}" for each in found])
     return Finding(
         low >= _OFTEN and max(gap) <= _SELDOM and all(each.period for each in found),
-        f"Newton's method converges from {low} of {_STARTS} starts at {below}, from {words(gap)} at "
-        f"{words(list(between))}",
-        f"but from rest motions settle on {labels}",
+        f"Newton's method converges from {words(gap)} of {_STARTS} starts at {words(list(between))} (from {low} at "
+        f"{below}); but from rest {labels}",
     )
 
 
@@ -126,7 +125,7 @@ def _converged(system: gw.System, amplitude: float) -> int:
     return count
 
 
-@explains("29-high", "period 1 has a pair there, the motions are others", "29", "29-0.42", "29-0.5", "29-0.58")
+@explains("29-high", "period 1 has a pair there, the motions are others", "29", "29-0.5", "29-0.58")
 def _pair_without_torus(result: gw.Result, *motions: gw.Result) -> Finding:
     """Where period 1 loses its stability by a pair, one expects a torus; the motions settle on something else."""
     pairs = [each for each in with_pair(main_branch(result)) if each.meets(0.42, 0.58)]

@@ -13,7 +13,7 @@ from reproductions.padmanabhan_singh_1995.jobs import LITERAL, USUAL
 from reproductions.padmanabhan_singh_1995.page import claims_page, html_page, with_counts
 from reproductions.padmanabhan_singh_1995.report import Report
 from reproductions.padmanabhan_singh_1995.tables import demands
-from tests.reproductions.padmanabhan_singh_1995.expected import EXPECTED
+from tests.reproductions.padmanabhan_singh_1995.expected import EXPECTED, verdict_of
 
 ROOT = Path(__file__).resolve().parents[3]
 DOCS = ROOT / "docs" / "explanation" / "paper.md"
@@ -34,11 +34,6 @@ def expected() -> list[tuple[Claim, Outcome]]:
     """Each claim with an outcome of its class."""
     verdicts = [verdict_of(EXPECTED[claim.name]) for claim in CLAIMS]
     return [(claim, Outcome(verdict, "found 1")) for claim, verdict in zip(CLAIMS, verdicts, strict=True)]
-
-
-def verdict_of(text: str) -> Verdict:
-    words = re.sub(r"^\d+ numbers", "several numbers", text.partition(" (")[0])
-    return Verdict(words)
 
 
 def test_texts_are_no_markup() -> None:
