@@ -121,7 +121,7 @@ def _over_amplitude(
 ) -> Figure:
     panels = (
         kind(title="motions of period 1", jobs=(job,), letter="a", facts=facts),
-        _loops(job, "states once every period", "b", most=2),
+        _loops(job, "states once every period", "b", most=1 if kind is Isolated else 2),
         *more,
     )
     return Figure(name, caption, panels, kind="diagram over the amplitude")

@@ -127,6 +127,8 @@ _LINES = (
     ("a complex pair", "#009E73", "8 2 2 2", 1.7, "pair"),
 )
 
+_PERIODS = {2: ("stable, period 2", "#0b56a4", "", 2.0), 4: ("stable, period 4", "#d55e00", "", 1.8)}
+
 
 def _sample(colour: str, dashes: str, width: float) -> str:
     return (
@@ -140,10 +142,8 @@ def _legend(panels: Sequence[Panel]) -> str:
     entries = [(text, colour, dashes, width) for text, colour, dashes, width, _ in _LINES]
     if not any(isinstance(panel, (Response, Loops)) for panel in panels):
         entries = []
-    if any(isinstance(panel, Loops) for panel in panels):
-        entries.insert(1, ("stable, period 2", "#0b56a4", "", 2.0))
-        if any(isinstance(panel, Loops) and panel.most > 2 for panel in panels):
-            entries.insert(2, ("stable, period 4", "#d55e00", "", 1.8))
+    longest = max((panel.most for panel in panels if isinstance(panel, Loops)), default=1)
+    entries[1:1] = [entry for period, entry in _PERIODS.items() if period <= longest]
     shown = [f"<span>{_sample(colour, dashes, width)}{text}</span>" for text, colour, dashes, width in entries]
     if any(isinstance(panel, Response) for panel in panels):
         shown.append("<span>LP fold, PD flip, NS Neimark-Sacker, short ticks grazing</span>")
@@ -318,7 +318,8 @@ def _tried(each: Any) -> str:
 def _tables(report: Report) -> str:
     """What the tables demand of each other, the machine that keeps it, and the rule of the paper for beta."""
     ratios = [(each.relation, each.demanded, each.printed) for each in demands()]
-    (printed, heavy), (other, light) = (CHANGES[slug].number.changed["β"] for slug in ("matched", "matched-light"))
+    numbers = [reading.number for reading in (CHANGES["matched"], CHANGES["matched-light"]) if reading.number]
+    (printed, heavy), (other, light) = (number.changed["β"] for number in numbers)
     rule = (
         "<b>β by the paper's own rule.</b> Its section 4 chooses β such that both damping models agree where the "
         f"response has one harmonic. That gives {heavy:.3g} in the rows of figures 3, 4 and 10, where {printed:g} is "
@@ -326,7 +327,8 @@ def _tables(report: Report) -> str:
     )
     trade = next((each for each in report.trades if each.candidate.reading == CHANGES["matched"]), None)
     if trade:
-        rule += f" Then also holds: {_links(trade.gained)}; no longer: {_links(trade.lost)}."
+        rule += f" Then also holds: {_links(trade.gained)}; no longer: {_links(trade.lost)}; "
+        rule += f"still not: {_links(trade.missed)}."
     table = _rows(("ratio", "demanded", "printed"), ratios)
     return f"<p>{_DEMANDS}</p>{table}<p>{_MACHINE}</p><p>{rule}</p>"
 
