@@ -399,7 +399,7 @@ _CHECKED = (  # in claims only
     _motion("6", signal="stage2"),
     *(_branches(case, f"{case}-response") for case in ("5", "6")),
     *(_motion(case, f"{case}-raised", changes) for case, changes in _RAISED.items()),
-    *(_motion("11b", f"11b-{value}", {"frequency": value}, effort=1.5) for value in (0.57, 0.81)),
+    *(_motion("11b", f"11b-{value}", {"frequency": value}, effort=1.5) for value in (0.61, 0.81)),
     # The sets of figures 27 and 13 have the same numbers but for the second harmonic.
     _branches("27", "13-dual", changes={_AMPLITUDE: 0.25}),
     _motion("15", "15-0.4", {"frequency": 0.4}, effort=2.0),

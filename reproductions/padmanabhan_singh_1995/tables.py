@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import gapwalk as gw
 
 _HUB, _NORMALIZING, _GAP = 0.01, 100.0, 0.05  # kg m^2, rad/s, rad: any other choice gives the same numbers
 _FLYWHEEL, _REST = 1.5, 1.2  # I1/I2 and I3/I2, as K21/K11 = Ia/I2 = 0.6 and K12/K22 = Ib/I2 = 0.6/1.1 demand
+
+
+def _quantity(value: float, unit: str) -> Any:
+    """Write a number with a unit, which the parts of trains take as well as plain numbers."""
+    return f"{value!r} {unit}"
 
 
 def consistent_machine() -> gw.System:
@@ -22,31 +28,31 @@ def consistent_machine() -> gw.System:
     w, torque = _NORMALIZING, _FLYWHEEL * _HUB * _GAP * _NORMALIZING**2
     return gw.train.Train(
         inertias=[
-            gw.train.Inertia("flywheel", f"{_FLYWHEEL * _HUB!r} kg m^2"),
-            gw.train.Inertia("hub", f"{_HUB!r} kg m^2"),
-            gw.train.Inertia("rest", f"{_REST * _HUB!r} kg m^2"),
+            gw.train.Inertia("flywheel", _quantity(_FLYWHEEL * _HUB, "kg m^2")),
+            gw.train.Inertia("hub", _quantity(_HUB, "kg m^2")),
+            gw.train.Inertia("rest", _quantity(_REST * _HUB, "kg m^2")),
         ],
         shafts=[
             gw.train.Shaft(
                 "clutch",
                 ("flywheel", "hub"),
-                stiffness=f"{k11 * first * w**2!r} N m/rad",
-                damping=f"{c11 * first * w!r} N m s/rad",
-                stages=[gw.Stage(f"{_GAP!r} rad", f"{row.n[0] * first * w**2!r} N m/rad")],
+                stiffness=_quantity(k11 * first * w**2, "N m/rad"),
+                damping=_quantity(c11 * first * w, "N m s/rad"),
+                stages=[gw.Stage(_quantity(_GAP, "rad"), _quantity(row.n[0] * first * w**2, "N m/rad"))],
                 law="hunt-crossley",
-                impact_damping=f"{row.beta / (w * _GAP)!r} s/rad",
+                impact_damping=_quantity(row.beta / (w * _GAP), "s/rad"),
             ),
             gw.train.Shaft(
                 "shaft",
                 ("hub", "rest"),
-                stiffness=f"{k22 * last * w**2!r} N m/rad",
-                damping=f"{c22 * last * w!r} N m s/rad",
+                stiffness=_quantity(k22 * last * w**2, "N m/rad"),
+                damping=_quantity(c22 * last * w, "N m s/rad"),
             ),
         ],
-        mean={"flywheel": f"{row.mean[0] * torque!r} N m"},
+        mean={"flywheel": _quantity(row.mean[0] * torque, "N m")},
         reaction="rest",
-        harmonics=[gw.Harmonic(f"{row.excitation * torque!r} N m", acts_on={"flywheel": 1.0})],
-        frequency=f"{row.frequency * w!r} rad/s",
+        harmonics=[gw.Harmonic(_quantity(row.excitation * torque, "N m"), acts_on={"flywheel": 1.0})],
+        frequency=_quantity(row.frequency * w, "rad/s"),
     ).system()
 
 

@@ -319,9 +319,10 @@ _LOW = 0.5  # below it the frequencies are low
 
 @claim("6-apart", "Under a light mean load the models differ considerably, most at low frequencies.", *_FREQUENCIES)
 def _differ_low(*results: gw.Result) -> Finding:
-    """Over the frequencies below 1.9: the amplitudes of period 1 of rows 5 and 6; heavy load beside it."""
+    """The amplitudes of period 1 of rows 5 and 6, and of the heavy load of figure 4 for comparison."""
+    light, heavy = results[:2], results[2:]
     low, high = (
-        [_largest(*pair, *within) for pair in (results[:2], results[2:])] for within in ((0.15, _LOW), (_BEYOND, 1.9))
+        [_largest(pair[0], pair[1], *within) for pair in (light, heavy)] for within in ((0.15, _LOW), (_BEYOND, 1.9))
     )
     return Finding(
         low[0] > 0.2 and low[0] > max(*low[1:], *high),

@@ -245,7 +245,7 @@ def _lower_amplitude(single: gw.Result, dual: gw.Result) -> Finding:
 def _third_harmonic(single: gw.Result, dual: gw.Result) -> Finding:
     """The highest of them is compared; a peak that does not rise so far makes it a statement in kind."""
     one, two = (_order_peaks(main_branch(each)) for each in (single, dual))
-    rises = {order: two[order].height / one[order].height for order in (2, 3, 4) if one[order] and two[order]}
+    rises = {order: b.height / a.height for order in (2, 3, 4) if (a := one[order]) and (b := two[order])}
     lowest = min(rises, key=lambda order: rises[order])
     tops = [max(peak.height for peak in peaks(main_branch(each), 0.15, 0.36)) for each in (single, dual)]
     return Finding(

@@ -21,7 +21,7 @@ def _quasi_newton(result: gw.Result) -> Finding:
     """Broyden's method on figure 13, with the exact Jacobian of one orbit as the first guess for the next."""
     branch = main_branch(result)
     points = [branch.points[i] for i in np.linspace(0, len(branch.points) - 1, _PLACES + 1).astype(int)]
-    errors, wrong, failed = [], [], 0
+    apart, wrong, failed = [], [], 0
     for before, point in pairwise(points):
         jacobian = _broyden(point.orbit, _monodromy(before.orbit) - np.eye(4))
         if jacobian is None:
@@ -29,14 +29,14 @@ def _quasi_newton(result: gw.Result) -> Finding:
             continue
         found = float(np.abs(np.linalg.eigvals(jacobian + np.eye(4))).max())
         exact = float(np.abs(point.orbit.multipliers).max())
-        errors.append(abs(found - exact))
+        apart.append(abs(found - exact))
         wrong += [f"{found:.3f} for {exact:.3f}"] if (found - 1.0) * (exact - 1.0) < 0.0 else []
     return Finding(
         bool(wrong),
-        f"stability wrong at {len(wrong)} of {len(errors)} orbits ({', '.join(wrong)}), median error "
-        f"{np.median(errors):.2g}",
+        f"stability wrong at {len(wrong)} of {len(apart)} orbits ({', '.join(wrong)}), median error "
+        f"{np.median(apart):.2g}",
         f"it does not converge at {failed} more",
-        short=f"wrong at {len(wrong)} of {len(errors)}" if len(wrong) < 0.5 * len(errors) else "",
+        short=f"wrong at {len(wrong)} of {len(apart)}" if len(wrong) < 0.5 * len(apart) else "",
     )
 
 

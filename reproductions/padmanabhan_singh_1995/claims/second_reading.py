@@ -53,6 +53,7 @@ _ROW_12 = (
     "14-jump",
     "14-second",
     "20-peak",
+    "21-folds",
     "22-flips",
     "22-additional",
 )

@@ -26,7 +26,9 @@ def test_its_numbers_are_those_of_the_tables_but_for_four_that_they_contradict()
 
 
 def test_the_reading_changes_two_dampers() -> None:
-    assert {name: round(other, 4) for name, (_, other) in CHANGES["machine"].number.changed.items()} == {
+    number = CHANGES["machine"].number
+    assert number is not None
+    assert {name: round(other, 4) for name, (_, other) in number.changed.items()} == {
         "C21": 0.024,
         "C12": 0.0327,
     }
