@@ -24,7 +24,7 @@ demo: $(STAMP)  ## walk the branches of the clutch example, into out/
 	@mkdir -p out
 	$(VENV)/bin/gapwalk run examples/clutch.toml --output out/clutch.gapwalk --force
 
-paper: $(STAMP)  ## reproduce the figures and claims of Padmanabhan and Singh (1995), into out/paper (FIG=13: one)
+paper: $(STAMP)  ## reproduce Padmanabhan and Singh (1995) on one page, out/paper/index.html (FIG=13: one figure); goes on where it stopped
 	$(PY) -m reproductions.padmanabhan_singh_1995 $(FIG) --output out/paper
 
 explore: $(STAMP)  ## open the examples in the browser (copies of them, in out/)

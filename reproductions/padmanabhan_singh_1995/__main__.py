@@ -8,6 +8,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: the matrices
 
 import argparse
 import json
+import math
 import signal
 import sys
 from collections.abc import Sequence
@@ -15,14 +16,17 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import gapwalk as gw
-from reproductions.padmanabhan_singh_1995.claims import CLAIMS, claims_about
+from reproductions.padmanabhan_singh_1995.claims import CLAIMS, claims_about, counts
 from reproductions.padmanabhan_singh_1995.figures import FIGURES, find_figure
 from reproductions.padmanabhan_singh_1995.jobs import USUAL, Reading
 from reproductions.padmanabhan_singh_1995.page import claims_page, document, html_page, with_counts
 from reproductions.padmanabhan_singh_1995.report import Report, reproduce
+from reproductions.padmanabhan_singh_1995.today import TODAY
 
 DONE, BAD_INPUT, FAILED, INTERRUPTED = 0, 2, 3, 130
 _FOLDER = Path("out/paper")
+_ROOT = Path(__file__).resolve().parents[2]
+_COUNTED = ("README.md", "docs/explanation/validation.md")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -34,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if asked.list:
             return _list(asked.json)
-        return _write_claims(asked) if asked.claims else _draw(asked)
+        return _draw(asked)
     except gw.errors.GapwalkError as error:
         if asked.debug:
             raise
@@ -43,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(json.dumps({"error": {"type": type(error).__name__, "message": str(error)}}))
         return FAILED if isinstance(error, gw.errors.NumericalError) else BAD_INPUT
     except KeyboardInterrupt:
-        print("interrupted; the same command resumes", file=sys.stderr)
+        print("interrupted; what is done is kept, and the same command resumes", file=sys.stderr)
         return INTERRUPTED
 
 
@@ -54,15 +58,12 @@ def _parser() -> argparse.ArgumentParser:
         "computed is kept: the same command resumes, and computes nothing twice.",
     )
     add = parser.add_argument
-    add("figures", nargs="*", help="figures, or parts of them, such as 13 or 20a; by default all, with a page")
+    add("figures", nargs="*", help="figures, or parts of them, such as 13 or 20a; by default all")
     add("--list", action="store_true", help="list the figures")
     add("--slope", choices=list(gw.paper.SlopeReading), default=USUAL.slope, help="how the second slope is read")
     add("--damping", choices=list(gw.paper.DampingReading), default=USUAL.damping, help="how impact damping is read")
     add("--output", type=Path, help=f"folder of pictures, results and tables; by default {_FOLDER}, none with --json")
-    add(
-        "--claims", type=Path, help="check all that the paper says, and write this page in Markdown; no figure is drawn"
-    )
-    add("--counts", type=Path, nargs="+", default=[], help="with --claims: files in which the counts are replaced")
+    add("--docs", action="store_true", help="write the page, its summary and the counts into the documentation as well")
     add("--workers", type=int, help="number of processes; by default one for each core")
     add("--force", action="store_true", help="compute everything again")
     add("--json", action="store_true", help="print one JSON document; of several figures, a list")
@@ -83,9 +84,14 @@ def _list(as_json: bool) -> int:
 def _draw(asked: argparse.Namespace) -> int:
     """Draw the figures that are asked for; an unknown one is refused before anything is computed."""
     reading = Reading(gw.paper.SlopeReading(asked.slope), gw.paper.DampingReading(asked.damping))
-    figures = [find_figure(name) for name in asked.figures] or list(FIGURES)
+    if asked.docs and (asked.figures or asked.json or reading != USUAL):
+        raise gw.errors.ModelError(
+            "the documentation has all figures at the printed numbers: write --docs without figures, --slope, "
+            "--damping and --json"
+        )
+    figures = [find_figure(name) for name in asked.figures] or [*FIGURES, *TODAY]
     numbers = dict.fromkeys(figure.number for figure in figures)
-    claims = [claim for number in numbers for claim in claims_about(number)] if asked.figures else CLAIMS
+    claims = tuple(claim for number in numbers for claim in claims_about(number)) if asked.figures else CLAIMS
     if reading != USUAL:  # claims name their own readings: they belong to the report of the default one
         claims = ()
     folder = asked.output or (None if asked.json else _FOLDER)
@@ -102,34 +108,30 @@ def _draw(asked: argparse.Namespace) -> int:
         )
     if asked.json:
         print(json.dumps(document(report, whole=not asked.figures), allow_nan=False))
-    else:
+    elif asked.figures:
         _print(report, folder)
-    if folder is not None and not asked.figures:
-        page = folder / f"index{reading.suffix}.html"
-        _write(page, html_page(report))
+    else:
+        found = counts([outcome for _, outcome in report.checked])
+        classes = (f"{count} {each}" for each, count in found.classes.items() if count)
+        print(f"{found.statements} statements of the paper: {'; '.join(classes)}")
+    if folder is not None:
+        name = f"figure-{'-'.join(figure.name for figure in figures)}" if asked.figures else "index"
+        page = folder / f"{name}{reading.suffix}.html"
+        _write(page, html_page(report, folder))
+        if asked.docs:
+            _write_docs(report, page)
         if not asked.json:
-            print(f"all of it as a page: {page}")
+            print(f"all of it is on one page: {page}" if not asked.figures else f"the page: {page}")
     return _code(report)
 
 
-def _write_claims(asked: argparse.Namespace) -> int:
-    report = reproduce(
-        (),
-        CLAIMS,
-        USUAL,
-        asked.output or _FOLDER,
-        draw=False,
-        force=asked.force,
-        cores=asked.workers,
-        progress=_show,
-    )
-    _write(asked.claims, claims_page(report.checked, report.trades))
-    print(f"written: {asked.claims}")
-    verdicts = [outcome.verdict for _, outcome in report.checked]
-    for path in asked.counts:
-        _write(path, with_counts(path.read_text(encoding="utf-8"), verdicts))
-        print(f"written: {path}")
-    return _code(report)
+def _write_docs(report: Report, page: Path) -> None:
+    """Write what the documentation has of a whole report: the page, its summary, and the counts of verdicts."""
+    _write(_ROOT / "docs/_static/padmanabhan_singh_1995.html", page.read_text(encoding="utf-8"))
+    _write(_ROOT / "docs/explanation/paper.md", claims_page(report.checked))
+    for name in _COUNTED:
+        text = (_ROOT / name).read_text(encoding="utf-8")
+        _write(_ROOT / name, with_counts(text, [outcome for _, outcome in report.checked]))
 
 
 def _print(report: Report, folder: Path | None) -> None:
@@ -142,13 +144,22 @@ def _print(report: Report, folder: Path | None) -> None:
                 result = report.results[job.key]
                 print(f"  {job.key}: {result if result.diagram is None else result.diagram!r}")
         for claim, outcome in report.about(figure):
-            print(f"  {outcome}: {claim.says} ({outcome.evidence})")
+            print(f"  {claim.name}: {outcome}: {claim.says} ({outcome.line})")
         if folder is not None and figure.name in report.pictures:
             print(f"  written: {', '.join(str(folder / name) for name in report.pictures[figure.name])}")
 
 
-def _show(what: str, name: str, done: int, total: int) -> None:
-    print(f"{what} {done} of {total}: {name}", file=sys.stderr)
+def _show(what: str, name: str, done: int, total: int, left: float) -> None:
+    """Print a line on what goes on; the first line of each kind comes before anything is done."""
+    if not name:
+        line = f"{total} {what}" + ("; Ctrl-C stops, and the same command resumes" if what == "studies" else "")
+    else:
+        line = f"{what} {done} of {total}: {name}" + ("" if math.isnan(left) else f", about {_words(left)} left")
+    print(line, file=sys.stderr, flush=True)
+
+
+def _words(seconds: float) -> str:
+    return f"{round(seconds / 60)} min" if seconds > 90 else f"{max(10, 10 * round(seconds / 10))} s"
 
 
 def _write(path: Path, text: str) -> None:

@@ -1,63 +1,48 @@
-"""The figures of the paper as data: their panels, and the jobs that these show."""
+"""The figures of the paper as data: their panels, the jobs that these show, and what the paper says drawn in."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from typing import TYPE_CHECKING
+from typing import Any
 
 import gapwalk as gw
-from reproductions.padmanabhan_singh_1995.jobs import JOBS, USUAL, Job, Reading
+from reproductions.padmanabhan_singh_1995.jobs import CHANGES, JOBS, USUAL, Job, Reading
 from reproductions.padmanabhan_singh_1995.panels import (
     Balance,
-    Contrast,
+    Fact,
+    ForceLoop,
+    History,
     Hysteresis,
+    Isolated,
     Loops,
-    Motion,
+    Machine,
     Overlay,
     Panel,
-    Record,
     Response,
+    Section,
+    Spectrum,
+    Torque,
+    Within,
 )
 from reproductions.padmanabhan_singh_1995.quantities import IMPACT, VISCOUS
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Picture
 
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A figure of the paper, in one reading.
+    """A figure of the paper, in one reading."""
 
-    Parameters
-    ----------
-    name
-        Its number; with a letter if it is only a part, such as ``20a``.
-    caption
-        What is to be seen, in our words.
-    panels
-        Its panels, row by row.
-    columns
-        Number of columns.
-    kind
-        What it shows, in two or three words.
-    reading
-        How the paper is read.
-    """
-
-    name: str
-    caption: str
+    name: str  #: Its number; with a letter if it is only a part, such as ``20a``.
+    caption: str  #: What is to be seen, in our words.
     panels: tuple[Panel, ...]
-    columns: int = 1
-    kind: str = "frequency response"
-    reading: Reading = USUAL
+    kind: str = "frequency response"  #: What it shows, in two or three words.
+    reading: Reading = USUAL  #: How the paper is read.
 
     @property
     def number(self) -> int:
-        """Its number in the paper."""
-        return int(self.name.rstrip("abcdefgh"))
+        """Its number in the paper; 0 for what the paper does not have."""
+        return int(self.name.rstrip("abcdefgh")) if self.name[0].isdigit() else 0
 
     @property
     def jobs(self) -> tuple[Job, ...]:
@@ -66,13 +51,16 @@ class Figure:
         return tuple({job.key: job for job in jobs}.values())
 
     def jobs_of(self, panel: Panel) -> tuple[Job, ...]:
-        """Return the jobs that one panel shows, in this reading."""
-        return tuple(JOBS[key].at(self.reading) for key in panel.jobs)
+        """Return the jobs that one panel shows, in its reading or in that of the figure."""
+        usual = [JOBS[key] for key in panel.jobs]
+        jobs = [job.at(panel.reading or self.reading) for job in usual]
+        short = panel.short and panel.reading is not None
+        return tuple(b.shortest if short and b != a else b for a, b in zip(usual, jobs, strict=True))
 
-    @property
-    def file_name(self) -> str:
-        """How its files are called; a reading that is not the default stands at the end."""
-        return f"figure-{self.name}{self.reading.suffix}"
+    def file_name(self, panel: Panel) -> str:
+        """Return the name of the picture of a panel; a reading that is not the default stands at the end."""
+        place = panel.letter or f"-{self.panels.index(panel) + 1}"
+        return f"figure-{self.number or self.name}{place}{self.reading.suffix}.png"
 
     @property
     def notes(self) -> dict[str, str]:
@@ -81,156 +69,245 @@ class Figure:
         return {case: note for case in cases if (note := gw.paper.describe(case))}
 
     def at(self, reading: Reading) -> Figure:
-        """Return the figure in another reading."""
-        return replace(self, reading=reading)
+        """Return the figure in another reading, without the panels that have one of their own."""
+        if reading == USUAL:
+            return self
+        panels = tuple(panel for panel in self.panels if panel.reading is None)
+        return replace(self, reading=reading, panels=panels)
 
     def part(self, letter: str) -> Figure:
         """Return the figure with the panel of one letter only."""
         panels = tuple(panel for panel in self.panels if panel.letter == letter)
-        return replace(self, name=f"{self.number}{letter}", panels=panels, columns=1)
-
-    def draw(self, results: Mapping[str, gw.Result]) -> Picture:
-        """Draw it from the results of its jobs, by their keys."""
-        shown = [[results[job.key] for job in self.jobs_of(panel)] for panel in self.panels]
-        view = type(self.panels[0])
-        size = view.size(len(self.panels), self.columns)
-        with gw.plot.figure(*size, f"Figure {self.name}. {self.caption}") as picture:
-            view.fill(picture, self.panels, shown, self.columns)
-        return picture
+        return replace(self, name=f"{self.number}{letter}", panels=panels)
 
 
-Within = tuple[float, float]
+def _response(job: str, title: str = "response", letter: str = "a", within: Within | None = None, **more: Any) -> Panel:
+    return Response(title=title, jobs=(job,), letter=letter, within=within, **more)
 
 
-def _response(job: str, title: str = "response", letter: str = "a", within: Within | None = None) -> Panel:
-    return Response(title=title, jobs=(job,), letter=letter, within=within)
+def _loops(job: str, title: str, letter: str = "", within: Within | None = None, **more: Any) -> Panel:
+    return Loops(title=title, jobs=(job,), letter=letter, within=within, **more)
 
 
-def _loops(job: str, title: str, letter: str = "", within: Within | None = None) -> Panel:
-    return Loops(title=title, jobs=(job,), letter=letter, within=within)
+def _overlay(letter: str, title: str, within: Within, jobs: dict[str, str], **more: Any) -> Panel:
+    return Overlay(title=title, jobs=tuple(jobs.values()), names=tuple(jobs), letter=letter, within=within, **more)
 
 
-def _overlay(letter: str, title: str, within: Within, **jobs: tuple[str, str]) -> Panel:
-    first, second = jobs["first"], jobs["second"]
-    return Overlay(title=title, jobs=(first[0], second[0]), letter=letter, within=within, names=(first[1], second[1]))
+def _settled(job: str, at: str = "", reading: Reading | None = None) -> tuple[Panel, ...]:
+    """History, spectrum and section of q1."""
+    more: Any = {"jobs": (job,), "at": at, "reading": reading}
+    return (
+        History(title="history of q1", letter="a", periods=16, **more),
+        Spectrum(title="spectrum", letter="b", within=(0.0, 4.0), **more),
+        Section(title="section, once every forcing period", letter="c", **more),
+    )
 
 
-def _two_cases(name: str, caption: str, first: tuple[str, str], second: tuple[str, str]) -> Figure:
-    """Two frequency responses next to each other, and under each of them its loops, which the paper leaves out."""
+def _impacts(job: str, *others: Panel) -> tuple[Panel, ...]:
+    """Loop, history and spectrum of the force where the contact opens; the history at the printed numbers."""
+    more: Any = {"jobs": (job,), "reading": _MORE}
+    harmonics = (Fact("paper: at least 10 to 12 lines", 10.0, 12.0),) if job == "5" else ()
+    return (
+        ForceLoop(title="force over the twist", letter="a", **more),
+        History(title="history of the force", letter="b", signal="stage2", **more),
+        Spectrum(title="its spectrum", letter="c", within=(0.0, 26.0), signal="stage2", facts=harmonics, **more),
+        History(title="at the printed numbers the contact stays closed", jobs=(job,), signal="stage2"),
+        *others,
+    )
+
+
+def _over_amplitude(
+    name: str, caption: str, job: str, facts: tuple[Fact, ...] = (), *more: Panel, kind: type[Response] = Isolated
+) -> Figure:
     panels = (
-        _response(*first, letter="a"),
-        _response(*second, letter="b"),
-        _loops(first[0], f"all periods of a: {first[1]}"),
-        _loops(second[0], f"all periods of b: {second[1]}"),
+        kind(title="motions of period 1", jobs=(job,), letter="a", facts=facts),
+        _loops(job, "states once every period", "b", most=1 if kind is Isolated else 2),
+        *more,
     )
-    return Figure(name, caption, panels, columns=2)
-
-
-def _motion(name: str, job: str, caption: str) -> Figure:
-    return Figure(name, caption, (Motion(title="settled motion", jobs=(job,)),), kind="settled motion")
-
-
-def _contrast(name: str, caption: str, jobs: tuple[str, str], force: str, acceleration: str) -> Figure:
-    """Force and acceleration of both damping models; each has the letter of its panel."""
-    panels = tuple(
-        Contrast(title=f"both models: {signal}", jobs=jobs, letter=letter, names=(VISCOUS, IMPACT), signal=signal)
-        for letter, signal in sorted({force: "stage2", acceleration: "q1''"}.items())
-    )
-    return Figure(name, caption, panels, kind="two motions")
-
-
-def _over_amplitude(name: str, caption: str, job: str, loops: str = "states") -> Figure:
-    panels = (_response(job, "motions of period 1"), _loops(job, loops, "b"))
     return Figure(name, caption, panels, kind="diagram over the amplitude")
 
 
-_LAWS = (
-    Hysteresis(title="Dubowsky and Freudenstein: the contact pulls at the end", jobs=(), letter="a", law=VISCOUS),
-    Hysteresis(title="Hunt and Crossley: no force where the bodies part", jobs=(), letter="b", law=IMPACT),
-)
-_RECORDS = (
-    Record(title="computed with impact damping", jobs=("8-impact", "8-record"), letter="a"),
-    Record(title="computed with viscous damping", jobs=("8-viscous", "8-record"), letter="b"),
-)
-_BALANCES = (
-    Balance(title="κ = 0.1", jobs=("9a", "9a-balance"), letter="a"),
-    Balance(title="κ = 0.4", jobs=("9b", "9b-balance"), letter="b"),
-    _loops("9a", "all periods of a: κ = 0.1"),
-    _loops("9b", "all periods of b: κ = 0.4"),
-)
+_MORE = CHANGES["te1-0.37"]
+_FOUR = CHANGES["te1-0.338"]
+_LESS_DAMPING = CHANGES["c11-0.025"]
+_RULE = CHANGES["matched"]
+_TENTH = CHANGES["beta-0.1"]
+_EXCHANGED = CHANGES["exchanged"]
+_ALONE = CHANGES["k11-0"]
+
+_HALF = Fact("paper: half the main peak", 0.5, of_peak="share")
+_PARTS = tuple(Fact(f"1/{part}", 1.0 / part, of_peak="share") for part in (4, 3, 2))
+_SMALL = (0.15, 0.35)
+_NOTHING = Fact("paper: nothing found", 0.3, 0.45)
+_SCALE: Any = {"heights": (0.1, 50.0), "log": True}
+_LAWS = {VISCOUS: "4b", IMPACT: "4a"}
+_BEYOND = (0.75, 1.8)
 _SUPERHARMONIC = ("about the superharmonic resonance", (0.24, 0.36))
-_IN_PHASE = ("20a", "φ = 0")
-
-
-def _soft_clutch(job: str) -> tuple[Panel, ...]:
-    low = _response(job, "low frequencies", "b", (0.15, 0.45))
-    return _response(job), low, _loops(job, "all periods")
-
+_RAISED = ("7-viscous-raised", "7-impact-raised")
+_VERY_LOW = "Tm1 = Tm2 = 0.05, Ω = 0.35"
+_BOTH: Any = {"jobs": _RAISED, "names": (VISCOUS, IMPACT), "reading": _MORE}
+_LOW = ("low frequencies", (0.15, 0.42))
 
 FIGURES = (
     Figure(
         "1",
         "Contact force under a harmonic deflection: with a damper while the bodies touch, and with impact damping of "
         "the same loss.",
-        _LAWS,
-        columns=2,
+        (
+            Hysteresis(title="Dubowsky and Freudenstein: it pulls at the end", letter="a", law=VISCOUS),
+            Hysteresis(title="Hunt and Crossley: no force where the bodies part", letter="b", law=IMPACT),
+        ),
         kind="force law",
     ),
-    _contrast(
-        "3", "Accelerations and contact forces of both damping models at Ω = 1.5.", ("3-viscous", "3-impact"), "b", "a"
+    Figure(
+        "2",
+        "The machine: flywheel, clutch hub and the rest of the driveline; the torque of a clutch of two stages.",
+        (Machine(title="three inertias in line", letter="a"), Torque(title="torque of the clutch", letter="b")),
+        kind="model",
     ),
-    _two_cases(
+    Figure(
+        "3",
+        "A start from rest with both damping models at Ω = 1.5. Triangles mark where the second stage closes.",
+        tuple(
+            History(
+                title=title,
+                jobs=("3-viscous", "3-impact"),
+                names=(VISCOUS, IMPACT),
+                letter=letter,
+                signal=signal,
+                periods=16,
+                from_rest=True,
+                facts=facts,
+            )
+            for letter, signal, title, facts in (
+                ("a", "q1''", "acceleration of q1", ()),
+                ("b", "stage2", "force of the second stage", (Fact("paper: one impact in two periods", 2.0, 4.0),)),
+            )
+        ),
+        kind="two motions",
+    ),
+    Figure(
         "4",
-        "Pure backlash under a heavy mean load, with impact damping and with viscous damping.",
-        ("4a", "impact damping"),
-        ("4b", "viscous damping"),
+        "Pure backlash under a heavy mean load, with impact damping and with viscous damping, on one scale.",
+        (
+            _response("4a", "impact damping, β = 0.075", "a", **_SCALE),
+            _response("4b", "viscous damping", "b", **_SCALE),
+            _response("4a", "impact damping, β by the paper's rule", "", reading=_RULE, **_SCALE),
+            _overlay("", "beyond the first resonance, β = 0.075", _BEYOND, _LAWS),
+            _overlay("", "beyond the first resonance, β by the paper's rule", _BEYOND, _LAWS, reading=_RULE),
+            _loops("4a", "period 2, β by the paper's rule", "", (0.58, 0.76), reading=_RULE, most=2),
+            _loops("4b", "period 2, viscous damping", "", (0.58, 0.76), most=2),
+        ),
     ),
-    _motion(
+    Figure(
         "5",
-        "5-near",
-        "Impact damping near Ω = 0.17: four peaks of the contact force on one side, then one on the other. At the "
-        "printed loads the contact stays closed.",
+        "Impact damping at Ω = 0.17. At the printed loads the contact stays closed; with Te1 = 0.37 it opens.",
+        _impacts(
+            "5",
+            History(
+                title="four peaks, then a touch on the other side", jobs=("5-start",), signal="stage2", reading=_FOUR
+            ),
+        ),
+        kind="settled motion",
     ),
-    _motion("6", "6-near", "Viscous damping at the place of figure 5: impacts on one side only."),
-    _contrast(
+    Figure(
+        "6",
+        "Viscous damping at Ω = 0.17, under the loads of figure 5.",
+        _impacts("6"),
+        kind="settled motion",
+    ),
+    Figure(
         "7",
-        "Both damping models at the place of figure 5, with damping so high that their forces are alike.",
-        ("7-viscous-near", "7-impact-near"),
-        "a",
-        "c",
+        "Both damping models at Ω = 0.17 with more damping, such that their forces are alike.",
+        (
+            History(title="force of the second stage", letter="a", signal="stage2", **_BOTH),
+            Spectrum(title="its spectrum", letter="b", within=(0.0, 16.0), signal="stage2", **_BOTH),
+            *(
+                History(
+                    title=f"acceleration of q1, {name}",
+                    letter=letter,
+                    jobs=(job,),
+                    names=(name,),
+                    reading=_MORE,
+                    periods=2,
+                    signal="q1''",
+                )
+                for letter, job, name in (("c", _RAISED[1], IMPACT), ("d", _RAISED[0], VISCOUS))
+            ),
+        ),
+        kind="two motions",
     ),
     Figure(
         "8",
-        "Acceleration u3'' of the third inertia under a very low mean load, and of a SYNTHETIC record: the measured "
-        "one of the paper is not printed as numbers.",
-        _RECORDS,
-        kind="motion and a record",
+        "The measured acceleration is a curve in the paper, which the scan has lost: there is nothing left to compare "
+        "with. Here is what both models give at a very low mean load.",
+        tuple(
+            History(
+                title=name,
+                letter=letter,
+                jobs=(job,),
+                names=(name,),
+                at=_VERY_LOW,
+                periods=4,
+                signal="u3''",
+            )
+            for letter, job, name in (("a", "8-impact", IMPACT), ("", "8-viscous", VISCOUS))
+        ),
+        kind="settled motion",
     ),
-    Figure("9", "Shooting (lines) and harmonic balance (circles) give the same responses.", _BALANCES, columns=2),
-    _two_cases(
+    Figure(
+        "9",
+        "Shooting (lines) and harmonic balance (circles) give the same responses.",
+        (
+            Balance(title="κ = 0.1", jobs=("9a", "9a-balance"), letter="a"),
+            Balance(title="κ = 0.4", jobs=("9b", "9b-balance"), letter="b"),
+        ),
+    ),
+    Figure(
         "10",
         "Pure backlash: a stiff second stage, and one that is a fifth softer.",
-        ("4a", "n1 = 1"),
-        ("10b", "n1 = 0.8"),
+        (
+            _response("4a", "n1 = 1", "a"),
+            _response("10b", "n1 = 0.8", "b"),
+            _response("4a", "n1 = 1", "", reading=_TENTH),
+            _response("10b", "n1 = 0.8", "", reading=_TENTH),
+        ),
     ),
-    _two_cases(
+    Figure(
         "11",
-        "Resonances at two distances from each other; the numbers of both sets are damaged in the scan.",
-        ("11a", "K12 = 0.3"),
-        ("11b", "K12 = 0.06"),
+        "Resonances at two distances from each other. The numbers of both sets are damaged in the scan.",
+        (
+            _response(
+                "11a",
+                "K12 = 0.3",
+                "a",
+                facts=(Fact("paper: stable", 0.5, 0.7), Fact("0.6 further", 0.6, of_peak="beyond")),
+            ),
+            _response(
+                "11b",
+                "n1 and n2 exchanged",
+                "b",
+                reading=_EXCHANGED,
+                facts=(Fact("paper: pair", 0.5, 0.7), Fact("0.8 further", 0.8, of_peak="beyond")),
+            ),
+        ),
     ),
     Figure(
         "12",
         "A heavily loaded clutch: jumps, and no motion of a longer period.",
-        (_response("12"), _loops("12", "states")),
+        (
+            _response("12"),
+            _response("12", "the first resonance", "", (0.55, 0.68)),
+            _response("12", "the first resonance", "", (0.55, 0.68), reading=_LESS_DAMPING),
+        ),
     ),
     Figure(
         "13",
         "Half the mean load of figure 12 on the clutch: periods double about the second resonance and beside the jump.",
         (
-            _response("13"),
-            _loops("13", "about the second resonance", "b", (1.14, 1.36)),
-            _loops("13", "beside the jump", within=(0.58, 0.84)),
+            _response("13", facts=(Fact("paper: flips 0.62 to 0.85", 0.62, 0.85),)),
+            _loops("13", "period 2 about the second resonance", "b", (1.14, 1.36), most=2),
+            _loops("13", "period 2 beside the jump", "", (0.58, 0.84), most=2),
         ),
     ),
     Figure(
@@ -238,8 +315,8 @@ FIGURES = (
         "As figure 13, with twice the mean load on the shaft: fewer doublings.",
         (
             _response("9a"),
-            _loops("9a", "about the second resonance", "b", (1.2, 1.36)),
-            _loops("9a", "beside the jump", within=(0.58, 0.84)),
+            _loops("9a", "period 2 about the second resonance", "b", (1.2, 1.36), most=2),
+            _loops("9a", "period 2 beside the jump", "", (0.58, 0.84), most=2),
         ),
     ),
     Figure(
@@ -250,52 +327,116 @@ FIGURES = (
     Figure(
         "16",
         "The loops of figure 15: doubled periods, and doubled once more.",
-        (_loops("15", "high frequencies", "a", (0.9, 1.4)), _loops("16", "low frequencies", "b", (0.3, 0.5))),
+        (
+            _loops("16-high", "high frequencies", "a", (1.05, 1.25), most=2),
+            _loops("16", "low frequencies", "b", (0.38, 0.43), most=2),
+            _loops("16", "b with period 4", "", (0.38, 0.43)),
+        ),
     ),
-    _motion("17", "17-near", "Period 3 at Ω = 0.864. At 0.63, as the paper has it, only period 1 was found."),
-    _motion("18", "18-near", "Quasi-periodic at Ω = 0.855. At 0.634, as the paper has it, only period 1 was found."),
-    _motion("19", "19-near", "Chaotic at Ω = 0.833. At 0.636, as the paper has it, only period 1 was found."),
-    _two_cases(
+    Figure(
+        "17",
+        "Period 3 at Ω = 0.63 without the first stage (K11 = 0). With it only period 1 was found.",
+        (
+            *_settled("17-start", reading=_ALONE),
+            History(title="at the printed numbers: period 1", jobs=("17",), periods=16),
+        ),
+        kind="settled motion",
+    ),
+    Figure(
+        "18",
+        "A quasi-periodic motion, which the clutch has at Ω = 0.855. At 0.634 it has period 1; without the first stage "
+        "(K11 = 0) it is chaotic there.",
+        (
+            *_settled("18-near", "at Ω = 0.855"),
+            Section(title="section without the first stage: chaos", jobs=("18-start",), reading=_ALONE),
+        ),
+        kind="settled motion",
+    ),
+    Figure(
+        "19",
+        "Chaos at Ω = 0.636 without the first stage (K11 = 0). With it only period 1 was found.",
+        (
+            *_settled("19-start", reading=_ALONE),
+            History(title="at the printed numbers: period 1", jobs=("19",), periods=16),
+        ),
+        kind="settled motion",
+    ),
+    Figure(
         "20",
         "A second harmonic of the excitation, in phase and 120 degrees ahead.",
-        _IN_PHASE,
-        ("20b", "φ = 120°"),
+        (_response("20a", "φ = 0", "a", facts=(_HALF,)), _response("20b", "φ = 120°", "b", facts=(_HALF,))),
     ),
     Figure(
         "21",
         "The responses of figure 20 laid over each other.",
-        (
-            _overlay("a", "about the first resonance", (0.45, 0.75), first=_IN_PHASE, second=("20b", "φ = 120°")),
-            _overlay("b", *_SUPERHARMONIC, first=_IN_PHASE, second=("20b", "φ = 120°")),
+        tuple(
+            _overlay(letter, title, within, {"φ = 0": "20a", "φ = 120°": "20b"})
+            for letter, title, within in (("a", "about the first resonance", (0.45, 0.75)), ("b", *_SUPERHARMONIC))
         ),
     ),
     Figure(
         "22",
         "A second harmonic in antiphase: one more range of doubled periods.",
         (
-            _response("22", "φ = 180°"),
-            _overlay("b", *_SUPERHARMONIC, first=_IN_PHASE, second=("22", "φ = 180°")),
-            _loops("22", "all periods, φ = 180°"),
+            _response("22", "φ = 180°", facts=(_HALF, Fact("paper: flips about 0.8", 0.8))),
+            _overlay("b", *_SUPERHARMONIC, {"φ = 0": "20a", "φ = 120°": "20b", "φ = 180°": "22"}),
         ),
     ),
-    _two_cases(
+    Figure(
         "23",
         "A softer clutch (κ = 0.4) under one harmonic, and with a second one at twice the frequency.",
-        ("9b", "one harmonic"),
-        ("23b", "two harmonics, Ω and 2 Ω"),
+        (
+            _response("9b", "one harmonic", "a"),
+            _response("23b", "Ω and 2 Ω", "b"),
+            _response("9b", "one harmonic, the small peaks", "", _SMALL, facts=_PARTS),
+            _response("23b", "Ω and 2 Ω, the small peaks", "", _SMALL, facts=_PARTS),
+        ),
     ),
-    Figure("24", "The clutch of figure 23 under twice the excitation.", _soft_clutch("24")),
-    Figure("25", "As figure 24, with a second harmonic at twice the frequency.", _soft_clutch("25")),
-    _two_cases(
+    Figure(
+        "24",
+        "The clutch of figure 23 under twice the excitation.",
+        (_response("24"), _response("24", _LOW[0], "b", _LOW[1])),
+    ),
+    Figure(
+        "25",
+        "As figure 24, with a second harmonic at twice the frequency.",
+        (
+            _response("25"),
+            _response("25", _LOW[0], "b", _LOW[1]),
+            _overlay(
+                "",
+                "figures 24 and 25",
+                _LOW[1],
+                {"one harmonic": "24", "Ω and 2 Ω": "25"},
+                facts=(Fact("paper: lower up to 0.25", 0.15, 0.25),),
+            ),
+        ),
+    ),
+    Figure(
         "26",
         "The clutch of figure 23 under one harmonic, and with a second one at three times the frequency.",
-        ("9b", "one harmonic"),
-        ("26b", "two harmonics, Ω and 3 Ω"),
+        (
+            _response("9b", "one harmonic", "a"),
+            _response("26b", "Ω and 3 Ω", "b"),
+            _overlay("", "low frequencies", (0.15, 0.55), {"one harmonic": "9b", "Ω and 3 Ω": "26b"}, facts=_PARTS),
+        ),
     ),
-    _over_amplitude("27", "Motions over the amplitude at Ω = 0.25, with the isolated branches.", "27"),
-    _over_amplitude("28", "As figure 27, at Ω = 0.255.", "28"),
     _over_amplitude(
-        "29", "Pure backlash at Ω = 0.35 over the amplitude: cascades of doubled periods.", "29", "all periods"
+        "27",
+        "Motions over the amplitude at Ω = 0.25, with the isolated branches.",
+        "27",
+        (_NOTHING,),
+        Isolated(title="one number changed", jobs=("27",), reading=_LESS_DAMPING),
+    ),
+    _over_amplitude(
+        "28",
+        "As figure 27, at Ω = 0.255.",
+        "28",
+        (),
+        Isolated(title="one number changed", jobs=("28",), reading=_LESS_DAMPING),
+    ),
+    _over_amplitude(
+        "29", "Pure backlash at Ω = 0.35 over the amplitude: cascades of doubled periods.", "29", kind=Response
     ),
 )
 

@@ -1,68 +1,110 @@
-"""What a run has found, written down: a page in HTML, the claims in Markdown, and documents in JSON."""
+"""What a run has found, written down: the page in HTML, a summary in Markdown for the documentation, and JSON."""
 
 from __future__ import annotations
 
+import base64
 import re
 import textwrap
-from collections import Counter
 from collections.abc import Sequence
 from html import escape
+from pathlib import Path
 from typing import Any
 
 import gapwalk as gw
-from reproductions.padmanabhan_singh_1995.claims import Claim, Outcome, Trade, Verdict
+from reproductions.padmanabhan_singh_1995.claims import Claim, Outcome, Trade, Verdict, counts
 from reproductions.padmanabhan_singh_1995.figures import Figure
-from reproductions.padmanabhan_singh_1995.panels import Hysteresis
+from reproductions.padmanabhan_singh_1995.jobs import CHANGES
+from reproductions.padmanabhan_singh_1995.panels import Hysteresis, Loops, Panel, Response
 from reproductions.padmanabhan_singh_1995.quantities import LOOPS
 from reproductions.padmanabhan_singh_1995.report import Report
 from reproductions.padmanabhan_singh_1995.tables import demands
+from reproductions.padmanabhan_singh_1995.today import CHECKED, EXPONENTS, FIFTY, exponents
 
-_LONG = 260  # letters of evidence that is shown at once
-_DEMANDS = "No one physical system has all rows: equations 10 and 11 of the paper leave these ratios no choice."
+_DEMANDS = (
+    "Equations 10 and 11 of the paper make ten numbers of each row from few: three inertias, two stiffnesses, two "
+    "dampers. So some ratios are the same in every row, whatever the machine is. The printed rows do not keep them. No "
+    "one machine has all rows, and a figure that another row would mend need not come from a fault of the method."
+)
+
+_MACHINE = (
+    "<b>The machine that keeps them.</b> With equal widths bc, I1 = 1.5 I2 and I3 = 1.2 I2 one machine has the "
+    "stiffnesses of rows 12 to 22, 27 and 28 exactly; its C21 is 0.024, its C12 0.0327, its Tm2 Tm1/0.8. Built in kg "
+    "m² and N m, it has the special points of the non-dimensional equations to four digits. It mends none of the open "
+    "figures, so that the tables contradict each other does not explain them."
+)
 
 Checked = Sequence[tuple[Claim, Outcome]]
 """Claims, and what their checks have come to."""
 
 _STYLE = """
-:root { color-scheme: light dark; --ink: #1c1c1c; --paper: #fdfdfb; --soft: #62625e; --line: #deddd6; --card: #ffffff;
-  --good: #00734f; --other: #0b56a4; --number: #6a3d9a; --why: #7a5c00; --bad: #b02a00; }
-@media (prefers-color-scheme: dark) { :root { --ink: #e6e5e0; --paper: #161715; --soft: #a5a49d; --line: #383936;
-  --card: #1e1f1d; --good: #4fc79b; --other: #7ab8f2; --number: #c3a1e8; --why: #dcb84f; --bad: #f58a6a; } }
-* { box-sizing: border-box; }
-body { margin: 0 auto; max-width: 84rem; padding: 1.5rem; color: var(--ink); background: var(--paper);
-  font: 16px/1.5 system-ui, sans-serif; }
-h1 { font-size: 1.6rem; margin: 0 0 .3rem; } h2 { font-size: 1.2rem; margin: 0 0 .5rem; }
-a { color: var(--other); } p { margin: .4rem 0; } .soft { color: var(--soft); font-size: .9rem; }
-nav { display: flex; flex-wrap: wrap; gap: .3rem .7rem; margin: 1rem 0 1.5rem; }
-section { background: var(--card); border: 1px solid var(--line); border-radius: 8px; padding: 1rem 1.2rem;
-  margin: 0 0 1.4rem; }
-img { display: block; width: 100%; height: auto; background: #fff; border-radius: 4px; margin: .6rem 0; }
-table { border-collapse: collapse; width: 100%; font-size: .88rem; } .wide { overflow-x: auto; }
-th, td { text-align: left; vertical-align: top; padding: .3rem .6rem .3rem 0; border-top: 1px solid var(--line); }
-th { color: var(--soft); font-weight: 600; } td:first-child { min-width: 9rem; }
-td.number { font-variant-numeric: tabular-nums; white-space: nowrap; }
-summary { cursor: pointer; color: var(--soft); } details { margin: .3rem 0; overflow-wrap: anywhere; }
-.good { --own: var(--good); } .other { --own: var(--other); } .by-number { --own: var(--number); }
-.why { --own: var(--why); } .bad { --own: var(--bad); }
-.verdict, p.bad { color: var(--own); font-weight: 600; }
-.counts { display: grid; grid-template-columns: repeat(auto-fit, minmax(9rem, 1fr)); gap: .6rem; margin: .8rem 0; }
-.counts div { border-left: 5px solid var(--own); padding: .1rem .6rem; }
-.counts b { display: block; font-size: 1.7rem; line-height: 1.2; color: var(--own); }
-.strip { display: flex; flex-wrap: wrap; gap: .25rem; margin: .7rem 0 .2rem; }
-.strip a { border: 1px solid var(--own); color: var(--own); border-radius: 4px; padding: 0 .35rem; font-size: .8rem;
-  text-decoration: none; }
-.beside { display: grid; grid-template-columns: minmax(0, 1.15fr) minmax(0, 1fr); gap: 0 1.6rem; align-items: start; }
-@media (max-width: 60rem) { .beside { grid-template-columns: minmax(0, 1fr); } }
-ul.claims { list-style: none; margin: 0; padding: 0; font-size: .92rem; }
-ul.claims li { border-left: 5px solid var(--own); padding: .1rem 0 .1rem .7rem; margin: .2rem 0 .9rem; }
+:root { color-scheme: light dark; --ink: #1b1c1e; --page: #f6f5f1; --soft: #5d5f63; --line: #dcdad2; --card: #ffffff;
+  --fact: #8e3b8e; --link: #0b56a4; --c0: #00694a; --c1: #4c8f2f; --c2: #0b62b5; --c3: #6b46b0; --c4: #a23c92;
+  --c5: #8a6200; --c6: #b3300c; --c7: #6a6d72; }
+@media (prefers-color-scheme: dark) { :root { --ink: #e7e6e1; --page: #131416; --soft: #a3a5a8; --line: #34363a;
+  --card: #1c1e21; --fact: #dd9be0; --link: #7db9f3; --c0: #3ec296; --c1: #93cf6c; --c2: #74b4f2; --c3: #b9a0f0;
+  --c4: #ea97d5; --c5: #dfb74c; --c6: #f58b6a; --c7: #a3a5a8; }
+  figure img { filter: invert(0.9) hue-rotate(180deg); } }
+* { box-sizing: border-box; } html { scroll-behavior: smooth; }
+body { margin: 0 auto; max-width: 80rem; padding: 1.6rem 1.5rem 3rem; color: var(--ink); background: var(--page);
+  font: 16px/1.5 system-ui, "Segoe UI", "Helvetica Neue", Arial, sans-serif; overflow-wrap: break-word; }
+h1 { font-size: 1.75rem; line-height: 1.2; margin: 0 0 .4rem; letter-spacing: -.01em; }
+h2 { font-size: 1.2rem; line-height: 1.3; margin: 0 0 .4rem; } h3 { font-size: 1rem; margin: 1rem 0 .3rem; }
+h2 a { color: inherit; text-decoration: none; }
+a { color: var(--link); } p { margin: .45rem 0; max-width: 52rem; }
+code { font: .86em ui-monospace, Menlo, Consolas, monospace; background: var(--page); border-radius: 4px;
+  padding: .1em .35em; overflow-wrap: anywhere; }
+.lead { font-size: 1.1rem; } .soft { color: var(--soft); font-size: .88rem; }
+section, article { background: var(--card); border: 1px solid var(--line); border-radius: 10px;
+  padding: 1.1rem 1.3rem; margin: 0 0 1.2rem; scroll-margin-top: .6rem; }
+article > p { margin-top: 0; }
+.c0 { --own: var(--c0); } .c1 { --own: var(--c1); } .c2 { --own: var(--c2); } .c3 { --own: var(--c3); }
+.c4 { --own: var(--c4); } .c5 { --own: var(--c5); } .c6 { --own: var(--c6); } .c7 { --own: var(--c7); }
+.bar { display: flex; gap: 2px; margin: 1rem 0 .8rem; border-radius: 7px; overflow: hidden; }
+.bar span { background: var(--own); color: var(--card); font-weight: 700; text-align: center; padding: .35rem 0;
+  min-width: 1.5rem; flex-basis: 0; }
+.classes { display: grid; grid-template-columns: repeat(auto-fill, minmax(17rem, 1fr)); gap: .55rem 1.4rem;
+  margin: 0; padding: 0; list-style: none; font-size: .9rem; line-height: 1.4; }
+.classes li { border-left: 5px solid var(--own); padding-left: .6rem; } .classes b { color: var(--own); }
+nav { display: grid; grid-template-columns: repeat(auto-fill, minmax(4.6rem, 1fr)); gap: .4rem; margin: 1rem 0 0; }
+nav a { display: block; border: 1px solid var(--line); border-radius: 6px; padding: .15rem .45rem .3rem;
+  color: var(--ink); font-size: .85rem; text-decoration: none; background: var(--page); }
+nav a.wide { grid-column: span 2; }
+nav i { display: block; height: 6px; margin-top: .2rem; border-radius: 3px; display: flex; gap: 2px; }
+nav i b { flex: 1; background: var(--own); border-radius: 2px; max-width: 1.3rem; }
+.card { display: grid; grid-template-columns: minmax(0, 1.75fr) minmax(0, 1fr); gap: 0 1.6rem; align-items: start; }
+.card.alone { grid-template-columns: minmax(0, 1fr); }
+.pictures { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(18rem, 100%), 1fr)); gap: .8rem 1rem; }
+figure { margin: 0; min-width: 0; max-width: 27rem; }
+figure img { display: block; width: 100%; height: auto; border-radius: 4px; background: #fff; }
+figcaption { font-size: .85rem; line-height: 1.35; margin: 0 0 .25rem; min-height: 2.7em; display: flex; gap: .4rem;
+  align-items: flex-end; flex-wrap: wrap; align-content: flex-end; }
+figcaption .at { border: 1px solid currentColor; border-radius: 20px; padding: 0 .5rem; font-size: .76rem;
+  color: var(--c3); white-space: normal; }
+.legend { display: flex; flex-wrap: wrap; gap: .1rem 1rem; font-size: .78rem; color: var(--soft); margin: .6rem 0 0; }
+.legend span { display: inline-flex; align-items: center; gap: .35rem; } .legend svg { width: 30px; height: 10px; }
+.fact { color: var(--fact); }
+ul.claims { list-style: none; margin: 0; padding: 0; font-size: .92rem; line-height: 1.42; }
+ul.claims li { border-left: 4px solid var(--own); padding: 0 0 0 .75rem; margin: 0 0 1rem; }
+.chip { display: inline-block; background: var(--own); color: var(--card); border-radius: 20px; padding: .02rem .6rem;
+  font-size: .78rem; font-weight: 600; margin: .15rem .3rem .1rem 0; }
+.numbers { color: var(--soft); font-size: .86rem; font-variant-numeric: tabular-nums; }
+summary { cursor: pointer; color: var(--soft); font-size: .84rem; } details { margin: .15rem 0; font-size: .86rem;
+  overflow-wrap: anywhere; } details p { margin: .3rem 0; }
+table { border-collapse: collapse; width: 100%; font-size: .87rem; } .wide { overflow-x: auto; }
+th, td { text-align: left; vertical-align: top; padding: .35rem .8rem .35rem 0; border-top: 1px solid var(--line); }
+th { color: var(--soft); font-weight: 600; border-top: 0; } td.number { font-variant-numeric: tabular-nums; }
+@media (max-width: 62rem) { .card { grid-template-columns: minmax(0, 1fr); }
+  .card > div + div { order: -1; } }
+@media (max-width: 34rem) { body { padding: .9rem .7rem 2rem; } section, article { padding: .9rem .85rem; }
+  h1 { font-size: 1.35rem; } .lead { font-size: 1rem; } nav { grid-template-columns: repeat(5, 1fr); }
+  #numbers table { min-width: 46rem; } .classes { grid-template-columns: 1fr; } figcaption { min-height: 0; } }
+@media print { :root { --page: #fff; --card: #fff; } body { max-width: none; padding: 0; font-size: 10.5pt; }
+  nav, summary, .go { display: none; } section, article { border: 0; border-top: 1px solid #999; border-radius: 0;
+  padding: .6rem 0; } figure, ul.claims li, tr { break-inside: avoid; } h2 { break-after: avoid; }
+  .card { grid-template-columns: 1fr; } .card > div + div { order: 0; margin-top: .6rem; } ul.claims { columns: 2; }
+  .pictures { grid-template-columns: repeat(3, 1fr); }
+  .bar span, .chip { print-color-adjust: exact; -webkit-print-color-adjust: exact; } }
 """
-_CLASS = {
-    Verdict.REPRODUCED: "good",
-    Verdict.OTHER_READING: "other",
-    Verdict.OTHER_NUMBER: "by-number",
-    Verdict.EXPLAINED: "why",
-    Verdict.NOT_REPRODUCED: "bad",
-}
 
 _HTML = """<!doctype html>
 <html lang="en">
@@ -78,116 +120,255 @@ _HTML = """<!doctype html>
 </html>
 """
 
+_LINES = (
+    ("stable", "var(--ink)", "", 2.2, ""),
+    ("unstable, a multiplier beyond −1", "#D55E00", "6 2", 1.6, "-1"),
+    ("beyond +1", "#0072B2", "2 2", 1.8, "+1"),
+    ("a complex pair", "#009E73", "8 2 2 2", 1.7, "pair"),
+)
 
-def html_page(report: Report) -> str:
-    """Return the page: a summary, then each figure beside what the paper says of it. It needs no network or script."""
-    links = " ".join(f'<a href="#figure-{figure.name}">{figure.name}</a>' for figure in report.figures)
-    links += ' <a href="#numbers">other numbers</a>' if report.trades else ""
-    links += ' <a href="#claims">all claims</a>' if report.checked else ""
+_PERIODS = {2: ("stable, period 2", "#0b56a4", "", 2.0), 4: ("stable, period 4", "#d55e00", "", 1.8)}
+
+
+def _sample(colour: str, dashes: str, width: float) -> str:
+    return (
+        f'<svg viewBox="0 0 30 10" aria-hidden="true"><path d="M0 5H30" stroke="{colour}" stroke-width="{width}" '
+        f'stroke-dasharray="{dashes}" fill="none"/></svg>'
+    )
+
+
+def _legend(panels: Sequence[Panel]) -> str:
+    """The lines of the pictures of branches, once for each card; empty for other pictures."""
+    entries = [(text, colour, dashes, width) for text, colour, dashes, width, _ in _LINES]
+    if not any(isinstance(panel, (Response, Loops)) for panel in panels):
+        entries = []
+    longest = max((panel.most for panel in panels if isinstance(panel, Loops)), default=1)
+    entries[1:1] = [entry for period, entry in _PERIODS.items() if period <= longest]
+    shown = [f"<span>{_sample(colour, dashes, width)}{text}</span>" for text, colour, dashes, width in entries]
+    if any(isinstance(panel, Response) for panel in panels):
+        shown.append("<span>LP fold, PD flip, NS Neimark-Sacker, short ticks grazing</span>")
+    if any(panel.facts for panel in panels):
+        shown.append('<span class="fact">▬ what the paper says</span>')
+    return f'<div class="legend">{"".join(shown)}</div>' if shown else ""
+
+
+_COLOUR = {verdict: f"c{place}" for place, verdict in enumerate(Verdict)}
+
+
+def html_page(report: Report, folder: Path | None = None) -> str:
+    """Return the page: what agrees at a glance, then a card for each figure. It is one file without any script.
+
+    Pictures of the report are read from the folder, and become part of the page.
+    """
+    of_paper = [figure for figure in report.figures if figure.number]
+    whole = len(of_paper) > 1
+    shown = {str(figure.number) for figure in of_paper}
+    rest = [each for each in report.checked if each[0].figure not in shown]
     versions = {result.versions["gapwalk"] for result in report.results.values()}
+    made = " ".join(["gapwalk", ", ".join(sorted(versions))]).strip()
     body = [
         "<h1>Padmanabhan and Singh (1995), figure by figure</h1>",
-        '<p class="soft">Journal of Sound and Vibration 184(5), 767–799. Computed with '
-        f"{' '.join(['gapwalk', ', '.join(sorted(versions))]).strip()}. Reading: {escape(str(report.reading))}. "
-        "Ω is the excitation frequency; everything is non-dimensional.</p>",
-        _summary(report.checked) if report.checked else "",
-        f"<nav>{links}</nav>",
-        *(_section(report, figure) for figure in report.figures),
+        _head(report) if report.checked else "",
+        _section("tables", "What the tables demand of each other", _tables(report)) if whole else "",
+        *(_card(report, figure, folder) for figure in of_paper),
+        _section("summary", "The paper's summary", _claims(rest)) if rest else "",
+        _section("numbers", "What another number gains and costs", _numbers(report.trades)) if report.trades else "",
+        _today(report, folder) if len(of_paper) < len(report.figures) else "",
+        _section("checked", "What it was checked against", _rows(("by", "what", "agreement"), CHECKED))
+        if whole
+        else "",
+        f'<p class="soft">Computed with {made} ({escape(str(report.reading))}). C. Padmanabhan and R. Singh, Journal '
+        "of Sound and Vibration 184(5), 767–799, 1995. Ω is the excitation frequency; everything is non-dimensional. "
+        "Nothing printed is changed in silence: each picture says at which numbers it is drawn. The page is one file "
+        "without scripts, and needs no network.</p>",
     ]
-    if report.trades:
-        body.append(f'<section id="numbers"><h2>Other numbers</h2>{_numbers(report.trades)}</section>')
-    if report.checked:
-        shown = {str(figure.number) for figure in report.figures}
-        rest = [each for each in report.checked if each[0].figure not in shown]
-        body.append(
-            f'<section id="claims"><h2>All claims</h2><p>{_counts(report.checked)}.</p>{_claims(rest)}'
-            f"<details><summary>all of them as a table</summary>{_table(report.checked)}</details></section>"
-        )
-    return _HTML.format(style=_STYLE, body="\n".join(body))
+    return _HTML.format(style=_STYLE, body="\n".join(filter(None, body)))
 
 
-def _summary(checked: Checked) -> str:
-    """How many claims come to each verdict, and each claim in its colour."""
-    counts = Counter(outcome.verdict for _, outcome in checked)
-    boxes = "".join(
-        f'<div class="{_CLASS[verdict]}"><b>{counts[verdict]}</b>{verdict.value}</div>'
-        for verdict in Verdict
-        if counts[verdict]
+def _section(name: str, title: str, content: str) -> str:
+    return f'<section id="{name}"><h2>{title}</h2>{content}</section>'
+
+
+def _head(report: Report) -> str:
+    """What agrees at a glance: a sentence, a bar of the classes, their rules, and a mark for each statement."""
+    found = counts([outcome for _, outcome in report.checked])
+    classes = [(verdict, count) for verdict, count in found.classes.items() if count]
+    bar = "".join(
+        f'<span class="{_COLOUR[each]}" style="flex-grow: {count}" title="{escape(each.value)}">{count}</span>'
+        for each, count in classes
     )
-    strip = "".join(
-        f'<a class="{_CLASS[outcome.verdict]}" href="#{claim.name}" title="{escape(f"{claim.says} {outcome}")}">'
-        f"{escape(claim.name)}</a>"
-        for claim, outcome in checked
+    rules = "".join(
+        f'<li class="{_COLOUR[each]}"><b>{count} {escape(each.value)}</b><br>{escape(each.rule)}</li>'
+        for each, count in classes
+    )
+    if found.elsewhere:
+        words = f"<b>{found.elsewhere} {Verdict.ELSEWHERE}, not counted</b><br>{escape(Verdict.ELSEWHERE.rule)}"
+        rules += f'<li class="{_COLOUR[Verdict.ELSEWHERE]}">{words}</li>'
+    links = "".join(_cell(report, figure) for figure in report.figures if figure.number)
+    places = {"tables": "the tables", "numbers": "other numbers", "today": "today", "checked": "checks"}
+    links += "".join(
+        f'<a class="wide" href="#{place}">{words}</a>' for place, words in places.items() if _has(report, place)
     )
     return (
-        f'<section id="summary-of-all"><h2>{len(checked)} statements of the paper</h2><div class="counts">{boxes}</div>'
-        '<p class="soft">The printed numbers are the default, and nothing is tuned. Where they do not give what is '
-        "described, another reading of them, one other number, or an explanation stands beside them with its evidence."
-        f'</p><div class="strip">{strip}</div></section>'
+        f'<section id="summary-of-all"><p class="lead">{_lead(found)}</p><div class="bar">{bar}</div>'
+        f'<ul class="classes">{rules}</ul><nav>{links}</nav></section>'
     )
 
 
-def _section(report: Report, figure: Figure) -> str:
-    results = {job.key: report.results[job.key] for job in figure.jobs if job.key in report.results}
+def _has(report: Report, place: str) -> bool:
+    """Tell whether the page has a section."""
+    whole = len(report.figures) > 1
+    return {"numbers": bool(report.trades), "today": any(not each.number for each in report.figures)}.get(place, whole)
+
+
+def _lead(found: Any) -> str:
+    """Say in one sentence what agrees, what does not, and why."""
+    number = found.classes
+    agree = number[Verdict.LETTER] + number[Verdict.KIND]
+    changed = number[Verdict.OTHER_READING] + number[Verdict.OTHER_NUMBER] + number[Verdict.OTHER_NUMBERS]
+    return (
+        f"Of {found.statements} statements of the paper, <b>{agree} hold</b> at the printed numbers, "
+        f"<b>{changed}</b> hold once the tables are read otherwise or numbers in them are changed, "
+        f"<b>{number[Verdict.EXPLAINED]}</b> do not hold and one can see why, and <b>{number[Verdict.OPEN]}</b> stay "
+        "open."
+    )
+
+
+def _cell(report: Report, figure: Figure) -> str:
+    """A link to a card, with a mark for each statement in the colour of its class."""
+    marks = "".join(f'<b class="{_COLOUR[outcome.verdict]}"></b>' for _, outcome in report.about(figure))
+    return f'<a href="#figure-{figure.name}">{figure.name}<i>{marks}</i></a>'
+
+
+def _card(report: Report, figure: Figure, folder: Path | None) -> str:
+    """The card of a figure: pictures with what the paper says drawn in, and its statements."""
     failures = {job.key: report.failures[job.key] for job in figure.jobs if job.key in report.failures}
-    pictures = report.pictures.get(figure.name, ())
-    shown = [f"<p>{escape(figure.caption)}</p>"]
-    shown += [f'<p class="bad">{escape(key)}: {escape(text)}</p>' for key, text in failures.items()]
-    if pictures:
-        shown.append(f'<a href="{pictures[0]}"><img src="{pictures[0]}" alt="{escape(figure.caption)}"></a>')
-        files = ", ".join(f'<a href="{name}">{name.rpartition(".")[2].upper()}</a>' for name in pictures)
-        data = ", ".join(f'<a href="results/{key}.gapwalk">{key}</a>' for key in results)
-        shown.append(f'<p class="soft">Picture: {files}.{f" Results: {data}." if data else ""}</p>')
-    shown += [f'<p class="soft">Set {escape(name)}: {escape(note)}</p>' for name, note in figure.notes.items()]
-    shown += [_special_points(key, result) for key, result in results.items() if result.branches]
+    results = {job.key: report.results[job.key] for job in figure.jobs if job.key in report.results}
+    shown = [f'<p class="c6 chip">{escape(key)}: {escape(text)}</p>' for key, text in failures.items()]
+    files = report.pictures.get(figure.name, ())
+    if files:
+        drawn = "".join(_figure(figure, panel, name, folder) for panel, name in zip(figure.panels, files, strict=True))
+        shown.append(f'<div class="pictures">{drawn}</div>{_legend(figure.panels)}')
+    shown.append(_more(figure, results))
     about = report.about(figure)
-    said = f'<div><p class="soft">What the paper says of it</p>{_claims(about)}</div>' if about else ""
+    said, alone = (f"<div>{_claims(about)}</div>", "") if about else ("", " alone")
     return (
-        f'<section id="figure-{figure.name}"><h2>Figure {figure.name}</h2>'
-        f'<div class="beside"><div>{"".join(shown)}</div>{said}</div></section>'
+        f'<article id="figure-{figure.name}"><h2><a href="#figure-{figure.name}">Figure {figure.name}</a></h2>'
+        f'<p>{escape(figure.caption)}</p><div class="card{alone}"><div>{"".join(shown)}</div>{said}</div></article>'
     )
+
+
+def _figure(figure: Figure, panel: Panel, name: str, folder: Path | None) -> str:
+    letter = f"<b>{panel.letter}</b> " if panel.letter else ""
+    place = f'<span class="at">at {escape(panel.place.removeprefix("at "))}</span>' if panel.place else ""
+    text = f"Figure {figure.number}{panel.letter}: {panel.title}"
+    return (
+        f"<figure><figcaption><span>{letter}{escape(panel.title)}</span>{place}</figcaption>"
+        f'<img src="{_source(name, folder)}" alt="{escape(text)}"></figure>'
+    )
+
+
+def _source(name: str, folder: Path | None) -> str:
+    """Return a picture as part of the page; without its folder, its name."""
+    if folder is None:
+        return name
+    return f"data:image/png;base64,{base64.b64encode((folder / name).read_bytes()).decode()}"
+
+
+def _more(figure: Figure, results: dict[str, gw.Result]) -> str:
+    """Numbers of the sets, the special points, and how to open the results in the explorer; folded away."""
+    branches = {key: result for key, result in results.items() if result.branches}
+    parts = [f"<p>Set {escape(name)}: {escape(note)}</p>" for name, note in figure.notes.items()]
+    if results:
+        lines = "".join(f"<p><code>gapwalk explore out/paper/results/{key}.gapwalk</code></p>" for key in results)
+        parts.append(
+            f"<p>After <code>make paper FIG={figure.number}</code>, in the browser, motion by motion:</p>{lines}"
+        )
+    parts += [_special_points(key, result) for key, result in branches.items()]
+    summary = "open in the explorer, special points" if results else "notes"
+    return f'<details class="go"><summary>{summary}</summary>{"".join(parts)}</details>' if parts else ""
 
 
 def _claims(checked: Checked) -> str:
-    """Claims with their verdicts in colour; the evidence is folded where it is long."""
+    """Statements with the chip of their verdict and one line of numbers; the evidence is folded."""
     return '<ul class="claims">' + "".join(_claim(*each) for each in checked) + "</ul>"
 
 
 def _claim(claim: Claim, outcome: Outcome) -> str:
-    first, *more = outcome.evidence.split("; [")
-    evidence = f"<div>{escape(first)}</div>" if len(first) <= _LONG else ""
-    rest = ([first] if len(first) > _LONG else []) + [f"[{each}" for each in more]
-    folded = f"<details><summary>evidence</summary>{''.join(f'<p>{escape(each)}</p>' for each in rest)}</details>"
     name = escape(claim.name)
+    costs = f'<div class="numbers">costs {_links(outcome.costs)}</div>' if outcome.costs else ""
+    pairs = (f"{each.what}: {each.paper:g} and {each.found:.4g}, {each.off:.1%} off" for each in outcome.against)
+    against = f'<div class="numbers fact">paper and here: {escape("; ".join(pairs))}</div>' if outcome.against else ""
+    tried = "".join(f"<p>{_tried(each)}</p>" for each in outcome.evidence)
+    known = len(outcome.evidence) == 1 and not outcome.evidence[0].details
+    more = "" if known else f"<details><summary>evidence</summary>{tried}</details>"
     return (
-        f'<li id="{name}" class="{_CLASS[outcome.verdict]}"><span class="soft">{name}</span> {escape(claim.says)} '
-        f'<span class="verdict">{escape(str(outcome))}</span>'
-        f'<div class="soft">{evidence}{folded if rest else ""}</div></li>'
+        f'<li id="{name}" class="{_COLOUR[outcome.verdict]}">{escape(claim.says)}<br><span class="chip">'
+        f'{escape(str(outcome))}</span><span class="soft">{name}</span>'
+        f'<div class="numbers">{escape(outcome.line)}</div>{against}{costs}{more}</li>'
     )
+
+
+def _tried(each: Any) -> str:
+    """One attempt: where, whether the statement holds there, and the numbers."""
+    head = f"<b>{escape(each.where or 'printed numbers')}, {'holds' if each.holds else 'does not hold'}:</b> "
+    return head + escape(f"{each.line}; {each.details}" if each.details else each.line)
+
+
+def _tables(report: Report) -> str:
+    """What the tables demand of each other, the machine that keeps it, and the rule of the paper for beta."""
+    ratios = [(each.relation, each.demanded, each.printed) for each in demands()]
+    numbers = [reading.number for reading in (CHANGES["matched"], CHANGES["matched-light"]) if reading.number]
+    (printed, heavy), (other, light) = (number.changed["β"] for number in numbers)
+    rule = (
+        "<b>β by the paper's own rule.</b> Its section 4 chooses β such that both damping models agree where the "
+        f"response has one harmonic. That gives {heavy:.3g} in the rows of figures 3, 4 and 10, where {printed:g} is "
+        f"printed, and {light:.3g} in those of figures 5 to 7, where {other:g} is printed."
+    )
+    trade = next((each for each in report.trades if each.candidate.reading == CHANGES["matched"]), None)
+    if trade:
+        rule += f" Then also holds: {_links(trade.gained)}; no longer: {_links(trade.lost)}; "
+        rule += f"still not: {_links(trade.missed)}."
+    table = _rows(("ratio", "demanded", "printed"), ratios)
+    return f"<p>{_DEMANDS}</p>{table}<p>{_MACHINE}</p><p>{rule}</p>"
+
+
+def _links(names: Sequence[str]) -> str:
+    return ", ".join(f'<a href="#{escape(name)}">{escape(name)}</a>' for name in names) or "nothing"
 
 
 def _numbers(trades: Sequence[Trade]) -> str:
-    """What other numbers gain and cost, and what the tables demand of each other."""
-    headings = ("number", "sets", "then also holds", "ceases to hold", "still holds", "neither")
-    head = f"<tr>{''.join(f'<th>{each}</th>' for each in headings)}</tr>"
-    rows = "".join(
-        f"<tr><td>{escape(trade.words)}</td>" + "".join(f"<td>{escape(cell)}</td>" for cell in _cells(trade)) + "</tr>"
-        for trade in trades
-    )
-    relations = "".join(
-        f"<tr><td>{escape(each.relation)}</td><td>{escape(each.demanded)}</td><td>{escape(each.printed)}</td></tr>"
-        for each in demands()
-    )
-    return (
-        f'<div class="wide"><table>{head}{rows}</table></div><p>{_DEMANDS}</p><div class="wide"><table>'
-        f"<tr><th>relation</th><th>demanded</th><th>printed</th></tr>{relations}</table></div>"
-    )
+    """What other numbers gain and cost."""
+    headings = ("number", "rows", "then also holds", "ceases to hold", "still holds", "neither")
+    return _rows(headings, [(trade.words, *_cells(trade)) for trade in trades])
 
 
 def _cells(trade: Trade) -> tuple[str, ...]:
     number = trade.candidate.reading.number
     names = (", ".join(each) or "–" for each in (trade.gained, trade.lost, trade.kept, trade.missed))
     return ", ".join(number.cases) if number else "all", *names
+
+
+def _today(report: Report, folder: Path | None) -> str:
+    """What can be seen today."""
+    parts = []
+    for figure in (each for each in report.figures if not each.number):
+        files = report.pictures.get(figure.name, ())
+        drawn = "".join(_figure(figure, *each, folder) for each in zip(figure.panels, files, strict=False))
+        pictures = f'<div class="pictures">{drawn}</div>{_legend(figure.panels)}' if drawn else ""
+        parts.append(f"<h3>{escape(figure.kind)}</h3><p>{escape(figure.caption)}</p>{pictures}")
+    cells = [(each.place, each.label, str(each)) for each in exponents(report.results)]
+    parts.append(f"<h3>Exponents instead of the look of a section</h3><p>{EXPONENTS}</p>")
+    parts.append(_rows(("motion", "kind", "largest exponent per period"), cells))
+    parts.append(f"<h3>Fifty inertias</h3><p>{FIFTY}</p>")
+    return _section("today", "What one sees today", "".join(parts))
+
+
+def _rows(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table of texts."""
+    lines = (f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    head = f"<tr>{''.join(f'<th>{each}</th>' for each in headings)}</tr>"
+    return f'<div class="wide"><table>{head}{"".join(lines)}</table></div>'
 
 
 def _special_points(key: str, result: gw.Result) -> str:
@@ -205,92 +386,83 @@ def _special_points(key: str, result: gw.Result) -> str:
     return f"<details><summary>{summary}</summary>{table}</details>"
 
 
-def _table(checked: Checked) -> str:
-    rows = "".join(
-        f"<tr><td>{escape(claim.name)}</td><td>{escape(claim.says)}</td>"
-        f'<td class="{_CLASS[outcome.verdict]} verdict">{escape(str(outcome))}</td>'
-        f"<td>{escape(outcome.evidence)}</td></tr>"
-        for claim, outcome in checked
-    )
-    head = "<tr><th>claim</th><th>the paper</th><th>verdict</th><th>evidence</th></tr>"
-    return f'<div class="wide"><table>{head}{rows}</table></div>'
+_SUMMARY = """\
+# The paper, figure by figure
 
+C. Padmanabhan and R. Singh, "Dynamics of a piecewise non-linear system subject to dual harmonic excitation using
+parametric continuation" (Journal of Sound and Vibration 184(5), 767-799, 1995): gapwalk computes all of its figures
+again, and checks each of its statements about them.
 
-def _counts(checked: Checked) -> str:
-    counts = Counter(outcome.verdict for _, outcome in checked)
-    return "; ".join(f"{counts[verdict]} {verdict.value}" for verdict in Verdict if counts[verdict])
+<a href="../_static/padmanabhan_singh_1995.html"><strong>The page with all figures and statements</strong></a> is one
+file that opens offline: a card for each figure, with what the paper says drawn into our picture, each statement with
+its verdict and one line of numbers, and the evidence folded. `make paper` makes it again, into `out/paper/index.html`.
 
+| class | statements | rule |
+|---|---|---|
+{classes}
 
-_HEAD = """\
-# The paper, claim by claim
+The parameters are those of the tables in the paper. Nothing printed is changed in silence: each picture and each
+verdict says at which numbers it holds, and what another number gains and costs is in a table of its own. {apart}
+motions were found at other places than the paper has them; they are not counted.
 
-This page compares the statements of C. Padmanabhan and R. Singh, "Dynamics of a piecewise non-linear system subject to
-dual harmonic excitation using parametric continuation" (Journal of Sound and Vibration 184(5), 767-799, 1995), with
-what gapwalk computes. Each statement is a check. This command writes the page:
+## Where they disagree
 
-    python -m reproductions.padmanabhan_singh_1995 --claims docs/explanation/paper.md \
-      --counts README.md docs/explanation/validation.md
+{disagree}
 
-The tests compare its verdicts with those of the checks. The parameters are those of the tables in the paper. Some of
-them have two readings (slope of the second stage: reduced or literal; impact damping: dissipative or as printed). The
-default is reduced and dissipative; the verdict names any other reading. Nothing is tuned. If the printed numbers do not
-give what the paper describes, the evidence reports what they give, and where the nearest motion is that agrees with the
-paper. *At one other number*: the statement holds if one number of the tables is another, which the verdict names; [the
-table](#other-numbers) has what that number costs. *Explained*: the statement does not hold, and the evidence says why
-the paper may have come to it. What is *not reproduced* is open.
+## What the tables demand of each other
+
+{demands_text}
+
+| ratio | demanded | printed |
+|---|---|---|
+{demands}
+
+[How it was reproduced](../numerics/reproduction.md) has the search for other numbers, the readings, and the times.
+`python -m reproductions.padmanabhan_singh_1995 --docs` writes this page, that with the figures, and the counts in the
+README; a test compares its verdicts with those of the checks.
 """
 
 
-def claims_page(checked: Checked, trades: Sequence[Trade] = ()) -> str:
-    """Return the claims in Markdown, for the documentation: a count of verdicts, then a table for each figure."""
-    text = [_HEAD, f"{_counts(checked)}."]
-    for figure in dict.fromkeys(claim.figure for claim, _ in checked):
-        text += ["", f"## {figure.capitalize() if figure.isalpha() else f'Figure {figure}'}", ""]
-        text += ["| claim | the paper | verdict | evidence |", "|---|---|---|---|"]
-        for claim, outcome in checked:
-            if claim.figure == figure:
-                says, evidence = (cell.replace("|", "\\|") for cell in (claim.says, outcome.evidence))
-                text.append(f"| {claim.name} | {says} | **{outcome}** | {evidence} |")
-    if trades:
-        text += ["", "## Other numbers", ""]
-        text += [
-            "| number | sets | then also holds | ceases to hold | still holds | neither |",
-            "|---|---|---|---|---|---|",
-        ]
-        text += [f"| {trade.words} | {' | '.join(_cells(trade))} |" for trade in trades]
-        text += ["", _DEMANDS, "", "| relation | demanded | printed |", "|---|---|---|"]
-        text += [f"| {each.relation} | {each.demanded} | {each.printed} |" for each in demands()]
-    return "\n".join(text) + "\n"
+def claims_page(checked: Checked) -> str:
+    """Return the summary for the documentation, in Markdown: the counts, and what does not hold as printed."""
+    found = counts([outcome for _, outcome in checked])
+    classes = [f"| {each.value} | {count} | {each.rule} |" for each, count in found.classes.items()]
+    holds = (Verdict.LETTER, Verdict.KIND, Verdict.ELSEWHERE)
+    others = [(claim, outcome) for claim, outcome in checked if outcome.verdict not in holds]
+    rows = [f"| {claim.name} | {claim.says} | {outcome} |".replace("\n", " ") for claim, outcome in others]
+    return _SUMMARY.format(
+        classes="\n".join([*classes, f"| **all** | **{found.statements}** | |"]),
+        apart=found.elsewhere,
+        disagree="\n".join(["| statement | the paper | verdict |", "|---|---|---|", *rows]),
+        demands_text=textwrap.fill(_DEMANDS, 118),
+        demands="\n".join(f"| {each.relation} | {each.demanded} | {each.printed} |" for each in demands()),
+    )
 
 
-_COUNTED = re.compile(r"(- |)Of \d+ statements of the paper( below|),[^;]*;")
+_COUNTED = re.compile(r"(- |)Of \d+ statements of the paper( below| about its figures|),[^;]*;")
 _SHORT = {
-    Verdict.REPRODUCED: "{} are reproduced",
+    Verdict.LETTER: "{} hold to the letter",
+    Verdict.KIND: "{} in kind",
     Verdict.OTHER_READING: "{} under another reading",
     Verdict.OTHER_NUMBER: "{} at one other number",
-    Verdict.EXPLAINED: "{} are explained",
-    Verdict.NOT_REPRODUCED: "{} are open",
+    Verdict.OTHER_NUMBERS: "{} at several",
+    Verdict.EXPLAINED: "{} do not, which is explained",
+    Verdict.OPEN: "{} are open",
 }
 
 
-def with_counts(text: str, verdicts: Sequence[Verdict]) -> str:
+def with_counts(text: str, outcomes: Sequence[Outcome]) -> str:
     """Return a text, such as the README, with its sentence that counts the verdicts as they are.
 
-    Parameters
-    ----------
-    text
-        A text with a sentence that begins like ``Of 65 statements of the paper, 40 are reproduced`` and ends at a
-        semicolon.
-    verdicts
-        The verdicts on all claims.
+    It begins like ``Of 79 statements of the paper,`` and ends at a semicolon.
     """
-    counts = Counter(verdicts)
-    parts = ", ".join(words.format(counts[verdict]) for verdict, words in _SHORT.items() if counts[verdict])
+    found = counts(outcomes)
+    parts = ", ".join(words.format(found.classes[each]) for each, words in _SHORT.items() if found.classes[each])
     return _COUNTED.sub(
-        lambda found: textwrap.fill(
-            f"{found[1]}Of {len(verdicts)} statements of the paper{found[2]}, {parts};",
+        lambda match: textwrap.fill(
+            f"{match[1]}Of {found.statements} statements of the paper{match[2]}, {parts};",
             118,
-            subsequent_indent="  " if found[1] else "",
+            subsequent_indent="  " if match[1] else "",
             break_on_hyphens=False,
         ),
         text,
@@ -299,7 +471,7 @@ def with_counts(text: str, verdicts: Sequence[Verdict]) -> str:
 
 def document(report: Report, *, whole: bool) -> Any:
     """Return plain JSON values: all figures and claims of a whole report, otherwise one figure, or a list of them."""
-    figures = [_figure_document(report, figure) for figure in report.figures]
+    figures = [_figure_document(report, figure) for figure in report.figures if figure.number]
     if whole:
         return {"figures": figures, "claims": [_claim_document(*each) for each in report.checked]}
     return figures[0] if len(figures) == 1 else figures
@@ -320,6 +492,8 @@ def _figure_document(report: Report, figure: Figure) -> dict[str, Any]:
                 "title": panel.title,
                 "jobs": [job.key for job in figure.jobs_of(panel)],
                 "within": None if panel.within is None else list(panel.within),
+                "at": panel.place or None,
+                "paper": [{"says": fact.text, "from": fact.low, "to": fact.high} for fact in panel.facts],
             }
             for panel in figure.panels
         ],
@@ -340,6 +514,12 @@ def _claim_document(claim: Claim, outcome: Outcome) -> dict[str, Any]:
         "claim": claim.name,
         "says": claim.says,
         "verdict": outcome.verdict.value,
-        "reading": outcome.reading or None,
-        "evidence": outcome.evidence,
+        "by": outcome.by or None,
+        "numbers": outcome.line,
+        "changed": {name: {"printed": a, "other": b} for name, (a, b) in outcome.changed.items()},
+        "costs": list(outcome.costs),
+        "evidence": [
+            {"where": each.where or None, "holds": each.holds, "numbers": each.line, "details": each.details or None}
+            for each in outcome.evidence
+        ],
     }

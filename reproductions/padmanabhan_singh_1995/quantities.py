@@ -101,6 +101,20 @@ def meeting(found: Sequence[Range], low: float, high: float) -> list[Range]:
     return [each for each in found if each.meets(low, high)]
 
 
+def covered(found: Sequence[Range], low: float, high: float) -> float:
+    """Return how much of a range others cover; where they overlap it counts once."""
+    width, end = 0.0, low
+    for each in sorted(found):
+        begin, stop = max(each.low, end), min(each.high, high)
+        width, end = width + max(stop - begin, 0.0), max(end, stop)
+    return width
+
+
+def unstable_width(branch: gw.Branch, low: float, high: float) -> float:
+    """Return how much of a range has an unstable motion of the branch; between the folds of a jump there is one."""
+    return covered(ranges(branch, lambda instability: instability.total > 0), low, high)
+
+
 def extent(branch: gw.Branch) -> Range:
     """Return the range of the parameter that a branch covers."""
     return Range(float(branch.values.min()), float(branch.values.max()))
@@ -120,6 +134,17 @@ def highest(branch: gw.Branch, low: float = -np.inf, high: float = np.inf) -> Pe
     inside = np.flatnonzero((places >= low) & (places <= high))
     best = inside[np.argmax(heights[inside])]
     return Peak(float(places[best]), float(heights[best]))
+
+
+def heights_at(branch: gw.Branch, grid: Array) -> Array:
+    """Return the amplitude at each of many values of the parameter; where several motions exist, the largest."""
+    heights, places = branch.measure(MEASURE), branch.values
+    best = np.zeros_like(grid)
+    for (a, b), (p, q) in zip(np.c_[places[:-1], places[1:]], np.c_[heights[:-1], heights[1:]], strict=True):
+        inside = (grid >= min(a, b)) & (grid <= max(a, b))
+        if inside.any() and a != b:
+            best[inside] = np.maximum(best[inside], p + (q - p) * (grid[inside] - a) / (b - a))
+    return best
 
 
 def words(found: Sequence[object]) -> str:
@@ -200,13 +225,7 @@ LOOPS = _loops()
 """The loops by the names of their laws."""
 
 
-# Figure 8: the third inertia, and the record that stands for the measured one.
-
-NOISE = 0.1
-"""Standard deviation of the noise of the synthetic record, relative to that of the motion."""
-
-_SAMPLES, _PERIODS, _SEED = 160, 6, 1995  # samples per forcing period; forcing periods; seed of the noise
-_PHASE = 1.0  # rad, at the first sample
+# Figure 8: the third inertia.
 
 
 def third_inertia(system: gw.System) -> gw.measure.Signal:
@@ -233,22 +252,3 @@ def third_inertia(system: gw.System) -> gw.measure.Signal:
     first, second = system["mean.q1"], system["mean.q3"]
     r = k12 * (second + n * first) / (n * (first * k22 + second * k12))
     return gw.measure.Signal((("q3", k22 - k12 / r), ("q3'", c22 - c12 / r)), "u3''")
-
-
-def synthetic_record(orbit: gw.Orbit) -> gw.measure.Record:
-    """Return a record of u3'' of a motion, as a sensor with white noise would give it.
-
-    The measured record of figure 8 is not printed as numbers. This one is no measurement, and its name says so.
-    """
-    begin = round(_PHASE / (2.0 * np.pi) * _SAMPLES)
-    once = third_inertia(orbit.system).of(orbit.motion(_SAMPLES))[:-1]
-    exact = np.tile(once, -(-(_PERIODS + 1) // orbit.period))[begin : begin + _PERIODS * _SAMPLES + 1]
-    noise = np.random.default_rng(_SEED).normal(0.0, NOISE * float(np.std(once)), len(exact))
-    time = 2.0 * np.pi / orbit.system.frequency * np.arange(len(exact)) / _SAMPLES
-    return gw.measure.Record(time, exact + noise, name="SYNTHETIC, no measurement")
-
-
-def aligned_with_record(computed: gw.Result, recorded: gw.Result) -> Any:
-    """Align u3'' of a settled motion with the synthetic record of another one at the same frequency."""
-    orbit = orbit_of(computed)
-    return gw.measure.align(orbit, synthetic_record(orbit_of(recorded)), third_inertia(orbit.system))

@@ -2,50 +2,39 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import gapwalk as gw
-from reproductions.padmanabhan_singh_1995.claims import CLAIMS, Claim, Outcome, Trade, jobs_of_trades, weigh
+from reproductions.padmanabhan_singh_1995.claims import Claim, Outcome, Trade, decide, jobs_of
 from reproductions.padmanabhan_singh_1995.figures import Figure
 from reproductions.padmanabhan_singh_1995.jobs import Job, Reading
 
-Progress = Callable[[str, str, int, int], object]
-"""Called with what is being done, the name of what is done last, and how many are done of how many."""
+Progress = Callable[[str, str, int, int, float], object]
+"""Called with what is being done, what was done last, how many are done of how many, and seconds left (nan: unknown).
 
-_FORMS = ("png", "svg")
+At the beginning nothing was done last, and its name is empty.
+"""
+
+_COLOURS = 64  # of a picture: a third of the bytes, and no difference to be seen
 _LONG = 10.0  # seconds of work from which on another process is worth its start
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a run has found.
+    """What a run has found."""
 
-    Attributes
-    ----------
-    figures
-        The figures, in one reading.
-    reading
-        That reading.
-    results, failures
-        The results of jobs, and why a job has none or what is missing in it, by the keys of the jobs.
-    checked
-        The claims, and what their checks have come to.
-    pictures
-        Names of the picture files of each figure that is drawn, by its name.
-    trades
-        What other numbers gain and cost, if all claims are checked.
-    """
-
-    figures: tuple[Figure, ...]
-    reading: Reading
-    results: Mapping[str, gw.Result] = field(default_factory=dict)
-    failures: Mapping[str, str] = field(default_factory=dict)
-    checked: Sequence[tuple[Claim, Outcome]] = ()
-    pictures: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    trades: tuple[Trade, ...] = ()
+    figures: tuple[Figure, ...]  #: The figures, in one reading.
+    reading: Reading  #: That reading.
+    results: Mapping[str, gw.Result] = field(default_factory=dict)  #: Results by the keys of their jobs.
+    failures: Mapping[str, str] = field(default_factory=dict)  #: Why a job has none, or what is missing in it.
+    checked: Sequence[tuple[Claim, Outcome]] = ()  #: The claims, and what their checks have come to.
+    pictures: Mapping[str, Sequence[str]] = field(default_factory=dict)  #: Files of the panels of each figure drawn.
+    trades: Sequence[Trade] = ()  #: What other numbers gain and cost, if all claims are checked.
 
     def about(self, figure: Figure) -> list[tuple[Claim, Outcome]]:
         """Return the claims about one figure."""
@@ -99,14 +88,14 @@ def reproduce(
         After Ctrl-C; what has been computed is kept.
     """
     figures = tuple(figure.at(reading) for figure in figures)
-    jobs = {job.key: job for owner in (*figures, *claims) for job in owner.jobs}
-    weighed = len(claims) == len(CLAIMS)
-    jobs |= {job.key: job for job in jobs_of_trades(claims)} if weighed else {}
+    jobs = {job.key: job for figure in figures for job in figure.jobs}
+    jobs |= {job.key: job for job in jobs_of(claims)}
     effort = sum(job.effort for job in jobs.values())
     with gw.parallel.local_workers(1 if effort < _LONG or len(jobs) < 2 else cores) as workers:
         results, failures = compute(list(jobs.values()), folder / "results", workers, force=force, progress=progress)
-        checked = [(claim, claim.outcome(results, failures)) for claim in claims]
-        trades = weigh(claims, results, failures) if weighed else ()
+        if progress is not None and claims:
+            progress("claims", "", 0, len(claims), math.nan)
+        checked, trades = decide(claims, results, failures)
         report = Report(figures, reading, results, failures, checked, trades=trades)
         return replace(report, pictures=_draw(report, folder, workers, force, progress)) if draw else report
 
@@ -132,14 +121,22 @@ def compute(
     tasks = [_Task(job, folder / f"{job.key}.gapwalk", force) for job in sorted(jobs, key=lambda job: -job.effort)]
     failures: dict[str, str] = {}
     done: list[str] = []
+    begin, left, spent = time.monotonic(), sum(task.job.effort for task in tasks), 0.0
 
-    def accept(index: int, failure: str) -> None:
-        done.append(tasks[index].job.key)
+    def accept(index: int, found: tuple[str, bool]) -> None:
+        nonlocal left, spent
+        (failure, is_new), job = found, tasks[index].job
+        done.append(job.key)
+        left -= job.effort
+        spent += job.effort if is_new else 0.0
         if failure:
-            failures[done[-1]] = failure
+            failures[job.key] = failure
         if progress is not None:
-            progress("studies", done[-1], len(done), len(tasks))
+            ahead = left * (time.monotonic() - begin) / spent if spent else math.nan
+            progress("studies", job.key, len(done), len(tasks), ahead)
 
+    if progress is not None:
+        progress("studies", "", 0, len(tasks), math.nan)
     workers.run(_compute, tasks, accept, in_order=False)
     return {task.job.key: gw.open_result(task.path) for task in tasks if task.path.exists()}, failures
 
@@ -150,8 +147,19 @@ class _Task(NamedTuple):
     force: bool
 
 
-def _compute(task: _Task) -> str:
-    """Run the study of one job; an empty text, or a sentence on what failed."""
+def _compute(task: _Task) -> tuple[str, bool]:
+    """Run the study of one job; return an empty text, or a sentence on what failed, and whether it was computed now."""
+    before = _written(task.path)
+    failure = _failure(task)
+    return failure, _written(task.path) != before
+
+
+def _written(path: Path) -> int:
+    """Return when a file was written; 0 if there is none."""
+    return path.stat().st_mtime_ns if path.exists() else 0
+
+
+def _failure(task: _Task) -> str:
     study = task.job.study
     try:
         try:
@@ -191,24 +199,30 @@ def _draw(
     def accept(index: int, names: tuple[str, ...]) -> None:
         pictures[sketches[index].figure.name] = names
         if progress is not None:
-            progress("pictures", sketches[index].figure.name, len(pictures), len(whole))
+            progress("pictures", sketches[index].figure.name, len(pictures), len(whole), math.nan)
 
     workers.run(_draw_one, sketches, accept, in_order=False)
     return pictures
 
 
 def _draw_one(sketch: _Sketch) -> tuple[str, ...]:
+    from PIL import Image  # matplotlib writes its pictures with it
+
     figure, tables, folder = sketch
     results = {job.key: gw.open_result(folder / "results" / f"{job.key}.gapwalk") for job in figure.jobs}
     for key in tables:
         gw.save_tables(results[key], folder / "results" / key)
-    picture = figure.draw(results)
-    gw.plot.save(picture, *(folder / name for name in _names(figure)))
+    for panel, name in zip(figure.panels, _names(figure), strict=True):
+        picture = panel.picture([results[job.key] for job in figure.jobs_of(panel)])
+        gw.plot.save(picture, folder / name)
+        with Image.open(folder / name) as whole:
+            few = whole.convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE)
+        few.save(folder / name, optimize=True)
     return _names(figure)
 
 
 def _names(figure: Figure) -> tuple[str, ...]:
-    return tuple(f"{figure.file_name}.{form}" for form in _FORMS)
+    return tuple(figure.file_name(panel) for panel in figure.panels)
 
 
 def _is_drawn(figure: Figure, folder: Path, changed: float) -> bool:

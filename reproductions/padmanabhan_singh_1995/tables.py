@@ -3,8 +3,57 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import gapwalk as gw
+
+_HUB, _NORMALIZING, _GAP = 0.01, 100.0, 0.05  # kg m^2, rad/s, rad: any other choice gives the same numbers
+_FLYWHEEL, _REST = 1.5, 1.2  # I1/I2 and I3/I2, as K21/K11 = Ia/I2 = 0.6 and K12/K22 = Ib/I2 = 0.6/1.1 demand
+
+
+def _quantity(value: float, unit: str) -> Any:
+    """Write a number with a unit, which the parts of trains take as well as plain numbers."""
+    return f"{value!r} {unit}"
+
+
+def consistent_machine() -> gw.System:
+    """Build the dimensional machine of equations 1 to 3 that has the stiffnesses of rows 12 to 22, 27 and 28 exactly.
+
+    With bc3 = bc1 three inertias, two springs and two dampers leave no choice: C21 and C12 follow from C11 and C22, and
+    Tm2 from Tm1. The row is that of figure 13.
+    """
+    row = gw.paper.parameter_set("13")
+    first, last = _HUB * _FLYWHEEL / (1.0 + _FLYWHEEL), _HUB * _REST / (1.0 + _REST)  # Ia, Ib
+    (k11, _, _, k22), (c11, _, _, c22) = row.stiffness, row.damping
+    w, torque = _NORMALIZING, _FLYWHEEL * _HUB * _GAP * _NORMALIZING**2
+    return gw.train.Train(
+        inertias=[
+            gw.train.Inertia("flywheel", _quantity(_FLYWHEEL * _HUB, "kg m^2")),
+            gw.train.Inertia("hub", _quantity(_HUB, "kg m^2")),
+            gw.train.Inertia("rest", _quantity(_REST * _HUB, "kg m^2")),
+        ],
+        shafts=[
+            gw.train.Shaft(
+                "clutch",
+                ("flywheel", "hub"),
+                stiffness=_quantity(k11 * first * w**2, "N m/rad"),
+                damping=_quantity(c11 * first * w, "N m s/rad"),
+                stages=[gw.Stage(_quantity(_GAP, "rad"), _quantity(row.n[0] * first * w**2, "N m/rad"))],
+                law="hunt-crossley",
+                impact_damping=_quantity(row.beta / (w * _GAP), "s/rad"),
+            ),
+            gw.train.Shaft(
+                "shaft",
+                ("hub", "rest"),
+                stiffness=_quantity(k22 * last * w**2, "N m/rad"),
+                damping=_quantity(c22 * last * w, "N m s/rad"),
+            ),
+        ],
+        mean={"flywheel": _quantity(row.mean[0] * torque, "N m")},
+        reaction="rest",
+        harmonics=[gw.Harmonic(_quantity(row.excitation * torque, "N m"), acts_on={"flywheel": 1.0})],
+        frequency=_quantity(row.frequency * w, "rad/s"),
+    ).system()
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from gapwalk.orbit.orbit import stroboscopic
 from gapwalk.plot import draw, save
 from gapwalk.plot.branches import births_of, crowded_range
 from gapwalk.plot.picture import picture_of
-from gapwalk.plot.style import period_color
+from gapwalk.plot.style import LINES, period_color
 from tests.studies.diagrams import clutch_loop
 
 
@@ -134,3 +134,17 @@ def test_files_are_equal_for_equal_results(result, tmp_path) -> None:
         save(result, tmp_path / f"{name}.png", tmp_path / f"{name}.svg")
     for ending in ("png", "svg"):
         assert (tmp_path / f"a.{ending}").read_bytes() == (tmp_path / f"b.{ending}").read_bytes()
+
+
+def test_unstable_motions_may_have_the_line_of_their_kind(result) -> None:
+    ax = Figure().subplots()
+    draw(result.diagram, "q1", ax=ax, instabilities=True)
+    branches = result.diagram.branches
+    kinds = {point.instability.label for branch in branches for point in branch.points} - {"stable", "neutral"}
+    assert legend_of(ax)[3 : 3 + len(kinds)] == [text for kind, text in WORDS.items() if kind in kinds]
+    colours = {line.get_color() for line in ax.lines}
+    assert {LINES[kind].color for kind in kinds} <= colours
+    assert {period_color(rank) for rank in range(3)} <= colours  # stable motions keep those of their periods
+
+
+WORDS = {"below": "unstable, beyond −1", "above": "unstable, beyond +1", "pair": "unstable, complex pair"}

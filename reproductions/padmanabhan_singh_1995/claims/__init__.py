@@ -4,12 +4,37 @@ from reproductions.padmanabhan_singh_1995.claims import (  # noqa: F401 (they de
     damping,
     dual,
     explanations,
+    method,
     single,
 )
-from reproductions.padmanabhan_singh_1995.claims.claim import ALL, Claim, Outcome, Verdict
-from reproductions.padmanabhan_singh_1995.claims.trades import Trade, jobs_of_trades, weigh
+from reproductions.padmanabhan_singh_1995.claims.claim import (
+    ALL,
+    Against,
+    Claim,
+    Counts,
+    Finding,
+    Outcome,
+    Tried,
+    Verdict,
+    counts,
+)
+from reproductions.padmanabhan_singh_1995.claims.trades import Trade, decide, jobs_of
 
-__all__ = ["CLAIMS", "Claim", "Outcome", "Trade", "Verdict", "claims_about", "jobs_of_trades", "weigh"]
+__all__ = [
+    "CLAIMS",
+    "Against",
+    "Claim",
+    "Counts",
+    "Finding",
+    "Outcome",
+    "Trade",
+    "Tried",
+    "Verdict",
+    "claims_about",
+    "counts",
+    "decide",
+    "jobs_of",
+]
 
 CLAIMS: tuple[Claim, ...] = tuple(
     sorted(ALL, key=lambda claim: int(claim.figure) if claim.figure.isdigit() else 99)  # the order of the paper

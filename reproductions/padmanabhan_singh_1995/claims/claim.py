@@ -2,54 +2,136 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import NamedTuple
 
 import gapwalk as gw
 from reproductions.padmanabhan_singh_1995.claims.second_reading import EXPLANATIONS, readings_for
-from reproductions.padmanabhan_singh_1995.jobs import AS_PRINTED, JOBS, LITERAL, Job, Reading
+from reproductions.padmanabhan_singh_1995.jobs import AS_PRINTED, JOBS, LITERAL, Job, Reading, changed_numbers
 
 BOTH = (LITERAL, AS_PRINTED)
 """The readings that are not the default one."""
 
-Check = Callable[..., tuple[bool, str]]
-"""Takes results, and returns whether the statement holds, and the numbers that were found.
+TOLERANCE = 0.05
+"""Relative deviation up to which a number that the paper names is met."""
 
-For what does not hold the evidence says what was found instead, and where the nearest motion is that does it.
-"""
+
+class Against(NamedTuple):
+    """A number that the paper names, beside the one that was found."""
+
+    what: str
+    paper: float
+    found: float
+
+    @property
+    def off(self) -> float:
+        """The relative deviation."""
+        return abs(self.found / self.paper - 1.0)
+
+
+class Finding(NamedTuple):
+    """What a check has found: whether the statement holds, and in which numbers.
+
+    For what does not hold the details say what was found instead, and where the nearest motion is that does it.
+    """
+
+    holds: bool
+    line: str  #: One short line of numbers.
+    details: str = ""
+    against: tuple[Against, ...] = ()  #: Numbers that the paper names.
+    short: str = ""  #: A part that is missing or too faint for a picture, with its number: it then holds in kind.
+
+
+Check = Callable[..., Finding]
+"""Takes results, and returns what it has found."""
 
 
 class Verdict(StrEnum):
-    """What the check of a claim comes to."""
+    """The class of a claim; `rule` says in numbers what belongs to it."""
 
-    REPRODUCED = "reproduced"
-    OTHER_READING = "reproduced under another reading"
-    OTHER_NUMBER = "at one other number"
+    LETTER = "to the letter"
+    KIND = "in kind"
+    OTHER_READING = "other reading"
+    OTHER_NUMBER = "one number changed"
+    OTHER_NUMBERS = "several numbers changed"
     EXPLAINED = "explained"
-    NOT_REPRODUCED = "not reproduced"
+    OPEN = "open"
+    ELSEWHERE = "elsewhere"
+
+    @property
+    def rule(self) -> str:
+        """What belongs to the class."""
+        return _RULES[self]
+
+
+_RULES = {
+    Verdict.LETTER: "The statement holds at the printed numbers, and each number that it names is met within "
+    f"{TOLERANCE:.0%}.",
+    Verdict.KIND: "At the printed numbers the feature is there, but a number that the statement names is off by more "
+    f"than {TOLERANCE:.0%}, a change is smaller than that, or one of several peaks has no part in it; the verdict "
+    "says by how much.",
+    Verdict.OTHER_READING: "It holds if a formula of the paper is read in another way; no number is changed.",
+    Verdict.OTHER_NUMBER: "It holds if exactly one number of the tables is another; two entries that stand for one "
+    "damper, spring or clutch, changed by one factor, are one number.",
+    Verdict.OTHER_NUMBERS: "It holds if two or more numbers of the tables are others; the verdict says how many.",
+    Verdict.EXPLAINED: "It does not hold, and a check with numbers shows why the paper may have come to it.",
+    Verdict.OPEN: "None of these.",
+    Verdict.ELSEWHERE: "What the paper describes exists at other numbers, found by a search. It is no statement of the "
+    "paper, and is never counted.",
+}
+
+
+class Tried(NamedTuple):
+    """One attempt to find a statement true."""
+
+    where: str  #: Reading, other number or explanation; empty for the printed numbers.
+    holds: bool
+    line: str
+    details: str = ""
+
+    def __str__(self) -> str:
+        text = self.line + (f"; {self.details}" if self.details else "")
+        return f"[{self.where}] {text}" if self.where else text
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The verdict on a claim.
-
-    Attributes
-    ----------
-    verdict
-        Whether the claim holds.
-    evidence
-        The numbers that were found, in every reading that was checked.
-    reading
-        The other reading, or the other number, under which it holds, or what explains it; empty for the default one.
-    """
+    """The verdict on a claim."""
 
     verdict: Verdict
-    evidence: str
-    reading: str = ""
+    line: str  #: One short line of numbers, of the attempt that decides.
+    evidence: tuple[Tried, ...] = ()  #: All attempts; the first is that at the printed numbers.
+    by: str = ""  #: The reading, the numbers or the explanation; how far it is off in kind; empty to the letter.
+    #: The numbers that were changed, by their symbols: the printed one and the other one.
+    changed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    costs: tuple[str, ...] = ()  #: Names of claims that hold as printed, and no longer with the change.
+    against: tuple[Against, ...] = ()  #: Numbers that the paper names.
+
+    @property
+    def kind(self) -> str:
+        """The class in words, with the number of changed numbers."""
+        several = self.verdict is Verdict.OTHER_NUMBERS
+        return f"{len(self.changed)} numbers changed" if several else self.verdict.value
 
     def __str__(self) -> str:
-        return f"{self.verdict.value}{f' ({self.reading})' if self.reading else ''}"
+        return f"{self.kind}{f' ({self.by})' if self.by else ''}"
+
+
+class Counts(NamedTuple):
+    """How many statements of the paper come to each verdict; what is found elsewhere is apart."""
+
+    classes: dict[Verdict, int]
+    statements: int
+    elsewhere: int
+
+
+def counts(outcomes: Iterable[Outcome]) -> Counts:
+    """Count verdicts; what is found elsewhere is no statement of the paper."""
+    found = [outcome.verdict for outcome in outcomes]
+    classes = {verdict: found.count(verdict) for verdict in Verdict if verdict is not Verdict.ELSEWHERE}
+    return Counts(classes, sum(classes.values()), found.count(Verdict.ELSEWHERE))
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +155,8 @@ class Claim:
         What else the evidence looks at is left out there.
     short
         Whether motions of period 1 are enough for it: in other readings longer ones are then left out.
+    apart
+        Whether it says where else the described motion is; it is then no statement of the paper.
     """
 
     name: str
@@ -82,6 +166,7 @@ class Claim:
     others: tuple[Reading, ...] = ()
     short: bool = False
     elsewhere: tuple[str, ...] = ()
+    apart: bool = False
 
     @property
     def figure(self) -> str:
@@ -98,27 +183,41 @@ class Claim:
         return tuple({job.key: job for job in wanted}.values())
 
     def outcome(self, results: Mapping[str, gw.Result], failures: Mapping[str, str]) -> Outcome:
-        """Check it in every reading, then at other numbers, then look for an explanation.
-
-        Parameters
-        ----------
-        results, failures
-            The results of jobs, and why others have none, by the keys of the jobs.
-        """
-        holds, evidence = self.holds(None, results, failures)
-        parts, found = [evidence], Outcome(Verdict.REPRODUCED, "") if holds else None
-        tries = [(reading, (), Verdict.OTHER_READING) for reading in self.others]
-        tries += [(reading, keys, Verdict.OTHER_NUMBER) for reading, keys in readings_for(self.name)]
-        for reading, keys, verdict in tries:
-            also, evidence = self.holds(reading, results, failures, keys)
-            parts.append(f"[{reading.differs}] {evidence}")
-            found = found or (Outcome(verdict, "", reading.differs) if also else None)
+        """Check it in every reading, then at other numbers, then look for an explanation."""
+        printed = self.holds(None, results, failures)
+        tried = [Tried("", *printed[:3])]
+        found = self._as_printed(printed)
+        tries: list[tuple[Reading, tuple[str, ...]]] = [(reading, ()) for reading in self.others]
+        for reading, keys in (*tries, *readings_for(self.name)):
+            also = self.holds(reading, results, failures, keys)
+            tried.append(Tried(reading.differs, *also[:3]))
+            if also.holds and found is None:
+                changed = reading.number.changed if reading.number else {}
+                found = Outcome(_class_of(changed), also.line, by=reading.differs, changed=changed)
         explanation = EXPLANATIONS.get(self.name)
         if explanation and all(key in results for key in explanation.rests_on):
-            also, evidence = explanation.check(*(results[key] for key in explanation.rests_on))
-            parts.append(f"[{explanation.by}] {evidence}")
-            found = found or (Outcome(Verdict.EXPLAINED, "", explanation.by) if also else None)
-        return replace(found or Outcome(Verdict.NOT_REPRODUCED, ""), evidence="; ".join(parts))
+            also = explanation.check(*(results[key] for key in explanation.rests_on))
+            tried.append(Tried(explanation.by, *also[:3]))
+            if also.holds and found is None:
+                found = Outcome(Verdict.EXPLAINED, also.line, by=explanation.by)
+        found = found or Outcome(Verdict.OPEN, printed.line)
+        return replace(found, evidence=tuple(tried), against=printed.against)
+
+    def _as_printed(self, found: Finding) -> Outcome | None:
+        """Return the verdict at the printed numbers; None if the statement does not hold there."""
+        if not found.holds:
+            return None
+        if self.apart:
+            changed: dict[str, tuple[float, float]] = {}
+            for job in self.jobs_in(None):
+                changed |= changed_numbers(gw.paper.case(job.case), job.study.system)
+            return Outcome(Verdict.ELSEWHERE, found.line, changed=changed)
+        off = max((each.off for each in found.against), default=0.0)
+        if found.short:
+            return Outcome(Verdict.KIND, found.line, by=found.short)
+        if off > TOLERANCE:
+            return Outcome(Verdict.KIND, found.line, by=f"off by {off:.0%}")
+        return Outcome(Verdict.LETTER, found.line)
 
     def holds(
         self,
@@ -126,22 +225,12 @@ class Claim:
         results: Mapping[str, gw.Result],
         failures: Mapping[str, str],
         keys: tuple[str, ...] = (),
-    ) -> tuple[bool, str]:
-        """Check it in one reading; other jobs may take the place of those that it rests on.
-
-        Parameters
-        ----------
-        reading
-            The reading; None for the default one.
-        results, failures
-            As in `outcome`.
-        keys
-            Keys of the other jobs; by default those that it rests on.
-        """
+    ) -> Finding:
+        """Check it in one reading (None: the default one); other jobs may take the place of those that it rests on."""
         wanted = [job.key for job in self.jobs_in(reading, keys)]
         missing = [f"{key}: {failures.get(key, 'no result')}" for key in wanted if key not in results]
         if missing:
-            return False, f"could not be computed ({'; '.join(missing)})"
+            return Finding(False, f"could not be computed ({'; '.join(missing)})")
         return self.check(*(results[key] for key in wanted))
 
     def jobs_in(self, reading: Reading | None, keys: tuple[str, ...] = ()) -> list[Job]:
@@ -151,6 +240,12 @@ class Claim:
         jobs = [JOBS[key] for key in keys or self.elsewhere or self.rests_on]
         # A job that the reading does not change is shared with the default reading, longer periods and all.
         return [job if (other := job.at(reading)) == job else (other.shortest if self.short else other) for job in jobs]
+
+
+def _class_of(changed: Mapping[str, tuple[float, float]]) -> Verdict:
+    if not changed:
+        return Verdict.OTHER_READING
+    return Verdict.OTHER_NUMBER if len(changed) == 1 else Verdict.OTHER_NUMBERS
 
 
 ALL: list[Claim] = []
@@ -164,11 +259,12 @@ def claim(
     others: tuple[Reading, ...] = (),
     short: bool = False,
     elsewhere: tuple[str, ...] = (),
+    apart: bool = False,
 ) -> Callable[[Check], Check]:
     """Make a check the check of a claim; parameters as those of `Claim`."""
 
     def register(check: Check) -> Check:
-        ALL.append(Claim(name, says, rests_on, check, others, short, elsewhere))
+        ALL.append(Claim(name, says, rests_on, check, others, short, elsewhere, apart))
         return check
 
     return register

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import gapwalk as gw
-from reproductions.padmanabhan_singh_1995.claims.claim import Claim
+from reproductions.padmanabhan_singh_1995.claims.claim import ALL, Claim, Outcome
 from reproductions.padmanabhan_singh_1995.claims.second_reading import CANDIDATES, Candidate
 from reproductions.padmanabhan_singh_1995.jobs import Job
 
@@ -36,36 +36,52 @@ class Trade:
         return f"{reading.differs} (printed: {reading.number.printed})" if reading.number else reading.differs
 
 
-def jobs_of_trades(claims: Sequence[Claim]) -> list[Job]:
-    """Return the jobs on which the trades rest, if all claims are checked."""
-    known = {claim.name: claim for claim in claims}
+def jobs_of(claims: Sequence[Claim]) -> list[Job]:
+    """Return the jobs on which claims rest, each once; trades too, if all claims are given."""
+    found = {job.key: job for claim in claims for job in claim.jobs}
+    if len(claims) == len(ALL):
+        known = {claim.name: claim for claim in claims}
+        for each in CANDIDATES:
+            for name in each.claims:
+                found |= {job.key: job for job in known[name].jobs_in(each.reading, each.jobs_of(name))}
+    return list(found.values())
+
+
+def decide(
+    claims: Sequence[Claim], results: Mapping[str, gw.Result], failures: Mapping[str, str]
+) -> tuple[list[tuple[Claim, Outcome]], tuple[Trade, ...]]:
+    """Check claims; if all are given, say what other numbers gain and cost, and which claims their gains cost."""
+    checked = [(claim, claim.outcome(results, failures)) for claim in claims]
+    if len(claims) != len(ALL):
+        return checked, ()
+    trades = weigh(claims, results, failures)
+    costs = {trade.candidate.reading.differs: (*trade.lost, *_at_odds(trade, checked)) for trade in trades}
+    return [(claim, replace(outcome, costs=costs.get(outcome.by, ()))) for claim, outcome in checked], trades
+
+
+def _at_odds(trade: Trade, checked: Sequence[tuple[Claim, Outcome]]) -> list[str]:
+    """Name the claims that need another value of the same number, and do not hold at this one."""
+    number = trade.candidate.reading.number
+    if number is None:
+        return []
     return [
-        job
-        for each in CANDIDATES
-        for name in each.claims
-        for job in known[name].jobs_in(each.reading, each.jobs_of(name))
+        claim.name
+        for claim, outcome in checked
+        if claim.name in trade.missed and set(outcome.changed) & set(number.changed)
     ]
 
 
 def weigh(claims: Sequence[Claim], results: Mapping[str, gw.Result], failures: Mapping[str, str]) -> tuple[Trade, ...]:
-    """Return what each candidate gains and costs.
-
-    Parameters
-    ----------
-    claims
-        All claims.
-    results, failures
-        The results of jobs, and why others have none, by the keys of the jobs.
-    """
+    """Return what each candidate gains and costs; all claims must be given."""
     known = {claim.name: claim for claim in claims}
     trades = []
     for each in CANDIDATES:
         sides: dict[tuple[bool, bool], list[str]] = {}
         for name in each.claims:
             claim = known[name]
-            before, _ = claim.holds(None, results, failures)
-            after, _ = claim.holds(each.reading, results, failures, each.jobs_of(name))
-            sides.setdefault((before, after), []).append(name)
+            before = claim.holds(None, results, failures)
+            after = claim.holds(each.reading, results, failures, each.jobs_of(name))
+            sides.setdefault((before.holds, after.holds), []).append(name)
         order = ((False, True), (True, True), (True, False), (False, False))
         trades.append(Trade(each, *(tuple(sides.get(side, ())) for side in order)))
     return tuple(trades)

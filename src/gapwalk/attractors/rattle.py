@@ -277,8 +277,9 @@ def largest(along: Quadrature, nodes: NDArray[np.intp], function: Callable[[Moti
     if not 0 < best < len(nodes) - 1:
         return float(values[best])
     places = nodes[best - 1 : best + 2]
-    flow, coefficients, state = flow_of(motion.system), coefficients_of(motion.system), motion.states[places[0]]
-    start = float(motion.theta[places[0]])
+    flow, coefficients, first = flow_of(motion.system), coefficients_of(motion.system), places[0]
+    state = np.concatenate((motion.q[first], motion.v[first], motion.z[first]))  # `states` would copy all of them
+    start = float(motion.theta[first])
 
     def value_at(theta: float) -> float:
         at = flow.integrate(coefficients, state, start, theta).state

@@ -701,8 +701,12 @@ def draw_strobes(
     labels: bool = True,
     legend: bool = True,
     within: Range | None = None,
+    instabilities: bool = False,
 ) -> Finish:
-    """Draw one panel of a diagram: the states of all motions once per forcing period, or a measure of them."""
+    """Draw one panel of a diagram: the states of all motions once per forcing period, or a measure of them.
+
+    With `instabilities`, unstable motions have the line of their kind of instability, not that of their period.
+    """
     if not diagram.members:
         raise ModelError("the diagram has no branches yet, so there is nothing to draw")
     coordinates = diagram.branches[0].system.coordinates
@@ -711,13 +715,13 @@ def draw_strobes(
             raise ModelError(f"there is no coordinate {measure!r}; {did_you_mean(measure, coordinates)}")
         return draw_branches(diagram.branches, ax, measure, labels=labels, legend=legend, within=within)
     strobes = Strobes(diagram, measure)
-    strobes.draw(ax)
+    strobes.draw(ax, instabilities)
     left, right = within or diagram.within
     pad = 0.0 if within else 0.02 * (right - left)
     ax.set(xlim=(left - pad, right + pad), ylim=extent_of(strobes.curve, left, right))
     ax.set_autoscale_on(False)
     if legend:
-        strobes.write_legend(ax, (left, right))
+        strobes.write_legend(ax, (left, right), instabilities)
     return partial(strobes.draw_names, ax) if labels else None
 
 
@@ -735,20 +739,17 @@ class Strobes:
         ]
         self.births = list(births_of(diagram))
 
-    def draw(self, ax: Axes) -> None:
+    def draw(self, ax: Axes, instabilities: bool = False) -> None:
         """Draw all curves (short periods over long ones), origins of branches, and unexplained steps."""
         for rank, period in reversed(list(enumerate(self.periods))):
-            for stable in (False, True):
-                curves = [
-                    (piece.x, y)
-                    for member, pieces in self.pieces
-                    for piece in pieces
-                    for y in piece.y.T
-                    if member.period == period and (piece.label == "stable") == stable
-                ]
-                if curves:
-                    options = period_options(rank, stable)
-                    ax.plot(*joined(curves), zorder=(4 if stable else 3) - 0.1 * rank, **options)
+            curves: dict[str, list[tuple[NDArray[np.float64], NDArray[np.float64]]]] = {}
+            for piece in (piece for member, pieces in self.pieces if member.period == period for piece in pieces):
+                look = piece.label if instabilities or piece.label == "stable" else ""
+                curves.setdefault(look, []).extend((piece.x, y) for y in piece.y.T)
+            for look, each in curves.items():
+                stable = look == "stable"
+                options = self._unstable(look) if look and not stable else period_options(rank, stable)
+                ax.plot(*joined(each), zorder=(4 if stable else 3) - 0.1 * rank, **options)
             births = [birth for birth in self.births if birth.period == period]
             if births:
                 values = np.repeat([birth.value for birth in births], period)
@@ -759,7 +760,13 @@ class Strobes:
         ax.set_xlabel(parameter_words(self.diagram.parameter, self.system.units))
         ax.set_ylabel(broken(state_words(self.coordinate, self.system.units)))
 
-    def write_legend(self, ax: Axes, within: Range | None = None) -> None:
+    @staticmethod
+    def _unstable(label: str) -> dict[str, Any]:
+        """Return the line of a kind of instability, without markers, since states crowd."""
+        look = style.LINES[label]
+        return stroke(look.color, 0.7 * look.width, look.line, solid_capstyle="butt")
+
+    def write_legend(self, ax: Axes, within: Range | None = None, instabilities: bool = False) -> None:
         """Write a legend of the colours of periods above the axes, up to the longest period within a range."""
         low, high = within or (-math.inf, math.inf)
         periods = {
@@ -769,8 +776,12 @@ class Strobes:
         }
         shown = [period for period in self.periods if period <= max(periods, default=0)]
         entries = [(f"period {period}", period_options(rank, stable=True)) for rank, period in enumerate(shown)]
-        for text, stable in (("stable", True), ("unstable", False)):
-            entries.append((text, period_options(0, stable) | {"color": GREY}))
+        if instabilities:
+            found = {piece.label for _, pieces in self.pieces for piece in pieces}
+            entries += [(look.text, self._unstable(label)) for label, look in style.LINES.items() if label in found][1:]
+        else:
+            for text, stable in (("stable", True), ("unstable", False)):
+                entries.append((text, period_options(0, stable) | {"color": GREY}))
         if self.births:
             entries.append(("a branch begins or ends", birth_options(0)))
         write_legend(ax, entries + unexplained_entries(self.diagram.branches), "above")

@@ -24,9 +24,10 @@ def in_its_own_folder(tmp_path, monkeypatch) -> None:
 
 @pytest.fixture
 def few(monkeypatch) -> None:
-    """A paper of three figures, one of which rests on no job, and of the claims about them."""
+    """A paper of three figures, one of which rests on no job, and of a claim about them; nothing of today."""
     kept = tuple(figure for figure in FIGURES if figure.name in ("1", "12", "17"))
     monkeypatch.setattr(command, "FIGURES", kept)
+    monkeypatch.setattr(command, "TODAY", ())
     monkeypatch.setattr(command, "CLAIMS", tuple(claim for claim in CLAIMS if claim.name == "12-folds"))
 
 
@@ -35,7 +36,9 @@ def test_one_motion_is_one_document(capsys, monkeypatch) -> None:
     assert main(["17", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert (document["figure"], document["claims"]) == ("17", [])
-    assert document["results"]["17-near"]["attractor"]["label"] == "P3"
+    assert document["results"]["17-start-k11-0"]["attractor"]["label"] == "P3"
+    assert document["results"]["17"]["attractor"]["label"] == "P1"
+    assert [panel["at"] for panel in document["panels"]] == ["K11 = 0"] * 3 + [None]
     assert not list(Path().iterdir())
 
 
@@ -48,6 +51,7 @@ def test_one_figure_is_one_document(capsys) -> None:
     assert document["reading"] == {"slope": "reduced", "damping": "dissipative"}
     assert [panel["letter"] for panel in document["panels"]] == ["a", "b", None]
     assert document["panels"][1]["jobs"] == ["13"]
+    assert document["panels"][0]["paper"] == [{"says": "paper: flips 0.62 to 0.85", "from": 0.62, "to": 0.85}]
     result = document["results"]["13"]
     branch = result["branches"][0]
     assert (branch["name"], branch["period"], branch["parameter"]) == ("P1-1", 1, "frequency")
@@ -78,18 +82,21 @@ def test_pictures_go_into_a_folder_and_nothing_is_computed_twice(capsys, monkeyp
     assert "1 of period 1" in text
     assert "note on the set of figure 12: The scan prints K11 = 0.0" in text
     names = {path.name for path in Path("out/paper").iterdir()}
-    assert names == {"figure-12-literal.png", "figure-12-literal.svg", "results"}
+    assert names == {"figure-12a-literal.png", "figure-12-2-literal.png", "figure-12-literal.html", "results"}
     results = {path.name for path in Path("out/paper/results").iterdir() if not path.name.endswith("-lock")}
     assert results == {"12-literal.gapwalk", "12-literal-points.csv", "12-literal-special-points.csv"}
     monkeypatch.setattr("gapwalk.studies.diagram_study.DiagramWork.parts", None)  # a second computation would fail
-    drawn = Path("out/paper/figure-12-literal.png").stat().st_mtime_ns
+    picture = Path("out/paper/figure-12a-literal.png")
+    drawn = picture.stat().st_mtime_ns
     assert main(["12", "--slope", "literal"]) == 0
-    assert Path("out/paper/figure-12-literal.png").stat().st_mtime_ns == drawn
-    assert "written: out/paper/figure-12-literal.png" in capsys.readouterr().out
+    assert picture.stat().st_mtime_ns == drawn
+    text = capsys.readouterr().out
+    assert "written: out/paper/figure-12a-literal.png" in text
+    assert "the page: out/paper/figure-12-literal.html" in text
     result = Path("out/paper/results/12-literal.gapwalk")
     os.utime(result, ns=(drawn + 1, drawn + 1))  # as if it had been computed again
     assert main(["12", "--slope", "literal"]) == 0
-    assert Path("out/paper/figure-12-literal.png").stat().st_mtime_ns > drawn
+    assert picture.stat().st_mtime_ns > drawn
 
 
 class Links(HTMLParser):
@@ -112,19 +119,19 @@ class Links(HTMLParser):
 @pytest.mark.usefixtures("few")
 def test_all_figures_make_a_page_that_opens_offline(capsys) -> None:
     assert main(["--output", "report"]) == 0
-    assert "all of it as a page: report/index.html" in capsys.readouterr().out
+    captured = capsys.readouterr()
+    assert "1 statements of the paper: 1 to the letter\n" in captured.out
+    assert "all of it is on one page: report/index.html" in captured.out
+    assert captured.err.splitlines()[0].endswith("studies; Ctrl-C stops, and the same command resumes")
     text = Path("report/index.html").read_text(encoding="utf-8")
     links = Links(text)
-    assert {"figure-1", "figure-12", "figure-17", "claims"} <= set(links.ids)
-    for target in links.targets:
-        if target.startswith("#"):
-            assert target[1:] in links.ids
-        else:
-            assert (Path("report") / target).is_file()
-    assert {"figure-1.png", "figure-12.png", "figure-12.svg", "results/12.gapwalk"} <= set(links.targets)
+    assert {"figure-1", "figure-12", "figure-17", "12-folds"} <= set(links.ids)
+    pictures = [target for target in links.targets if not target.startswith("#")]
+    assert all(target[1:] in links.ids for target in links.targets if target not in pictures)
+    assert all(target.startswith("data:image/png;base64,") for target in pictures)  # one file is enough
+    assert len(pictures) == sum(len(figure.panels) for figure in command.FIGURES)
     assert not re.search(r"https?:|<script", text)
-    assert "12-folds" in text
-    assert "reproduced" in text
+    assert "to the letter" in text
 
 
 @pytest.mark.usefixtures("few")
@@ -135,17 +142,29 @@ def test_all_as_json(capsys) -> None:
     assert document["figures"][0]["loops"]["viscous damping"]["loss"] == pytest.approx(0.5037, abs=1e-4)
     assert document["figures"][1]["loops"] == {}
     (claim,) = document["claims"]
-    assert (claim["claim"], claim["verdict"]) == ("12-folds", "reproduced")
-    assert document["figures"][2]["results"]["17-near"]["attractor"]["label"] == "P3"
+    assert (claim["claim"], claim["verdict"]) == ("12-folds", "to the letter")
+    assert claim["evidence"][0]["holds"] is True
+    assert document["figures"][2]["results"]["17"]["attractor"]["label"] == "P1"
 
 
 @pytest.mark.usefixtures("few")
-def test_claims_as_a_page_for_the_docs(capsys) -> None:
-    assert main(["--claims", "claims.md"]) == 0
-    assert "written: claims.md" in capsys.readouterr().out
-    text = Path("claims.md").read_text(encoding="utf-8")
-    assert "| 12-folds |" in text
-    assert "**reproduced**" in text
+def test_the_documentation_gets_the_page_its_summary_and_the_counts(monkeypatch) -> None:
+    monkeypatch.setattr(command, "_ROOT", Path())
+    for name in ("docs/_static", "docs/explanation"):
+        Path(name).mkdir(parents=True)
+    Path("README.md").write_text("- Of 9 statements of the paper below, none;\n")
+    Path("docs/explanation/validation.md").write_text("no count\n")
+    assert main(["--docs"]) == 0
+    assert Path("README.md").read_text() == "- Of 1 statements of the paper below, 1 hold to the letter;\n"
+    page = Path("docs/_static/padmanabhan_singh_1995.html").read_text(encoding="utf-8")
+    assert page == Path("out/paper/index.html").read_text(encoding="utf-8")
+    assert "| to the letter | 1 |" in Path("docs/explanation/paper.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("more", [["13"], ["--slope", "literal"], ["--json"]])
+def test_the_documentation_has_all_figures_at_the_printed_numbers(more, capsys) -> None:
+    assert main(["--docs", *more]) == 2
+    assert "write --docs without" in capsys.readouterr().err
 
 
 def test_what_cannot_be_computed_is_said_and_keeps_nothing_back(capsys, monkeypatch) -> None:
@@ -160,8 +179,8 @@ def test_what_cannot_be_computed_is_said_and_keeps_nothing_back(capsys, monkeypa
     monkeypatch.setattr(command, "claims_about", lambda number: ())
     assert main(["12", "17"]) == 3
     assert "error: 12: no orbit was found\n" in capsys.readouterr().err
-    assert Path("out/paper/figure-17.png").is_file()
-    assert not Path("out/paper/figure-12.png").exists()
+    assert Path("out/paper/figure-17a.png").is_file()
+    assert not Path("out/paper/figure-12a.png").exists()
 
 
 def test_ctrl_c_ends_it_with_a_sentence(capsys, monkeypatch) -> None:
@@ -174,8 +193,8 @@ def test_ctrl_c_ends_it_with_a_sentence(capsys, monkeypatch) -> None:
 
 
 def test_an_unknown_figure_is_refused_before_anything_is_computed(capsys) -> None:
-    assert main(["12", "2"]) == 2
-    assert "the paper has no figure '2'" in capsys.readouterr().err
+    assert main(["12", "30"]) == 2
+    assert "the paper has no figure '30'" in capsys.readouterr().err
     assert not list(Path().iterdir())
 
 

@@ -1,26 +1,28 @@
-"""The report page and the page of the docs: what a browser would make of them."""
+"""The page, and its summary in the docs: what a browser would make of them."""
 
 import re
+from html import unescape
 from pathlib import Path
 
 import pytest
 
-from reproductions.padmanabhan_singh_1995.claims import CLAIMS, Claim, Outcome, Trade, Verdict
+from reproductions.padmanabhan_singh_1995.claims import CLAIMS, Claim, Finding, Outcome, Trade, Verdict, counts
 from reproductions.padmanabhan_singh_1995.claims.second_reading import CANDIDATES
-from reproductions.padmanabhan_singh_1995.figures import find_figure
+from reproductions.padmanabhan_singh_1995.figures import FIGURES, find_figure
 from reproductions.padmanabhan_singh_1995.jobs import LITERAL, USUAL
 from reproductions.padmanabhan_singh_1995.page import claims_page, html_page, with_counts
 from reproductions.padmanabhan_singh_1995.report import Report
 from reproductions.padmanabhan_singh_1995.tables import demands
-from tests.reproductions.padmanabhan_singh_1995.expected import EXPECTED
+from tests.reproductions.padmanabhan_singh_1995.expected import EXPECTED, verdict_of
 
 ROOT = Path(__file__).resolve().parents[3]
 DOCS = ROOT / "docs" / "explanation" / "paper.md"
+PAGE = ROOT / "docs" / "_static" / "padmanabhan_singh_1995.html"
 COUNTED = ROOT / "README.md", ROOT / "docs" / "explanation" / "validation.md"
 
 
-def checked(holds: bool = True, evidence: str = "found"):
-    claim = Claim("12-x", "It <jumps> & stays", (), lambda: (holds, evidence))
+def checked(holds: bool = True, line: str = "found", details: str = ""):
+    claim = Claim("12-x", "It <jumps> & stays", (), lambda: Finding(holds, line, details))
     return [(claim, claim.outcome({}, {}))]
 
 
@@ -28,74 +30,119 @@ def page_of(*figures: str, reading=USUAL, **parts) -> str:
     return html_page(Report(tuple(find_figure(name).at(reading) for name in figures), reading, **parts))
 
 
+def expected() -> list[tuple[Claim, Outcome]]:
+    """Each claim with an outcome of its class."""
+    verdicts = [verdict_of(EXPECTED[claim.name]) for claim in CLAIMS]
+    return [(claim, Outcome(verdict, "found 1")) for claim, verdict in zip(CLAIMS, verdicts, strict=True)]
+
+
 def test_texts_are_no_markup() -> None:
-    page = page_of("12", failures={"12": "no <orbit>"}, checked=checked(evidence="a < b"))
-    assert "It &lt;jumps&gt; &amp; stays" in page
-    assert "a &lt; b" in page
-    assert "12: no &lt;orbit&gt;" in page
+    page = page_of("12", failures={"12": "no <orbit>"}, checked=checked(line="a < b", details="c < d"))
+    for text in ("It &lt;jumps&gt; &amp; stays", "a &lt; b", "c &lt; d", "12: no &lt;orbit&gt;"):
+        assert text in page
 
 
 def test_the_page_names_its_reading() -> None:
-    page = page_of("12", reading=LITERAL)
-    assert "slope literal, damping dissipative" in page
-    assert 'href="#claims"' not in page
+    assert "slope literal, damping dissipative" in page_of("12", reading=LITERAL)
 
 
-def test_the_claims_about_a_figure_are_in_its_section() -> None:
+def test_a_card_has_the_statements_about_its_figure() -> None:
     page = page_of("12", "13", checked=checked(False))
-    twelve, thirteen = page.split('id="figure-13"')[0], page.split('id="figure-13"')[1].split('id="claims"')[0]
-    assert "12-x" in twelve
+    head, twelve, thirteen = re.split('<article id="figure-', page)
+    assert "<b>0 hold</b>" in head
+    assert '<li id="12-x" class="c6">' in twelve
+    assert '<span class="chip">open</span>' in twelve
     assert "12-x" not in thirteen
-    assert '<li id="12-x" class="bad">' in twelve
-    assert '<span class="verdict">not reproduced</span>' in twelve
-    assert "1 not reproduced." in page
 
 
-def test_the_page_of_the_docs_counts_verdicts_and_keeps_its_columns() -> None:
-    page = claims_page([*checked(evidence="a | b"), *checked(False)])
-    assert "1 reproduced; 1 not reproduced." in page
-    assert "| 12-x | It <jumps> & stays | **reproduced** | a \\| b |" in page
-    assert page.count("## Figure 12") == 1
+def test_evidence_is_folded_where_there_is_more_than_a_line() -> None:
+    assert "<summary>evidence</summary>" not in page_of("12", checked=checked())
+    folded = page_of("12", checked=checked(details="more")).partition("<summary>evidence</summary>")[2]
+    assert "printed numbers, holds" in folded
+    assert "more" in folded
 
 
-def test_docs_paper_is_up_to_date() -> None:
-    """Names, statements and verdicts; the head of the page says which command writes it."""
-    text = DOCS.read_text(encoding="utf-8").partition("## Other numbers")[0]
-    rows = [line.split(" | ") for line in text.splitlines() if line.startswith("| ")]
-    found = [(row[0].removeprefix("| "), row[1], row[2].strip("*")) for row in rows if row[0] != "| claim"]
-    assert found == [(claim.name, claim.says, EXPECTED[claim.name]) for claim in CLAIMS]
+def test_the_head_counts_each_class_and_says_its_rule() -> None:
+    claims = expected()
+    found = counts([outcome for _, outcome in claims])
+    page = page_of("12", "13", checked=claims)
+    bar = re.search(r'<div class="bar">(.*?)</div>', page)
+    assert bar
+    widths = [int(each) for each in re.findall(r"flex-grow: (\d+)", bar[1])]
+    assert widths == [count for count in found.classes.values() if count]
+    assert sum(widths) == found.statements  # what is elsewhere is not in the bar
+    for verdict, count in found.classes.items():
+        assert (f"<b>{count} {verdict}</b><br>{verdict.rule}" in unescape(page)) == bool(count)
+    assert f"{found.elsewhere} elsewhere, not counted" in page
 
 
-def test_the_counts_of_page_docs_and_readme_are_those_of_the_verdicts() -> None:
-    verdicts = [Verdict(text.partition(" (")[0]) for text in EXPECTED.values()]
-    line = next(line for line in DOCS.read_text(encoding="utf-8").splitlines() if " reproduced;" in line)
-    counted = {verdict.value: verdicts.count(verdict) for verdict in Verdict}
-    assert line == "; ".join(f"{count} {word}" for word, count in counted.items() if count) + "."
-    for path in COUNTED:
-        text = path.read_text(encoding="utf-8")
-        assert with_counts(text, verdicts) == text  # as the command writes it
-        assert with_counts(text, verdicts[1:]) != text
-    claims = [(claim, Outcome(verdict, "found 1")) for claim, verdict in zip(CLAIMS, verdicts, strict=True)]
-    page = page_of("12", checked=claims)
-    assert all(f"<b>{count}</b>{word}" in page for word, count in counted.items() if count)
-    assert line in page
+def test_each_statement_has_a_mark_of_its_class_and_a_place() -> None:
+    claims = expected()
+    page = page_of(*(figure.name for figure in FIGURES), checked=claims)
+    for claim, outcome in claims:
+        colour = f"c{list(Verdict).index(outcome.verdict)}"
+        assert f'<li id="{claim.name}" class="{colour}">' in page
+    cell = re.search(r'<a href="#figure-4">4<i>(.*?)</i>', page)
+    assert cell
+    assert cell[1].count("<b") == sum(claim.figure == "4" for claim, _ in claims)
 
 
-def test_the_summary_has_each_claim_in_the_colour_of_its_verdict() -> None:
-    claims = [(claim, Outcome(verdict, "1")) for claim, verdict in zip(CLAIMS, Verdict, strict=False)]
-    page = page_of("1", checked=claims)
-    colours = re.findall(r'<a class="([\w-]+)" href="#([\w-]+)"', page)
-    assert [name for _, name in colours] == [claim.name for claim, _ in claims]
-    assert [colour for colour, _ in colours] == ["good", "other", "by-number", "why", "bad"]
-    assert all(f'id="{name}"' in page for _, name in colours)
+def test_each_picture_says_at_which_numbers_it_is_drawn() -> None:
+    figure = find_figure("10")
+    names = tuple(figure.file_name(panel) for panel in figure.panels)
+    page = page_of("10", pictures={"10": names})
+    assert re.findall(r'src="(.*?)"', page) == list(names)
+    badges = re.findall(r"<figcaption>.*?</figcaption>", page)
+    assert ['class="at"' in badge for badge in badges] == [bool(panel.place) for panel in figure.panels]
 
 
 def test_other_numbers_stand_with_what_they_cost() -> None:
     trade = Trade(CANDIDATES[0], ("12-beats",), ("12-folds",), ("13-flips",), ())
-    page, text = page_of("12", trades=(trade,)), claims_page(checked(), (trade,))
-    assert "C11 = C21 = 0.025 (printed: 0.04)" in page
-    row = "C11 = C21 = 0.025 (printed: 0.04) | 12, 13, 9a, 20a, 20b, 22, 27, 28 | 12-beats | 13-flips | 12-folds | –"
-    assert f"| {row} |" in text
+    row = re.search(
+        r"<tr><td>([^<]*)</td><td>[^<]*</td><td>12-beats</td><td>13-flips</td><td>12-folds</td><td>–</td></tr>",
+        page_of("12", "13", trades=(trade,)),
+    )
+    assert row
+    assert row[1] == trade.words
+
+
+def test_the_summary_of_the_docs_is_that_of_the_verdicts() -> None:
+    text = DOCS.read_text(encoding="utf-8")
+    found = counts([outcome for _, outcome in expected()])
+    for verdict, count in found.classes.items():
+        assert f"| {verdict} | {count} | {verdict.rule} |" in text
+    rows = re.findall(r"^\| ([\w-]+-[\w-]+) \| (.*) \| (.*) \|$", text, re.MULTILINE)
+    holds = (Verdict.LETTER, Verdict.KIND, Verdict.ELSEWHERE)
+    others = [
+        (claim.name, claim.says, EXPECTED[claim.name]) for claim, outcome in expected() if outcome.verdict not in holds
+    ]
+    assert rows == others
+
+
+def test_the_page_of_the_docs_has_each_statement_with_its_verdict() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    items = re.findall(r'<li id="([\w-]+)" class="c\d">(.*?)<br><span class="chip">(.*?)</span>', text)
+    assert sorted((name, unescape(says), unescape(verdict)) for name, says, verdict in items) == sorted(
+        (claim.name, claim.says, EXPECTED[claim.name]) for claim in CLAIMS
+    )
+    assert text.count("<img") == sum(len(figure.panels) for figure in FIGURES) + text.partition('id="today"')[2].count(
+        "<img"
+    )
+    assert not re.search(r'src="(?!data:)|<script|href="(?!#)', text)  # one file, which loads nothing
+
+
+def test_the_counts_in_the_readme_are_those_of_the_verdicts() -> None:
+    outcomes = [outcome for _, outcome in expected()]
+    for path in COUNTED:
+        text = path.read_text(encoding="utf-8")
+        assert with_counts(text, outcomes) == text  # as the command writes it
+        assert with_counts(text, outcomes[1:]) != text
+
+
+def test_a_summary_keeps_its_columns() -> None:
+    page = claims_page([*checked(), *checked(False)])
+    assert "| 12-x | It <jumps> & stays | open |" in page
+    assert page.count("| 12-x |") == 1
 
 
 def test_the_tables_contradict_their_own_equations() -> None:

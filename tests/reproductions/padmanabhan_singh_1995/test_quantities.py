@@ -1,4 +1,4 @@
-"""What the figures of motions show besides: the third inertia, the loops of figure 1, the record, peaks and lines."""
+"""What the figures of motions show besides: the third inertia, the loops of figure 1, peaks and lines."""
 
 import math
 
@@ -10,11 +10,9 @@ from reproductions.padmanabhan_singh_1995.claims.damping import distance
 from reproductions.padmanabhan_singh_1995.quantities import (
     IMPACT,
     LOOPS,
-    NOISE,
     VISCOUS,
     force_peaks,
     lines,
-    synthetic_record,
     third_inertia,
 )
 
@@ -55,16 +53,6 @@ def test_the_loops_of_figure_1_cost_the_same() -> None:
     loss = np.trapezoid(0.5 * (2.0 * np.cos(theta) - 1.0) * (2.0 * np.sin(theta)) ** 2, theta)
     assert LOOPS[IMPACT].loss == pytest.approx(loss, rel=1e-7)
     assert LOOPS[VISCOUS].loss == pytest.approx(loss, rel=1e-7)
-
-
-def test_the_record_is_the_motion_and_noise(orbits) -> None:
-    orbit = orbits["8a"]
-    record = synthetic_record(orbit)
-    assert "SYNTHETIC" in record.name
-    found = gw.measure.align(orbit, record, third_inertia(orbit.system))
-    assert found.phase == pytest.approx(1.0, abs=0.05)
-    assert found.agreement.relative == pytest.approx(NOISE, rel=0.1)
-    assert np.array_equal(record.acceleration, synthetic_record(orbit).acceleration)
 
 
 def test_peaks_and_lines_of_a_force() -> None:

@@ -1,5 +1,6 @@
 """Studies of the paper in a folder: run once, resumed, and named where they fail."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -23,7 +24,11 @@ def folder(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("paper") / "results"
     seen = []
     results, failures = done([JOB, JOBS["12"]], folder, progress=lambda *news: seen.append(news))
-    assert seen == [("studies", "12", 1, 2), ("studies", "17", 2, 2)]  # the longest first
+    # before anything is done, and then the longest first
+    assert [news[:4] for news in seen] == [("studies", "", 0, 2), ("studies", "12", 1, 2), ("studies", "17", 2, 2)]
+    assert math.isnan(seen[0][4])
+    assert 0.0 < seen[1][4] < 60.0  # seconds left
+    assert seen[2][4] == 0.0
     assert (set(results), failures) == ({"12", "17"}, {})
     return folder
 
@@ -41,7 +46,9 @@ def never(monkeypatch) -> None:
 
 @pytest.mark.usefixtures("never")
 def test_what_is_done_is_not_done_again(folder) -> None:
-    results, _ = done([JOB, JOBS["12"]], folder)
+    seen = []
+    results, _ = done([JOB, JOBS["12"]], folder, progress=lambda *news: seen.append(news[4]))
+    assert all(map(math.isnan, seen))  # what is found in its file says nothing of the time that is left
     assert results["12"].branches[0].period == 1
     assert set(results) == {"12", "17"}
 

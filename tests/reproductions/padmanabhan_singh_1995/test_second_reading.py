@@ -2,7 +2,16 @@
 
 import pytest
 
-from reproductions.padmanabhan_singh_1995.claims import CLAIMS, Claim, Outcome, Verdict, claim, second_reading, trades
+from reproductions.padmanabhan_singh_1995.claims import (
+    CLAIMS,
+    Claim,
+    Finding,
+    Outcome,
+    Verdict,
+    claim,
+    second_reading,
+    trades,
+)
 from reproductions.padmanabhan_singh_1995.claims.second_reading import (
     CANDIDATES,
     EXPLANATIONS,
@@ -11,10 +20,12 @@ from reproductions.padmanabhan_singh_1995.claims.second_reading import (
     readings_for,
 )
 from reproductions.padmanabhan_singh_1995.jobs import JOBS, LITERAL, USUAL, OtherNumber, Reading
-from tests.reproductions.padmanabhan_singh_1995.expected import EXPECTED
+from tests.reproductions.padmanabhan_singh_1995.expected import EXPECTED, verdict_of
 
-NUMBER = Reading(number=OtherNumber("β = 0", "0.05", "beta-0", (("stage2.impact_damping", 0.0),), ("12",)))
-CLAIM = Claim("12-above", "It is above 3.", ("12", "13"), lambda *results: (max(results) > 3, f"found {max(results)}"))
+NUMBER = Reading(number=OtherNumber("beta-0", (("stage2.impact_damping", 0.0),), ("12",)))
+CLAIM = Claim(
+    "12-above", "It is above 3.", ("12", "13"), lambda *results: Finding(max(results) > 3, f"found {max(results)}")
+)
 
 
 @pytest.fixture
@@ -22,7 +33,7 @@ def proposed(monkeypatch) -> None:
     candidates = (Candidate(NUMBER, ("12-above",), ("12-folds",)),)
     for module in (second_reading, trades):
         monkeypatch.setattr(module, "CANDIDATES", candidates)
-    explanation = Explanation("it is a start", ("17",), lambda result: (result > 3, f"and {result}"))
+    explanation = Explanation("it is a start", ("17",), lambda result: Finding(result > 3, f"and {result}"))
     monkeypatch.setattr(second_reading, "EXPLANATIONS", {"12-above": explanation})
     monkeypatch.setattr(claim, "EXPLANATIONS", {"12-above": explanation})
 
@@ -35,27 +46,41 @@ def outcome(printed: float, other: float, start: float) -> Outcome:
 @pytest.mark.parametrize(
     ("results", "words"),
     [
-        ((4, 0, 0), "reproduced"),
-        ((0, 4, 4), "at one other number (β = 0)"),
+        ((4, 0, 0), "to the letter"),
+        ((0, 4, 4), "one number changed (β = 0)"),
         ((0, 0, 4), "explained (it is a start)"),
-        ((0, 0, 0), "not reproduced"),
+        ((0, 0, 0), "open"),
     ],
 )
 def test_a_verdict_is_the_first_that_holds_and_all_evidence_is_kept(results, words: str) -> None:
     assert [job.key for job in CLAIM.jobs] == ["12", "13", "12-beta-0", "17"]  # another set has its printed number
     found = outcome(*results)
     assert str(found) == words
-    assert found.evidence == "found {}; [β = 0] found {}; [it is a start] and {}".format(*results)
+    assert found.changed == ({"β": (0.05, 0.0)} if results == (0, 4, 4) else {})
+    texts = "found {}", "[β = 0] found {}", "[it is a start] and {}"
+    assert [str(each) for each in found.evidence] == [text.format(n) for text, n in zip(texts, results, strict=True)]
 
 
 @pytest.mark.usefixtures("proposed")
 def test_a_number_is_weighed_by_what_it_gains_and_costs() -> None:
-    folds = Claim("12-folds", "Below 5.", ("12",), lambda result: (result < 5, "found"))
+    folds = Claim("12-folds", "Below 5.", ("12",), lambda result: Finding(result < 5, "found"))
     results = {"12": 1, "12-beta-0": 6, "13": 0, "17": 0}
     (trade,) = trades.weigh([CLAIM, folds], results, {})  # type: ignore[arg-type]
     assert (trade.gained, trade.kept, trade.lost, trade.missed) == (("12-above",), (), ("12-folds",), ())
     assert trade.words == "β = 0 (printed: 0.05)"
-    assert {job.key for job in trades.jobs_of_trades([CLAIM, folds])} == {"12-beta-0", "13"}
+
+
+@pytest.mark.usefixtures("proposed")
+def test_an_outcome_names_what_its_change_costs(monkeypatch) -> None:
+    folds = Claim("12-folds", "Below 5.", ("12",), lambda result: Finding(result < 5, "found"))
+    monkeypatch.setattr(trades, "ALL", [CLAIM, folds])
+    results = {"12": 1, "12-beta-0": 6, "13": 0, "17": 0}
+    ((_, above), (_, below)), _ = trades.decide([CLAIM, folds], results, {})  # type: ignore[arg-type]
+    assert (above.verdict, above.costs) == (Verdict.OTHER_NUMBER, ("12-folds",))
+    assert (below.verdict, below.costs) == (Verdict.LETTER, ())
+    assert {job.key for job in trades.jobs_of([CLAIM, folds])} == set(results)
+    checked, none = trades.decide([CLAIM], results, {})  # type: ignore[arg-type]
+    assert (checked[0][1].costs, none) == ((), ())
 
 
 def test_a_number_changes_the_system_and_its_result_file_only_where_it_stands() -> None:
@@ -83,8 +108,8 @@ def test_candidates_name_claims_jobs_and_parameters_that_exist() -> None:
 def test_verdicts_name_the_candidates_and_the_explanations() -> None:
     """Each number or explanation that a verdict names exists, and the claim that it was made for has it."""
     for name, text in EXPECTED.items():
-        verdict, _, rest = text.partition(" (")
-        if Verdict(verdict) is Verdict.OTHER_NUMBER:
+        rest = text.partition(" (")[2]
+        if verdict_of(text) in (Verdict.OTHER_NUMBER, Verdict.OTHER_NUMBERS):
             assert rest.rstrip(")") in [reading.differs for reading, _ in readings_for(name)]
-        if Verdict(verdict) is Verdict.EXPLAINED:
+        if verdict_of(text) is Verdict.EXPLAINED:
             assert EXPLANATIONS[name].by == rest.rstrip(")")
