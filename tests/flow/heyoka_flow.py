@@ -16,8 +16,8 @@ import numpy as np
 from gapwalk.flow import flow, forces
 from gapwalk.flow.contact_events import COOLDOWN
 from gapwalk.flow.flow import Flow
-from gapwalk.flow.integrator import Array, Outcome
-from gapwalk.flow.symbols import Symbol
+from gapwalk.taylor.integrator import Array, Outcome
+from gapwalk.taylor.symbols import Symbol
 
 _OUTCOMES = {
     hy.taylor_outcome.time_limit: Outcome.REACHED,
@@ -89,7 +89,7 @@ class _Turn(_Call):
 
 
 class HeyokaProgram:
-    """The arguments of `gapwalk.flow.series_program.Program`, as an integrator of heyoka with all columns."""
+    """The arguments of `gapwalk.taylor.program.Program`, as an integrator of heyoka with all columns."""
 
     def __init__(
         self,
@@ -126,7 +126,7 @@ class HeyokaProgram:
 
 
 class HeyokaIntegrator:
-    """An integrator with the interface of `gapwalk.flow.integrator.Integrator`."""
+    """An integrator with the interface of `gapwalk.taylor.integrator.Integrator`."""
 
     def __init__(
         self,
@@ -179,7 +179,7 @@ class HeyokaIntegrator:
 
 
 class HeyokaEvaluator:
-    """Functions with the interface of `gapwalk.flow.integrator.Evaluator`."""
+    """Functions with the interface of `gapwalk.taylor.integrator.Evaluator`."""
 
     def __init__(self, functions: Sequence[Symbol], variables: Sequence[Symbol]) -> None:
         translated = _Translation({})

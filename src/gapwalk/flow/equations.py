@@ -18,7 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.run_time import RunTimeParameters
-from gapwalk.flow.symbols import (
+from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots, Wave, coefficients_of, layout_of
+from gapwalk.model.laws import CLEARANCE, Friction, Host, Stages, StageTerms
+from gapwalk.model.structure import Structure
+from gapwalk.model.system import System
+from gapwalk.model.units import QuantityKind
+from gapwalk.taylor.symbols import (
     ANGLE,
     FUNCTIONS,
     ZERO,
@@ -34,11 +39,6 @@ from gapwalk.flow.symbols import (
     total,
     variable,
 )
-from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots, Wave, coefficients_of, layout_of
-from gapwalk.model.laws import CLEARANCE, Friction, Host, Stages, StageTerms
-from gapwalk.model.structure import Structure
-from gapwalk.model.system import System
-from gapwalk.model.units import QuantityKind
 
 # The unit of length in which a motion is integrated: tolerances of the integrator are absolute below 1.
 #

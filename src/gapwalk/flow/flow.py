@@ -1,6 +1,6 @@
 """The compiled flow: motions of a system over theta, with sensitivities and exact contact events.
 
-A `Flow` is a program of the compiled kernel (`gapwalk.flow.series_kernel`) for a structure and a pattern of non-zero
+A `Flow` is a program of the compiled kernel (`gapwalk.taylor.kernel`) for a structure and a pattern of non-zero
 coefficients; it serves every value. Each breakpoint of each contact is a terminal event, found to rounding.
 
 Method: docs/numerics/flow.md
@@ -32,12 +32,12 @@ from gapwalk.flow.equations import Equations, LengthUnit
 from gapwalk.flow.event_rule import jump_of
 from gapwalk.flow.forces import CompiledReadings
 from gapwalk.flow.friction_state import Hold, Kink, SlipEvent
-from gapwalk.flow.integrator import Integrator, Outcome
-from gapwalk.flow.series_program import Program
 from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of, varying
 from gapwalk.model.laws import closed_form_of
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
+from gapwalk.taylor.integrator import Integrator, Outcome
+from gapwalk.taylor.program import Program
 
 # The state transition matrix of motions that are linear between their contact events, from those events alone.
 #

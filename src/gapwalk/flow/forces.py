@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from gapwalk.flow.constraints import Constraint
 from gapwalk.flow.equations import Equations
-from gapwalk.flow.integrator import Evaluator
-from gapwalk.flow.symbols import ANGLE, ZERO, Symbol, parameter, parameters_of, replaced, variable
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, CycleSlots, Wave
 from gapwalk.model.laws import Host, Stages, StageTerms
 from gapwalk.model.laws.formula import NUMPY_FUNCTIONS
+from gapwalk.taylor.integrator import Evaluator
+from gapwalk.taylor.symbols import ANGLE, ZERO, Symbol, parameter, parameters_of, replaced, variable
 
 # Compiled functions of a state by which friction and held stops are decided, and derivatives of them.
 

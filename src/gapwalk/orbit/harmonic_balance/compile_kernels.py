@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
-from gapwalk.flow.integrator import kernel
+from gapwalk.taylor.integrator import kernel
 
 MODULES = ("kernels", "compliance", "monodromy")
 """Modules of this package that have kernels; importing them compiles what is not stored."""

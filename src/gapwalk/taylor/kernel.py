@@ -1,6 +1,6 @@
-"""The Taylor flow for which equations of motion are data, compiled once for all systems.
+"""The integrator by Taylor series for which equations are data, compiled once for all systems.
 
-A program (`gapwalk.flow.series_program`) lists operations on Taylor series: linear combinations, products, functions.
+A program (`gapwalk.taylor.program`) lists operations on Taylor series: linear combinations, products, functions.
 The kernel computes the series of all *slots* order by order, chooses the step, finds the first event in it, and carries
 the state over. Columns of derivatives run eight at a time through a second list of operations, which is linear in them:
 its factors are series of the first list.
@@ -20,8 +20,8 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
-from gapwalk.flow import series_layout as layout
-from gapwalk.flow.series_layout import LANES, LENGTH, ORDER, WIDE
+from gapwalk.taylor import header
+from gapwalk.taylor.header import LANES, LENGTH, ORDER, WIDE
 
 _MOST_ZEROS = 4  # of a turning point's function in one step
 _WHOLE = '"prefer-vector-width"="512" "min-legal-vector-width"="512"'
@@ -185,45 +185,45 @@ def _lane_size(typing: Any, w: Any, at: Any, count: Any) -> Any:
 @_inner
 def _constants(ip, fp, w, pars):
     """Compute what depends on parameters only, and the factors of linear combinations."""
-    parameters, numbers = ip[layout.PARAMETERS], ip[layout.NUMBERS]
+    parameters, numbers = ip[header.PARAMETERS], ip[header.NUMBERS]
     for k in range(parameters):
         w[k] = pars[k]
     for k in range(numbers):
         w[parameters + k] = fp[k]
-    at = ip[layout.STEPS]
-    for _ in range(ip[layout.STEP_COUNT]):
+    at = ip[header.STEPS]
+    for _ in range(ip[header.STEP_COUNT]):
         kind, out, a, b = ip[at], ip[at + 1], w[ip[at + 2]], w[ip[at + 3]]
         at += 4
-        if kind == layout.PRODUCT:
+        if kind == header.PRODUCT:
             value = a * b
-        elif kind == layout.SUM:
+        elif kind == header.SUM:
             value = a + b
-        elif kind == layout.QUOTIENT:
+        elif kind == header.QUOTIENT:
             value = a / b
-        elif kind == layout.POWER:
+        elif kind == header.POWER:
             value = a**b
-        elif kind == layout.SQRT:
+        elif kind == header.SQRT:
             value = math.sqrt(a)
-        elif kind == layout.EXP:
+        elif kind == header.EXP:
             value = math.exp(a)
-        elif kind == layout.LOG:
+        elif kind == header.LOG:
             value = math.log(a)
-        elif kind == layout.SIN:
+        elif kind == header.SIN:
             value = math.sin(a)
-        elif kind == layout.COS:
+        elif kind == header.COS:
             value = math.cos(a)
         else:
             value = math.tanh(a)
         w[out] = value
-    entries, values = ip[layout.PLACES] + ip[layout.ENTRIES], ip[layout.VALUES]
-    for k in range(ip[layout.ENTRIES]):
+    entries, values = ip[header.PLACES] + ip[header.ENTRIES], ip[header.VALUES]
+    for k in range(ip[header.ENTRIES]):
         w[values + k] = fp[numbers + k] * w[ip[entries + k]]
 
 
 @_inner
 def _function(w, kind, out, a, b, m):  # noqa: PLR0912
     """Compute one order of a function of a series."""
-    if kind == layout.POWER:
+    if kind == header.POWER:
         c = w[b]
         if m == 0:
             w[out] = w[a] ** c
@@ -232,7 +232,7 @@ def _function(w, kind, out, a, b, m):  # noqa: PLR0912
             for i in range(1, m + 1):
                 t += (i * c - (m - i)) * w[a + i] * w[out + m - i]
             w[out + m] = t / (m * w[a])
-    elif kind == layout.SQRT:
+    elif kind == header.SQRT:
         if m == 0:
             w[out] = math.sqrt(w[a])
         else:
@@ -240,7 +240,7 @@ def _function(w, kind, out, a, b, m):  # noqa: PLR0912
             for i in range(1, m):
                 t -= w[out + i] * w[out + m - i]
             w[out + m] = t / (2.0 * w[out])
-    elif kind == layout.EXP:
+    elif kind == header.EXP:
         if m == 0:
             w[out] = math.exp(w[a])
         else:
@@ -248,7 +248,7 @@ def _function(w, kind, out, a, b, m):  # noqa: PLR0912
             for i in range(1, m + 1):
                 t += i * w[a + i] * w[out + m - i]
             w[out + m] = t / m
-    elif kind == layout.LOG:
+    elif kind == header.LOG:
         if m == 0:
             w[out] = math.log(w[a])
         else:
@@ -256,7 +256,7 @@ def _function(w, kind, out, a, b, m):  # noqa: PLR0912
             for i in range(1, m):
                 t += i * w[out + i] * w[a + m - i]
             w[out + m] = (w[a + m] - t / m) / w[a]
-    elif kind == layout.SIN:
+    elif kind == header.SIN:
         if m == 0:
             w[out], w[out + LENGTH] = math.sin(w[a]), math.cos(w[a])
         else:
@@ -284,13 +284,13 @@ def _operate(ip, w, s, begin, end, m):
     """Compute one order of the operations other than linear combinations."""
     for at in range(begin, end, 4):
         kind, out, a, b = ip[at], s + ip[at + 1], s + ip[at + 2], ip[at + 3]
-        if kind == layout.PRODUCT:
+        if kind == header.PRODUCT:
             b = s + b + m
             t = 0.0
             for i in range(m + 1):
                 t += w[a + i] * w[b - i]
             w[out + m] = t
-        elif kind == layout.QUOTIENT:
+        elif kind == header.QUOTIENT:
             b = s + b
             t = w[a + m]
             for i in range(1, m + 1):
@@ -303,8 +303,8 @@ def _operate(ip, w, s, begin, end, m):
 @_inner
 def _order(ip, w, m):
     """Compute one order of all slots but the state, the angle and the waves."""
-    s, values, places = ip[layout.SERIES], ip[layout.VALUES], ip[layout.PLACES]
-    for block in range(ip[layout.BLOCKS], ip[layout.BLOCKS] + 3 * ip[layout.BLOCK_COUNT], 3):
+    s, values, places = ip[header.SERIES], ip[header.VALUES], ip[header.PLACES]
+    for block in range(ip[header.BLOCKS], ip[header.BLOCKS] + 3 * ip[header.BLOCK_COUNT], 3):
         begin, end = ip[block + 1], ip[block + 2]
         if ip[block]:
             _operate(ip, w, s, begin, end, m)
@@ -322,55 +322,55 @@ def _order(ip, w, m):
 @_inner
 def _series(ip, fp, w, state, time):
     """Compute the series of all slots from a state."""
-    size, states, columns = ip[layout.SIZE], ip[layout.STATES], ip[layout.COLUMNS]
-    s = ip[layout.SERIES]
+    size, states, columns = ip[header.SIZE], ip[header.STATES], ip[header.COLUMNS]
+    s = ip[header.SERIES]
     for i in range(size):
         w[s + i * LENGTH] = state[i]
     for i in range(size, states):
         w[s + i * LENGTH] = state[i + columns * size]
-    if ip[layout.ANGLE] >= 0:
-        at = s + ip[layout.ANGLE]
+    if ip[header.ANGLE] >= 0:
+        at = s + ip[header.ANGLE]
         for m in range(LENGTH):
             w[at + m] = 0.0
         w[at], w[at + 1] = time, 1.0
-    orders = ip[layout.NUMBERS] + ip[layout.ENTRIES]
-    for k in range(ip[layout.WAVE_COUNT]):  # each cosine, with its sine in the next slot
-        at, order = s + ip[ip[layout.WAVES] + k], fp[orders + k]
+    orders = ip[header.NUMBERS] + ip[header.ENTRIES]
+    for k in range(ip[header.WAVE_COUNT]):  # each cosine, with its sine in the next slot
+        at, order = s + ip[ip[header.WAVES] + k], fp[orders + k]
         cosine, sine = math.cos(order * time), math.sin(order * time)
         for m in range(LENGTH):
             w[at + m], w[at + LENGTH + m] = cosine, sine
             cosine, sine = -sine * order / (m + 1), cosine * order / (m + 1)
-    rates = ip[layout.RATES]
+    rates = ip[header.RATES]
     for m in range(ORDER):
         _order(ip, w, m)
         share = 1.0 / (m + 1)
         for i in range(states):
             w[s + i * LENGTH + m + 1] = w[ip[rates + 2 * i + 1]] * w[s + ip[rates + 2 * i] + m] * share
-    if ip[layout.EVENT_COUNT]:  # their functions are needed as accurately as the state
+    if ip[header.EVENT_COUNT]:  # their functions are needed as accurately as the state
         _order(ip, w, ORDER)
 
 
 @_inner
 def _lane_blocks(ip, w, state, block):
     """Compute the series of eight columns."""
-    size, columns, slots = ip[layout.SIZE], ip[layout.COLUMNS], ip[layout.SERIES]
-    base, aside = ip[layout.LANE_STATES] + block * size * WIDE, ip[layout.LANE_SERIES]
-    values, places, rates, counts = ip[layout.VALUES], ip[layout.PLACES], ip[layout.LANE_RATES], ip[layout.COUNTS]
+    size, columns, slots = ip[header.SIZE], ip[header.COLUMNS], ip[header.SERIES]
+    base, aside = ip[header.LANE_STATES] + block * size * WIDE, ip[header.LANE_SERIES]
+    values, places, rates, counts = ip[header.VALUES], ip[header.PLACES], ip[header.LANE_RATES], ip[header.COUNTS]
     first = LANES * block
     for i in range(size):
         for p in range(LANES):
             column = first + p
             w[base + i * WIDE + p] = state[size * (1 + column) + i] if column < columns else 0.0
-    forced, last = ip[ip[layout.FORCED] + block], ip[ip[layout.FORCED] + block + 1]
+    forced, last = ip[ip[header.FORCED] + block], ip[ip[header.FORCED] + block + 1]
     for m in range(ORDER):
         order = m * LANES
         share = 1.0 / (m + 1)
-        for at in range(ip[layout.LANE_BLOCKS], ip[layout.LANE_BLOCKS] + 3 * ip[layout.LANE_BLOCK_COUNT], 3):
+        for at in range(ip[header.LANE_BLOCKS], ip[header.LANE_BLOCKS] + 3 * ip[header.LANE_BLOCK_COUNT], 3):
             begin, end = ip[at + 1], ip[at + 2]
             if ip[at]:
                 for row in range(begin, end, 4):
                     factor = ip[row + 2]
-                    count, series = min(int(w[counts + factor]), m + 1), slots + ip[ip[layout.FACTORS] + factor]
+                    count, series = min(int(w[counts + factor]), m + 1), slots + ip[ip[header.FACTORS] + factor]
                     out = aside + ip[row + 1] + order
                     _lane_product(w, out, series, ip[row + 3], base + order, aside + order, count)
             else:
@@ -400,14 +400,14 @@ def _step(size, before, last):
 @_inner
 def _scalar_step(ip, w):
     """Length of the step of the state and its events; not finite if a series is not."""
-    s, size, before, last = ip[layout.SERIES], 0.0, 0.0, 0.0
+    s, size, before, last = ip[header.SERIES], 0.0, 0.0, 0.0
     wrong = False
-    for i in range(ip[layout.STATES]):
+    for i in range(ip[header.STATES]):
         at = s + i * LENGTH
         wrong |= not math.isfinite(w[at + ORDER])
         size, before, last = max(size, abs(w[at])), max(before, abs(w[at + ORDER - 1])), max(last, abs(w[at + ORDER]))
-    for k in range(ip[layout.EVENT_COUNT]):
-        at = s + ip[ip[layout.EVENTS] + k]
+    for k in range(ip[header.EVENT_COUNT]):
+        at = s + ip[ip[header.EVENTS] + k]
         wrong |= not math.isfinite(w[at + ORDER])
         size, before, last = max(size, abs(w[at])), max(before, abs(w[at + ORDER - 1])), max(last, abs(w[at + ORDER]))
     return math.nan if wrong else _step(size, before, last)
@@ -416,7 +416,7 @@ def _scalar_step(ip, w):
 @_inner
 def _lane_step(ip, w, block):
     """Length of the step of eight columns."""
-    base, count = ip[layout.LANE_STATES] + block * ip[layout.SIZE] * WIDE, ip[layout.SIZE]
+    base, count = ip[header.LANE_STATES] + block * ip[header.SIZE] * WIDE, ip[header.SIZE]
     size, before = _lane_size(w, base, count), _lane_size(w, base + (ORDER - 1) * LANES, count)
     last = _lane_size(w, base + ORDER * LANES, count)
     if not (math.isfinite(size) and math.isfinite(before) and math.isfinite(last)):
@@ -505,7 +505,7 @@ def _first_zero(w, c, begin, end):
 @_inner
 def _carry(ip, w, h, out):
     """State after a time since the step began."""
-    size, states, columns, s = ip[layout.SIZE], ip[layout.STATES], ip[layout.COLUMNS], ip[layout.SERIES]
+    size, states, columns, s = ip[header.SIZE], ip[header.STATES], ip[header.COLUMNS], ip[header.SERIES]
     for i in range(states):
         at = s + i * LENGTH
         x = w[at + ORDER]
@@ -513,13 +513,13 @@ def _carry(ip, w, h, out):
             x = x * h + w[at + k]
         out[i if i < size else i + columns * size] = x
     for block in range((columns + LANES - 1) // LANES):
-        base = ip[layout.LANE_STATES] + block * size * WIDE
+        base = ip[header.LANE_STATES] + block * size * WIDE
         count = min(LANES, columns - block * LANES)
         for i in range(size):
             at = base + i * WIDE
-            _lane_sum(w, ip[layout.LANE_SERIES], at, h)
+            _lane_sum(w, ip[header.LANE_SERIES], at, h)
             for p in range(count):
-                out[size * (1 + block * LANES + p) + i] = w[ip[layout.LANE_SERIES] + p]
+                out[size * (1 + block * LANES + p) + i] = w[ip[header.LANE_SERIES] + p]
 
 
 @_inner
@@ -541,11 +541,11 @@ def _address(typing: Any, pointer: Any) -> Any:
 @_inner
 def _first_event(ip, w, time, h):
     """Time to the first event of a step, which ends it; its number, and the sign of its function from there on."""
-    s, cool, event, direction = ip[layout.SERIES], ip[layout.COOL], -1, 0.0
-    for k in range(ip[layout.EVENT_COUNT]):
+    s, cool, event, direction = ip[header.SERIES], ip[header.COOL], -1, 0.0
+    for k in range(ip[header.EVENT_COUNT]):
         begin = max(0.0, w[cool + k] - time)
         if begin < h:
-            found, sign = _first_zero(w, s + ip[ip[layout.EVENTS] + k], begin, h)
+            found, sign = _first_zero(w, s + ip[ip[header.EVENTS] + k], begin, h)
             if found >= 0.0 and (event < 0 or found < h):
                 h, event, direction = found, k, sign
     return h, event, direction
@@ -554,21 +554,21 @@ def _first_event(ip, w, time, h):
 @_inner
 def _turns(ip, w, io, turns, time, h):
     """Note the zeros of the functions that do not stop the motion, with the positions there."""
-    size, s = ip[layout.SIZE], ip[layout.SERIES]
-    for k in range(ip[layout.TURN_COUNT]):
-        at, begin = s + ip[ip[layout.TURNS] + k], 0.0
+    size, s = ip[header.SIZE], ip[header.SERIES]
+    for k in range(ip[header.TURN_COUNT]):
+        at, begin = s + ip[ip[header.TURNS] + k], 0.0
         for _ in range(_MOST_ZEROS):
             found, _ = _first_zero(w, at, begin, h)
             if found < 0.0:
                 break
-            place = int(io[layout.IO_TURNS]) * (2 + size)
+            place = int(io[header.IO_TURNS]) * (2 + size)
             turns[place], turns[place + 1] = float(k), time + found
             for i in range(size):
                 x = w[s + i * LENGTH + ORDER]
                 for j in range(ORDER - 1, -1, -1):
                     x = x * found + w[s + i * LENGTH + j]
                 turns[place + 2 + i] = x
-            io[layout.IO_TURNS] += 1.0
+            io[header.IO_TURNS] += 1.0
             begin = found + 1e-9 * h
             if begin >= h:
                 break
@@ -577,9 +577,9 @@ def _turns(ip, w, io, turns, time, h):
 @_inner
 def _lengths(ip, w):
     """Count the orders of the factors of columns that are not zero."""
-    s, counts = ip[layout.SERIES], ip[layout.COUNTS]
-    for k in range(ip[layout.FACTOR_COUNT]):
-        at, count = s + ip[ip[layout.FACTORS] + k], ORDER
+    s, counts = ip[header.SERIES], ip[header.COUNTS]
+    for k in range(ip[header.FACTOR_COUNT]):
+        at, count = s + ip[ip[header.FACTORS] + k], ORDER
         while count > 0 and w[at + count - 1] == 0.0:
             count -= 1
         w[counts + k] = float(count)
@@ -590,18 +590,18 @@ def advance(table: Any) -> None:
     ip, fp, w = _integers(table[0]), _floats(table[1]), _floats(table[2])
     state, pars, io = _floats(table[3]), _floats(table[4]), _floats(table[5])
     grid, rows, turns = _floats(table[6]), _floats(table[7]), _floats(table[8])
-    size, states, columns = ip[layout.SIZE], ip[layout.STATES], ip[layout.COLUMNS]
+    size, states, columns = ip[header.SIZE], ip[header.STATES], ip[header.COLUMNS]
     blocks, whole = (columns + LANES - 1) // LANES, states + columns * size
-    time, rest, stop = io[layout.IO_TIME], io[layout.IO_REST], io[layout.IO_STOP]
+    time, rest, stop = io[header.IO_TIME], io[header.IO_REST], io[header.IO_STOP]
     _constants(ip, fp, w, pars)
-    status, io[layout.IO_TAKEN] = layout.REACHED, 0.0
+    status, io[header.IO_TAKEN] = header.REACHED, 0.0
     while True:
         _series(ip, fp, w, state, time)
         h = _scalar_step(ip, w)
         if not (h > 0.0):
-            status = layout.NOT_FINITE
+            status = header.NOT_FINITE
             break
-        if io[layout.IO_ONLY] > 0.0:
+        if io[header.IO_ONLY] > 0.0:
             break
         if columns:
             _lengths(ip, w)
@@ -609,9 +609,9 @@ def advance(table: Any) -> None:
                 _lane_blocks(ip, w, state, block)
                 h = min(h, _lane_step(ip, w, block))
             if not (h > 0.0):
-                status = layout.NOT_FINITE
+                status = header.NOT_FINITE
                 break
-        h = min(h, io[layout.IO_LONGEST])
+        h = min(h, io[header.IO_LONGEST])
         left = (stop - time) - rest
         ends = h >= left
         if ends:
@@ -622,49 +622,49 @@ def advance(table: Any) -> None:
         ends = ends and event < 0
         # not before the next call, so that all of a step fit
         if (
-            ip[layout.TURN_COUNT]
-            and io[layout.IO_TURNS] + _MOST_ZEROS * ip[layout.TURN_COUNT] > io[layout.IO_MOST_TURNS]
+            ip[header.TURN_COUNT]
+            and io[header.IO_TURNS] + _MOST_ZEROS * ip[header.TURN_COUNT] > io[header.IO_MOST_TURNS]
         ):
-            status = layout.MANY_TURNS
+            status = header.MANY_TURNS
             break
         _turns(ip, w, io, turns, time, h)
         now = stop if ends else time + (h + rest)
-        while io[layout.IO_GRID] < io[layout.IO_GRID_COUNT] and grid[int(io[layout.IO_GRID])] <= now:
-            place = int(io[layout.IO_GRID])
+        while io[header.IO_GRID] < io[header.IO_GRID_COUNT] and grid[int(io[header.IO_GRID])] <= now:
+            place = int(io[header.IO_GRID])
             _carry(ip, w, (grid[place] - time) - rest, _shifted(rows, place * whole))
-            io[layout.IO_GRID] += 1.0
+            io[header.IO_GRID] += 1.0
         _carry(ip, w, h, state)
         if ends:
             time, rest = stop, 0.0
         else:
             rest = (h + rest) - (now - time)
             time = now
-        io[layout.IO_TAKEN] += 1.0
-        io[layout.IO_STEPS] -= 1.0
+        io[header.IO_TAKEN] += 1.0
+        io[header.IO_STEPS] -= 1.0
         if event >= 0:
-            w[ip[layout.COOL] + event] = time + 1e-9
-            status, io[layout.IO_EVENT], io[layout.IO_DIRECTION] = layout.EVENT, float(event), direction
+            w[ip[header.COOL] + event] = time + 1e-9
+            status, io[header.IO_EVENT], io[header.IO_DIRECTION] = header.EVENT, float(event), direction
             break
         if ends:
             break
-        if io[layout.IO_STEPS] <= 0.0:
-            status = layout.MANY_STEPS
+        if io[header.IO_STEPS] <= 0.0:
+            status = header.MANY_STEPS
             break
-    io[layout.IO_TIME], io[layout.IO_REST], io[layout.IO_STATUS] = time, rest, float(status)
+    io[header.IO_TIME], io[header.IO_REST], io[header.IO_STATUS] = time, rest, float(status)
 
 
 def evaluate(table: Any) -> None:
     """Compute outputs for many states, whose numbers are in rows."""
     ip, fp, w = _integers(table[0]), _floats(table[1]), _floats(table[2])
     given, pars, io, found = _floats(table[3]), _floats(table[4]), _floats(table[5]), _floats(table[7])
-    count, s = int(io[layout.IO_GRID_COUNT]), ip[layout.SERIES]
+    count, s = int(io[header.IO_GRID_COUNT]), ip[header.SERIES]
     _constants(ip, fp, w, pars)
     for k in range(count):
-        for i in range(ip[layout.STATES]):
+        for i in range(ip[header.STATES]):
             w[s + i * LENGTH] = given[i * count + k]
         _order(ip, w, 0)
-        for i in range(ip[layout.OUTPUT_COUNT]):
-            found[i * count + k] = w[s + ip[ip[layout.OUTPUTS] + i]]
+        for i in range(ip[header.OUTPUT_COUNT]):
+            found[i * count + k] = w[s + ip[ip[header.OUTPUTS] + i]]
 
 
 def compiled() -> dict[str, tuple[str, str]]:

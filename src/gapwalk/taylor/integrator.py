@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow import series_layout as layout
-from gapwalk.flow.series_layout import LENGTH
-from gapwalk.flow.series_program import Program
-from gapwalk.flow.symbols import ZERO, Symbol
 from gapwalk.machine_code import engine_of_object, kept, object_of
+from gapwalk.taylor import header
+from gapwalk.taylor.header import LENGTH
+from gapwalk.taylor.program import Program
+from gapwalk.taylor.symbols import ZERO, Symbol
 
 Array = NDArray[np.float64]
 
@@ -29,16 +29,16 @@ _NOTHING = _nothing.ctypes.data  # where a function that returns nothing writes 
 @cache
 def kernel() -> tuple[Callable[..., int], Callable[..., int]]:
     """Return the two functions of the kernel: machine code that is kept, or is compiled now, which takes seconds."""
-    files = (Path(__file__).with_name(f"series_{name}.py") for name in ("kernel", "layout"))
+    files = (Path(__file__).with_name(f"{name}.py") for name in ("kernel", "header"))
     source = b"".join([*(file.read_bytes() for file in files), version("numba").encode()])
-    parts = kept("series", source, _compile)
+    parts = kept("taylor", source, _compile)
     name = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
     first, second = (name(engine_of_object(content).get_function_address(function)) for function, content in parts)
     return first, second
 
 
 def _compile() -> list[tuple[str, bytes]]:
-    from gapwalk.flow.series_kernel import compiled
+    from gapwalk.taylor.kernel import compiled
 
     return [(name, object_of(text)) for name, text in compiled().values()]
 
@@ -67,24 +67,24 @@ class Integrator:
         self._program, self._advance = program, kernel()[0]
         self._answers, self._turn = answers, turn
         self.state, self.pars = np.zeros(program.whole), np.zeros(program.parameters)
-        self._memory, self._io = np.zeros(program.memory), np.zeros(layout.IO)
+        self._memory, self._io = np.zeros(program.memory), np.zeros(header.IO)
         self._turns = np.zeros((program.most_turns, 2 + program.size))
         self._table = np.zeros(9, dtype=np.int64)
         self._places = [program.integers, program.numbers, self._memory, self.state, self.pars, self._io]
         self._table[:6] = [each.ctypes.data for each in self._places]
         self._table[8] = self._turns.ctypes.data
-        self._io[layout.IO_MOST_TURNS] = len(self._turns)
+        self._io[header.IO_MOST_TURNS] = len(self._turns)
         self._address = self._table.ctypes.data
         self.reset_cooldowns()
 
     @property
     def time(self) -> float:
         """The angle."""
-        return self._io.item(layout.IO_TIME)
+        return self._io.item(header.IO_TIME)
 
     @time.setter
     def time(self, value: float) -> None:
-        self._io[layout.IO_TIME], self._io[layout.IO_REST] = value, 0.0
+        self._io[header.IO_TIME], self._io[header.IO_REST] = value, 0.0
 
     def reset_cooldowns(self) -> None:
         """Let all events happen at once again."""
@@ -92,10 +92,10 @@ class Integrator:
 
     def series(self) -> Array:
         """Return the Taylor series of the state, shape (size, orders), without a step; not finite: the time is NaN."""
-        self._io[layout.IO_ONLY] = 1.0
+        self._io[header.IO_ONLY] = 1.0
         self._advance(_NOTHING, None, self._address)
-        self._io[layout.IO_ONLY] = 0.0
-        if self._io[layout.IO_STATUS] != layout.REACHED:
+        self._io[header.IO_ONLY] = 0.0
+        if self._io[header.IO_STATUS] != header.REACHED:
             self.time = math.nan
         first, size = self._program.series, self._program.size
         return self._memory[first : first + size * LENGTH].reshape(size, LENGTH).copy()
@@ -105,39 +105,39 @@ class Integrator:
     ) -> tuple[Outcome, int, Array]:
         """Integrate to an angle; return the outcome, the steps taken, and the states at the angles of a grid."""
         io, total = self._io, 0
-        io[layout.IO_STOP], io[layout.IO_LONGEST], io[layout.IO_STEPS] = stop, longest, max_steps
+        io[header.IO_STOP], io[header.IO_LONGEST], io[header.IO_STEPS] = stop, longest, max_steps
         rows = np.empty((0 if grid is None else len(grid), len(self.state)))
         if grid is not None and len(grid):
             grid = np.ascontiguousarray(grid)
             self._table[6], self._table[7] = grid.ctypes.data, rows.ctypes.data
-        io[layout.IO_GRID], io[layout.IO_GRID_COUNT] = 0.0, len(rows)
+        io[header.IO_GRID], io[header.IO_GRID_COUNT] = 0.0, len(rows)
         outcome = Outcome.REACHED
         while True:
             self._advance(_NOTHING, None, self._address)
-            total += int(io[layout.IO_TAKEN])
-            if io[layout.IO_TURNS]:
-                for turn in self._turns[: int(io[layout.IO_TURNS])].tolist():
+            total += int(io[header.IO_TAKEN])
+            if io[header.IO_TURNS]:
+                for turn in self._turns[: int(io[header.IO_TURNS])].tolist():
                     self._turn(int(turn[0]), turn[1], turn[2:])
-                io[layout.IO_TURNS] = 0.0
-            status = io.item(layout.IO_STATUS)
-            if status == layout.EVENT:
-                if not self._answers[int(io[layout.IO_EVENT])](int(io[layout.IO_DIRECTION])):
+                io[header.IO_TURNS] = 0.0
+            status = io.item(header.IO_STATUS)
+            if status == header.EVENT:
+                if not self._answers[int(io[header.IO_EVENT])](int(io[header.IO_DIRECTION])):
                     outcome = Outcome.STOPPED
                     break
-                if io[layout.IO_STEPS] > 0:
+                if io[header.IO_STEPS] > 0:
                     continue
                 outcome = Outcome.MANY_STEPS
-            elif status == layout.NOT_FINITE:
+            elif status == header.NOT_FINITE:
                 outcome = Outcome.NOT_FINITE
-            elif status == layout.MANY_STEPS:
+            elif status == header.MANY_STEPS:
                 outcome = Outcome.MANY_STEPS
-            elif status == layout.MANY_TURNS:
+            elif status == header.MANY_TURNS:
                 continue
             break
         if outcome is Outcome.REACHED:  # angles beside the last one by rounding
-            rows[int(io[layout.IO_GRID]) :] = self.state
+            rows[int(io[header.IO_GRID]) :] = self.state
             return outcome, total, rows
-        return outcome, total, rows[: int(io[layout.IO_GRID])]
+        return outcome, total, rows[: int(io[header.IO_GRID])]
 
 
 _MOST_IDLE, _MOST_KEPT = 8, 1000  # rooms of one size, and states in a room, that wait for the next call
@@ -168,9 +168,9 @@ class _Room:
     """The arrays of one call of a function."""
 
     def __init__(self, program: Program, count: int, variables: int, functions: int) -> None:
-        self._memory, self._io, self._program = np.zeros(program.memory), np.zeros(layout.IO), program
+        self._memory, self._io, self._program = np.zeros(program.memory), np.zeros(header.IO), program
         self.given, self.found = np.empty((variables, count)), np.empty((functions, count))
-        self._io[layout.IO_GRID_COUNT] = count
+        self._io[header.IO_GRID_COUNT] = count
         self._table = np.zeros(9, dtype=np.int64)
         self._table[:4] = [each.ctypes.data for each in (program.integers, program.numbers, self._memory, self.given)]
         self._table[4:7], self._table[7] = self._io.ctypes.data, self.found.ctypes.data

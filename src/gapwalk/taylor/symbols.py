@@ -1,7 +1,7 @@
 """Functions of a state, of the angle and of run-time parameters, as expressions that are equal only if they are one.
 
 Arithmetic with them builds new ones; `derivative` and `replaced` follow the usual rules. What the flow integrates is
-written with them once, and `gapwalk.flow.series_program` turns it into data.
+written with them once, and `gapwalk.taylor.program` turns it into data.
 """
 
 from __future__ import annotations

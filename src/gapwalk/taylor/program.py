@@ -16,12 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow import series_layout as layout
-from gapwalk.flow.series_layout import LANES, LENGTH, WIDE
-from gapwalk.flow.symbols import ANGLE, FUNCTIONS, ONE, ZERO, Symbol, number
+from gapwalk.taylor import header
+from gapwalk.taylor.header import LANES, LENGTH, WIDE
+from gapwalk.taylor.symbols import ANGLE, FUNCTIONS, ONE, ZERO, Symbol, number
 
 _KINDS = {
-    name: getattr(layout, name.upper())
+    name: getattr(header, name.upper())
     for name in ("product", "quotient", "power", "sqrt", "exp", "log", "sin", "cos", "tanh", "sum")
 }
 _PARTNERS = ("sin", "cos")
@@ -213,18 +213,18 @@ class Program:
             a, b = arguments
             if a.is_constant or b.is_constant:
                 return self._row(node, self._parts(node))
-            return self._operation(node, layout.PRODUCT, self._slot(a), self._slot(b))
+            return self._operation(node, header.PRODUCT, self._slot(a), self._slot(b))
         if operation == "quotient":
             if arguments[1].is_constant:
                 return self._row(node, self._parts(node))
-            return self._operation(node, layout.QUOTIENT, *map(self._slot, arguments))
+            return self._operation(node, header.QUOTIENT, *map(self._slot, arguments))
         if operation == "power":
             base, power = arguments
             if power.operation == "number" and power.value == int(power.value) and power.value > 2.0:
                 half = base ** (power.value // 2)
                 rest = half * half
                 return self._named(node, rest * base if power.value % 2 else rest)
-            return self._operation(node, layout.POWER, self._slot(base), self._constant(power))
+            return self._operation(node, header.POWER, self._slot(base), self._constant(power))
         of = self._slot(arguments[0])
         slot = self._operation(node, _KINDS[operation], of, 0)
         if operation == "tanh":
@@ -247,7 +247,7 @@ class Program:
 
     def _operation(self, node: Symbol, kind: int, a: int, b: int) -> int:
         depths = self._scalars.depths
-        two = kind in (layout.PRODUCT, layout.QUOTIENT)
+        two = kind in (header.PRODUCT, header.QUOTIENT)
         depth = 1 + max(depths[a], depths[b] if two else 0)
         slot = self._scalars.new(node, depth)
         self._scalars.others.append((depth, (kind, slot, a, b)))
@@ -264,7 +264,7 @@ class Program:
             self._waves.append((first, order))
         else:
             of = self._slot(argument)
-            slot = self._operation(both["sin"], layout.SIN, of, 0)
+            slot = self._operation(both["sin"], header.SIN, of, 0)
             self._scalars.new(both["cos"], self._scalars.depths[slot])
         return self._scalars.slots[node]
 
@@ -375,34 +375,34 @@ class Program:
                 return first + constant - _COMPUTED
             return constant if constant >= 0 else parameters - 1 - constant
 
-        head = dict.fromkeys(range(layout.HEAD), 0)
-        integers: list[int] = [0] * layout.HEAD
+        head = dict.fromkeys(range(header.HEAD), 0)
+        integers: list[int] = [0] * header.HEAD
 
         def add(name: int, values: Iterable[int]) -> int:
             head[name] = begin = len(integers)
             integers.extend(map(int, values))
             return begin
 
-        at = add(layout.ROWS, (each for row in table for each in row))
+        at = add(header.ROWS, (each for row in table for each in row))
         operations = len(integers)
         integers.extend(map(int, self._operation_numbers(place)))
         lane_operations = len(integers)
         for _, (kind, out, factor, lane) in self._lanes.others:
             integers += [kind, aside(out), factor, lane_place(lane)]
         for name, some, begin in (
-            (layout.BLOCKS, blocks, operations),
-            (layout.LANE_BLOCKS, lane_blocks, lane_operations),
+            (header.BLOCKS, blocks, operations),
+            (header.LANE_BLOCKS, lane_blocks, lane_operations),
         ):
             add(
                 name,
                 (n for kind, a, b in some for n in (kind, *(4 * each + (begin if kind else at) for each in (a, b)))),
             )
-        add(layout.PLACES, [*(slot for slot, _, _ in entries), *(place(constant) for _, _, constant in entries)])
-        add(layout.RATES, (n for slot, constant in rates for n in (slot * LENGTH, place(constant))))
-        add(layout.LANE_RATES, (n for slot, constant in lane_rates for n in (lane_place(slot), place(constant))))
-        add(layout.STEPS, (n for kind, *others in self._steps for n in (kind, *map(place, others))))
+        add(header.PLACES, [*(slot for slot, _, _ in entries), *(place(constant) for _, _, constant in entries)])
+        add(header.RATES, (n for slot, constant in rates for n in (slot * LENGTH, place(constant))))
+        add(header.LANE_RATES, (n for slot, constant in lane_rates for n in (lane_place(slot), place(constant))))
+        add(header.STEPS, (n for kind, *others in self._steps for n in (kind, *map(place, others))))
         groups = -(-self.columns // LANES)
-        begin = add(layout.FORCED, [0] * (groups + 1))
+        begin = add(header.FORCED, [0] * (groups + 1))
         for group in range(groups):
             integers[begin + group] = len(integers)
             for column, own, slot in forcings:
@@ -411,39 +411,39 @@ class Program:
         integers[begin + groups] = len(integers)
         waves = [slot for slot, _ in self._waves]
         for name, some in (
-            (layout.FACTORS, self._factors),
-            (layout.EVENTS, events),
-            (layout.TURNS, turns),
-            (layout.OUTPUTS, outputs),
-            (layout.WAVES, waves),
+            (header.FACTORS, self._factors),
+            (header.EVENTS, events),
+            (header.TURNS, turns),
+            (header.OUTPUTS, outputs),
+            (header.WAVES, waves),
         ):
             add(name, map(scalar_place, some))
         constants = first + len(self._steps)
         head |= {
-            layout.SIZE: self.size,
-            layout.STATES: len(rates),
-            layout.COLUMNS: self.columns,
-            layout.PARAMETERS: parameters,
-            layout.NUMBERS: count,
-            layout.ENTRIES: len(entries),
-            layout.BLOCK_COUNT: len(blocks),
-            layout.STEP_COUNT: len(self._steps),
-            layout.LANE_BLOCK_COUNT: len(lane_blocks),
-            layout.FACTOR_COUNT: len(self._factors),
-            layout.EVENT_COUNT: len(events),
-            layout.TURN_COUNT: len(turns),
-            layout.OUTPUT_COUNT: len(outputs),
-            layout.WAVE_COUNT: len(self._waves),
-            layout.ANGLE: scalar_place(self._scalars.slots[ANGLE]) if ANGLE in self._scalars.slots else -1,
+            header.SIZE: self.size,
+            header.STATES: len(rates),
+            header.COLUMNS: self.columns,
+            header.PARAMETERS: parameters,
+            header.NUMBERS: count,
+            header.ENTRIES: len(entries),
+            header.BLOCK_COUNT: len(blocks),
+            header.STEP_COUNT: len(self._steps),
+            header.LANE_BLOCK_COUNT: len(lane_blocks),
+            header.FACTOR_COUNT: len(self._factors),
+            header.EVENT_COUNT: len(events),
+            header.TURN_COUNT: len(turns),
+            header.OUTPUT_COUNT: len(outputs),
+            header.WAVE_COUNT: len(self._waves),
+            header.ANGLE: scalar_place(self._scalars.slots[ANGLE]) if ANGLE in self._scalars.slots else -1,
         }
         memory = constants
         for name, room in (
-            (layout.VALUES, len(entries)),
-            (layout.SERIES, self._scalars.count * LENGTH),
-            (layout.LANE_SERIES, (1 + self._lanes.count - len(lane_rates)) * LENGTH * LANES),
-            (layout.LANE_STATES, groups * self.size * LENGTH * LANES),
-            (layout.COOL, len(events)),
-            (layout.COUNTS, len(self._factors)),
+            (header.VALUES, len(entries)),
+            (header.SERIES, self._scalars.count * LENGTH),
+            (header.LANE_SERIES, (1 + self._lanes.count - len(lane_rates)) * LENGTH * LANES),
+            (header.LANE_STATES, groups * self.size * LENGTH * LANES),
+            (header.COOL, len(events)),
+            (header.COUNTS, len(self._factors)),
         ):
             head[name], memory = memory, memory + room
         for name, value in head.items():
@@ -453,13 +453,13 @@ class Program:
             [*self._numbers, *(factor for _, factor, _ in entries), *(order for _, order in self._waves)]
         )
         self.memory, self.whole = memory + 1, len(rates) + self.columns * self.size
-        self.series, self.most_turns = head[layout.SERIES], _TURNS * len(turns)
-        self.cool = slice(head[layout.COOL], head[layout.COOL] + len(events))
+        self.series, self.most_turns = head[header.SERIES], _TURNS * len(turns)
+        self.cool = slice(head[header.COOL], head[header.COOL] + len(events))
 
     def _operation_numbers(self, place: Callable[[int], int]) -> Iterable[int]:
         """Iterate over the operations on slots, with the places of their series."""
         for _, (kind, out, a, b) in self._scalars.others:
-            yield from (kind, out * LENGTH, a * LENGTH, place(b) if kind == layout.POWER else b * LENGTH)
+            yield from (kind, out * LENGTH, a * LENGTH, place(b) if kind == header.POWER else b * LENGTH)
 
 
 def _times(a: Symbol, b: Symbol) -> Symbol:
