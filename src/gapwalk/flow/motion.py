@@ -363,8 +363,8 @@ def integrate(
 
     Notes
     -----
-    Taylor series with events located to rounding, by heyoka: Biscani and Izzo (2021, 2022), Monthly Notices of the
-    Royal Astronomical Society.
+    Taylor series with events located to rounding, as in Biscani and Izzo (2021, 2022), Monthly Notices of the Royal
+    Astronomical Society.
 
     Examples
     --------
