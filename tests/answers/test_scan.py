@@ -309,9 +309,11 @@ def test_a_closed_branch_of_twice_the_period_and_its_pairs() -> None:
         gw.ask.LoopClaim(**where),
         gw.ask.LoopClaim(**where | {"high": 1.3}, over=(1.45, 1.1)),
         gw.ask.RangeClaim("pair", **where | {"low": 1.184, "high": 1.197}, within=1e-3, over=(1.45, 1.1)),
+        gw.ask.RangeClaim("pair", **where | {"period": 1}),
+        gw.ask.RangeClaim("pair", **where | {"period": (1, 2)}),
     ]
     found = gw.ask.scan(system, claims, ["mean.q1"], factors=(), neighbours=0, workers=1)
-    assert found.holds.tolist() == [[HOLDS, FAILS, HOLDS]]
+    assert found.holds.tolist() == [[HOLDS, FAILS, HOLDS, FAILS, HOLDS]]
 
 
 def test_patterns_of_impacts_are_those_of_the_motion() -> None:
@@ -337,6 +339,8 @@ def test_patterns_of_impacts_are_those_of_the_motion() -> None:
         ('{ point = "flip", from = 0.4, to = 0.5, least = 1.0 }', "least says nothing of a claim about point"),
         ('{ peak = "half.q1", width = "pair", from = 0.4, to = 0.5 }', "a claim names width and peak"),
         ('{ range = "pair" }', "a claim about a branch has no range"),
+        ('{ range = "pair", from = 0.4, to = 0.5, period = [1, 3] }', r"period is .1, 3.; write a number"),
+        ('{ range = "pair", from = 0.4, to = 0.5, period = "two" }', "period is 'two'; write a number"),
     ],
 )
 def test_tables_of_claims_teach(table: str, text: str) -> None:

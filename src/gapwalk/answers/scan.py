@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from gapwalk.answers.scan_claims import AnyClaim
+from gapwalk.answers.scan_claims import AnyClaim, said
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
@@ -330,7 +330,7 @@ class Scan(Shown):
         """Return the claims, the best variations, and the chance of luck; with the notes or without."""
         yield self.sentence
         for number, claim in enumerate(self.claims, start=1):
-            yield f"  claim {number}: {claim.words}"
+            yield f"  claim {number}: {said(claim)}"
         shown = [0, *(index for index in self.best[:_SHOWN] if self.scores[index] > 0)]
         headings = ["variation", *(f"claim {number}" for number in range(1, len(self.claims) + 1)), ">claims"]
         yield Table(headings, [[self.words(index), *self._marks(index), str(self.scores[index])] for index in shown])

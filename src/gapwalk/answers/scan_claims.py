@@ -78,6 +78,7 @@ class MotionClaim:
     #: Contact pattern that a periodic motion must have, as `gapwalk.Orbit.pattern` writes it: ``"4+/1-"`` for four
     #: impacts on the positive side and one on the other.
     hits: str = ""
+    says: str = ""  #: The claim in your own words, for tables and pictures.
 
     def __post_init__(self) -> None:
         if self.motion not in _KINDS and not _PERIOD.fullmatch(self.motion):
@@ -128,11 +129,19 @@ class _Walked:
     high: float
     #: Range over which the branch is walked, from the first value to the second; by default from `high` to `low`.
     over: tuple[float, float] | None = None
-    period: int = 1  #: Number m of forcing periods after which the orbits of the branch repeat.
+    #: Number m of forcing periods after which the orbits of the branch repeat; two of them, such as ``(1, 2)``, speak
+    #: of the branch and of those of twice the period that leave it.
+    period: int | tuple[int, int] = 1
     #: Values of other parameters, by name, at which it is said.
     at: Mapping[str, float] = field(default_factory=dict, hash=False)
+    says: str = ""  #: The claim in your own words, for tables and pictures.
 
     def __post_init__(self) -> None:
+        periods = self._periods
+        if min(periods) < 1 or periods not in ((periods[0],), (periods[0], 2 * periods[0])):
+            raise ModelError(
+                f"period is {self.period}; write a number of forcing periods, or one and its double: [1, 2]"
+            )
         if not self.low < self.high:
             raise ModelError(f"the range of a claim is from {self.low:g} to {self.high:g}; write the lower end first")
         first, last = min(self.walk), max(self.walk)
@@ -162,8 +171,9 @@ class _Walked:
     @property
     def courses(self) -> tuple[Course, ...]:
         """The walks on which it rests."""
-        doubled = self.period > 1 and self._leaves_parent
-        period = self.period // 2 if doubled else self.period
+        longest = max(self._periods)
+        doubled = longest % 2 == 0 and self._leaves_parent
+        period = longest // 2 if doubled else longest
         return tuple(
             Course(self.parameter, *self.walk, period, tuple(sorted(at.items())), doubled) for at in self.models
         )
@@ -177,12 +187,16 @@ class _Walked:
         return f" at {self.parameter} from {self.low:g} to {self.high:g}{_at_words(self.at)}"
 
     @property
+    def _periods(self) -> tuple[int, ...]:
+        return (self.period,) if isinstance(self.period, int) else tuple(self.period)
+
+    @property
     def _of(self) -> str:
-        return f" of period {self.period}" if self.period > 1 else ""
+        return "" if self.period == 1 else f" of period {' or '.join(map(str, self._periods))}"
 
     def _own(self, branches: Sequence[Branch]) -> list[Branch]:
         """Return the branches whose orbits have the period of the claim."""
-        return [each for each in branches if each.points[0].orbit.period == self.period]
+        return [each for each in branches if each.points[0].orbit.period in self._periods]
 
     def _covered(self, branches: Sequence[Branch]) -> bool:
         """Return True if the first branch passes the whole range: what was not walked may hold anything."""
@@ -489,7 +503,7 @@ class LoopClaim(_Walked):
     """
 
     def __post_init__(self) -> None:
-        if self.period < 2 or self.period % 2:
+        if not isinstance(self.period, int) or self.period < 2 or self.period % 2:
             raise ModelError(f"loop is {self.period}; write an even period of 2 or more, as in loop = 2")
         _Walked.__post_init__(self)
 
@@ -516,6 +530,11 @@ WalkClaim = PointClaim | RangeClaim | SizeClaim | AlikeClaim | LoopClaim
 
 AnyClaim = MotionClaim | WalkClaim
 """A claim of any kind."""
+
+
+def said(claim: AnyClaim) -> str:
+    """Return the words that a claim was given, or those of its keys."""
+    return claim.says or claim.words
 
 
 def _values_words(values: Mapping[str, float]) -> str:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gapwalk.answers.order_map import DEPTH, OrderMap, order_map
 from gapwalk.answers.run_up import JumpDelay, RunUp
 from gapwalk.answers.scan import FAILS, HOLDS, UNKNOWN, Scan
+from gapwalk.answers.scan_claims import said
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.answers.tolerance import BINS, Tolerance, reach
 from gapwalk.attractors.spectrum import turns_of
@@ -680,7 +681,7 @@ def _scan_size(found: Scan, **_: object) -> tuple[float, float]:
 @draws(Scan, panels=True, size=_scan_size)
 def draw_scan(found: Scan, figure: AnyFigure, *, title: str | None = None) -> Finish | None:
     """Draw a table of the best variations and claims, and beside it the shares of variations by number of claims."""
-    claims = [f"claim {number}: {claim.words}" for number, claim in enumerate(found.claims, start=1)]
+    claims = [f"claim {number}: {said(claim)}" for number, claim in enumerate(found.claims, start=1)]
     write_answer(figure, title or "", [found.sentence, *claims])
     panels: Any = figure.subplots(1, 2, width_ratios=[2.0, 1.0])
     _draw_table(panels[0], found)

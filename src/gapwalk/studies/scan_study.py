@@ -25,6 +25,7 @@ from gapwalk.answers.scan_claims import (
     SizeClaim,
     check_claims,
     fixed_by,
+    said,
 )
 from gapwalk.attractors.many_motions import (
     BatchMotions,
@@ -294,11 +295,14 @@ class ClaimTable:
     #: Range over which the branch is walked, from the first value to the second; by default the range of the claim,
     #: from its upper end.
     over: Annotated[Any, Field()] = None
-    period: Counted = 1  #: Number m of forcing periods after which the orbits of the branch repeat.
+    #: Number m of forcing periods after which the orbits of the branch repeat; ``[1, 2]`` speaks of the branch and of
+    #: those of twice the period that leave it.
+    period: Annotated[Any, Field()] = 1
     at: Annotated[Any, Field()] = None  #: Values of parameters, by name, at which it is said.
     share: float = 0.0  #: Least share of the starts that must settle on the motion; at 0, one start is enough.
     #: Contact pattern of the motion: ``"4+/1-"`` for four impacts on the positive side and one on the other.
     hits: str = ""
+    says: str = ""  #: The claim in your own words, for tables and pictures.
     #: Largest distance of the ends of a range, in the unit of the parameter; or largest relative difference of what is
     #: alike.
     within: Annotated[Any, Field()] = None
@@ -329,7 +333,7 @@ class ClaimTable:
         if self.motion is not None:
             if self.begin is not None or self.end is not None or self.over is not None:
                 raise ModelError("a claim about a motion has no range; write at = { frequency = 0.63 }")
-            return MotionClaim(self.motion, at, self.share, self.hits)
+            return MotionClaim(self.motion, at, self.share, self.hits, self.says)
         name = self.parameter or system.structure.pace
         if self.begin is None or self.end is None:
             raise ModelError("a claim about a branch has no range; write from = 0.62 and to = 0.85")
@@ -347,8 +351,9 @@ class ClaimTable:
             "low": low,
             "high": high,
             "over": over,
-            "period": self.period,
+            "period": _periods(self.period),
             "at": at,
+            "says": self.says,
         }
         if self.loop is not None:
             return LoopClaim(**{**where, "period": self.loop})
@@ -374,6 +379,14 @@ class ClaimTable:
 
 
 _SPOKEN = ("motion", "point", "no", "range", "width", "peak", "place", "alike", "loop")
+
+
+def _periods(value: object) -> int | tuple[int, int]:
+    """Return a period, or a pair of them."""
+    whole = value if isinstance(value, list) else [value]
+    if not all(isinstance(each, int) and not isinstance(each, bool) for each in whole) or len(whole) not in (1, 2):
+        raise ModelError(f"period is {value!r}; write a number of forcing periods, or one and its double: [1, 2]")
+    return whole[0] if len(whole) == 1 else (whole[0], whole[1])
 
 
 def _number(system: System, parameter: str, value: object) -> float:
@@ -577,7 +590,7 @@ class ScanStudy(StudyKind):
         score = int(found.scores[best[0]]) if best else 0
         document: dict[str, Any] = {
             "answer": found.sentence,
-            "claims": [claim.words for claim in found.claims],
+            "claims": [said(claim) for claim in found.claims],
             "variations": len(found.variations),
             "model": self._row(found, 0),
             "best": [self._row(found, index) for index in best],
