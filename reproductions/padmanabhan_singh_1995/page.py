@@ -389,9 +389,9 @@ def _special_points(key: str, result: gw.Result) -> str:
 _SUMMARY = """\
 # The paper, figure by figure
 
-C. Padmanabhan and R. Singh, "Dynamics of a piecewise non-linear system subject to dual harmonic excitation using
-parametric continuation" (Journal of Sound and Vibration 184(5), 767-799, 1995): gapwalk computes all of its figures
-again, and checks each of its statements about them.
+This page compares C. Padmanabhan and R. Singh, "Dynamics of a piecewise non-linear system subject to dual harmonic
+excitation using parametric continuation" (Journal of Sound and Vibration 184(5), 767-799, 1995), with what gapwalk
+computes: all figures again, and each statement about them checked.
 
 <a href="../_static/padmanabhan_singh_1995.html"><strong>The page with all figures and statements</strong></a> is one
 file that opens offline: a card for each figure, with what the paper says drawn into our picture, each statement with

@@ -336,7 +336,8 @@ def test_a_graze_beyond_which_touches_are_rounding_is_named_where_the_walk_ends(
     assert branch.ends[-1].reason is EndReason.STEP
     (graze,) = branch.special_points
     assert (graze.kind, graze.contact) == (Kind.GRAZING, "stop +")
-    assert (graze.before.total, graze.after.above, graze.after.below) == (0, 1, 0)
+    # on which side of the unit circle it then lies is rounding: processors differ
+    assert (graze.before.total, graze.after.total, graze.after.pairs) == (0, 1, 0)
     right = force * (1.0 + graze_after_impact(6, 1.37e-6))
     assert right == pytest.approx(5.830959908883, abs=1e-12)
     assert abs(graze.value - right) < max(graze.uncertainty, 1e-11) < 1e-10

@@ -441,8 +441,8 @@ def explore(
 
 @command(
     9,
-    "source <(gapwalk completion bash)  # in ~/.bashrc; zsh likewise, in ~/.zshrc after compinit",
-    "gapwalk completion fish > ~/.config/fish/completions/gapwalk.fish",
+    'gapwalk completion bash  # write eval "$(gapwalk completion bash)" into ~/.bashrc; zsh likewise, into ~/.zshrc',
+    "gapwalk completion fish  # its output belongs into ~/.config/fish/completions/gapwalk.fish",
 )
 def completion(shell: Literal["bash", "zsh", "fish"], /, *, debug: Debug = False) -> int:
     """Print the script with which a shell completes the commands and their options.

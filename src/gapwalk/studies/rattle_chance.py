@@ -349,6 +349,8 @@ def _judge_parts(system: System, asked: RattleChanceStudy, piece: tuple[int, NDA
     if len(gaps) > 1:
         codes = np.concatenate((codes, codes.max(axis=2, keepdims=True)), axis=2)
         rms = np.concatenate((rms, np.fmax.reduce(rms, axis=2, keepdims=True)), axis=2)
+    # the last digits of sums of products depend on where arrays lie in memory, so on the process
+    rms = np.array([float(f"{each:.12g}") for each in rms.ravel()]).reshape(rms.shape)
     return ChanceChunk(number, drawn, codes, rms)
 
 

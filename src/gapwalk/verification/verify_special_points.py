@@ -113,7 +113,11 @@ class Track:
             return math.inf
         if not self.is_exact:
             return 0.0 if math.isfinite(residual) else math.inf
-        size = max(float(np.abs(point.orbit.state).max()), float(np.abs(point.orbit.extremes[:, :2]).max()))
+        try:
+            extremes = float(np.abs(point.orbit.extremes[:, :2]).max())
+        except NumericalError:  # the motion from the stored states diverges
+            return math.inf
+        size = max(float(np.abs(point.orbit.state).max()), extremes)
         scales = self.corrector_at(point).scales[:-1]
         return residual / (_LOOSE * TRUST * max(size, min(1.0, float(scales.max()))))
 
