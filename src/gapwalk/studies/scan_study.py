@@ -381,9 +381,9 @@ class ClaimTable:
 _SPOKEN = ("motion", "point", "no", "range", "width", "peak", "place", "alike", "loop")
 
 
-def _periods(value: object) -> int | tuple[int, int]:
+def _periods(value: Any) -> int | tuple[int, int]:
     """Return a period, or a pair of them."""
-    whole = value if isinstance(value, list) else [value]
+    whole: list[Any] = value if isinstance(value, list) else [value]
     if not all(isinstance(each, int) and not isinstance(each, bool) for each in whole) or len(whole) not in (1, 2):
         raise ModelError(f"period is {value!r}; write a number of forcing periods, or one and its double: [1, 2]")
     return whole[0] if len(whole) == 1 else (whole[0], whole[1])
