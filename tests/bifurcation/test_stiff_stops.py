@@ -345,8 +345,8 @@ def test_a_graze_beyond_which_touches_are_rounding_is_named_where_the_walk_ends(
     start, end = branch.ends
     start = replace(start, value=branch.points[-4].value)
     found = verify(replace(branch, points=branch.points[-4:], ends=(start, end)))
-    # on some processors the extremes of these motions differ by 3e-5 from those of the other integrator: unexplained
-    assert {breach.check.word for breach in found.breaches} <= {"extremes"}
+    # whether an integrator sees such a touch is rounding, and what follows moves by its square root: 3e-5 with impacts
+    assert all(each.check.word == "extremes" and each.size < 1e-4 for each in found.breaches)
 
 
 def test_a_graze_whose_impacts_grow_by_a_million_in_a_segment_is_passed():

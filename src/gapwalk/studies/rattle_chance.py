@@ -293,7 +293,8 @@ class RattleChanceStudy(StudyKind):
     def do(self, job: Job) -> Generator[Found]:
         """Follow the motions of all parts, by chunks."""
         drawn = self.spreads.about(job.system).design(self.samples, self.seed).values
-        pieces = {k: (k, drawn[k * CHUNK : (k + 1) * CHUNK]) for k in range(self.total(job) - 1)}
+        firsts = enumerate(range(0, self.samples, CHUNK))
+        pieces = {k: (k, first, drawn[first : first + CHUNK]) for k, first in firsts}
         yield from job.each(CHUNKS, partial(_judge_parts, job.system, self), pieces)
         yield job.end(self._record(job, complete=True))
 
@@ -322,9 +323,9 @@ class RattleChanceStudy(StudyKind):
         return RattleChance(job.system, self.spreads, self.values, names, samples, codes, rms, complete)
 
 
-def _judge_parts(system: System, asked: RattleChanceStudy, piece: tuple[int, NDArray[np.float64]]) -> ChanceChunk:
+def _judge_parts(system: System, asked: RattleChanceStudy, piece: tuple[int, int, NDArray[np.float64]]) -> ChanceChunk:
     """Follow the motions of the parts of a chunk, at all values and from all starts."""
-    number, drawn = piece
+    number, first, drawn = piece
     gaps, names = chosen_gaps(system, asked.gaps), (*asked.spreads.varied, system.structure.pace)
     shape, starts = (len(drawn), len(asked.values), len(gaps)), list[tuple[Any, System, NDArray[np.float64]]]()
     for place in np.ndindex(shape[:2]):
@@ -333,7 +334,7 @@ def _judge_parts(system: System, asked: RattleChanceStudy, piece: tuple[int, NDA
             here = system.at(dict(zip(names, (*drawn[place[0]].tolist(), value), strict=True)))
         except ModelError:
             continue
-        rest, seed = initial_state(here, "rest"), asked.seed + number * CHUNK + place[0]
+        rest, seed = initial_state(here, "rest"), asked.seed + first + place[0]
         others = random_states(here, rest, asked.starts - 1, seed, value) if asked.starts > 1 else ()
         starts += [(place, here, state) for state in (rest, *others)]
     codes, rms = np.full(shape, _REFUSED), np.full(shape, np.nan)
@@ -349,8 +350,6 @@ def _judge_parts(system: System, asked: RattleChanceStudy, piece: tuple[int, NDA
     if len(gaps) > 1:
         codes = np.concatenate((codes, codes.max(axis=2, keepdims=True)), axis=2)
         rms = np.concatenate((rms, np.fmax.reduce(rms, axis=2, keepdims=True)), axis=2)
-    # the last digits of sums of products depend on where arrays lie in memory, so on the process
-    rms = np.array([float(f"{each:.12g}") for each in rms.ravel()]).reshape(rms.shape)
     return ChanceChunk(number, drawn, codes, rms)
 
 
