@@ -32,7 +32,7 @@ class Against(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """What a check has found: whether the statement holds, and in which numbers.
+    """Finding of a check: whether the statement holds, and in which numbers.
 
     For what does not hold the details say what was found instead, and where the nearest motion is that does it.
     """
@@ -62,7 +62,7 @@ class Verdict(StrEnum):
 
     @property
     def rule(self) -> str:
-        """What belongs to the class."""
+        """Rule of the class."""
         return _RULES[self]
 
 
@@ -72,7 +72,8 @@ _RULES = {
     Verdict.KIND: "At the printed numbers the feature is there, but a number that the statement names is off by more "
     f"than {TOLERANCE:.0%}, a change is smaller than that, or one of several peaks has no part in it; the verdict "
     "says by how much.",
-    Verdict.OTHER_READING: "It holds if a formula of the paper is read in another way; no number is changed.",
+    Verdict.OTHER_READING: "It holds if a formula is taken as the paper prints it, where the default is not; no number "
+    "is changed.",
     Verdict.OTHER_NUMBER: "It holds if exactly one number of the tables is another; two entries that stand for one "
     "damper, spring or clutch, changed by one factor, are one number.",
     Verdict.OTHER_NUMBERS: "It holds if two or more numbers of the tables are others; the verdict says how many.",
@@ -107,6 +108,7 @@ class Outcome:
     #: The numbers that were changed, by their symbols: the printed one and the other one.
     changed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     costs: tuple[str, ...] = ()  #: Names of claims that hold as printed, and no longer with the change.
+    at_odds: tuple[str, ...] = ()  #: Names of claims that need another value of the same number.
     against: tuple[Against, ...] = ()  #: Numbers that the paper names.
 
     @property

@@ -1,4 +1,4 @@
-"""What the paper says of its method, in its conclusions (section 7)."""
+"""Statements of the paper on its method, in its conclusions (section 7)."""
 
 from __future__ import annotations
 

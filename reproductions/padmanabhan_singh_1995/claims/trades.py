@@ -55,20 +55,22 @@ def decide(
     if len(claims) != len(ALL):
         return checked, ()
     trades = weigh(claims, results, failures)
-    costs = {trade.candidate.reading.differs: (*trade.lost, *_at_odds(trade, checked)) for trade in trades}
-    return [(claim, replace(outcome, costs=costs.get(outcome.by, ()))) for claim, outcome in checked], trades
+    known = {
+        each.candidate.reading.differs: {"costs": each.lost, "at_odds": _at_odds(each, checked)} for each in trades
+    }
+    return [(claim, replace(outcome, **known.get(outcome.by, {}))) for claim, outcome in checked], trades
 
 
-def _at_odds(trade: Trade, checked: Sequence[tuple[Claim, Outcome]]) -> list[str]:
+def _at_odds(trade: Trade, checked: Sequence[tuple[Claim, Outcome]]) -> tuple[str, ...]:
     """Name the claims that need another value of the same number, and do not hold at this one."""
     number = trade.candidate.reading.number
     if number is None:
-        return []
-    return [
+        return ()
+    return tuple(
         claim.name
         for claim, outcome in checked
         if claim.name in trade.missed and set(outcome.changed) & set(number.changed)
-    ]
+    )
 
 
 def weigh(claims: Sequence[Claim], results: Mapping[str, gw.Result], failures: Mapping[str, str]) -> tuple[Trade, ...]:

@@ -78,6 +78,7 @@ def test_an_outcome_names_what_its_change_costs(monkeypatch) -> None:
     ((_, above), (_, below)), _ = trades.decide([CLAIM, folds], results, {})  # type: ignore[arg-type]
     assert (above.verdict, above.costs) == (Verdict.OTHER_NUMBER, ("12-folds",))
     assert (below.verdict, below.costs) == (Verdict.LETTER, ())
+    assert above.at_odds == ()  # no claim needs another value of it
     assert {job.key for job in trades.jobs_of([CLAIM, folds])} == set(results)
     checked, none = trades.decide([CLAIM], results, {})  # type: ignore[arg-type]
     assert (checked[0][1].costs, none) == ((), ())
