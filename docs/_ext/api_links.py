@@ -30,7 +30,7 @@ def link(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.
     found = [
         (name, entry)
         for name, entry in env.domains.python_domain.objects.items()
-        if not entry.aliased and (name == f"gapwalk.{wanted}" or name.endswith(f".{wanted}"))
+        if not entry.aliased and (name in (wanted, f"gapwalk.{wanted}") or name.endswith(f".{wanted}"))
     ]
     found = [each for each in found if each[0] == f"gapwalk.{wanted}"] or found
     if len(found) != 1:

@@ -5,24 +5,21 @@
 
 from __future__ import annotations
 
-import ast
-import builtins
 import inspect
 import re
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 from sphinx.application import Sphinx
 
-from docs._ext.held_types import description, held_types
+from docs._ext.held_types import all_held, public_types
+from docs._ext.printed_examples import printed
+from docs._ext.type_words import linked, typed, types_of
 from gapwalk.field_docs import documented
 
 ORDER = ("Parameters", "Attributes", "Returns", "Yields", "Raises", "Notes", "Examples")
 TAKEN_OVER = ("Parameters", "Returns", "Yields", "Raises")
 _HEADING = re.compile(rf"^({'|'.join(ORDER)})\n-+$\n?", re.M)
-_CELL = re.compile(r"^```\{code-cell\}\n(.*?)^```$", re.M | re.S)
-EXAMPLES = Path(__file__).parents[1] / "reference" / "examples.md"
 
 
 def split(text: str) -> tuple[str, dict[str, str]]:
@@ -61,51 +58,27 @@ def text_of(thing: Any, owner: type | None = None) -> str:
     return join(head, sections)
 
 
-def names_in(code: str) -> tuple[set[str], set[str]]:
-    """Return the names that some code defines, and those that it uses."""
-    nodes = list(ast.walk(ast.parse(code)))
-    names = [node for node in nodes if isinstance(node, ast.Name)]
-    inner = {id(name) for node in nodes if isinstance(node, ast.comprehension) for name in ast.walk(node.target)}
-    defines = {name.id for name in names if isinstance(name.ctx, ast.Store) and id(name) not in inner}
-    return defines, {name.id for name in names if isinstance(name.ctx, ast.Load)} - set(dir(builtins))
-
-
-@cache
-def cells() -> tuple[str, ...]:
-    """Return the cells of the page with the names that examples share."""
-    return tuple(_CELL.findall(EXAMPLES.read_text(encoding="utf-8")))
-
-
-@cache
-def cell_of(name: str) -> str | None:
-    """Return the cell that defines a shared name; None if there is none."""
-    return next((code for code in cells() if name in names_in(code)[0]), None)
-
-
-def code_of(examples: str) -> str:
-    """Return the code of the examples of a docstring, without what they print."""
-    return "\n".join(line[4:] for line in examples.splitlines() if line.startswith((">>> ", "... ", "...")))
-
-
-def shared_by(examples: str) -> list[str]:
-    """List the shared names that examples use and do not define."""
-    defines, uses = names_in(code_of(examples))
-    found = re.findall(r"\w+", code_of(examples))
-    return sorted((name for name in uses - defines if cell_of(name)), key=found.index)
-
-
 def complete(app: Sphinx, what: str, name: str, thing: Any, options: object, lines: list[str]) -> None:
-    """Complete a docstring before it is shown: with sections that it takes over, links, and held types."""
+    """Complete a docstring before it is shown: sections that it takes over, types, links, an example that runs."""
     owner = _owner(name) if what == "method" else None
     text = text_of(getattr(thing, "__func__", thing), owner) if owner or what == "class" else ""
     head, sections = split(text or "\n".join(lines))
-    if "Examples" in sections and (names := shared_by(sections["Examples"])):
-        listed = " and ".join(filter(None, [", ".join(f"``{each}``" for each in names[:-1]), f"``{names[-1]}``"]))
-        sections["Examples"] = (
-            f"With {listed} of :doc:`the systems of the examples </reference/examples>`:\n\n" + (sections["Examples"])
-        )
-    held = held_types(thing) if what in ("class", "function") else []
-    lines[:] = [*join(head, sections).splitlines(), "", *(line for kind in held for line in description(kind))]
+    if what in ("class", "function"):
+        types = types_of(thing)
+        for section in {"Parameters", "Attributes"} & sections.keys():
+            sections[section] = typed(sections[section], types)
+    for section in {"Returns", "Yields"} & sections.keys():
+        sections[section] = linked(sections[section], with_pages())
+    if "Examples" in sections and what != "method":
+        code = printed(sections["Examples"]).splitlines()
+        sections["Examples"] = "\n".join([".. code-block:: python", "", *(f"    {line}" for line in code)])
+    lines[:] = [*join(head, sections).splitlines(), ""]
+
+
+@cache
+def with_pages() -> frozenset[str]:
+    """Return the names of types that are described somewhere: public ones, and those that public names hold."""
+    return frozenset(kind.__name__ for kind in {*public_types(), *all_held()})
 
 
 def _owner(name: str) -> type | None:

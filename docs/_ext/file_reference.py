@@ -11,10 +11,11 @@ import inspect
 import io
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, is_dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, is_dataclass, replace
 from enum import Enum
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -25,6 +26,7 @@ from pydantic.fields import FieldInfo
 from rich.console import Console
 from sphinx.application import Sphinx
 
+from docs._ext.held_types import records_page
 from gapwalk.bifurcation.kinds import Kind
 from gapwalk.cli.commands import app as commands
 from gapwalk.field_docs import field_words
@@ -33,6 +35,8 @@ from gapwalk.model.laws import LAWS, law_parameters
 from gapwalk.model.model_tables import system_part
 from gapwalk.model.schema import Part
 from gapwalk.model.units import QuantityKind
+from gapwalk.picture_parts import described
+from gapwalk.plot import picture as pictures
 from gapwalk.studies.measurement_fit import Measurement as RecordMeasurement
 from gapwalk.studies.measurement_fit import SweptMeasurement
 from gapwalk.studies.study_file import ReductionPart
@@ -58,9 +62,21 @@ class Key:
     words: str
     example: str
 
-    def row(self) -> str:
-        """Return its row in Markdown."""
-        cells = (f"`{self.name}`", self.type, self.unit, self.default, self.bound, self.words, self.example)
+    @property
+    def meaning(self) -> tuple[str, ...]:
+        """Return what two keys have in common that are one: all but the table and the example."""
+        return self.inside, self.name, self.type, self.default, self.bound, self.words
+
+    @property
+    def inside(self) -> str:
+        """Return the name of the table within that of a study; empty for the table of the study itself."""
+        return self.table.partition(".")[2]
+
+    def row(self, *more: str) -> str:
+        """Return its row in Markdown, with further cells."""
+        unit = f" in {self.unit}" if self.unit and self.unit != "of the parameter" else ""
+        value = f"{self.type}{unit}{', ' if self.bound else ''}{self.bound}"
+        cells = (f"`{self.name}`", value, self.default, self.words, self.example, *more)
         return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
 
 
@@ -136,7 +152,7 @@ def _type(hint: Any) -> str:
     if origin is Literal:
         return ", ".join(f'`"{each}"`' for each in arguments)
     if isinstance(hint, type) and issubclass(hint, Kind):
-        return ", ".join(f'`"{each}"`' for each in Kind.known())
+        return "kind of special point"
     if isinstance(hint, type) and issubclass(hint, Enum):
         return ", ".join(f'`"{each.value}"`' for each in hint)
     if isinstance(hint, type) and (issubclass(hint, Part) or hint.__name__ == "Start"):
@@ -293,7 +309,7 @@ for _kind in kinds():
     study_schema(kind_of(_kind))
 _RECORDS = _records()
 
-HEAD = "| key | type | unit | default | bound | what it is | example |\n|---|---|---|---|---|---|---|"
+HEAD, HEAD_RULE = "| key | value | default | what it is | example |", "|---|---|---|---|---|"
 
 
 def all_keys() -> dict[str, list[Key]]:
@@ -319,17 +335,20 @@ INTRODUCTIONS = {
     "model-file": (
         "Keys of a model file",
         "Every key of a model file with coordinates and matrices, as the program reads it. Numbers are in consistent "
-        "units of your choice. `gapwalk new FILE` writes a commented file to start from.",
+        "units of your choice. In a [drive train](train-file.md) they may have units, of which the usual one stands "
+        "behind the type. `gapwalk new FILE` writes a commented file to start from.",
     ),
     "train-file": (
         "Keys of a drive train",
-        "Every key of a model file with inertias, shafts and gears. Quantities may be texts with units, such as "
-        '`"30 N m/deg"`: all of a file, or none. The column *unit* has the usual one.',
+        "Every key of a model file with inertias, shafts and gears that is not already on the page "
+        "[keys of a model file](model-file.md): the tables there belong to a drive train too. Quantities may be texts "
+        'with units, such as `"30 N m/deg"`: all of a file, or none. The usual unit stands behind the type.',
     ),
     "study-file": (
         "Keys of a study",
-        "Every key of the table `[study]` (or of several, `[[study]]`), for each `kind`, with its default. "
-        "[What can be computed](../../howto/studies.md) says what each kind is for.",
+        "Every key of the table `[study]` (or of several, `[[study]]`). Keys that several kinds of studies share come "
+        "first, then the keys that one kind has alone. [What can be computed](../../howto/studies.md) says what each "
+        "kind is for.",
     ),
     "more-tables": (
         "Keys of reductions and measurements",
@@ -342,19 +361,69 @@ def page(name: str, keys: list[Key]) -> str:
     """Write a page of keys in Markdown: a table for each table of a file."""
     title, words = INTRODUCTIONS[name]
     lines = [f"# {title}", "", words, ""]
-    for table in dict.fromkeys(key.table for key in keys):
-        first, _, rest = table.partition(".")
-        if first in kinds():
-            heading = f'kind = "{first}"' if not rest else f'{rest} of kind = "{first}"'
-        else:
-            heading = f"[{table}]" if table else "Top of the file"
-        lines += [f"## {heading}", "", HEAD, *(key.row() for key in keys if key.table == table), ""]
+    if name == "study-file":
+        return "\n".join([*lines, *_study_lines(keys)]) + "\n"
     if name in ("model-file", "train-file"):
+        model, train = (_by_place(all_keys()[each]) for each in ("model-file", "train-file"))
+        same = {place for place, key in train.items() if place in model and key.meaning == model[place].meaning}
+        if name == "train-file":
+            keys = [key for key in keys if (key.table, key.name) not in same]
+        else:
+            keys = [
+                replace(key, unit=train[key.table, key.name].unit) if (key.table, key.name) in same else key
+                for key in keys
+            ]
+    for table in dict.fromkeys(key.table for key in keys):
+        heading = f"[{table}]" if table else "Top of the file"
+        lines += [f"## {heading}", "", HEAD, HEAD_RULE, *(key.row() for key in keys if key.table == table), ""]
+    if name == "model-file":
         lines += ["## Laws of contacts", "", "| `law =` | what it is | numbers of its own |", "|---|---|---|"]
         for law in LAWS.values():
             numbers = ", ".join(f"`{each.name}` ({each.words.removeprefix('it is ')})" for each in law.parameters)
             lines.append(f"| `{law.name}` | {law.words} | {numbers} |")
     return "\n".join(lines) + "\n"
+
+
+def _by_place(keys: list[Key]) -> dict[tuple[str, str], Key]:
+    return {(key.table, key.name): key for key in keys}
+
+
+def _study_lines(keys: list[Key]) -> Iterator[str]:
+    """Yield the page of the keys of studies: those of several kinds once, and of each kind those that it has alone."""
+    users: dict[tuple[str, ...], list[str]] = {}
+    first: dict[tuple[str, ...], Key] = {}
+    for key in keys:
+        first.setdefault(key.meaning, key)
+        users.setdefault(key.meaning, []).append(key.table.partition(".")[0])
+    shared = [first[each] for each, found in users.items() if len(set(found)) > 1]
+    yield "A *kind of special point* is one of " + ", ".join(f'`"{each}"`' for each in Kind.known()) + "."
+    yield from ("", "## Keys of several kinds", "")
+    yield from (HEAD + " kinds |", HEAD_RULE + "---|")
+    yield '| `kind` | text | required | Kind of study | `kind = "response"` | all |'
+    for key in shared:
+        if not key.inside:
+            yield key.row(_listed_kinds(users[key.meaning]))
+    for inside in dict.fromkeys(key.inside for key in shared if key.inside):
+        rows = [key for key in shared if key.inside == inside]
+        found = _listed_kinds({kind for key in rows for kind in users[key.meaning]})
+        yield from ("", f"## [study.{inside}]", "", f"A table in studies of these kinds: {found}.", "")
+        yield from (HEAD, HEAD_RULE, *(key.row() for key in rows))
+    for kind in kinds():
+        own = [key for key in keys if key.table.partition(".")[0] == kind]
+        common = [key.name for key in own if len(set(users[key.meaning])) > 1 and not key.inside]
+        names = ", ".join(f"`{name}`" for name in common)
+        yield from ("", f'## kind = "{kind}"', "", f"Keys that other kinds have too: {names}.")
+        alone = [key for key in own if len(set(users[key.meaning])) == 1 and key.name != "kind"]
+        for inside in dict.fromkeys(key.inside for key in alone):
+            place = f"In its table `{inside}`:" if inside else "Keys of its own:"
+            yield from ("", place, "", HEAD, HEAD_RULE, *(key.row() for key in alone if key.inside == inside))
+
+
+def _listed_kinds(found: Iterable[str]) -> str:
+    others = [kind for kind in kinds() if kind not in found]
+    listed = others if len(others) < len(kinds()) // 2 else [kind for kind in kinds() if kind in found]
+    words = ", ".join(f"`{kind}`" for kind in listed)
+    return words if listed != others else f"all but {words}" if others else "all"
 
 
 def command_page() -> str:
@@ -371,10 +440,39 @@ def command_page() -> str:
     return "\n".join(lines) + "\n"
 
 
+def pictures_page() -> str:
+    """Write the page of the options of pictures, by the type of the record."""
+    for home in set(pictures._HOMES.values()):
+        import_module(f"gapwalk.plot.{home}")
+    options = {name: each.options for name, each in described().items() if each.forms}
+    for drawings in (pictures._IN_PANELS, pictures._IN_AXES):
+        for kind, drawing in drawings.items():
+            found = list(inspect.signature(drawing.draw).parameters.values())[2:]
+            options[kind.__name__] = options.get(kind.__name__, []) + found
+    lines = [
+        "# Options of pictures",
+        "",
+        "This page lists options of `record.plot(...)` and of `gw.plot.draw(record, ...)` by the type of the record, "
+        "with their defaults. [Pictures](../../howto/pictures.md) says how to use them.",
+        "",
+        "| record | options |",
+        "|---|---|",
+    ]
+    for name, given in sorted(options.items()):
+        shown = dict.fromkeys(
+            f"`{each.name}`" if each.default is each.empty else f"`{each.name}={each.default!r}`"
+            for each in given
+            if each.kind is not each.VAR_KEYWORD
+        )
+        lines.append(f"| `{name}` | {', '.join(shown) or 'none'} |")
+    return "\n".join(lines) + "\n"
+
+
 def write(_: Sphinx | None = None) -> None:
     """Write all pages."""
     FOLDER.mkdir(parents=True, exist_ok=True)
-    texts = {f"{name}.md": page(name, keys) for name, keys in all_keys().items()} | {"command-line.md": command_page()}
+    texts = {f"{name}.md": page(name, keys) for name, keys in all_keys().items()}
+    texts |= {"command-line.md": command_page(), "records.rst": records_page(), "pictures.md": pictures_page()}
     for name, text in texts.items():
         path = FOLDER / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:  # Sphinx reads again what is newer

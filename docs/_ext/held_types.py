@@ -1,4 +1,4 @@
-"""Types that public names return or hold without being public: the pages of these names describe their fields."""
+"""Types that public names return or hold without being public: one page describes their fields, once for all."""
 
 from __future__ import annotations
 
@@ -36,19 +36,46 @@ def held_types(thing: object) -> list[type]:
     return found
 
 
+@cache
+def all_held() -> tuple[type, ...]:
+    """Return the types that any public name returns or holds, by name."""
+    things = (getattr(module, name) for module in public_modules() for name in getattr(module, "__all__", ()))
+    found = {kind for thing in things if not inspect.ismodule(thing) for kind in held_types(thing)}
+    return tuple(sorted(found, key=lambda kind: (kind.__name__.lower(), kind.__module__)))
+
+
+def records_page() -> str:
+    """Write the page of these types in reStructuredText."""
+    title = "Records that functions return"
+    lines = [
+        title,
+        "=" * len(title),
+        "",
+        "This page describes the types that public names return or hold, and that you never make yourself: their",
+        "fields, and the methods that they add. Every record also has ``summary()`` (words), ``tables()`` (CSV),",
+        "``to_dict()`` (JSON), and ``plot()`` if it has a picture. Import none of them by name: they may move.",
+    ]
+    seen: set[str] = set()
+    for kind in all_held():
+        again = kind.__name__ in seen
+        seen.add(kind.__name__)
+        lines += ["", f".. py:class:: {kind.__name__}", *(["   :no-index:"] if again else []), ""]
+        lines += [f"   {line}".rstrip() for line in description(kind)]
+    return "\n".join(lines) + "\n"
+
+
 def description(kind: type) -> list[str]:
     """Describe a type in reStructuredText: its first sentence, its fields or members, and methods."""
     if issubclass(kind, Enum):
-        entries = [(f"{kind.__name__}.{member.name}", f"``{member.value!r}``") for member in kind]
-    else:
-        entries = [(", ".join(each.names), each.words) for each in field_docs(kind)]
-        entries += [(name, first_sentence(member)) for name, member in _members(kind)]
+        return [f"{first_sentence(kind)} One of {', '.join(f'``{member.value!r}``' for member in kind)}."]
+    entries = [(", ".join(each.names), each.words) for each in field_docs(kind)]
+    entries += [(name, first_sentence(member)) for name, member in _members(kind)]
     if not entries:
         return []
-    lines = ["", f".. rubric:: {kind.__name__}", "", first_sentence(kind), ""]
+    lines = [first_sentence(kind), ""]
     for names, words in entries:
         lines += [f"``{names}``", f"    {words}"]
-    return [*lines, ""]
+    return lines
 
 
 def first_sentence(thing: object) -> str:
@@ -70,11 +97,15 @@ def _members(kind: type) -> Iterator[tuple[str, object]]:
             yield f"{name}({', '.join(parameters)})", method
 
 
+def public_modules() -> list[ModuleType]:
+    """Return gapwalk and its namespaces."""
+    return [gw, *(module for name in gw.__all__ if inspect.ismodule(module := getattr(gw, name)))]
+
+
 @cache
 def public_types() -> frozenset[type]:
     """Return the types that have pages of their own."""
-    modules = [gw, *(module for name in gw.__all__ if inspect.ismodule(module := getattr(gw, name)))]
-    things = (getattr(module, name) for module in modules for name in getattr(module, "__all__", ()))
+    things = (getattr(module, name) for module in public_modules() for name in getattr(module, "__all__", ()))
     return frozenset(thing for thing in things if inspect.isclass(thing))
 
 

@@ -13,7 +13,8 @@ from enum import Enum
 from types import ModuleType
 from typing import Any
 
-from docs._ext.docstrings import cell_of, names_in, own_text, shared_by, split, text_of
+from docs._ext.docstrings import own_text, split, text_of
+from docs._ext.printed_examples import lines_for, outside, statements
 from tests.computed import once
 from tests.release.names import public_things
 
@@ -99,10 +100,9 @@ def raises(function: Any) -> bool:
 
 @once
 def shared(name: str) -> Any:
-    """Compute a value that examples share, by the cells of the page `examples.md` which it needs."""
-    code = cell_of(name) or ""
-    defines, uses = names_in(code)
-    names = {**modules(), **{each: shared(each) for each in sorted(uses - defines) if cell_of(each)}}
+    """Compute a value that examples share, by the statements that define it."""
+    code, _, uses = next(each for each in statements() if name in each[1])
+    names = {**modules(), **{each: shared(each) for each in sorted(uses) if lines_for({each})}}
     exec(code, names)
     return names[name]
 
@@ -118,4 +118,4 @@ def modules() -> dict[str, ModuleType]:
 
 def namespace(examples: str) -> dict[str, Any]:
     """Return the names with which examples run."""
-    return {**modules(), **{name: shared(name) for name in shared_by(examples)}}
+    return {**modules(), **{name: shared(name) for name in sorted(outside(examples)) if name not in modules()}}

@@ -1,24 +1,13 @@
----
-file_format: mystnb
-kernelspec:
-  name: python3
----
+"""Systems and results that examples of several docstrings share: each page prints the lines that its example needs.
 
-# The systems of the examples
+This file is read, statement by statement, and never imported: `docs/_ext/printed_examples.py`.
+"""
 
-The examples of the [reference](api.md) use the names below: here is what they are, in code that you can run.
+import io
 
-Every example also begins with `import gapwalk as gw` and `import numpy as np`. The numbers are non-dimensional, unless
-they have units.
-
-## A sprung mass with a stop
-
-One unit of length away is a stop, twenty times as stiff as the spring. This is the system of the
-[first tutorial](../tutorial/first-system.md).
-
-```{code-cell}
-import gapwalk as gw
 import numpy as np
+
+import gapwalk as gw
 
 system = gw.System(
     ["x"],
@@ -29,70 +18,35 @@ system = gw.System(
     harmonics=[gw.Harmonic(0.5, {"x": 1.0})],
     frequency=0.6,
 )
-```
 
-One orbit, and the branch over the frequency with its special points:
-
-```{code-cell}
 orbit = gw.find_orbit(system)
 branch = gw.follow(orbit, "frequency", 1.6)
 fold = branch.special("fold")[0]
 grazing = branch.special("grazing")[0]
-print(branch.summary())
-```
 
-A motion that settles from rest, and its attractor; an impacting motion, which has several lines in its spectrum:
-
-```{code-cell}
 settled = gw.settle(system)
 attractor = gw.classify(system)
 impacting = gw.find_orbit(system, frequency=1.1)
-```
 
-All branches of a range, and curves in the plane of two parameters:
-
-```{code-cell}
 diagram = gw.diagram(system, "frequency", (0.6, 1.0), max_period=2)
 locus = gw.follow_locus(fold, "frequency", "stop.clearance", ((1.0, 1.6), (0.9, 1.1)))
-```
 
-```{code-cell}
-loci = gw.bifurcation_map(
-    system, {"frequency": (1.0, 1.6), "stop.clearance": (0.9, 1.1)}, sections=1
-)
-```
+loci = gw.bifurcation_map(system, {"frequency": (1.0, 1.6), "stop.clearance": (0.9, 1.1)}, sections=1)
 
-```{code-cell}
 family = gw.family(system, "frequency", (1.0, 1.6), over={"stop.clearance": [0.9, 1.0]})
-```
 
-Many motions:
-
-```{code-cell}
 found = gw.search(system, "frequency", [1.3], options=gw.SearchOptions(starts=8, newton_starts=4))
-```
 
-```{code-cell}
 sweep = gw.sweep(system, "frequency", (0.6, 1.0), steps=9, points=13)
-```
 
-```{code-cell}
 two = system.at(frequency=1.3)  # two motions are stable there
 basins = gw.basins(two, {"x": (-2, 1), "x'": (-2, 2)}, 8)
 shares = gw.basin_shares(two, {"x": (-2, 1)}, 20)
-```
 
-```{code-cell}
 regimes = gw.regimes(system, {"frequency": (0.6, 1.2), "stop.clearance": (0.8, 1.2)}, 8)
-```
 
-Answers:
-
-```{code-cell}
 bands = gw.ask.rattle_bands(system, "frequency", (1.1, 1.6), search=0)
-```
 
-```{code-cell}
 threshold = gw.ask.threshold(
     system,
     "harmonic1.amplitude",
@@ -101,9 +55,7 @@ threshold = gw.ask.threshold(
     values=4,
     starts=2,
 )
-```
 
-```{code-cell}
 design = gw.ask.design(
     system,
     {"stop.clearance": 0.5},
@@ -113,37 +65,23 @@ design = gw.ask.design(
     search_values=0,
     starts=0,
 )
-```
 
-```{code-cell}
 tolerance = gw.ask.tolerance(
     system,
     "frequency",
     (1.6, 1.0),
     [gw.ask.Spread("stop.clearance", sd=0.02)],
-    samples=8, check=1,
+    samples=8,
+    check=1,
 )
-```
 
-```{code-cell}
 run = gw.ask.run_up(system, gw.ask.SpeedCourse.ramp(0.6, 1.6, 0.02))
-```
 
-```{code-cell}
 runs = gw.ask.run_ups(system, [gw.ask.SpeedCourse.ramp(0.6, 1.6, rate) for rate in (0.02, 0.04)], bins=20)
-```
 
-A measured record of the acceleration, which is here a computed one with another phase:
-
-```{code-cell}
 motion = orbit.motion(64)
 record = gw.measure.Record(motion.time[:-1], np.roll(motion.signal("x''")[:-1], 7))
-```
 
-## A study in a file
-
-```{code-cell}
-import io
 
 file = """
 title = "A sprung mass with a stop"
@@ -170,13 +108,7 @@ to = 1.5
 """
 study = gw.read_study(io.StringIO(file))
 result = gw.run(study)
-```
 
-## A mass with dry friction
-
-A brake that sticks rigidly acts on a sprung mass.
-
-```{code-cell}
 rubbing = gw.System(
     ["x"],
     mass=[1.0],
@@ -187,13 +119,7 @@ rubbing = gw.System(
     frequency=0.6,
 )
 slipping = gw.find_orbit(rubbing)
-```
 
-## A drive train with units
-
-An engine drives a gearbox through a clutch; the gears have a backlash of 0.2 degrees.
-
-```{code-cell}
 train = gw.train.Train(
     inertias=[
         gw.train.Inertia("engine", "0.1 kg m^2"),
@@ -218,12 +144,7 @@ train = gw.train.Train(
     speed="800 rpm",
 )
 driveline = train.system()
-print(driveline.summary())
-```
 
-A wheel, a hub and a box in line, with the two-stage clutch of the [paper](../explanation/paper.md):
-
-```{code-cell}
 line = gw.train.Train(
     inertias=[
         gw.train.Inertia("wheel", "0.2 kg m^2"),
@@ -239,11 +160,7 @@ line = gw.train.Train(
     harmonics=[gw.Harmonic("20 N m", acts_on={"wheel": 1.0})],
     frequency="25 Hz",
 ).system()
-```
 
-Claims about variations of a system: the clearance halved, the load halved, and random neighbours:
-
-```{code-cell}
 scan = gw.ask.scan(
     system.at(frequency=1.2),
     [
@@ -251,19 +168,14 @@ scan = gw.ask.scan(
         gw.ask.PointClaim("fold", parameter="frequency", low=1.3, high=1.45, absent=True, over=(1.6, 1.1)),
     ],
     ["stop.clearance", "harmonic1.amplitude"],
-    factors=(0.5,), neighbours=10, starts=2, workers=1,
+    factors=(0.5,),
+    neighbours=10,
+    starts=2,
+    workers=1,
 )
-```
 
-Free vibrations without damping and excitation:
-
-```{code-cell}
 backbone = gw.free.backbone(system, 1, options=gw.free.BackboneOptions(largest_amplitude=3.0))
-```
 
-What a backbone foretells, of a Duffing oscillator:
-
-```{code-cell}
 duffing = gw.System(
     ["x"],
     mass=[1.0],
@@ -273,26 +185,13 @@ duffing = gw.System(
     harmonics=[gw.Harmonic(0.1, {"x": 1.0})],
 )
 foretold = gw.free.foretell(duffing, gw.free.backbone(duffing, 1, (0.5, 2.0)), harmonics=[1, 3])
-```
 
-## A motion that excites itself
-
-Van der Pol's oscillator, without excitation: its equilibria over the parameter, and the motions from their Hopf point.
-
-```{code-cell}
 oscillator = gw.System(
     ["x"], mass=[1.0], stiffness=[1.0], contacts=[gw.force("damper", {"x": 1.0}, law="(x*x - mu)*v", mu=-0.5)]
 )
 rests = gw.free.follow_rest(oscillator, "damper.mu", 1.0)
 cycle = gw.free.follow_self_excited(rests.hopf_points[0], oscillator, "damper.mu", (-0.5, 1.0))
-```
 
-## A torus
-
-An oscillator that excites itself settles on the unit circle, with the frequency 1. Beside a forced oscillator this is a
-torus, whose rotation number is 1 over the frequency:
-
-```{code-cell}
 circle = gw.System(
     ["x", "y"],
     mass=[1.0, 1.0],
@@ -303,17 +202,9 @@ circle = gw.System(
     frequency=np.sqrt(5.0),
 )
 torus = gw.tori.find_torus(gw.settle(circle, [0.3, 0.2, 0.1, 0.0]))
-```
 
-```{code-cell}
 tori = gw.tori.follow_tori(torus, "frequency", (2.21, 2.3))
-```
 
-## A tongue
-
-Near three times its own frequency, a force locks such an oscillator to a third of it:
-
-```{code-cell}
 ring = gw.System(
     ["x"],
     damping=[0.0],
@@ -323,9 +214,6 @@ ring = gw.System(
     frequency=3.04,
 )
 locking = gw.tori.find_torus(gw.settle(ring))
-```
 
-```{code-cell}
 window = gw.tori.find_window(locking, "1/3", "frequency", 3.0, (2.9, 3.1))
 tongue = gw.tori.follow_tongue(window, "frequency", "harmonic1.amplitude", ((2.9, 3.1), (0.0, 0.5)))
-```
