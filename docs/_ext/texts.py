@@ -1,4 +1,4 @@
-"""Checks of the texts of the pages: no paragraph twice, no word that gapwalk does not use.
+"""Checks of the texts of the pages: not too many, no paragraph twice, no word that gapwalk does not use.
 
 python docs/_ext/texts.py SOURCES PAGES
 
@@ -16,6 +16,8 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 INSTEAD: dict[str, str] = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))["instead"]
+MOST_PAGES = 280
+MOST_WORDS = 130_000  # of the articles of the built pages, with code, formulas and outputs
 LEAST = 12  # words of a paragraph that is compared: shorter ones, such as headings of tables, may repeat
 GENERATED = "generated"
 _FENCE = re.compile(r"^(```+|:::+).*?^\1\s*$", re.M | re.S)
@@ -57,21 +59,22 @@ def repeated(folder: Path) -> list[str]:
 
 
 class _Words(HTMLParser):
-    """The text of the article of a built page, without code."""
+    """The text of the article of a built page, with or without code."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, code: bool = False) -> None:
         super().__init__()
         self.parts: list[str] = []
+        self._left_out = ("style", "script") if code else ("pre", "code", "style", "script")
         self._article, self._code = 0, 0
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self._article += tag == "article"
-        self._code += tag in ("pre", "code", "style", "script")
+        self._code += tag in self._left_out
 
     def handle_endtag(self, tag: str) -> None:
         self._article -= tag == "article"
-        self._code -= tag in ("pre", "code", "style", "script")
+        self._code -= tag in self._left_out
 
     def handle_data(self, data: str) -> None:
         if self._article and not self._code:
@@ -88,8 +91,28 @@ def old_words(folder: Path) -> list[str]:
     ]
 
 
+def size(built: Path) -> tuple[int, int]:
+    """Return the number of built pages, and of the words of their articles."""
+    pages = [path for path in sorted(built.rglob("*.html")) if "_static" not in path.relative_to(built).parts]
+    return len(pages), sum(len("".join(_Words(path.read_text("utf-8"), code=True).parts).split()) for path in pages)
+
+
+def words_of_sources(folder: Path) -> int:
+    """Return the number of words of the pages that are written by hand, in Markdown."""
+    pages = (path for path in folder.rglob("*.md") if GENERATED not in path.parts)
+    return sum(len(path.read_text("utf-8").split()) for path in pages)
+
+
+def too_many(pages: int, words: int) -> list[str]:
+    """List what exceeds the size that the documentation may have."""
+    found = [f"{pages} pages: {MOST_PAGES} at most"] if pages > MOST_PAGES else []
+    return found + ([f"{words} words of built pages: {MOST_WORDS} at most"] if words > MOST_WORDS else [])
+
+
 if __name__ == "__main__":
     sources, built = map(Path, sys.argv[1:3])
-    found = repeated(sources) + old_words(built)
+    pages, words = size(built)
+    print(f"{pages} pages with {words:,} words; {words_of_sources(sources):,} words of Markdown written by hand")
+    found = too_many(pages, words) + repeated(sources) + old_words(built)
     print("\n".join(found) or "no paragraph is repeated, and no old word is used")
     sys.exit(bool(found))

@@ -4,7 +4,7 @@ A gap whose parts press on one flank is held there by its own spring, which may 
 response is a smooth curve. While no flank pulls, its motion is a motion of the machine; where the least force of a
 flank is zero the quiet motion ends, and beyond it there is none.
 
-Method: docs/numerics/rattle.md
+Method: docs/numerics/notes/answers.md
 """
 
 from __future__ import annotations

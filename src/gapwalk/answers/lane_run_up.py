@@ -1,6 +1,6 @@
 """Run-ups by equal steps, one with its history or many with their extremes: with friction, and with many gaps.
 
-Method: docs/numerics/run-ups.md
+Method: docs/numerics/notes/answers.md
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ directions. Each step begins with the motion of the one before; each part begins
 before it where that arrives with the same motion. The ends of bands are narrowed down by further values between two
 steps. Motions that no sweep meets are sought from random starts of physical size, and followed both ways.
 
-Method: docs/numerics/lanes.md
+Method: docs/numerics/notes/ensembles.md
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 The residual of a point is its computed value minus the measured one, over the standard uncertainty of the measurement.
 The special points are tracked from trial to trial; their gradients are exact, and give the standard errors.
 
-Method: docs/numerics/measurement.md
+Method: docs/numerics/notes/models.md
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Each value begins with the motion of the one before, whose slow part is continued along a straight line. Where motions
 have no period, there is little to begin with, so that as many values as a register has lanes are settled at once.
 
-Method: docs/numerics/lanes.md, section Response
+Method: docs/numerics/notes/ensembles.md, section Response
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The record of basins of attraction: which attractor each cell of a plane of initial states leads to.
 
-Method: docs/numerics/basins.md
+Method: docs/numerics/notes/ensembles.md
 """
 
 from __future__ import annotations

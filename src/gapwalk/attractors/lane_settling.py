@@ -5,7 +5,7 @@ what is left of the transient, by its contraction, is less than a third of every
 the section repeats after at most eight periods, and the same holds. Otherwise it has no period: 64 periods are watched,
 and means over batches of eight give intervals. Rules by a fixed number of periods are either wrong or wasteful.
 
-Method: docs/numerics/lanes.md
+Method: docs/numerics/notes/ensembles.md
 """
 
 from __future__ import annotations

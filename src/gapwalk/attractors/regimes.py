@@ -2,7 +2,7 @@
 
 A `Regime` is the kind of a motion, as a number that arrays can hold and in words.
 
-Method: docs/numerics/basins.md
+Method: docs/numerics/notes/ensembles.md
 """
 
 from __future__ import annotations

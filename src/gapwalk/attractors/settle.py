@@ -3,7 +3,7 @@
 The numbers of forcing periods after which a motion nearly returns are candidates for its period. A motion that is not
 periodic has settled if averages over it no longer change.
 
-Method: docs/numerics/attractors.md
+Method: docs/numerics/notes/ensembles.md
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from gapwalk.orbit.sticking import kept_words, released, transition_of
 # follow it that far: if several returns in a row agree with the linearised return map of a nearby stable orbit, except
 # for a given fraction, and the distance shrinks in every mode, the motion will reach the orbit.
 #
-# Method: docs/numerics/basins.md
+# Method: docs/numerics/notes/ensembles.md
 
 _POINTS = 48  # points on each surface
 _SHELLS = np.array([1.0, 0.5, 0.25])
@@ -442,7 +442,7 @@ class Settled(Shown):
 # after m forcing periods shrink like a geometric series whose sum is small. Any other motion has settled if its
 # nearest returns neither shrink nor grow, and its averages no longer change.
 #
-# Method: docs/numerics/attractors.md
+# Method: docs/numerics/notes/ensembles.md
 
 
 @dataclass(frozen=True)
@@ -829,7 +829,7 @@ class _Transient:
 
 # Classification of the attractor on which a motion settles, with the evidence.
 #
-# Method: docs/numerics/attractors.md
+# Method: docs/numerics/notes/ensembles.md
 
 _STROBES = 4096  # strobes for a rotation number, if the exponents needed fewer
 _KEPT = 2048  # strobes stored in an attractor

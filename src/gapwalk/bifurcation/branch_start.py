@@ -2,7 +2,7 @@
 
 A period-doubled branch begins with motions whose two halves differ, and ends where that difference vanishes.
 
-Method: docs/numerics/switching.md
+Method: docs/numerics/notes/continuation.md
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 It is checked that the special points between two points of a branch account for everything that changes between them.
 
-Method: docs/numerics/special-points.md
+Method: docs/numerics/notes/special-points.md
 """
 
 from __future__ import annotations

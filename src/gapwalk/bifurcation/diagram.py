@@ -1,6 +1,6 @@
 """Diagram: a tree of branches over one parameter, each once, with parents, children and cascades.
 
-Method: docs/numerics/switching.md
+Method: docs/numerics/notes/continuation.md
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Special points of a branch: the search for them in a step, their errors, what a kind must give, and their record.
 
-Method: docs/numerics/special-points.md
+Method: docs/numerics/notes/special-points.md
 """
 
 from __future__ import annotations

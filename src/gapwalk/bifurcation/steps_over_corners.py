@@ -5,7 +5,7 @@ k = 1e6 this is within rounding of the state at theta = 0. As a function of the 
 branch is smooth. The step over such a corner therefore uses depths that grow by a constant factor from one to the next
 on both sides of the graze. The special points in between are detected and located on that scale.
 
-Method: docs/numerics/continuation.md
+Method: docs/numerics/notes/continuation.md
 """
 
 from __future__ import annotations

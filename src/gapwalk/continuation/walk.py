@@ -3,7 +3,7 @@
 The walk is independent of files and display, of shooting and harmonic balance, and of bifurcations. It can be stopped
 after any point and resumed from it. Every end has a reason.
 
-Method: docs/numerics/continuation.md
+Method: docs/numerics/notes/continuation.md
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Trajectories are divided into blocks, the data of the kernel, which several thre
 number of steps per period is first estimated from the system. Some periods of some trajectories are then compared with
 the exact flow, and the run is repeated with more steps if its error is too large.
 
-Method: docs/numerics/batch-integrator.md
+Method: docs/numerics/notes/ensembles.md
 """
 
 from __future__ import annotations

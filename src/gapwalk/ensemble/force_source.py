@@ -205,7 +205,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 # If all lanes have the same coefficients, the table holds the loads, the displacements and the variations of numbers
 # themselves. Otherwise it holds cosines and sines, which each lane multiplies by its own coefficients.
 #
-# Method: docs/numerics/batch-integrator.md
+# Method: docs/numerics/notes/ensembles.md
 
 _Key = tuple[Any, ...]
 

@@ -52,7 +52,7 @@ from gapwalk.model.structure import Structure
 # 209-286), with the polynomial through the three earlier values as its predictor, and one evaluation of each force per
 # step.
 #
-# Method: docs/numerics/batch-integrator.md
+# Method: docs/numerics/notes/ensembles.md
 
 HISTORY = 3
 """Number of earlier values of each contact force that a step uses."""

@@ -4,7 +4,7 @@ Steps are equal over the angle, ``h = dtheta / W``, some whole number of them be
 divided into pieces, within which all numbers are those of the mean speed; from piece to piece they follow the speed.
 The rotation of a train as a whole is simply integrated. Friction needs no decisions, as at constant speed.
 
-Method: docs/numerics/run-ups.md
+Method: docs/numerics/notes/answers.md
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ continuous, so that a step over a breakpoint has an error of second order of the
 vibration by 0.4. Friction in series with a spring is exact but for where it turns; friction that sticks rigidly has a
 stiff spring with a damper in place of stick. Rigid stops need the exact flow. Half the step tells how right it is.
 
-Method: docs/numerics/lanes.md
+Method: docs/numerics/notes/ensembles.md
 """
 
 from __future__ import annotations

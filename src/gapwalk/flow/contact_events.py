@@ -6,7 +6,7 @@ the switch stays open.
 Derivatives of the motion pass an event by the general rule (`gapwalk.flow.event_rule`). Where the state is not reset
 and the force does not jump, the rule is the identity, and nothing is computed.
 
-Method: docs/numerics/flow.md
+Method: docs/numerics/notes/flow.md
 """
 
 from __future__ import annotations

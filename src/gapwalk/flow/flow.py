@@ -3,7 +3,7 @@
 A `Flow` is a program of the compiled kernel (`gapwalk.taylor.kernel`) for a structure and a pattern of non-zero
 coefficients; it serves every value. Each breakpoint of each contact is a terminal event, found to rounding.
 
-Method: docs/numerics/flow.md
+Method: docs/numerics/notes/flow.md
 """
 
 from __future__ import annotations

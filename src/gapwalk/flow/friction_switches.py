@@ -3,7 +3,7 @@
 Which contacts are held follows from what they would need: all that may be held are taken as held together, and the one
 whose reaction exceeds its bound most is released, until none does.
 
-Method: docs/numerics/flow.md
+Method: docs/numerics/notes/flow.md
 """
 
 from __future__ import annotations

@@ -162,7 +162,7 @@ class Backbone(Curve):
 # without coming to rest. They are periodic motions of the system with a damping that is an unknown too, and comes out
 # as zero, because the energy returns (Munoz-Almaraz et al. 2003, Physica D 181, 1-38).
 #
-# Method: docs/numerics/backbones.md
+# Method: docs/numerics/notes/tori.md
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,7 +280,7 @@ def free_equation(system: System, coordinate: int) -> BackboneEquation | WhirlEq
 
 # Continuation of free vibrations along their backbone, from a linear mode or from a release at rest.
 #
-# Method: docs/numerics/backbones.md
+# Method: docs/numerics/notes/tori.md
 
 _SHARE = 0.5  # amplitude of the first vibration, as a share of the first gap that it would close
 _TINY = 1e-3  # that of a system without gaps, in units of length

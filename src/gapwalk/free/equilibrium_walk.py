@@ -3,7 +3,7 @@
 Within one combination of closed contacts the equilibria form a smooth curve, which a walk follows. Where a contact
 closes or opens, the curve has a corner: it is located, and a new walk begins there, with the tangent on the other side.
 
-Method: docs/numerics/self-excited.md
+Method: docs/numerics/notes/tori.md
 """
 
 from __future__ import annotations
@@ -186,7 +186,7 @@ class Rests(Curve):
 # taken by a complex step of the same formulas, exact to rounding, for any law. At a breakpoint of a contact the
 # derivatives are one-sided.
 #
-# Method: docs/numerics/self-excited.md
+# Method: docs/numerics/notes/tori.md
 
 _STEP = 1e-150  # complex step
 _LEAST = 1e-300  # square of a frequency

@@ -9,7 +9,7 @@ over one period, and the rate v_k,
 are 2n + 1 equations for 2n + 1 unknowns at each value a of a parameter. They are regular at an orbit whose only
 multiplier 1 is the trivial one (Doedel, Keller and Kernevez 1991, Int. J. Bifurcation Chaos 1, 745-772).
 
-Method: docs/numerics/self-excited.md
+Method: docs/numerics/notes/tori.md
 """
 
 from __future__ import annotations

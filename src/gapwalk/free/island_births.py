@@ -4,7 +4,7 @@ Along a backbone, the amplitude of a load at which its work balances the losses 
 response to come there. Where it has a minimum, nothing is there below, and a closed branch above: an isolated branch
 is born. Where it has a maximum, two of them, or one and the main branch, join.
 
-Method: docs/numerics/backbones.md
+Method: docs/numerics/notes/tori.md
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from gapwalk.summary import Rows, SummaryParts, Table, remarks, row_of, rows_of,
 # their energy, its gradient is replaced by the left eigenvector of the monodromy matrix at the multiplier 1, carried
 # along.
 #
-# Method: docs/numerics/backbones.md
+# Method: docs/numerics/notes/tori.md
 
 _WORK_SAMPLES = 512  # of a period
 _NONE = 1e-12  # work of a load, as a share of the largest possible, that is rounding

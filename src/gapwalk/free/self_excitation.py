@@ -42,7 +42,7 @@ from gapwalk.summary import Rows, SummaryParts, remarks, row_of, summarizes
 
 # Beginnings of self-excited motions: at a Hopf point of an equilibrium, or from a state whose motion settles.
 #
-# Method: docs/numerics/self-excited.md
+# Method: docs/numerics/notes/tori.md
 
 _LENGTHS = 10.0  # change of a motion, in lengths of the system, that weighs as much as all of the range
 _PUSH = 1e-3  # displacement from the equilibrium, in lengths, from which a motion grows
@@ -235,7 +235,7 @@ def _shortest(orbit: FreeOrbit, turns: int, place: int) -> FreeOrbit:
 
 # Self-excited motions along a parameter: equilibria, their Hopf points, and the periodic motions that begin there.
 #
-# Method: docs/numerics/self-excited.md
+# Method: docs/numerics/notes/tori.md
 
 _OWN = 1e-3  # share of the range from which the size of a value of the parameter is a unit of it
 _FEW, _MANY = 5, 200  # motions at one value of the parameter after which it is known to stay, and the walk ends

@@ -2,7 +2,7 @@
 
 The misfit between orbit and record is minimised along the branch of the first orbit.
 
-Method: docs/numerics/measurement.md
+Method: docs/numerics/notes/models.md
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from gapwalk.orbit.orbit import Orbit, sensitivity, signal_along
 
 # Estimates of fitted parameters: standard errors, and those that the data do not determine.
 #
-# Method: docs/numerics/measurement.md
+# Method: docs/numerics/notes/models.md
 
 Array = NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 An equilibrium is a position in which all static forces balance: that of least energy, or one for each combination of
 closed stages.
 
-Method: docs/numerics/equilibria.md
+Method: docs/numerics/notes/tori.md
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ of a coordinate without inertia become ``M = g C``, ``C + g K`` and K; in a form
 lag g is the inverse of the frequency at which a system is made, so that the multiplier of the lag is ``exp(-2 pi)``
 there.
 
-Method: docs/numerics/states.md
+Method: docs/numerics/notes/models.md
 """
 
 from __future__ import annotations

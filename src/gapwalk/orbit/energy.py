@@ -8,7 +8,7 @@ potential energy return to their values, so that the work of all loads is what d
 Each term is an integral of Gauss's rule between the events of the motion, accurate to rounding; what an impact loses is
 the kinetic energy before it less that after it. So both sides are computed apart, and their difference shows the error.
 
-Method: docs/numerics/energy.md
+Method: docs/numerics/notes/models.md
 """
 
 from __future__ import annotations

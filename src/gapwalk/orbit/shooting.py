@@ -1,6 +1,6 @@
 """Shooting: a periodic orbit as the fixed point of the flow over m forcing periods, in one or more segments.
 
-Method: docs/numerics/continuation.md
+Method: docs/numerics/notes/continuation.md
 """
 
 from __future__ import annotations

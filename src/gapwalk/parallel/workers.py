@@ -1,6 +1,6 @@
 """Execution of independent pieces of work: in this process, on all local cores, or on a cluster.
 
-Method: docs/numerics/results.md
+Method: docs/numerics/notes/results.md
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Reduction of a system with many degrees of freedom to those at its contacts and its lowest modes.
 
-Method: docs/numerics/reduction.md
+Method: docs/numerics/notes/models.md
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 #
 # The accuracy of a basis is the error of the flexibility of the contacts under harmonic forces.
 #
-# Method: docs/numerics/reduction.md
+# Method: docs/numerics/notes/models.md
 
 _DENSE = 1500  # degrees of freedom up to which all modes are computed at once
 _LOOSE = 1e-12  # square of a frequency, relative to the largest, that counts as zero

@@ -7,7 +7,7 @@ reported parts are never lost.
 The seal is the sum of the checksums of all parts: it is kept up to date by each transaction, however long the file is.
 Nothing in it is secret: it detects changes by other programs, but not a change with a new seal.
 
-Method: docs/numerics/results.md
+Method: docs/numerics/notes/results.md
 """
 
 from __future__ import annotations

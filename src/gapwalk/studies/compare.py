@@ -1,6 +1,6 @@
 """Comparison of two results: common branches and loci, their distances, and what is in one result only.
 
-Method: docs/numerics/results.md
+Method: docs/numerics/notes/results.md
 """
 
 from __future__ import annotations

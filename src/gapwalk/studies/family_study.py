@@ -1,6 +1,6 @@
 """The study of a family: branches for several values of one parameter, with their special points joined.
 
-Method: docs/numerics/families.md
+Method: docs/numerics/notes/continuation.md
 """
 
 from __future__ import annotations

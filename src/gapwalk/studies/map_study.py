@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 
 # The pieces of a map in the order in which they begin: its sections, then its loci, hardly any of which is done twice.
 #
-# Method: docs/numerics/loci.md
+# Method: docs/numerics/notes/special-points.md
 
 _BESIDE = 4e-3  # distance from a locus, in widths of the ranges, within which a special point may lie on it
 _ALIKE = 0.1  # relative distance of two orbits' states within which they may belong to the same locus

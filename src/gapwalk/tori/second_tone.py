@@ -7,7 +7,7 @@ The second one is a coordinate of its own: the self-excited oscillator
 whose only stable motion is ``z = cos(w t)``, exactly, and which nothing else acts upon. So the motion of the whole is a
 torus of an ordinary system, with the known rotation number ``w / W``, and everything that holds for tori holds for it.
 
-Method: docs/numerics/tori.md
+Method: docs/numerics/notes/tori.md
 """
 
 from __future__ import annotations

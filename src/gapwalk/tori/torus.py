@@ -223,7 +223,7 @@ class Torus(Shown):
 
     Notes
     -----
-    See docs/numerics/tori.md.
+    See docs/numerics/notes/tori.md.
     """
 
     stuck = ()  # contacts whose friction never slips: systems with friction have no tori here

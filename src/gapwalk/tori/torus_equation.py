@@ -6,7 +6,7 @@ The unknowns are N states of the curve, at equally spaced phases, and the rotati
 another beginning of the phase is a solution too; a phase condition selects one (Schilder, Osinga and Vogt 2005, SIAM J.
 Appl. Dyn. Syst. 4, 459-488). With two parameters, rho may be kept, and the second parameter is the unknown.
 
-Method: docs/numerics/tori.md
+Method: docs/numerics/notes/tori.md
 """
 
 from __future__ import annotations
@@ -308,7 +308,7 @@ class TorusCorrector(Corrector):
 
 # Finding one torus: from a settled quasi-periodic motion, at fixed parameters, by Newton's method.
 #
-# Method: docs/numerics/tori.md
+# Method: docs/numerics/notes/tori.md
 
 STROBES = (1024, 4096)
 """Strobes on each curve from which a torus is sought, fewer first: they take longer than the torus itself."""

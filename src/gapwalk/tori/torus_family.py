@@ -325,7 +325,7 @@ class TorusDiagram(Shown):
 
 # Verification of tori: another integrator carries their curves into themselves, and contracts volumes as stated.
 #
-# The phases at which a curve is tried lie between its samples. Method: docs/numerics/tori.md
+# The phases at which a curve is tried lie between its samples. Method: docs/numerics/notes/tori.md
 
 _LEAST = 1e-9  # error of the other integrator, relative to the motion
 _PHASES = 65  # the most phases at which a curve is tried

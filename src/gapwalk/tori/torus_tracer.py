@@ -845,7 +845,7 @@ class TorusTracer(Iterator[Step]):
 
 # Continuation of tori along a parameter, by pseudo-arclength in the curve, its rotation number and the parameter.
 #
-# Method: docs/numerics/tori.md
+# Method: docs/numerics/notes/tori.md
 
 STEPS = WalkOptions(initial_step=0.01, smallest_step=1e-5, largest_step=0.05, max_points=1000)
 """Default options of the steps: a motion that changes by its own size, or all of the range, counts as 1."""

@@ -1,6 +1,6 @@
 """Record of a verification: its checks, their worst values, and where these occur.
 
-Method: docs/numerics/verification.md
+Method: docs/numerics/notes/results.md
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ probability ``(1 - p)^N``. The probability that the next start reaches a new att
 reached an attractor that no other start reached (Good 1953, Biometrika 40, 237-264). Evenly spread starts, as those of
 a search, cover the box better.
 
-Method: docs/numerics/isolated-branches.md
+Method: docs/numerics/notes/continuation.md
 """
 
 from __future__ import annotations

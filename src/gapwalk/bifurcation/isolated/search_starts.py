@@ -241,7 +241,7 @@ class _Deflated(NamedTuple):
 # to a periodic motion of the batch integrator as it does to one of the flow, and a few exact steps lead from one to
 # the other.
 #
-# Method: docs/numerics/isolated-branches.md
+# Method: docs/numerics/notes/continuation.md
 
 _ERROR = 1e-5  # over a forcing period, relative to the motion; with 1e-4 a few orbits fewer are found
 _LOOKS = 4  # motions that are compared with the exact flow over one forcing period

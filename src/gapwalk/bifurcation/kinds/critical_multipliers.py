@@ -244,7 +244,7 @@ class Fold(Kind):
 # may soon turn back if a contact grazes close to the flip. The doubled branch itself then shows up to which amplitude
 # it continues in its initial direction.
 #
-# Method: docs/numerics/switching.md
+# Method: docs/numerics/notes/continuation.md
 
 _DISPLACEMENTS = (6e-5, 6e-6)  # in units of the unknowns: longer ones show curvature, shorter ones rounding
 _ALIKE = 0.05  # relative change of an impact velocity within which displaced orbits make the same contact

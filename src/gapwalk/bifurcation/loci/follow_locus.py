@@ -1,6 +1,6 @@
 """Continuation of a special point in two parameters: its locus, with its points of codimension two.
 
-Method: docs/numerics/loci.md
+Method: docs/numerics/notes/special-points.md
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Along its locus in the plane of the followed parameter and another one, the equa
 The implicit function theorem on these equations gives the slope of the locus at its start, for any number of other
 parameters at the cost of their sensitivities.
 
-Method: docs/numerics/loci.md
+Method: docs/numerics/notes/special-points.md
 """
 
 from __future__ import annotations

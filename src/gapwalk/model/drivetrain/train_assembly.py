@@ -33,7 +33,7 @@ so small that it is constant over a period but for 1e-7 of the torque that turns
 returns to its mean are slower than the decay by the drags themselves. As psi itself matters nowhere, it is counted in
 units of `TURN_UNIT` angles, so that the large angle at which it rests weighs little where states are compared.
 
-Method: docs/numerics/drive-trains.md
+Method: docs/numerics/notes/models.md
 """
 
 from __future__ import annotations

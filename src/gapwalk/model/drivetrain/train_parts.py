@@ -622,7 +622,7 @@ class Drag(Link):
 
     The parts turn at different speeds, or the second is the ground (the casing). With the slip ``s``, the speed of the
     first less that of the second, the torque is ``linear * s + quadratic * s * |s|`` and a constant one against the
-    slip; see docs/numerics/drive-trains.md.
+    slip; see docs/numerics/notes/models.md.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 The linear part and the contact laws of the system are computed once where no parameter changes them.
 
-Method: docs/numerics/harmonic-balance.md
+Method: docs/numerics/notes/harmonic-balance.md
 """
 
 from __future__ import annotations
