@@ -367,7 +367,8 @@ def page(name: str, keys: list[Key]) -> str:
         model, train = (_by_place(all_keys()[each]) for each in ("model-file", "train-file"))
         same = {place for place, key in train.items() if place in model and key.meaning == model[place].meaning}
         if name == "train-file":
-            keys = [key for key in keys if (key.table, key.name) not in same]
+            keys = [key for key in keys if (key.table, key.name) not in same and not _as_in_stage(model, key)]
+            lines += ["The tables `[[shaft.stage]]` and `[[gear.stage]]` have the keys of `[[contact.stage]]`.", ""]
         else:
             keys = [
                 replace(key, unit=train[key.table, key.name].unit) if (key.table, key.name) in same else key
@@ -386,6 +387,12 @@ def page(name: str, keys: list[Key]) -> str:
 
 def _by_place(keys: list[Key]) -> dict[tuple[str, str], Key]:
     return {(key.table, key.name): key for key in keys}
+
+
+def _as_in_stage(model: Mapping[tuple[str, str], Key], key: Key) -> bool:
+    """Return True if a key of the stages of a link is that of the stages of a contact."""
+    other = model.get(("contact.stage", key.name)) if key.inside == "stage" else None
+    return other is not None and key.meaning == other.meaning
 
 
 def _study_lines(keys: list[Key]) -> Iterator[str]:

@@ -1,10 +1,11 @@
 """The generated reference has every key, each with words, a type and an example; and every command."""
 
 import tomllib
+from collections.abc import Iterator
 
 import pytest
 
-from docs._ext.file_reference import Key, all_keys, command_page, docstring_words
+from docs._ext.file_reference import Key, all_keys, command_page, docstring_words, page, pictures_page
 from gapwalk.cli.commands import app
 from gapwalk.studies.study_kind import kind_of, kinds
 from gapwalk.studies.study_schema import all_keys as keys_of_studies
@@ -42,6 +43,37 @@ def test_defaults_and_bounds_are_those_of_the_records() -> None:
     assert by_name["contact", "clearance"].bound == ">= 0"
     assert by_name["gear", "clearance"].unit == "deg"
     assert "begin" in docstring_words(kind_of("response"))
+
+
+def test_a_key_of_several_kinds_is_described_once() -> None:
+    text = page("study-file", KEY_PAGES["study-file"])
+    assert text.count("| `largest_step` |") == 1
+    assert text.count("| `segments` |") == 1
+    shared, *own = text.split("\n## kind = ")
+    assert "| `max_branches` |" not in shared
+    assert len(own) == len(KINDS)
+    for key in KEY_PAGES["study-file"]:
+        assert f"`{key.name}`" in text
+
+
+def test_a_drive_train_does_not_repeat_the_keys_of_a_model_file() -> None:
+    model, train = ({*_rows(page(name, KEY_PAGES[name]))} for name in ("model-file", "train-file"))
+    assert len(model) > 100
+    assert len(train) > 100
+    assert not model & train
+
+
+def _rows(text: str) -> Iterator[tuple[str, str]]:
+    """Yield the rows of keys of a page, each with the table in which it stands."""
+    for part in text.split("\n## ")[1:]:
+        title, *lines = part.splitlines()
+        yield from ((title, line) for line in lines if line.startswith("| `"))
+
+
+def test_pictures_of_all_records_have_their_options() -> None:
+    text = pictures_page()
+    assert "| `Branch` | `measure='half'`" in text
+    assert all(f"| `{name}` |" in text for name in ("Diagram", "Map", "Orbit", "RattleBands", "Torus"))
 
 
 def test_every_command_is_there() -> None:
