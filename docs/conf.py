@@ -8,8 +8,9 @@ from pathlib import Path
 os.environ["GAPWALK_PROGRESS"] = "off"  # lines that vanish would leave empty outputs
 os.environ.pop("MPLBACKEND", None)  # with a backend of the user's, notebooks would show no pictures
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from api_links import enumerations
+from docs._ext.api_links import enumerations, members_left_out
 
 project = "gapwalk"
 author = "the gapwalk developers"
@@ -40,7 +41,7 @@ nb_execution_timeout = 600
 nb_merge_streams = True
 
 autosummary_generate = True
-autosummary_context = {"enumerations": enumerations()}
+autosummary_context = {"enumerations": enumerations(), "left_out": members_left_out()}
 autodoc_typehints = "none"  # `docstrings` writes types next to the names, with shapes and units
 autodoc_preserve_defaults = True
 napoleon_google_docstring = False

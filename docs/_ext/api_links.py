@@ -1,4 +1,4 @@
-"""Links from single backticks in docstrings, and what the pages of classes show of enumerations."""
+"""Links from single backticks in docstrings, what the pages of classes show, and the page of names for extensions."""
 
 from __future__ import annotations
 
@@ -13,13 +13,62 @@ from sphinx.environment import BuildEnvironment
 from sphinx.util.nodes import make_refnode
 
 import gapwalk as gw
+from docs._ext.held_types import public_modules, public_types
+from gapwalk.field_docs import field_words
+from gapwalk.summary import Described
+
+EXTENSIONS = {
+    "studies": "What a kind of study of your own needs, and how results are compared.",
+    "parallel": "Local processes, clusters, and the integrator of many motions at once.",
+    "special_points": "What a subclass of `gw.Kind` needs. For a single computation, a `gw.Event` is enough.",
+    "methods": "What a method of your own needs next to `gw.Shooting` and `gw.Balance`.",
+}
+"""Namespaces whose names share a page, with what they are for."""
 
 
 def enumerations() -> list[str]:
     """Return the names of the public enumerations, whose pages show their members without docstrings."""
-    modules = [gw, *(module for name in gw.__all__ if inspect.ismodule(module := getattr(gw, name)))]
-    names = [(name, getattr(module, name, None)) for module in modules for name in getattr(module, "__all__", ())]
-    return [name for name, thing in names if isinstance(thing, type) and issubclass(thing, Enum)]
+    return [kind.__name__ for kind in public_types() if issubclass(kind, Enum)]
+
+
+def left_out(kind: type) -> str:
+    """Return the members that the page of a class leaves out: fields, which it describes, and those of its bases."""
+    above = {name for base in kind.__mro__[1:] if base in {*public_types(), Described} for name in vars(base)}
+    own = {name for base in kind.__mro__ if base not in public_types() for name in vars(base)} | vars(kind).keys()
+    names = {*field_words(kind), *(above - own if not issubclass(kind, Enum) else ())}
+    return ", ".join(sorted(name for name in names | vars(Described).keys() if not name.startswith("_")))
+
+
+def members_left_out() -> dict[str, str]:
+    """Return the members that the pages of public classes leave out, by the full names of the classes."""
+    found = {}
+    for module in public_modules():
+        for name in getattr(module, "__all__", ()):
+            if inspect.isclass(thing := getattr(module, name)):
+                found[f"{module.__name__}.{name}"] = left_out(thing)
+    return found
+
+
+def extensions_page() -> str:
+    """Write the page of the names that extensions need, in Markdown."""
+    lines = [
+        "# Names for extensions",
+        "",
+        "This page describes the names that you need to add a kind of study, of special point or of orbit method, "
+        "and to spread work over processes. The [design](../../design.md) says what each must provide.",
+    ]
+    for space, words in EXTENSIONS.items():
+        module = getattr(gw, space)
+        lines += ["", f"## gw.{space}", "", words, "", "```{eval-rst}", f".. currentmodule:: {module.__name__}"]
+        for name in module.__all__:
+            thing = getattr(module, name)
+            if inspect.isclass(thing):
+                lines += ["", f".. autoclass:: {name}", "   :members:", "   :member-order: groupwise"]
+                lines += [f"   :exclude-members: {left_out(thing)}"]
+            else:
+                lines += ["", f".. auto{'function' if inspect.isroutine(thing) else 'data'}:: {name}"]
+        lines += ["```"]
+    return "\n".join(lines) + "\n"
 
 
 def link(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.Element) -> Any:

@@ -63,6 +63,8 @@ def complete(app: Sphinx, what: str, name: str, thing: Any, options: object, lin
     owner = _owner(name) if what == "method" else None
     text = text_of(getattr(thing, "__func__", thing), owner) if owner or what == "class" else ""
     head, sections = split(text or "\n".join(lines))
+    if inspect.isclass(thing) and (above := [each.__name__ for each in thing.__mro__[1:] if each in public_types()]):
+        head += f"\n\nIt also has the methods of `{'`, `'.join(above)}`."
     if what in ("class", "function"):
         types = types_of(thing)
         for section in {"Parameters", "Attributes"} & sections.keys():

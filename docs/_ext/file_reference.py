@@ -26,6 +26,7 @@ from pydantic.fields import FieldInfo
 from rich.console import Console
 from sphinx.application import Sphinx
 
+from docs._ext.api_links import extensions_page
 from docs._ext.held_types import records_page
 from gapwalk.bifurcation.kinds import Kind
 from gapwalk.cli.commands import app as commands
@@ -76,7 +77,8 @@ class Key:
         """Return its row in Markdown, with further cells."""
         unit = f" in {self.unit}" if self.unit and self.unit != "of the parameter" else ""
         value = f"{self.type}{unit}{', ' if self.bound else ''}{self.bound}"
-        cells = (f"`{self.name}`", value, self.default, self.words, self.example, *more)
+        shown = "" if self.example == f"`{self.name} = {self.default.strip('`')}`" else self.example
+        cells = (f"`{self.name}`", value, self.default, self.words, shown, *more)
         return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
 
 
@@ -480,6 +482,7 @@ def write(_: Sphinx | None = None) -> None:
     FOLDER.mkdir(parents=True, exist_ok=True)
     texts = {f"{name}.md": page(name, keys) for name, keys in all_keys().items()}
     texts |= {"command-line.md": command_page(), "records.rst": records_page(), "pictures.md": pictures_page()}
+    texts["extending.md"] = extensions_page()
     for name, text in texts.items():
         path = FOLDER / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:  # Sphinx reads again what is newer

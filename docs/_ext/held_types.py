@@ -19,6 +19,19 @@ from gapwalk.summary import Described
 
 # What only the package handles: the pages do not describe it.
 HIDDEN = ("Assembly", "BalanceEquation", "BranchStart", "BranchWalk", "Charter", "Corrector", "Course", "Matrices")
+HIDDEN += (
+    "BatchFlow",
+    "ContactRecord",
+    "DiagramWork",
+    "Drawn",
+    "DryModes",
+    "Entry",
+    "Evaluation",
+    "Formula",
+    "Kink",
+    "Lane",
+)
+HIDDEN += ("LaneMotion", "Link", "Quantity", "ResponseWork", "Spot", "Tally", "Work")
 HIDDEN += ("NamedFile", "PaceLimits", "ShootingEquation", "Structure", "TouchEquation", "Zero")
 
 

@@ -48,14 +48,12 @@ FUNCTIONS = {
 SHARED = {
     "workers": (
         "Workers | int | None",
-        "Number of local processes, or workers that were started before (`gapwalk.parallel`); by default one process "
-        "for each local core. The result does not depend on them.",
+        "Number of processes, or running workers (`gapwalk.parallel`); by default one for each core.",
     ),
-    "report": ("Report | None", "Called with each part of the work once it is done and written to the file."),
+    "report": ("Report | None", "Called with each part of the work once it is stored."),
     "output": (
         "str | os.PathLike[str] | None",
-        "A file to write while the work is done; `gapwalk.open_result` reads it. If it holds a part of the same work, "
-        "that is continued to the same result.",
+        "File that is written meanwhile, for `gapwalk.open_result`; a part of the same work in it is continued.",
     ),
 }
 """Types and descriptions of the keywords that all functions have."""
