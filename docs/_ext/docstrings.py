@@ -63,8 +63,12 @@ def complete(app: Sphinx, what: str, name: str, thing: Any, options: object, lin
     owner = _owner(name) if what == "method" else None
     text = text_of(getattr(thing, "__func__", thing), owner) if owner or what == "class" else ""
     head, sections = split(text or "\n".join(lines))
-    if inspect.isclass(thing) and (above := [each.__name__ for each in thing.__mro__[1:] if each in public_types()]):
+    above = [each.__name__ for each in thing.__mro__[1:] if each in public_types()] if inspect.isclass(thing) else []
+    if above:
         head += f"\n\nIt also has the methods of `{'`, `'.join(above)}`."
+    if inspect.isclass(thing) and "kind" in vars(thing) and "StudyKind" in above:
+        sections.pop("Parameters", "")
+        head += "\n\nIts parameters are the :doc:`keys of studies </reference/generated/study-file>` of this kind."
     if what in ("class", "function"):
         types = types_of(thing)
         for section in {"Parameters", "Attributes"} & sections.keys():

@@ -34,6 +34,8 @@ HIDDEN += (
 HIDDEN += ("LaneMotion", "Link", "Quantity", "ResponseWork", "Spot", "Tally", "Work")
 HIDDEN += ("NamedFile", "PaceLimits", "ShootingEquation", "Structure", "TouchEquation", "Zero")
 
+_LONGEST = 24  # words of a description that the page of records shows whole
+
 
 def held_types(thing: object) -> list[type]:
     """Return the types with described fields that a public thing returns or holds, and those that they hold."""
@@ -87,8 +89,14 @@ def description(kind: type) -> list[str]:
         return []
     lines = [first_sentence(kind), ""]
     for names, words in entries:
-        lines += [f"``{names}``", f"    {words}"]
+        lines += [f"``{names}``", f"    {_brief(words)}"]
     return lines
+
+
+def _brief(words: str) -> str:
+    """Return a description whole if it is short, else its first sentence: ``help`` has all of it."""
+    first = re.match(r".{25,}?[.;:](?=\s|$)", words)
+    return words if first is None or len(words.split()) <= _LONGEST else f"{first[0][:-1]}."
 
 
 def first_sentence(thing: object) -> str:

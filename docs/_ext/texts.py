@@ -17,7 +17,7 @@ from pathlib import Path
 
 INSTEAD: dict[str, str] = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))["instead"]
 MOST_PAGES = 280
-MOST_WORDS = 130_000  # of the articles of the built pages, with code, formulas and outputs
+MOST_WORDS = 130_000  # of the articles of the built pages, without blocks of code and output
 LEAST = 12  # words of a paragraph that is compared: shorter ones, such as headings of tables, may repeat
 GENERATED = "generated"
 _FENCE = re.compile(r"^(```+|:::+).*?^\1\s*$", re.M | re.S)
@@ -59,12 +59,12 @@ def repeated(folder: Path) -> list[str]:
 
 
 class _Words(HTMLParser):
-    """The text of the article of a built page, with or without code."""
+    """The text of the article of a built page, without some elements."""
 
-    def __init__(self, text: str, code: bool = False) -> None:
+    def __init__(self, text: str, *left_out: str) -> None:
         super().__init__()
         self.parts: list[str] = []
-        self._left_out = ("style", "script") if code else ("pre", "code", "style", "script")
+        self._left_out = (*left_out, "style", "script")
         self._article, self._code = 0, 0
         self.feed(text)
 
@@ -87,14 +87,16 @@ def old_words(folder: Path) -> list[str]:
         f"{path.relative_to(folder).as_posix()}:{use}"
         for path in sorted(folder.rglob("*.html"))
         if path.stem != "glossary"
-        for use in uses("".join(_Words(path.read_text(encoding="utf-8")).parts))
+        for use in uses("".join(_Words(path.read_text(encoding="utf-8"), "pre", "code").parts))
     ]
 
 
-def size(built: Path) -> tuple[int, int]:
-    """Return the number of built pages, and of the words of their articles."""
+def size(built: Path) -> tuple[int, int, int]:
+    """Return the number of built pages, and of the words of their articles without blocks of code, and with them."""
     pages = [path for path in sorted(built.rglob("*.html")) if "_static" not in path.relative_to(built).parts]
-    return len(pages), sum(len("".join(_Words(path.read_text("utf-8"), code=True).parts).split()) for path in pages)
+    texts = [path.read_text("utf-8") for path in pages]
+    text, code = (sum(len("".join(_Words(each, *out).parts).split()) for each in texts) for out in (("pre",), ()))
+    return len(pages), text, code
 
 
 def words_of_sources(folder: Path) -> int:
@@ -111,8 +113,9 @@ def too_many(pages: int, words: int) -> list[str]:
 
 if __name__ == "__main__":
     sources, built = map(Path, sys.argv[1:3])
-    pages, words = size(built)
-    print(f"{pages} pages with {words:,} words; {words_of_sources(sources):,} words of Markdown written by hand")
+    pages, words, all_words = size(built)
+    written = words_of_sources(sources)
+    print(f"{pages} pages, {words:,} words ({all_words:,} with code); {written:,} words of Markdown written by hand")
     found = too_many(pages, words) + repeated(sources) + old_words(built)
     print("\n".join(found) or "no paragraph is repeated, and no old word is used")
     sys.exit(bool(found))

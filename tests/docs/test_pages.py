@@ -12,6 +12,7 @@ import pytest
 import gapwalk
 from docs._ext.api_links import extensions_page
 from docs._ext.links import problems
+from docs._ext.texts import MOST_PAGES, MOST_WORDS, size, too_many
 from tests.docs.page import blocks_of, run_page
 from tests.release.names import namespaces
 from tests.tiers import in_campaign
@@ -125,6 +126,16 @@ def test_the_reference_has_every_public_name() -> None:
         things = {name: getattr(module, name) for name in module.__all__}
         missing = [name for name, thing in things.items() if not any(thing is each for each in listed)]
         assert not [name for name in missing if not isinstance(things[name], ModuleType)], module.__name__
+
+
+def test_words_of_pages_are_counted(tmp_path: Path) -> None:
+    page = "<p>menu</p><article>three words <code>here</code><pre>a = 1</pre></article>"
+    (tmp_path / "a.html").write_text(page, encoding="utf-8")
+    (tmp_path / "_static").mkdir()
+    (tmp_path / "_static" / "b.html").write_text(page, encoding="utf-8")
+    assert size(tmp_path) == (1, 3, 5)
+    assert not too_many(MOST_PAGES, MOST_WORDS)
+    assert len(too_many(MOST_PAGES + 1, MOST_WORDS + 1)) == 2
 
 
 def test_pages_are_found() -> None:
