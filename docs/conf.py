@@ -14,6 +14,7 @@ from api_links import enumerations
 project = "gapwalk"
 author = "the gapwalk developers"
 version = release = version_of("gapwalk")
+copyright = f"{author}. gapwalk {version}, MIT licence; CITATION.cff says how to cite it"
 
 extensions = [
     "myst_nb",

@@ -42,6 +42,7 @@ def draw(page: str) -> None:
         if legend is not None:
             legend.remove()
     for axes in figure.axes:
+        axes.set_ylabel("")  # longer than a card is high
         axes.set_title("")
         for side in ("left", "right"):
             axes.set_title("", loc=side)

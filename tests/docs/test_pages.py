@@ -47,11 +47,13 @@ LONG = {
         "crankshaft",  # tests/model/loads/test_cylinder.py has its numbers
     )
 } | {"howto/nothing-missing.md", "howto/loads.md", "howto/pictures.md", "howto/export.md", "reference/examples.md"}
+LONG |= {"tutorial/research.md"}
 PARTS = {
     "gallery/bilinear.md": "If the excitation doubles",
     "howto/two-gaps.md": "Their parameters are called",
     "howto/why-stopped.md": "## Friction and rigid stops",
     "tutorial/first-system.md": "## Follow the other branches",
+    "tutorial/rattle.md": "## 3. Where",
 }
 """Where `make test` ends on a long page."""
 CASES = [(name, "") for name in NAMES if name not in LONG | PARTS.keys()] + [*PARTS.items()]
@@ -98,6 +100,11 @@ def test_a_page_begins_with_what_the_reader_gets(name: str) -> None:
     assert re.search(r"\b(You|[Tt]his page|[Tt]hese pages|Each page|For programs|Every|The examples)\b", opening), (
         opening
     )
+
+
+@pytest.mark.parametrize("name", sorted(f"{page.parent.name}/{page.name}" for page in DOCS.glob("[gh]*/*.md")))
+def test_a_page_of_the_gallery_or_a_howto_links_on(name: str) -> None:
+    assert re.search(r"\]\([\w./-]+\.md", " ".join((DOCS / name).read_text(encoding="utf-8").splitlines()[-12:]))
 
 
 def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:

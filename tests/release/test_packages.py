@@ -58,17 +58,8 @@ def test_the_wheel_of_the_source_distribution_is_that_of_the_tree(packages, tmp_
         assert {each.filename: each.CRC for each in first.infolist()} == {
             each.filename: each.CRC for each in second.infolist()
         }
-    for needed in (
-        "README.md",
-        "LICENSE",
-        "SECURITY.md",
-        "CODE_OF_CONDUCT.md",
-        "CITATION.cff",
-        "Makefile",
-        "requirements.lock",
-        "tests/conftest.py",
-        ".ci/run",
-    ):
+    needed_files = "README.md LICENSE SECURITY.md CODE_OF_CONDUCT.md CITATION.cff Makefile requirements.lock .ci/run"
+    for needed in (*needed_files.split(), "tests/conftest.py", ".github/workflows/test.yml"):
         assert (tree / needed).is_file(), f"{needed} is not in the source distribution"
 
 
@@ -99,7 +90,7 @@ except gw.errors.ModelError as error:
 """
     answer = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, capture_output=True, text=True)
     assert answer.stdout.strip() == (
-        "the explorer and pages in HTML need plotly, uvicorn; install it: pip install \"gapwalk[explorer]\""
+        'the explorer and pages in HTML need plotly, uvicorn; install it: pip install "gapwalk[explorer]"'
     )
 
 
@@ -120,17 +111,7 @@ def test_the_changelog_of_a_release_is_short():
 @pytest.mark.slow
 def test_the_program_runs_from_the_wheel_alone(packages, tmp_path):
     place = tmp_path / "installed"
-    command = [
-        sys.executable,
-        "-m",
-        "pip",
-        "install",
-        "-q",
-        "--no-deps",
-        "--target",
-        str(place),
-        str(only(packages, "*.whl")),
-    ]
+    command = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", place, only(packages, "*.whl")]
     subprocess.run(command, check=True, capture_output=True)
     run_the_demo([sys.executable, "-m", "gapwalk"], tmp_path, {**os.environ, "PYTHONPATH": str(place)}, place)
 
