@@ -15,6 +15,7 @@ from docs._ext.api_links import enumerations, members_left_out
 project = "gapwalk"
 author = "the gapwalk developers"
 version = release = version_of("gapwalk")
+copyright = f"{author}. gapwalk {version}, MIT licence; CITATION.cff says how to cite it"
 
 extensions = [
     "myst_nb",

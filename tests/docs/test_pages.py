@@ -49,11 +49,13 @@ LONG = {
         "crankshaft",  # tests/model/loads/test_cylinder.py has its numbers
     )
 } | {"howto/nothing-missing.md", "howto/loads.md", "howto/pictures.md", "howto/export.md"}
+LONG |= {"tutorial/research.md"}
 PARTS = {
     "gallery/bilinear.md": "If the excitation doubles",
     "howto/two-gaps.md": "Their parameters are called",
     "howto/why-stopped.md": "## Friction and rigid stops",
     "tutorial/first-system.md": "## Follow the other branches",
+    "tutorial/rattle.md": "## 3. Where",
 }
 """Where `make test` ends on a long page."""
 CASES = [(name, "") for name in NAMES if name not in LONG | PARTS.keys()] + [*PARTS.items()]
@@ -100,6 +102,15 @@ def test_a_page_begins_with_what_the_reader_gets(name: str) -> None:
     assert re.search(r"\b(You|[Tt]his page|[Tt]hese pages|Each page|For programs|Every|The examples)\b", opening), (
         opening
     )
+
+
+LISTS = {"index.md", "studies.md"}  # of pages, and of all kinds of studies
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.parent.name in ("gallery", "howto")], ids=str)
+def test_a_page_of_the_gallery_or_a_howto_links_on(page: Path) -> None:
+    end = page.read_text(encoding="utf-8").splitlines()[-12:]
+    assert page.name in LISTS or re.search(r"\]\([\w./-]+\.md", " ".join(end))
 
 
 def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:
