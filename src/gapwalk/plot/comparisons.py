@@ -1,6 +1,6 @@
 """Pictures of comparisons: two motions, a record with a motion, and two results of studies.
 
-The first is black, the second red or blue.
+The first is black, the second wine-red; the first of two results is pale.
 """
 
 from __future__ import annotations
@@ -34,14 +34,17 @@ _SHOWN = 3  # periods of the orbit in the history of a record
 _SMOOTH = 600  # points of the computed history per period of the orbit
 _FEW = 120  # samples per period of the orbit up to which they are drawn as dots
 
-_FIRST, _SECOND = style.LineStyle("", style.BLACK, "-", 1.2), style.LineStyle("", style.VERMILLION, (0, (4, 1.5)), 1.2)
+_FIRST, _SECOND = (
+    style.LineStyle("", style.BLACK, "-", 1.2),
+    style.LineStyle("", style.SECOND, style.SEVERAL[1].dashes, 1.2),
+)
 _PALE, _THIN = (
-    style.LineStyle("", "#8fc3e8", "-", 4.6),
+    style.LineStyle("", style.FIRST, "-", 4.6),
     style.LineStyle("", style.BLACK, "-", 1.1),
 )  # of the two results
 _UNSTABLE = style.LineStyle("unstable in the second", style.BLACK, (0, (3.2, 1.6)), 1.1)
-_TOLERANCE = style.LineStyle("tolerance", style.VERMILLION, (0, (5, 2)), 1.0)
-_RING = style.SymbolStyle("only in one result", "", "o", "none", 12.0, style.VERMILLION, 1.1)
+_TOLERANCE = style.LineStyle("tolerance", style.GREY, (0, (5, 2)), 1.0)
+_RING = style.SymbolStyle("only in one result", "", "o", "none", 12.0, style.SECOND, 1.1)
 
 _ZERO = 1e-12  # fraction of the ranges, below which a distance is drawn with this value
 
@@ -59,7 +62,7 @@ def _draw_lines(ax: Axes, lines: Sequence[LinePair], signal: str, units: Units |
     gap = min(_SHIFT * top, _WIDEST * float(orders[0]))
     for shift, heights, color, marker in (
         (-gap, amplitudes[0, shown], style.BLACK, style.symbols("o", 3.2, style.BLACK)),
-        (gap, amplitudes[1, shown], style.VERMILLION, style.symbols("s", 3.2, edge=style.VERMILLION)),
+        (gap, amplitudes[1, shown], style.SECOND, style.symbols("s", 3.2, edge=style.SECOND)),
     ):
         tops = np.maximum(heights, floor)
         ax.vlines(orders[shown] + shift, floor, tops, color=color, linewidth=style.points(1.1))
@@ -224,7 +227,7 @@ def _symbol(kind: Kind, is_first: bool) -> dict[str, Any]:
     """Return the symbol of a special point: large and pale for the first result, small and filled for the second."""
     look = style.symbol_style(kind)
     if is_first:
-        return style.symbols(look.marker, look.size + 4.0, edge=style.BLUE, width=1.2, zorder=4)
+        return style.symbols(look.marker, look.size + 4.0, edge=style.FIRST, width=1.2, zorder=4)
     return style.symbols(look.marker, look.size - 0.5, look.color, look.edge, 0.6, zorder=5)
 
 
