@@ -34,22 +34,22 @@ MEANINGS = (
     Meaning("first", "the first of several; rising; slipping forwards", "#3aa6d6", "#8fd6f5"),
     Meaning("second", "the second of several; falling; slipping backwards", "#882255", "#e58ab2", LONG),
     Meaning("third", "the third of several", "#17627d", "#4fa8c4", LONG_DOT),
-    Meaning("fourth", "the fourth of several", "#6b4c57", "#bb98a5", LONG_DOTS),
+    Meaning("fourth", "the fourth of several", "#4a3350", "#b79fc0", LONG_DOTS),
     Meaning("worst", "rattle: the worst, a limit", "#f3c55b", "#f3c55b"),
     Meaning("paper", "what a publication says", "#8e3b8e", "#dd9be0"),
 )
 """Colours of lines and symbols."""
 
 TINTS = (
-    Meaning("tint-one", "rattles on one side", "#fbeab5", "#4d4220"),
-    Meaning("tint-both", "rattles on both sides", "#edc948", "#857018"),
+    Meaning("tint-one", "rattles on one side", "#fdf3d3", "#4d4220"),
+    Meaning("tint-both", "rattles on both sides", "#f5d885", "#857018"),
     Meaning("tint-quiet", "nothing rattles", "#e3ebf2", "#22303d"),
     Meaning("tint-goal", "a range that is asked for, or found", "#ece8dc", "#35332c"),
     Meaning("tint-late", "from a fold to the jump behind it", "#ddd6c4", "#47443a"),
     Meaning("tint-closed", "closed: the flanks touch all the time", "#e3ebf2", "#22303d"),
     Meaning("tint-open", "open: they never touch", "#ffffff", "#1e2125"),
-    Meaning("tint-one-wild", "rattles on one side, not periodic", "#c9a227", "#b08f2a"),
-    Meaning("tint-both-wild", "rattles on both sides, not periodic", "#8a6d0f", "#d4ad35"),
+    Meaning("tint-one-wild", "rattles on one side, not periodic", "#d3ab3a", "#b08f2a"),
+    Meaning("tint-both-wild", "rattles on both sides, not periodic", "#97761a", "#d4ad35"),
     Meaning("tint-closed-wild", "closed, not periodic", "#a9bccd", "#44586b"),
     Meaning("tint-open-wild", "open, not periodic", "#d0d0d0", "#4a4a4a"),
     Meaning("tint-none", "no motion was found", "#3a3a3a"),

@@ -535,7 +535,7 @@ def _kind_of(system: System, states: NDArray[np.float64]) -> str:
     return NOT_PERIODIC if most in (Regime.RUNAWAY.text, Regime.UNDECIDED.text) else most
 
 
-_TINTS = {GapState.ONE_SIDE: ("one", "rattles on one side"), GapState.BOTH_SIDES: ("both", "on both sides")}
+_TINTS = {GapState.ONE_SIDE: ("one", "rattles on one side"), GapState.BOTH_SIDES: ("both", "rattles on both sides")}
 _SAMPLED = 64  # samples of a forcing period of a motion without period
 
 
@@ -652,7 +652,7 @@ def _severity_panels(found: RattleBands, gap: str) -> Iterator[Panel]:
     part = next((row.part for row in rows if row.part), "")
     title = {
         "approach": f"approach velocity{f' [{units.state(chr(39))}]' if units else ''}",
-        "rms": f"{part.removesuffix('.acceleration')} rms [{units.signal(part)[1] if units else ''}]",
+        "rms": f"rms acceleration of {part.removesuffix('.acceleration')} [{units.signal(part)[1] if units else ''}]",
         "peak": "peak torque [N m]" if units else "peak force",
     }[key]
     worst = [each.severity for each in found.worst if each.severity.gap == gap][:1]

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from gapwalk.model.laws import FRICTION, HYSTERESIS, law_parameters
+import re
+
 from gapwalk.model.measures import parsed
 from gapwalk.model.system import System
-from gapwalk.model.units import QuantityKind, Units
+from gapwalk.model.units import Units
 
 _ALL = 17  # digits that tell any two numbers apart
 
-_OF = ("amplitude", "phase")  # as in "clearance of stage2"; so are the parameters of force laws, but stiffness
+_LONGER = {
+    "cubic": "cubic stiffness",
+    "quadratic": "quadratic stiffness",
+    "even_quadratic": "even quadratic stiffness",
+    "limit": "limit of the friction",
+    "static": "static limit of the friction",
+}
 
 
 def parameter_words(name: str, units: Units | None = None) -> str:
@@ -99,10 +106,19 @@ def _parameter_words(name: str, units: Units | None) -> str:
     owner, _, word = name.rpartition(".")
     if owner == "mean":
         return f"mean {'load' if units is None else 'torque'} on {word}"
-    of_a_law = {**law_parameters(), **FRICTION, HYSTERESIS.name: HYSTERESIS}.get(word)
-    if owner and (word in _OF or (of_a_law and of_a_law.kind is not QuantityKind.STIFFNESS)):
-        return f"{word.replace('_', ' ')} of {owner}"
-    return name.replace("_", " ")
+    first, _, rest = name.partition(".")
+    if first in ("mass", "damping", "stiffness") and rest:
+        return f"{first} ({rest.replace('.', ', ')})"
+    if owner.endswith(".acts_on"):
+        return f"share of {_owner_words(owner.removesuffix('.acts_on'))} that acts on {word}"
+    words = _LONGER.get(word, word.replace("_", " "))
+    return f"{words} of {_owner_words(owner)}" if owner else words
+
+
+def _owner_words(owner: str) -> str:
+    """Return what a parameter belongs to: ``harmonic 1``, ``stage 2 of clutch``."""
+    numbered = (re.sub(r"^(harmonic|stage|level)(\d+)$", r"\1 \2", each) for each in owner.split("."))
+    return " of ".join(reversed([*numbered]))
 
 
 def _symbol(name: str, units: Units | None) -> str:

@@ -55,7 +55,7 @@ LOOKS: dict[str, tuple[str, Any, float]] = {
     "after": (BLACK, "-", 1.7),
     "before": (GREY, "-", 1.7),
     "rising": (FIRST, "-", 1.4),
-    "falling": (SECOND, "-", 1.4),
+    "falling": (SECOND, SEVERAL[1].dashes, 1.4),
     "other": (THIRD, "-", 1.4),
     **{each.name: (each.color, "-", 1.8) for each in SEVERAL},
     "torus": (TORUS, "-", 1.6),

@@ -512,7 +512,8 @@ class BranchDrawing:
         """List the lines and symbols within the axes, for a legend; before the final layout as they will be."""
         inside = Region(*sorted(ax.get_xlim()), *sorted(ax.get_ylim()))
         labels = {piece.label for piece in self.pieces if inside.meets(piece.x, piece.y)}
-        symbols = self._drawn or self._symbols(self._shown(ax)[0], ax)
+        shown, _, clusters = self._shown(ax)
+        symbols = self._drawn or self._symbols(ax, shown, clusters)
         looks = [*map(style.symbol_style, style.in_order(kind for kind, _, _ in self.special_points))]
         return [
             *(look.entry for name, look in style.LINES.items() if name in labels),
@@ -525,10 +526,13 @@ class BranchDrawing:
             settled, where = self.legend
             write_legend(ax, [*self.entries(ax), *settled], where)
 
-    def _shown(self, ax: Axes) -> tuple[list[tuple[Kind, float, float]], NDArray[np.float64], list[Any]]:
-        """Return the points within the axes that do not lie on one another, all those with names, and clusters."""
+    def _shown(
+        self, ax: Axes, without: Region | None = None
+    ) -> tuple[list[tuple[Kind, float, float]], NDArray[np.float64], list[NDArray[np.intp]]]:
+        """Return points within axes that do not lie on one another, places of all with names, and clusters."""
         inside = Region(*sorted(ax.get_xlim()), *sorted(ax.get_ylim()))
         shown = [each for each in self.special_points if inside.holds(*each[1:])]
+        shown = [each for each in shown if without is None or not without.holds(*each[1:])]
         # Ticks at grazing points hide nothing: they are left out only where they are too close to be told apart.
         ticks = [each for each in shown if each[0] is Kind.GRAZING]
         named = [each for each in shown if each[0] is not Kind.GRAZING]
@@ -539,12 +543,15 @@ class BranchDrawing:
         spots = np.array([(x, y) for _, x, y in ticks]).reshape(-1, 2)
         return [*kept, *(ticks[number] for number in apart(ax, spots))], places, clusters
 
-    def _symbols(self, shown: Sequence[tuple[Kind, float, float]], ax: Axes) -> set[str]:
+    def _symbols(self, ax: Axes, shown: Sequence[tuple[Kind, float, float]], clusters: Sequence[Any]) -> set[str]:
         """Return the texts of the legend of the symbols in axes."""
-        clusters = [CLUSTER.legend] if self._shown(ax)[2] else []
         inside = Region(*sorted(ax.get_xlim()), *sorted(ax.get_ylim()))
         unexplained = [style.UNEXPLAINED.legend] if any(inside.holds(*place) for place in self.unexplained) else []
-        return {*(style.symbol_style(kind).legend for kind, _, _ in shown), *clusters, *unexplained}
+        return {
+            *(style.symbol_style(kind).legend for kind, _, _ in shown),
+            *[CLUSTER.legend] * bool(clusters),
+            *unexplained,
+        }
 
     def draw_lines(self, ax: Axes) -> None:
         """Draw the pieces of the branches."""
@@ -560,20 +567,20 @@ class BranchDrawing:
         marked = np.array([(x, y) for kind, x, y in self.special_points if kind is not Kind.GRAZING])
         crowd = crowded_region(ax, marked) if closeup else None
         enlarged = draw_closeup(ax, crowd, self.curve) if crowd else None
-        self.draw_special_points(ax, labels, without=crowd if enlarged else None)
+        self._draw_special_points(ax, labels, without=crowd if enlarged else None)
         if enlarged:
             self.draw_lines(enlarged)
-            self.draw_special_points(enlarged, labels)
+            self._draw_special_points(enlarged, labels)
         if self.legend is not None and [text for text, _ in self.entries(ax)] != [text for text, _ in foreseen]:
             for legend in filter(None, (ax.get_legend(), *getattr(ax.figure, "legends", ()))):
                 legend.remove()
             self.write_legend(ax)
 
-    def draw_special_points(self, ax: Axes, labels: bool, without: Region | None = None) -> None:
-        """Draw the symbols, and the labels outside a given region; those that would lie on one another as a number."""
-        shown, places, clusters = self._shown(ax)
+    def _draw_special_points(self, ax: Axes, labels: bool, without: Region | None = None) -> None:
+        """Draw the symbols and their labels outside a given region; those that would lie on one another as a number."""
+        shown, places, clusters = self._shown(ax, without)
         middles = draw_clusters(ax, places, clusters)
-        self._drawn |= self._symbols(shown, ax)
+        self._drawn |= self._symbols(ax, shown, clusters)
         kinds = style.in_order(kind for kind, _, _ in shown)
         for kind in kinds:
             spots = np.array([(x, y) for each, x, y in shown if each is kind])
@@ -585,7 +592,7 @@ class BranchDrawing:
         texts = [
             Label(style.symbol_style(kind).label, x, y)
             for kind, x, y in sorted(shown, key=lambda each: kinds.index(each[0]))
-            if style.symbol_style(kind).label and not (without and without.holds(x, y))
+            if style.symbol_style(kind).label
         ]
         if labels and texts:
             marks = np.array([(x, y) for _, x, y in shown] + middles.tolist())
