@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from docs._ext.made import FAMILIES, MADE, PICTURES, QUOTES, ROOT, TOLERANCE, Quote, difference, problems, quotes_of
+from docs._ext.meanings import PAGE, whole
 from docs._ext.screenshots import SHOTS
 from tests.docs.commands import parse_command
 
@@ -38,6 +39,12 @@ def test_each_quote_is_in_the_list() -> None:
     for page, words in QUOTES.items():
         assert {each.words for each in quotes_of(page)} <= {*words}
         assert all(each.text for each in quotes_of(page))
+
+
+def test_the_table_of_meanings_is_that_of_the_code() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    assert whole(text) == text, "make it again: python -m docs._ext.meanings"
+    assert text.count("border: 1px") > 40
 
 
 def test_another_number_is_another_answer() -> None:

@@ -615,15 +615,22 @@ def _samples(found: RattleBands, moved: str) -> Iterator[Series]:
             if chosen:
                 yield Series([motion.value for motion in chosen], half, mark, _look(found, sweep.met)[0], axes=axes)
     if any(row.period == 0 for row in found.severities):
-        yield Series([], [], "crosses", "measured", "not periodic, or of long period", axes=axes)
+        text = "not periodic, or of long period; with the range of its periods"
+        yield Series([], [], "crosses", "measured", text, axes=axes)
     for sweep in found.sweeps:
+        look = _look(found, sweep.met)[0]
         for mark, own in (
             ("dots", [each for each in sweep.samples if each.motion.orbit]),
             ("crosses", [each for each in sweep.samples if not each.motion.orbit]),
         ):
-            y = [0.5 * float(np.ptp(each.motion.motion(_WATCHED, _SAMPLED).q[:, place])) for each in own]
+            paths = [each.motion.motion(_WATCHED, _SAMPLED).q[:, place] for each in own]
             if own:
-                yield Series([each.value for each in own], y, mark, _look(found, sweep.met)[0], axes=axes)
+                values = [each.value for each in own]
+                yield Series(values, [0.5 * float(np.ptp(path)) for path in paths], mark, look, axes=axes)
+            if own and mark == "crosses":  # from the smallest to the largest of single periods
+                halves = [0.5 * np.ptp(path[: _WATCHED * _SAMPLED].reshape(_WATCHED, -1), axis=1) for path in paths]
+                ends = [(float(each.min()), float(each.max()), math.nan) for each in halves]
+                yield Series(np.repeat(values, 3), np.ravel(ends), "line", look, axes=axes)
 
 
 def _shades(found: RattleBands, gap: str) -> Iterator[Shade]:

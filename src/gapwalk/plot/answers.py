@@ -181,7 +181,8 @@ def _draw_panel(picture: Picture, parts: Parts, ax: Axes, panel: Panel, entries:
         ax.set(**{f"{panel.logarithmic}scale": "log"})
     _draw_series(ax, panel.series, entries)
     _draw_over(picture, parts, ax, (panel.over, ""), entries)
-    ax.set(ylabel=panel.title, xlabel=panel.across or parameter_words(panel.over, picture.system.units))
+    title = style.broken(panel.title, 72.0 * ax.bbox.height / ax.figure.dpi)
+    ax.set(ylabel=title, xlabel=panel.across or parameter_words(panel.over, picture.system.units))
     if panel.margin is not None:
         ax.margins(x=panel.margin)
     elif panel.fitted:

@@ -665,14 +665,20 @@ def crowded_range(values: Sequence[float], within: Range) -> Range | None:
     return (float(left), float(right)) if right - left < _PART * (high - low) else None
 
 
-def _closeup(diagram: Diagram, closeup: Range | Literal[False] | None) -> Range | None:
+def _closeup(diagram: Diagram, closeup: Range | Literal[False] | None, stable: bool) -> Range | None:
     if closeup is None:
-        return crowded_range([birth.value for birth in births_of(diagram)], diagram.within)
+        return None if stable else crowded_range([birth.value for birth in births_of(diagram)], diagram.within)
     return closeup or None
 
 
-def _size(diagram: Diagram, closeup: Range | Literal[False] | None = None, strobes: bool = False, **_: Any) -> Inches:
-    return stacked((2 if _closeup(diagram, closeup) else 1) + strobes)
+def _size(
+    diagram: Diagram,
+    closeup: Range | Literal[False] | None = None,
+    strobes: bool = False,
+    stable: bool = False,
+    **_: object,
+) -> Inches:
+    return stacked((2 if _closeup(diagram, closeup, stable) else 1) + strobes)
 
 
 @draws(Diagram, panels=True, size=_size)
@@ -698,7 +704,7 @@ def draw_diagram(
     """
     diagram = _part_of(diagram, up_to)
     measure = full_measure(measure, diagram.branches[0].system.coordinates)
-    crowd = _closeup(diagram, closeup)
+    crowd = _closeup(diagram, closeup, stable)
     main = Motions(diagram, measure, stable)
     drawn = [main, *[main] * bool(crowd), *[Motions(diagram, measure.partition(".")[2], stable)] * strobes]
     panels = figure.subplots(len(drawn), 1, squeeze=False)[:, 0].tolist()
@@ -832,7 +838,7 @@ class Motions:
                     entries.append((text, period_options(1, 0, stable) | {"color": GREY}))
         if any(inside.holds(birth.value, y) for birth in self.births for y in self._heights(birth.point)):
             entries.append(("a branch begins or ends", birth_options(1, 0)))
-        note = "P2-1, P2-2: first and second branch of period 2" if names and self._named() else ""
+        note = "P2-1: first branch of period 2" if names and self._named() else ""
         write_legend(ax, entries + unexplained_entries(self.diagram.branches), "above", note)
 
     def _named(self) -> list[DiagramBranch]:

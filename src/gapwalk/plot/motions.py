@@ -55,6 +55,7 @@ from gapwalk.plot.style import (
     SECOND,
     SEVERAL,
     dots,
+    points,
     sheet_size,
     stroke,
     symbols,
@@ -88,7 +89,7 @@ def draw_history(
     """Draw a signal of a motion over time with the breakpoints of contacts; or the force-deflection loop of a contact.
 
     Phases in which friction sticks, or a rigid stop is held, are shaded. Where a rigid stop strikes, its force and
-    accelerations have no finite value; their impulses are bars.
+    accelerations have no finite value; their impulses are stems.
     """
     if isinstance(motion, Attractor):
         motion = _as_settled(motion)
@@ -117,7 +118,7 @@ def draw_history(
 
 
 def _draw_impulses(motion: Motion, signal: str, ax: Axes, *, alone: bool) -> None:
-    """Draw the impulses of a signal where rigid stops strike, as bars over a scale of their own with the same zero."""
+    """Draw the impulses of a signal where rigid stops strike, as stems over a scale of their own with the same zero."""
     theta, sizes = motion.impulses(signal)
     if not len(theta):
         return
@@ -131,7 +132,8 @@ def _draw_impulses(motion: Motion, signal: str, ax: Axes, *, alone: bool) -> Non
         ax.set_ylabel("")
         ax.axhline(0.0, **AXIS.options(zorder=1))
     bars = ax if alone else ax.twinx()
-    bars.vlines(theta / PERIOD, 0.0, sizes, color=SECOND, linewidth=1.6, zorder=4)
+    bars.vlines(theta / PERIOD, 0.0, sizes, color=SECOND, linewidth=points(1.3), zorder=4)
+    bars.plot(theta / PERIOD, sizes, **symbols("o", 3.4, SECOND, SECOND, zorder=5))
     scale = 1.1 * float(np.abs(sizes).max()) / most
     bars.set_ylim(low * scale, high * scale)
     bars.grid(visible=False)
