@@ -53,7 +53,8 @@ def _line(name: str, marker: str) -> str:
 
 
 def _marked(look) -> str:
-    return f'<span style="color: {look.color}; background: #ffffff">{_FILLED.get(look.marker) or _MARKERS.get(look.marker, look.marker)}</span>'
+    mark = _FILLED.get(look.marker) or _MARKERS.get(look.marker, look.marker)
+    return f'<span style="color: {look.color}; background: #ffffff">{mark}</span>'
 
 
 def _meetings() -> list[tuple[str, str]]:

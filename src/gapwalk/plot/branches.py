@@ -282,10 +282,6 @@ _SAME = 1e-9  # arclength below which two points coincide
 _MARKERS = (0.015, 0.035)  # position of the first marker along a line, and marker distance, in diagonals of the axes
 _PAD = 0.06  # margin above and below, as a fraction of the height
 _TICK = 7.0  # length of the tick at a grazing point, in points
-_OVERLAID: tuple[tuple[str, Any], ...] = (  # colour and dashes of each system of an overlay
-    (style.BLACK, "-"),
-    *((each.color, each.dashes) for each in style.SEVERAL),
-)
 _STABLE, _UNSTABLE = 1.7, 0.7  # widths of the lines in an overlay, in points
 
 
@@ -427,7 +423,7 @@ def overlay(
         assert place is not None
         entries, pieces = [], []
         for number, (name, each) in enumerate(branches.items()):
-            color, dashes = _OVERLAID[number % len(_OVERLAID)]
+            color, dashes = style.LISTED[number % len(style.LISTED)]
             styles = [style.LineStyle("", color, dashes, width).options() for width in (_STABLE, _UNSTABLE)]
             for piece in (piece for branch in each for piece in pieces_of(branch, measure)):
                 place.plot(piece.x, piece.y, **styles[piece.label != "stable"])
@@ -793,6 +789,8 @@ class Motions:
             for look, each in curves.items():
                 is_stable = look == "stable"
                 options = self._unstable(look) if look and not is_stable else period_options(period, rank, is_stable)
+                if self.stable:  # however short, a piece is seen
+                    options["solid_capstyle"] = "round"
                 ax.plot(*joined(each), zorder=(4 if is_stable else 3) - 0.1 * rank, **options)
             births = [birth for birth in self.births if birth.period == period]
             if births:

@@ -24,8 +24,8 @@ from gapwalk.plot.style import (
     BLACK,
     GREY,
     GUIDE,
+    LISTED,
     SECOND,
-    SEVERAL,
     SHADE,
     in_style,
     points,
@@ -36,7 +36,6 @@ from gapwalk.plot.style import (
 
 _PANELS = 12  # most panels of forces
 _CURVES = 5  # most curves in a panel over the angle
-_STYLES = ((BLACK, "-"), *((each.color, each.dashes) for each in SEVERAL))
 _LETTER = 8.5  # points of the letters of the machine
 _POINTS = 72.0  # in an inch
 _FEW = 6  # breakpoints up to which each has a guide line
@@ -251,7 +250,7 @@ def _draw_angle(ax: Axes, curve: AngleCurve, system: System, columns: int) -> No
     shown = sorted(order[:_CURVES].tolist())
     factor = float(units.turns) if units and units.turns else 1.0
     angle = np.degrees(curve.theta) / factor
-    for (color, dashes), place in zip(_STYLES, shown, strict=False):
+    for (color, dashes), place in zip(LISTED, shown, strict=False):
         line = stroke(color, 1.3, dashes)
         ax.plot(angle, curve.values[place], **line)
         entries.append((curve.names[place], line))

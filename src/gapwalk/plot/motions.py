@@ -52,6 +52,7 @@ from gapwalk.plot.style import (
     FIRST,
     GREY,
     GUIDE,
+    LISTED,
     SECOND,
     SEVERAL,
     dots,
@@ -70,7 +71,6 @@ _LONG = 24  # forcing periods of a time history of a motion without period
 _POINTS = 2000  # points in the section of a motion without period
 _SMOOTH = 512  # samples per forcing period
 
-_LOOPS = ((BLACK, "-"), *((each.color, each.dashes) for each in SEVERAL))
 
 _WATERFALL_DEPTH = 1e-3  # smallest amplitude with a colour, relative to the largest
 _TICKS = 8
@@ -313,7 +313,7 @@ def draw_hysteresis(loops: Hysteresis | Sequence[Hysteresis], ax: Axes, names: S
     loops = [loops] if isinstance(loops, Hysteresis) else list(loops)
     entries = []
     for place, loop in enumerate(loops):
-        options = stroke(_LOOPS[place % len(_LOOPS)][0], 1.3, _LOOPS[place % len(_LOOPS)][1])
+        options = stroke(LISTED[place % len(LISTED)][0], 1.3, LISTED[place % len(LISTED)][1])
         ax.plot(loop.deflection, loop.force, **options)
         name = names[place] if place < len(names) else loop.law.name
         entries.append((f"{name}: loss {loop.loss:.4g} per cycle", options))

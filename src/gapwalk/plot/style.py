@@ -26,6 +26,11 @@ from gapwalk.meanings import AREA_OF_ONE, MEANINGS, REGIMES, color_of, period_co
 BLACK, GREY, SHADE = color_of("stable"), color_of("stop"), "#f1eee6"
 SEVERAL = tuple(each for each in MEANINGS if each.name in ("first", "second", "third", "fourth"))
 """Colours and dashes of several things of one kind, which the legend names."""
+LISTED: tuple[tuple[str, Any], ...] = (
+    (BLACK, "-"),
+    *((each.color, each.dashes) for each in (*SEVERAL[1:], SEVERAL[0])),
+)
+"""Colours and dashes of several curves, of which the first is black."""
 FIRST, SECOND, THIRD = (each.color for each in SEVERAL[:3])
 
 # ---------------------------------------------------------------------------------------------------------- sizes
