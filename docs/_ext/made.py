@@ -52,6 +52,7 @@ MADE = {name: f"gapwalk run {words}" for name, words in _STUDIES.items()} | {
 FAMILIES = {
     "explorer-*.png": "python -m docs._ext.screenshots",
     "machine-*.svg": "python -m docs._ext.machines",
+    "response-*.png": "python -m docs._ext.responses",
     "schematic-*.svg": "python -m docs._ext.schematics",
 }
 """Pictures that another maker writes and another test compares."""
@@ -71,7 +72,7 @@ QUOTES = {
 TABLES = ("end", "point")
 """First headings of the tables of an answer that these pages repeat."""
 
-_COMMAND = re.compile(r"^    gapwalk run (examples/\S+\.toml(?: --study \S+)?)$", re.M)
+_COMMAND = re.compile(r"^    gapwalk run (\S+\.toml)(?:(?: --study)? (\S+))?$", re.M)
 _NUMBER = re.compile(r"[-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
 TOLERANCE = 0.001
 """Mean difference of the small copies of two pictures, of 1, up to which they are the same."""
@@ -114,13 +115,18 @@ def _rounds(value: str, printed: str) -> bool:
 def quotes_of(page: str) -> Iterator[Quote]:
     """Yield the quotes on a page, and rows of tables of an answer, each with the last command above it."""
     text = (ROOT / page).read_text(encoding="utf-8")
-    commands = [*_COMMAND.finditer(text)]
+    places = [(each.end(), each[1], each[2]) for each in _COMMAND.finditer(text)]
+    folder = Path(page).parent
+    commands = [
+        (end, f"{file if (ROOT / file).exists() else folder / file}{f' --study {study}' if study else ''}")
+        for end, file, study in places
+    ]
     for match in re.finditer(r"(?:^> ?.*\n)+", text, re.M):
-        words = next((each[1] for each in reversed(commands) if each.end() <= match.start()), "")
+        words = next((words for end, words in reversed(commands) if end <= match.start()), "")
         for part in re.sub(r"^> ?", "", match[0], flags=re.M).split("\n\n"):
             yield Quote(page, words, part.strip())
     for table in re.finditer(rf"^\| ({'|'.join(TABLES)}) \|.*\n(?:\|.*\n)+", text, re.M):
-        words = next(each[1] for each in reversed(commands) if each.end() <= table.start())
+        words = next(words for end, words in reversed(commands) if end <= table.start())
         yield from (Quote(page, words, row, is_row=True) for row in table[0].splitlines()[2:])
 
 

@@ -26,7 +26,7 @@ def test_words_have_units_where_there_are_some(orbit) -> None:
     units = orbit.system.units
     assert parameter_words("speed", units) == "speed [rpm]"
     assert parameter_words("mean.flywheel", units) == "mean torque on flywheel [N m]"
-    assert parameter_words("clutch.stage2.clearance", units) == "clearance of clutch.stage2 [deg]"
+    assert parameter_words("clutch.stage2.clearance", units) == "clearance of stage 2 of clutch [deg]"
     assert parameter_symbol("firing.phase", units) == "firing.phase [deg]"
     assert parameter_symbol("firing.acts_on.flywheel", units) == "firing.acts_on.flywheel"
     assert measure_words("max.gearbox''", units) == "maximum of gearbox'' [rad/s^2]"

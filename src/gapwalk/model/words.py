@@ -14,8 +14,8 @@ _LONGER = {
     "cubic": "cubic stiffness",
     "quadratic": "quadratic stiffness",
     "even_quadratic": "even quadratic stiffness",
-    "limit": "limit of the friction",
-    "static": "static limit of the friction",
+    "limit": "friction limit",
+    "static": "static friction limit",
 }
 
 
@@ -117,8 +117,10 @@ def _parameter_words(name: str, units: Units | None) -> str:
 
 def _owner_words(owner: str) -> str:
     """Return what a parameter belongs to: ``harmonic 1``, ``stage 2 of clutch``."""
-    numbered = (re.sub(r"^(harmonic|stage|level)(\d+)$", r"\1 \2", each) for each in owner.split("."))
-    return " of ".join(reversed([*numbered]))
+    first, *rest = owner.split(".")  # names that gapwalk gives, not those of a model
+    numbered = [re.sub(r"^harmonic(\d+)$", r"harmonic \1", first)]
+    numbered += [re.sub(r"^stage(\d+)$", r"stage \1", each) for each in rest]
+    return " of ".join(reversed(numbered))
 
 
 def _symbol(name: str, units: Units | None) -> str:
