@@ -30,7 +30,7 @@ def test_words_have_units_where_there_are_some(orbit) -> None:
     assert parameter_symbol("firing.phase", units) == "firing.phase [deg]"
     assert parameter_symbol("firing.acts_on.flywheel", units) == "firing.acts_on.flywheel"
     assert measure_words("max.gearbox''", units) == "maximum of gearbox'' [rad/s^2]"
-    assert measure_words("rms.clutch.torque", units) == "root mean square of clutch.torque [N m]"
+    assert measure_words("rms.clutch.torque", units) == "root mean square of the torque of clutch [N m]"
     assert value_words(1500.0, "speed", units) == "speed = 1500 rpm"
     assert (parameter_words("frequency"), parameter_symbol("frequency")) == ("excitation frequency Ω", "Ω")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from gapwalk.model.measures import parsed
+from gapwalk.model.measures import parsed, spoken
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
 
@@ -53,7 +53,7 @@ def coordinate_words(coordinate: str, units: Units | None = None) -> str:
 
 def signal_words(signal: str, units: Units | None = None) -> str:
     """Return the label of an axis for a signal."""
-    return _with(signal, units and units.signal(signal)[1])
+    return _with(spoken(signal), units and units.signal(signal)[1])
 
 
 def value_words(value: float, name: str, units: Units | None = None, digits: int = 8) -> str:

@@ -428,9 +428,11 @@ def draw_modes(modes: Modes, figure: AnyFigure, system: System, *, title: str = 
     if len(names) <= _PLACES:
         panels[-1].set_xticks(range(len(names)), names, rotation=35 if len(names) > 6 else 0, ha="center")
     kind = "" if system.units else " (angular)"
-    quantity = "angles, each times the ratio to the first inertia" if modes.inertias else "coordinates"
+    quantity = "angles, times the ratio to the first inertia" if modes.inertias else "coordinates"
     quantity += " (open circles: a quarter of a period later)" if np.iscomplexobj(modes.shapes) else ""
-    panels[-1].set_xlabel(f"{quantity}; on the left the natural frequencies{kind}")
+    if isinstance(assembly, TrainAssembly) and any(link.contact for link in assembly.form.links):
+        quantity += " (grey: through contacts)"
+    panels[-1].set_xlabel(f"{quantity}; left: natural frequencies{kind}")
 
 
 def _draw_mode(system: System, modes: Modes, number: int, ax: Axes, places: int) -> None:
@@ -441,7 +443,7 @@ def _draw_mode(system: System, modes: Modes, number: int, ax: Axes, places: int)
         heights = np.append(heights / np.abs(heights).max(), 0.0)[:places]
         for link in (each for each in assembly.form.links if max(each.ends) < places):  # without drags on the casing
             ends = list(link.ends)
-            ax.plot(ends, heights[ends], **stroke(BLACK, 1.4, "--" if link.contact else "-"))
+            ax.plot(ends, heights[ends], **stroke(GREY if link.contact else BLACK, 1.4))
     else:
         heights = modes.shapes[:, number].real
         if np.iscomplexobj(modes.shapes):
