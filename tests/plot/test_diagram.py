@@ -35,7 +35,7 @@ def legend_of(ax) -> list[str]:
 def test_there_are_two_panels_over_one_range(figure) -> None:
     upper, lower = figure.axes
     assert upper.get_xlim() == lower.get_xlim()
-    assert upper.get_ylabel() == "amplitude of q1\n(half the peak to peak)"
+    assert upper.get_ylabel() == "amplitude of q1 (half the peak to peak)"
     assert lower.get_ylabel() == "q1(0), once every forcing period"
     assert upper.get_xlabel() == lower.get_xlabel() == "excitation frequency Ω"
     assert figure.get_suptitle() == "Second resonance"
@@ -51,6 +51,7 @@ def test_what_is_drawn_is_explained(figure) -> None:
 def test_all_motions_are_drawn_in_the_measure(result) -> None:
     (ax,) = picture_of(result).axes
     drawn = np.concatenate([line.get_xydata() for line in ax.lines])
+    drawn = drawn[~np.isnan(drawn).any(axis=1)]
     for member in result.diagram.members:
         for point in member.branch.points[::7]:
             assert np.abs(drawn - (point.value, point.measure("half.q1"))).max(axis=1).min() < 1e-12
@@ -67,7 +68,7 @@ def test_only_stable_motions_up_to_a_period(result) -> None:
         own = [(point.value, point.measure("half.q1")) for point in points if point.stable is stable]
         near = [np.abs(drawn - each).max(axis=1).min() < 1e-12 for each in own]
         assert len(near) > 10
-        assert all(near) if stable else not any(near)
+        assert all(near) if stable else sum(near) <= 2  # where branches begin at a flip
     with pytest.raises(ModelError, match="no branches of period 0 or shorter"):
         picture_of(result, up_to=0)
 
@@ -123,7 +124,7 @@ def test_a_part_can_be_enlarged(result) -> None:
     assert middle.get_xlim() == (0.68, 0.69)
     assert lower.get_xlim() == upper.get_xlim()
     assert lower.get_ylabel() == "q3(0), once every forcing period"
-    assert upper.get_ylabel() == middle.get_ylabel() == "amplitude of q3"
+    assert upper.get_ylabel() == middle.get_ylabel() == "amplitude of q3 (half the peak to peak)"
     assert not [text for ax in figure.axes for text in ax.texts if text.get_text().startswith("P")]
 
 

@@ -428,7 +428,7 @@ def draw_modes(modes: Modes, figure: AnyFigure, system: System, *, title: str = 
     if len(names) <= _PLACES:
         panels[-1].set_xticks(range(len(names)), names, rotation=35 if len(names) > 6 else 0, ha="center")
     kind = "" if system.units else " (angular)"
-    quantity = "angles, times the ratio to the first inertia" if modes.inertias else "coordinates"
+    quantity = "angles referred to the first inertia" if modes.inertias else "coordinates"
     quantity += " (open circles: a quarter of a period later)" if np.iscomplexobj(modes.shapes) else ""
     if isinstance(assembly, TrainAssembly) and any(link.contact for link in assembly.form.links):
         quantity += " (grey: through contacts)"
