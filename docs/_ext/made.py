@@ -13,6 +13,7 @@ import contextlib
 import io
 import re
 import shlex
+import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -158,14 +159,16 @@ def _run(command: str) -> str:
 def draw(name: str, target: Path) -> None:
     """Write a picture of the list to a file."""
     words = MADE[name].removeprefix("gapwalk ")
-    place = shlex.quote(str(target))
-    if name in _STUDIES:
-        answer(_STUDIES[name])
-        _run(f"export {shlex.quote(str(kept(_STUDIES[name])))} --output {place}")
-    elif words != MADE[name]:
-        _run(f"{words} {'--picture' if words.startswith('modes') else '--output'} {place}")
-    else:
-        raise SystemExit(f"{name} is made by {MADE[name]}")
+    if words == MADE[name]:
+        raise SystemExit(f"{name} is made by {words}")
+    with tempfile.TemporaryDirectory() as folder:  # a command may write tables beside its picture
+        made = Path(folder) / name
+        if name in _STUDIES:
+            answer(_STUDIES[name])
+            _run(f"export {shlex.quote(str(kept(_STUDIES[name])))} --output {shlex.quote(str(made))}")
+        else:
+            _run(f"{words} {'--picture' if words.startswith('modes') else '--output'} {shlex.quote(str(made))}")
+        shutil.copy(made, target)
 
 
 def difference(one: Path, other: Path) -> float:
