@@ -89,7 +89,7 @@ def test_sections_have_their_values_and_islands_are_bars(result) -> None:
     assert {"0.2", "0.3"} <= {text.get_text() for text in ax.texts}
     (bar,) = [line for line in ax.lines if line.get_marker() == "|"]
     assert bar.get_xydata().tolist() == [[branch.values.min(), 0.3], [branch.values.max(), 0.3]]
-    assert "isola on a section" in [text.get_text() for text in ax.get_legend().get_texts()]
+    assert "isola (closed branch)" in [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 def test_an_end_at_which_the_numerics_gave_up_is_marked(result, figure) -> None:

@@ -143,7 +143,7 @@ def _map_entries(chart: Map, points: list[Codim2Point]) -> Iterator[tuple[str, d
                     style.locus_options(kind, rank),
                 )
     if next(_isolas(chart), None):
-        yield "isola on a section", _isola()
+        yield "isola (closed branch)", _isola()
     kinds = {point.kind for point in points}
     shown = dict.fromkeys(look for kind, look in style.CODIM2.items() if kind in kinds)
     yield from (look.entry for look in shown)
