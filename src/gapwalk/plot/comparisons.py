@@ -18,7 +18,7 @@ from gapwalk.flow.flow import PERIOD
 from gapwalk.measurement.fit import Alignment, Fit
 from gapwalk.model.measures import full_measure
 from gapwalk.model.units import Units
-from gapwalk.model.words import measure_words, order_words, pace_words, parameter_words
+from gapwalk.model.words import measure_words, order_words, pace_words, parameter_words, signal_words
 from gapwalk.orbit.orbit import signal_along
 from gapwalk.plot import style
 from gapwalk.plot.branches import pieces_of
@@ -73,7 +73,9 @@ def _draw_lines(ax: Axes, lines: Sequence[LinePair], signal: str, units: Units |
 
 def _set_spectrum(ax: Axes, top: float, heights: tuple[float, float], signal: str, units: Units | None) -> None:
     ax.set_yscale("log")
-    ax.set(xlim=(0.0, top), ylim=heights, xlabel=order_words(units), ylabel=f"amplitude of {signal}")
+    ax.set(
+        xlim=(0.0, top), ylim=heights, xlabel=order_words(units), ylabel=f"amplitude of {signal_words(signal, units)}"
+    )
 
 
 # ------------------------------------------------------------------------------------------------------ two motions
@@ -91,7 +93,7 @@ def draw_contrast(found: Contrast, figure: AnyFigure, *, title: str | None = Non
         for values, options in zip(pair.histories, (_FIRST.options(), _SECOND.options()), strict=True):
             left.plot(pair.theta / PERIOD, values, **options)
         left.set_xlim(float(pair.theta[0]) / PERIOD, float(pair.theta[-1]) / PERIOD)
-        left.set(xlabel="forcing periods", ylabel=pair.signal)
+        left.set(xlabel="forcing periods", ylabel=signal_words(pair.signal, pair.spectra[0].system.units))
         if pair.agreement is not None:
             text = f"rms difference {pair.agreement.relative:.2g}, correlation {pair.agreement.correlation:.4f}"
             left.set_title(text, fontsize=style.points(8.5))
@@ -164,7 +166,8 @@ def _draw_record(ax: Axes, found: Alignment) -> None:
     fine = np.linspace(theta[0], theta[-1], _SMOOTH * min(_SHOWN, found.periods))
     whole = signal_along(found.orbit, found.signal, length * np.arange(_SMOOTH) / _SMOOTH)
     ax.plot(fine / PERIOD, signal_along(found.orbit, found.signal, fine) - whole.mean(), **_SECOND.options())
-    ax.set(xlim=(theta[0] / PERIOD, theta[-1] / PERIOD), xlabel="forcing periods", ylabel=found.signal.name)
+    ax.set(xlim=(theta[0] / PERIOD, theta[-1] / PERIOD), xlabel="forcing periods")
+    ax.set_ylabel(signal_words(found.signal.name, found.orbit.system.units))
     name = f"record ({found.record.name})".replace("$", r"\$")
     entries = [(name, measured), (f"computed at {pace_words(found.orbit.system)}", _SECOND.options())]
     write_legend(ax, entries, "above")
