@@ -14,7 +14,7 @@ CANDIDATES = $(or $(PYTHON),python3.11 python3 python3.14 python3.13 python3.12 
 TESTS = MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE= $(PY) -m pytest -p no:cacheprovider
 
 .DEFAULT_GOAL := help
-.PHONY: help demo paper docs keys screenshots explore browser quick test tests kernels check lint types platforms bench campaign slow \
+.PHONY: help demo paper docs keys pictures screenshots explore browser quick test tests kernels check lint types platforms bench campaign slow \
   dense ranges alike exactly trials fuzz pythons lock clean
 
 help:  ## show this list
@@ -80,6 +80,9 @@ docs: $(STAMP)  ## build the documentation into out/docs; check spelling, links,
 
 keys: $(STAMP)  ## write lists of all keys of model and study files, as Markdown, into docs/reference/generated
 	$(PY) -m docs._ext.file_reference
+
+pictures: $(STAMP)  ## make the other pictures of the documentation again, and compare the answers that it quotes
+	$(PY) -m docs._ext.made
 
 screenshots: $(STAMP) browser  ## make the pictures of the explorer and of a kept page in the documentation again
 	$(PY) -m docs._ext.screenshots

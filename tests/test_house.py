@@ -33,6 +33,7 @@ ORDER = (
     "bracketed_root",
     "summary",
     "notebook",
+    "meanings",
     "picture_parts",
     "model",
     "paper",

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
-INK, BLUE, ORANGE, GREY, STEEL = "#1a1a1a", "#0072B2", "#D55E00", "#6f6f6f", "#e8edf2"
+INK, PETROL, WINE, GREY, STEEL = "#1a1a1a", "#17627d", "#882255", "#6f6f6f", "#e8edf2"
 FOLDER = Path(__file__).parent.parent / "pictures"
 
 
@@ -96,7 +96,7 @@ class Sketch:
         self.line(at(0.55, -5), at(0.55, 5))
         self.line(at(0.55, 0), at(1, 0))
 
-    def arrow(self, x0: float, y0: float, x1: float, y1: float, color: str = BLUE, *, both: bool = False) -> None:
+    def arrow(self, x0: float, y0: float, x1: float, y1: float, color: str = PETROL, *, both: bool = False) -> None:
         """Draw an arrow, with two heads for a dimension."""
         self.line((x0, y0), (x1, y1), color=color, width=1.5)
         for (ax, ay), (bx, by) in [((x0, y0), (x1, y1)), ((x1, y1), (x0, y0))][: 1 + both]:
@@ -107,7 +107,7 @@ class Sketch:
             self.add("polygon", points=path, fill=color)
 
     def arc(
-        self, x: float, y: float, r: float, start: float, stop: float, color: str = BLUE, *, head: bool = True
+        self, x: float, y: float, r: float, start: float, stop: float, color: str = PETROL, *, head: bool = True
     ) -> None:
         """Draw an arc of a circle between two angles in degrees, counterclockwise from the right."""
         angles = [math.radians(start + (stop - start) * k / 40) for k in range(41)]
@@ -156,7 +156,7 @@ def bearing() -> Sketch:
         )
     s.disc(x, y, 58)
     s.disc(x, y, 2.5, fill=INK)
-    s.disc(x + 28, y - 22, 6, fill=ORANGE, color=ORANGE)
+    s.disc(x + 28, y - 22, 6, fill=WINE, color=WINE)
     s.arc(x, y, 45, 45, 120)
     s.text(x - 20, y - 22, "Ω", math=True)
     s.arrow(x - 24, y, x - 24, y + 42, color=INK)
@@ -187,13 +187,13 @@ def mesh() -> Sketch:
     s.line((405, 80), (405, 110), width=2.4)
     s.line((383, 86), (383, 68), (427, 68), (427, 122), (383, 122), (383, 104))
     s.arrow(405, 58, 427, 58, both=True)
-    s.text(416, 48, "b", math=True, color=BLUE)
+    s.text(416, 48, "b", math=True, color=PETROL)
     s.arrow(383, 58, 405, 58, both=True)
-    s.text(394, 48, "b", math=True, color=BLUE)
+    s.text(394, 48, "b", math=True, color=PETROL)
     s.line((427, 95), (450, 95))
-    s.line((450, 85), (450, 105), color=ORANGE, width=2)
-    s.text(462, 80, "e(θ)", math=True, color=ORANGE)
-    s.arrow(455, 112, 478, 112, color=ORANGE)
+    s.line((450, 85), (450, 105), color=WINE, width=2)
+    s.text(462, 80, "e(θ)", math=True, color=WINE)
+    s.arrow(455, 112, 478, 112, color=WINE)
     s.spring(450, 95, 590, 95)
     s.text(535, 78, "k(θ)", math=True)
     s.damper(363, 158, 590, 158)
@@ -201,7 +201,7 @@ def mesh() -> Sketch:
     s.arrow(327, 190, 372, 190)
     s.text(350, 212, "x", math=True)
     s.arrow(290, 100, 325, 100)
-    s.text(302, 90, "F", math=True, color=BLUE)
+    s.text(302, 90, "F", math=True, color=PETROL)
     return s
 
 
@@ -217,7 +217,7 @@ def rub() -> Sketch:
     s.text(x - 24, 58, "k_y", math=True)
     s.disc(x, y, 55)
     s.disc(x, y, 2.5, fill=INK)
-    s.disc(x - 24, y - 24, 6, fill=ORANGE, color=ORANGE)
+    s.disc(x - 24, y - 24, 6, fill=WINE, color=WINE)
     s.arc(x, y, 42, 0, 70)
     s.text(x + 14, y - 12, "Ω", math=True)
     a = math.radians(60)
@@ -227,7 +227,7 @@ def rub() -> Sketch:
     s.wall((cx + 38 * uy, cy - 38 * ux), (cx - 38 * uy, cy + 38 * ux), side=1)
     s.arrow(x + 55 * ux, y + 55 * uy, cx, cy, both=True)
     s.line((cx, cy - 12), (352, 172), color=GREY, width=1)
-    s.text(358, 176, "gap", color=BLUE, anchor="start")
+    s.text(358, 176, "gap", color=PETROL, anchor="start")
     s.line((x, y), (x, y + 52), color=GREY, width=1, dashes="4 3")
     s.line((x, y), (x + 52 * ux, y + 52 * uy), color=GREY, width=1, dashes="4 3")
     s.arc(x, y, 30, 270, 300, color=GREY, head=False)
@@ -250,7 +250,7 @@ def pendulum() -> Sketch:
     s.wall((x + 40, 100), (x + 40, 20), side=-1)
     s.box(x, y, 70, 22)
     s.arrow(x + 62, y + 26, x + 62, y - 26, both=True)
-    s.text(x + 72, y + 5, "u(θ)", math=True, color=BLUE, anchor="start")
+    s.text(x + 72, y + 5, "u(θ)", math=True, color=PETROL, anchor="start")
     a = math.radians(24)
     bx, by = x + 165 * math.sin(a), y + 165 * math.cos(a)
     s.line((x, y), (bx, by), width=2.4)
@@ -258,7 +258,7 @@ def pendulum() -> Sketch:
     s.disc(bx, by, 15)
     s.line((x, y + 11), (x, 262), color=GREY, width=1, dashes="4 3")
     s.arc(x, y, 118, 270, 292)
-    s.text(x + 26, y + 138, "x", math=True, color=BLUE)
+    s.text(x + 26, y + 138, "x", math=True, color=PETROL)
     for sign in (1, -1):
         b = math.radians(48)
         px, py = x + sign * 165 * math.sin(b), y + 165 * math.cos(b)
@@ -280,12 +280,12 @@ def clearance() -> Sketch:
     s.box(260, 120, 90, 110)
     s.line((260, 40), (260, 200), color=GREY, width=1, dashes="5 4")
     s.arrow(260, 30, 320, 30)
-    s.text(332, 35, "x", math=True, color=BLUE)
+    s.text(332, 35, "x", math=True, color=PETROL)
     for x0, x1 in ((110, 215), (305, 410)):
-        s.arrow(x0, 120, x1, 120, color=ORANGE, both=True)
-        s.text((x0 + x1) / 2, 108, "b", math=True, color=ORANGE)
-    s.text(162, 145, "clearance", color=ORANGE)
-    s.text(357, 145, "clearance", color=ORANGE)
+        s.arrow(x0, 120, x1, 120, color=WINE, both=True)
+        s.text((x0 + x1) / 2, 108, "b", math=True, color=WINE)
+    s.text(162, 145, "clearance", color=WINE)
+    s.text(357, 145, "clearance", color=WINE)
     s.text(260, 222, "total backlash, left and right of the tooth together: 2b", color=INK)
     return s
 
@@ -308,7 +308,7 @@ def architecture() -> Sketch:
     for number, (names, words) in enumerate(layers):
         y = 34 + 44 * number
         s.add("rect", x=12, y=y - 18, width=696, height=36, rx=5, fill=STEEL, stroke=GREY, stroke_width=1)
-        s.text(24, y + 5, names.replace("   ", " · "), anchor="start", color=BLUE)
+        s.text(24, y + 5, names.replace("   ", " · "), anchor="start", color=PETROL)
         s.text(696, y + 5, words, anchor="end")
     return s
 

@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 Within = tuple[float, float]
 
 _PAPER = "#8e3b8e"  # what the paper says, which nothing else has
-_COLOURS = {VISCOUS: "#000000", IMPACT: "#D55E00"}
-_OTHERS = ("#000000", "#D55E00", "#0072B2")
-_DASHES = ("-", (0, (4.5, 1.4)), (0, (1.4, 1.2)))
+_COLOURS = {VISCOUS: "#000000", IMPACT: "#882255"}
+_OTHERS = ("#000000", "#882255", "#17627d")  # of several curves, as in all pictures
+_DASHES = ("-", (0, (9, 2.2)), (0, (9, 2, 1.4, 2)))
 _ROW = 0.13  # height of what the paper says above a picture, as a share of the picture
 _PERIOD = 2.0 * math.pi
 
 _WORDS = {
-    "amplitude of harmonic1": "excitation amplitude Te1",
+    "amplitude of harmonic 1": "excitation amplitude Te1",
     "q1": "q1, twist of the clutch",
     "q1'": "rate of q1",
     "q1''": "acceleration of q1",
@@ -114,6 +114,7 @@ class Panel:
                 ax.set_ylim(self.heights)
             if self.within:
                 ax.set_xlim(self.within)
+            sheet.set_dpi(200)  # on a page, not in print
             _draw_facts(ax, [(fact.text, *fact.places(results)) for fact in self.facts])
         return sheet
 
@@ -211,7 +212,7 @@ class Balance(Response):
         """Draw the branches of the first result, and points of the second, spread evenly along the branch."""
         gw.plot.draw(_shortest(results[0]), MEASURE, ax=ax, labels=False, legend=False)
         other = results[1].branches[0]
-        style: Any = {"ls": "none", "marker": "o", "markersize": 4.2, "mfc": "none", "mec": "#009E73", "zorder": 6}
+        style: Any = {"ls": "none", "marker": "o", "markersize": 4.2, "mfc": "none", "mec": "#3aa6d6", "zorder": 6}
         ax.plot(other.values, other.measure(MEASURE), markevery=0.03, label="harmonic balance", **style)
         ax.legend(loc="upper right")
 

@@ -289,7 +289,7 @@ def test_units_stand_at_the_numbers_of_a_train(page, folder) -> None:
     opened(page, "train.toml")
     edited(page)
     names = page.locator("#edit-values .parameter span").all_inner_texts()
-    assert {"speed [rpm]", "clutch.stiffness [N m/deg]", "input.stiffness [N m/rad]"} <= set(names)  # as written
-    assert [name for name in names if not name.endswith("]") and not name.endswith(".flywheel")] == []
+    assert {"speed [rpm]", "stiffness of clutch [N m/deg]", "stiffness of input [N m/rad]"} <= set(names)  # as written
+    assert [name for name in names if not name.endswith("]") and not name.endswith(" on flywheel")] == []
     titles = page.locator("#edit-response .title").all_text_contents()
     assert titles == ["speed [rpm]", "amplitude of clutch (half the peak to peak) [deg]"]

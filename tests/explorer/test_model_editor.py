@@ -64,8 +64,8 @@ def test_a_slider_changes_the_parameter_after_which_it_is_named_and_no_other(nam
 def test_numbers_with_units_are_named_with_them_and_the_unit_is_no_digit() -> None:
     text = start_text("idle")
     numbers = {each["name"]: each for each in checked(text)["numbers"]}
-    assert numbers["clutch.damping"]["words"] == "clutch.damping [N m s/rad]"
-    assert numbers["mesh.stiffness"]["words"] == "mesh.stiffness [N m/rad]"  # as written, not as in results
+    assert numbers["clutch.damping"]["words"] == "damping of clutch [N m s/rad]"
+    assert numbers["mesh.stiffness"]["words"] == "stiffness of mesh [N m/rad]"  # as written, not as in results
     clearance = numbers["mesh.clearance"]
     assert (clearance["words"], clearance["value"], clearance["unit"]) == ("clearance of mesh [deg]", 0.1, "deg")
     assert text[clearance["begin"] - 1 : clearance["end"] + 5] == '"0.1 deg"'

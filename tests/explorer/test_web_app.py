@@ -36,7 +36,7 @@ def test_the_page_and_all_that_it_loads_come_from_the_server(client) -> None:
     page = client.get("/")
     assert "gapwalk" in page.text
     assert "//" not in page.text.replace("<!doctype html>", "")  # no address of another server
-    for path in ("/static/main.js", "/static/style.css", "/plotly.js"):
+    for path in ("/static/main.js", "/static/style.css", "/colours.css", "/plotly.js"):
         assert client.get(path).status_code == 200
     assert "default-src 'self'" in page.headers["content-security-policy"]
 

@@ -282,8 +282,8 @@ def test_check_says_what_acts(tmp_path, capsys) -> None:
 
 
 def test_labels_of_its_numbers() -> None:
-    assert parameter_words("brake.limit") == "limit of brake"
-    assert parameter_words("clutch.stage1.hysteresis") == "hysteresis of clutch.stage1"
+    assert parameter_words("brake.limit") == "friction limit of brake"
+    assert parameter_words("clutch.stage1.hysteresis") == "hysteresis of stage 1 of clutch"
     assert parameter_words("wall.restitution") == "restitution of wall"
 
 

@@ -56,7 +56,7 @@ def test_two_motions_are_drawn_signal_by_signal(orbit) -> None:
     figure = gw.analysis.contrast(orbit, other, names=("light", "heavy")).plot()
     assert len(figure.axes) == 4
     assert figure.get_suptitle() == "light and heavy at Ω = 0.8"
-    assert [axes.get_ylabel() for axes in figure.axes[::2]] == ["q1''", "stage2.force"]
+    assert [axes.get_ylabel() for axes in figure.axes[::2]] == ["q1''", "force of stage2"]
     assert figure.axes[0].get_title("left").startswith("rms difference 0.")
     mpl.pyplot.close(figure)
     chaos = gw.settle(gw.paper.case("15").at(frequency=0.4), options=gw.SettleOptions(max_periods=64))

@@ -87,7 +87,17 @@ def test_what_is_drawn_is_explained(response, axes) -> None:
     assert axes.get_ylabel() == "amplitude of q3 (half the peak to peak)"
     texts = [text.get_text() for text in axes.figure.legends[0].get_texts()]
     assert texts[:4] == ["stable", "unstable, beyond −1", "unstable, beyond +1", "unstable, complex pair"]
-    assert texts[4:] == ["fold (LP)", "flip (PD)", "Neimark–Sacker (NS)", "grazing"]
+    # the Neimark-Sacker points lie on one another, so a number is drawn in their place
+    assert texts[4:] == ["fold (LP)", "flip (PD)", "grazing", "number of points there"]
+    assert sorted(int(text.get_text()) for text in axes.texts if text.get_text().isdigit()) == [3]
+
+
+def test_the_legend_lists_what_is_within_the_axes(response) -> None:
+    (branch,) = response.branches
+    low, high = 1.0, 1.1  # there the response is stable, and has no special point
+    assert not [special for special in branch.special_points if low <= special.value <= high]
+    figure = picture_of(branch, "q1", within=(low, high))
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["stable"]
 
 
 def test_measures_have_short_names() -> None:

@@ -57,7 +57,7 @@ def test_what_is_drawn_is_explained(result, figure) -> None:
         "grazing, period 1",
         "grazing, period 2",
         "cusp (CP)",
-        "section",
+        "branches were followed here",
     ]
 
 
@@ -89,7 +89,7 @@ def test_sections_have_their_values_and_islands_are_bars(result) -> None:
     assert {"0.2", "0.3"} <= {text.get_text() for text in ax.texts}
     (bar,) = [line for line in ax.lines if line.get_marker() == "|"]
     assert bar.get_xydata().tolist() == [[branch.values.min(), 0.3], [branch.values.max(), 0.3]]
-    assert "isola on a section" in [text.get_text() for text in ax.get_legend().get_texts()]
+    assert "isola (closed branch)" in [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 def test_an_end_at_which_the_numerics_gave_up_is_marked(result, figure) -> None:
@@ -127,6 +127,8 @@ def test_files_are_equal_for_equal_results(result, tmp_path) -> None:
 
 
 def test_parameters_are_called_by_words() -> None:
-    assert parameter_words("harmonic1.amplitude") == "amplitude of harmonic1"
+    assert parameter_words("harmonic1.amplitude") == "amplitude of harmonic 1"
     assert parameter_words("stage2.impact_damping") == "impact damping of stage2"
-    assert parameter_words("stiffness.q1.q3") == "stiffness.q1.q3"
+    assert parameter_words("stiffness.q1.q3") == "stiffness (q1, q3)"
+    assert parameter_words("gas.acts_on.engine") == "share of gas that acts on engine"
+    assert parameter_words("stop.cubic") == "cubic stiffness of stop"

@@ -19,7 +19,7 @@ def test_a_panel_for_each_force_each_number_that_varies_and_the_loads():
     labels = [(ax.get_xlabel(), ax.get_ylabel()) for ax in drawn("mesh.toml") if ax.get_visible() and ax.axison]
     assert labels == [
         ("deflection of mesh", "force"),
-        ("angle of the excitation [deg]", "mesh.stiffness"),
+        ("angle of the excitation [deg]", "stiffness of mesh"),
         ("angle of the excitation [deg]", "displacement in mesh"),
     ]
 

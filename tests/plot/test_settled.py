@@ -77,7 +77,7 @@ def test_without_contacts_there_is_no_loop():
 def test_the_loop_is_that_of_a_contact_that_is_named_or_touches(options, shown):
     settled = settle(far_and_near())
     figure = draw(settled, **options, figure=Figure(layout="constrained"))
-    (loop,) = [ax for ax in figure.axes if ax.get_ylabel().startswith("force of")]
+    (loop,) = [ax for ax in figure.axes if ax.get_xlabel().startswith("deflection")]
     assert loop.get_ylabel() == f"force of {shown}"
     assert (np.ptp(loop.lines[0].get_ydata()) > 0.0) == (shown != "far")
 

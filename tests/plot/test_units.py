@@ -26,11 +26,11 @@ def test_words_have_units_where_there_are_some(orbit) -> None:
     units = orbit.system.units
     assert parameter_words("speed", units) == "speed [rpm]"
     assert parameter_words("mean.flywheel", units) == "mean torque on flywheel [N m]"
-    assert parameter_words("clutch.stage2.clearance", units) == "clearance of clutch.stage2 [deg]"
+    assert parameter_words("clutch.stage2.clearance", units) == "clearance of stage 2 of clutch [deg]"
     assert parameter_symbol("firing.phase", units) == "firing.phase [deg]"
     assert parameter_symbol("firing.acts_on.flywheel", units) == "firing.acts_on.flywheel"
     assert measure_words("max.gearbox''", units) == "maximum of gearbox'' [rad/s^2]"
-    assert measure_words("rms.clutch.torque", units) == "root mean square of clutch.torque [N m]"
+    assert measure_words("rms.clutch.torque", units) == "root mean square of the torque of clutch [N m]"
     assert value_words(1500.0, "speed", units) == "speed = 1500 rpm"
     assert (parameter_words("frequency"), parameter_symbol("frequency")) == ("excitation frequency Ω", "Ω")
 

@@ -535,7 +535,7 @@ def _kind_of(system: System, states: NDArray[np.float64]) -> str:
     return NOT_PERIODIC if most in (Regime.RUNAWAY.text, Regime.UNDECIDED.text) else most
 
 
-_TINTS = {GapState.ONE_SIDE: ("one", "rattles on one side"), GapState.BOTH_SIDES: ("both", "on both sides")}
+_TINTS = {GapState.ONE_SIDE: ("one", "rattles on one side"), GapState.BOTH_SIDES: ("both", "rattles on both sides")}
 _SAMPLED = 64  # samples of a forcing period of a motion without period
 
 
@@ -615,15 +615,22 @@ def _samples(found: RattleBands, moved: str) -> Iterator[Series]:
             if chosen:
                 yield Series([motion.value for motion in chosen], half, mark, _look(found, sweep.met)[0], axes=axes)
     if any(row.period == 0 for row in found.severities):
-        yield Series([], [], "crosses", "measured", "not periodic, or of long period", axes=axes)
+        text = "not periodic, or of long period; with the range of its periods"
+        yield Series([], [], "crosses", "measured", text, axes=axes)
     for sweep in found.sweeps:
+        look = _look(found, sweep.met)[0]
         for mark, own in (
             ("dots", [each for each in sweep.samples if each.motion.orbit]),
             ("crosses", [each for each in sweep.samples if not each.motion.orbit]),
         ):
-            y = [0.5 * float(np.ptp(each.motion.motion(_WATCHED, _SAMPLED).q[:, place])) for each in own]
+            paths = [each.motion.motion(_WATCHED, _SAMPLED).q[:, place] for each in own]
             if own:
-                yield Series([each.value for each in own], y, mark, _look(found, sweep.met)[0], axes=axes)
+                values = [each.value for each in own]
+                yield Series(values, [0.5 * float(np.ptp(path)) for path in paths], mark, look, axes=axes)
+            if own and mark == "crosses":  # from the smallest to the largest of single periods
+                halves = [0.5 * np.ptp(path[: _WATCHED * _SAMPLED].reshape(_WATCHED, -1), axis=1) for path in paths]
+                ends = [(float(each.min()), float(each.max()), math.nan) for each in halves]
+                yield Series(np.repeat(values, 3), np.ravel(ends), "line", look, axes=axes)
 
 
 def _shades(found: RattleBands, gap: str) -> Iterator[Shade]:
@@ -652,7 +659,7 @@ def _severity_panels(found: RattleBands, gap: str) -> Iterator[Panel]:
     part = next((row.part for row in rows if row.part), "")
     title = {
         "approach": f"approach velocity{f' [{units.state(chr(39))}]' if units else ''}",
-        "rms": f"{part.removesuffix('.acceleration')} rms [{units.signal(part)[1] if units else ''}]",
+        "rms": f"rms acceleration of {part.removesuffix('.acceleration')} [{units.signal(part)[1] if units else ''}]",
         "peak": "peak torque [N m]" if units else "peak force",
     }[key]
     worst = [each.severity for each in found.worst if each.severity.gap == gap][:1]

@@ -249,7 +249,7 @@ def show(
     "gapwalk export rattle.gapwalk --output rattle.nc  # for xarray; .mat, .parquet and .xlsx likewise",
     "gapwalk export rattle.gapwalk --output rattle.pdf --output rattle.html",
     "gapwalk export rattle.gapwalk --format html  # for a colleague without gapwalk",
-    "gapwalk export rattle.gapwalk --size column --output rattle.pdf",
+    "gapwalk export rattle.gapwalk --size column --no-legend --output rattle.pdf",
     "gapwalk export start.gapwalk --format wav --signal mesh.force  # the sound of a run-up",
 )
 def export(
@@ -263,6 +263,8 @@ def export(
     size: Literal["screen", "column", "page", "slide"] | None = None,
     signal: str | None = None,
     full_scale: float | None = None,
+    title: bool = True,
+    legend: bool = True,
     debug: Debug = False,
 ) -> int:
     """Write the tables, the picture or the sound of a result file, or a web page with its diagram and motions (html).
@@ -290,10 +292,14 @@ def export(
         Signal of a sound, as in mesh.force or gear''; by default the acceleration of what hits hardest.
     full_scale
         Amplitude of that signal which is as loud as a file can be. Give sounds that are compared the same one.
+    title
+        Leave out the title and the sentences of a picture with --no-title; a column and a page have none.
+    legend
+        Leave out the legend of a picture with --no-legend.
     """
     from gapwalk.cli.file_commands import export_result
 
-    return export_result(result, format, output or [], measure, size, signal, full_scale)
+    return export_result(result, format, output or [], measure, size, signal, full_scale, title=title, legend=legend)
 
 
 @command(

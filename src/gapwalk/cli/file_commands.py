@@ -157,6 +157,9 @@ def export_result(
     size: SizeName | None = None,
     signal: str | None = None,
     full_scale: float | None = None,
+    *,
+    title: bool = True,
+    legend: bool = True,
 ) -> int:
     """Write the tables, the picture or the sound of a result, or a page with its motions; or several of these."""
     from gapwalk.studies.export import format_names
@@ -167,6 +170,8 @@ def export_result(
     forms = [_form_of(form, output, path) for output in outputs or [None]]
     if size is not None and not set(forms) & set(_PICTURES):
         raise ModelError(f"--size concerns pictures; write --format svg, pdf or png instead of {forms[0]}, or omit it")
+    if not (title and legend) and not set(forms) & set(_PICTURES):
+        raise ModelError(f"--no-title and --no-legend concern pictures; write --format pdf instead of {forms[0]}")
     if (signal is not None or full_scale is not None) and "wav" not in forms:
         raise ModelError("--signal and --full-scale concern sounds; write --format wav")
     if measure is not None and not set(forms) - {*format_names()}:
@@ -178,7 +183,7 @@ def export_result(
         if each == "wav":
             save_sound(result, output or path.with_suffix(".wav"), signal, full_scale)
         else:
-            show_files(_exported(result, path, each, output, measure, size))
+            show_files(_exported(result, path, each, output, measure, size, title, legend))
     return DONE
 
 
@@ -196,7 +201,14 @@ def _form_of(form: str | None, output: Path | None, path: Path) -> str:
 
 
 def _exported(
-    result: Result, path: Path, form: str, output: Path | None, measure: str | None, size: SizeName | None
+    result: Result,
+    path: Path,
+    form: str,
+    output: Path | None,
+    measure: str | None,
+    size: SizeName | None,
+    title: bool,
+    legend: bool,
 ) -> list[Path]:
     """Write tables, a picture or a page of a result; return the files."""
     from gapwalk.studies.export import export_data, format_names, format_of
@@ -212,7 +224,7 @@ def _exported(
     else:
         from gapwalk.plot import save
 
-        save(result, written, form=form, measure=measure, size=size)
+        save(result, written, form=form, measure=measure, size=size, title=None if title else False, legend=legend)
     return [written]
 
 

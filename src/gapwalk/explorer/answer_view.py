@@ -24,6 +24,7 @@ from gapwalk.bifurcation.loci import Locus
 from gapwalk.errors import GapwalkError
 from gapwalk.explorer.diagram_lines import quantity_words
 from gapwalk.flow.flow import PERIOD
+from gapwalk.meanings import FILLS
 from gapwalk.model.system import System
 from gapwalk.model.words import line_words, order_words, parameter_symbol, parameter_words, signal_words
 from gapwalk.picture_parts import (
@@ -41,7 +42,6 @@ from gapwalk.picture_parts import (
     description_of,
     pictured,
 )
-from gapwalk.plot.cells import FILLS
 from gapwalk.plot.picture import lay_out, picture_of, png_bytes, sheet_bytes
 from gapwalk.plot.style import in_style
 from gapwalk.studies.branch_family import Family, SpecialPointPath

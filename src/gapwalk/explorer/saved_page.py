@@ -51,6 +51,7 @@ from gapwalk.explorer.server_state import Session
 from gapwalk.explorer.what_next import at_special, neighbours, stretches
 from gapwalk.explorer.workspace_folder import RECORDS, verdict
 from gapwalk.flow.motion import force_of
+from gapwalk.meanings import page_colors
 from gapwalk.measurement.measured_record import is_run_up, read_run_up
 from gapwalk.model.measures import full_measure
 from gapwalk.model.system import System
@@ -78,7 +79,7 @@ def html_file(title: str, shown: Any, numbers: bytes | bytearray) -> bytes:
     head = [
         f"<title>{html.escape(title)} – gapwalk</title>",
         f'<link rel="icon" href="{_icon()}">',
-        f"<style>\n{_text('style.css').replace(_ICON, _icon())}</style>",
+        f"<style>\n{page_colors()}{_text('style.css').replace(_ICON, _icon())}</style>",
         f'<script type="importmap">{json.dumps({"imports": _modules()})}</script>',
         f'<script type="text/plain" id="plotly">{_zipped(plotly)}</script>',
         f'<script type="text/plain" id="shown">{_zipped(json.dumps(shown).encode())}</script>',

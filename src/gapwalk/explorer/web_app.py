@@ -55,6 +55,7 @@ from gapwalk.explorer.script import script_of
 from gapwalk.explorer.server_state import Session
 from gapwalk.explorer.what_next import next_of
 from gapwalk.explorer.workspace_folder import Workspace, model_file
+from gapwalk.meanings import page_colors
 from gapwalk.studies.export import table_of
 
 # Checks of every request: only pages of this server may send requests, and only small ones.
@@ -248,12 +249,18 @@ def application(
         Route("/api/result/{word}", api.result, methods=["POST"]),
         Route("/api/edit/{word}", api.edit, methods=["POST"]),
         *HeardRequests(session).routes(),
+        Route("/colours.css", _colours),
         Mount("/static", StaticFiles(directory=str(_PAGE))),
     ]
     errors = {TooLargeError: 413, SupersededError: 409, GapwalkError: 400}
     handlers = {kind: partial(_sentence, status=status) for kind, status in errors.items()}
     app = Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers)
     return Guard(app, token, once=once, is_local=is_local)
+
+
+async def _colours(_: Request) -> Response:
+    """Return what the colours of lines, symbols and areas are, as a style sheet."""
+    return Response(page_colors(), media_type="text/css")
 
 
 async def _sentence(_: Request, error: Exception, *, status: int) -> Response:

@@ -34,6 +34,12 @@ _ORDERS = re.compile(r"(?:h|order)(\d+(?:/[1-9]\d*)?(?:\+\d+(?:/[1-9]\d*)?)*)")
 _LINEAR = 1e-6  # reference of levels of accelerations in m/s^2
 
 
+def spoken(signal: str, article: str = "") -> str:
+    """Return a signal in words: ``torque of clutch``."""
+    owner, _, word = signal.rpartition(".")
+    return f"{article}{word} of {owner}" if owner and word in ("acceleration", "force", "torque") else signal
+
+
 class MeasureName(NamedTuple):
     """A measure, as its name says."""
 
@@ -51,15 +57,15 @@ class MeasureName(NamedTuple):
     def words(self, units: Units | None) -> str:
         """Return it in words, without its unit."""
         if self.kind in KINDS:
-            words = KINDS[self.kind].format(self.signal)
+            words = KINDS[self.kind].format(spoken(self.signal, "the "))
         else:
             one = "harmonic" if units is None or units.turns is None else "order"
             several = "s" * (len(self.orders) > 1)
-            words = f"amplitude of {one}{several} {', '.join(map(str, self.orders))} of {self.signal}"
+            words = f"amplitude of {one}{several} {', '.join(map(str, self.orders))} of {spoken(self.signal, 'the ')}"
             words += " (root of the sum of squares)" * bool(several)
         if self.over is not None:
             same = self.over._replace(signal="") == self._replace(signal="", over=None, is_level=False)
-            words += f" over that of {self.over.signal}" if same else f" over {self.over.words(units)}"
+            words += f" over that of {spoken(self.over.signal, 'the ')}" if same else f" over {self.over.words(units)}"
         return f"level of {words.removeprefix('amplitude of ')}" if self.is_level else words
 
     def unit(self, units: Units | None) -> str:

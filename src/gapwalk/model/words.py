@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from gapwalk.model.laws import FRICTION, HYSTERESIS, law_parameters
-from gapwalk.model.measures import parsed
+import re
+
+from gapwalk.model.measures import parsed, spoken
 from gapwalk.model.system import System
-from gapwalk.model.units import QuantityKind, Units
+from gapwalk.model.units import Units
 
 _ALL = 17  # digits that tell any two numbers apart
 
-_OF = ("amplitude", "phase")  # as in "clearance of stage2"; so are the parameters of force laws, but stiffness
+_LONGER = {
+    "cubic": "cubic stiffness",
+    "quadratic": "quadratic stiffness",
+    "even_quadratic": "even quadratic stiffness",
+    "limit": "friction limit",
+    "static": "static friction limit",
+}
 
 
 def parameter_words(name: str, units: Units | None = None) -> str:
@@ -46,7 +53,7 @@ def coordinate_words(coordinate: str, units: Units | None = None) -> str:
 
 def signal_words(signal: str, units: Units | None = None) -> str:
     """Return the label of an axis for a signal."""
-    return _with(signal, units and units.signal(signal)[1])
+    return _with(spoken(signal), units and units.signal(signal)[1])
 
 
 def value_words(value: float, name: str, units: Units | None = None, digits: int = 8) -> str:
@@ -99,10 +106,21 @@ def _parameter_words(name: str, units: Units | None) -> str:
     owner, _, word = name.rpartition(".")
     if owner == "mean":
         return f"mean {'load' if units is None else 'torque'} on {word}"
-    of_a_law = {**law_parameters(), **FRICTION, HYSTERESIS.name: HYSTERESIS}.get(word)
-    if owner and (word in _OF or (of_a_law and of_a_law.kind is not QuantityKind.STIFFNESS)):
-        return f"{word.replace('_', ' ')} of {owner}"
-    return name.replace("_", " ")
+    first, _, rest = name.partition(".")
+    if first in ("mass", "damping", "stiffness") and rest:
+        return f"{first} ({rest.replace('.', ', ')})"
+    if owner.endswith(".acts_on"):
+        return f"share of {_owner_words(owner.removesuffix('.acts_on'))} that acts on {word}"
+    words = _LONGER.get(word, word.replace("_", " "))
+    return f"{words} of {_owner_words(owner)}" if owner else words
+
+
+def _owner_words(owner: str) -> str:
+    """Return what a parameter belongs to: ``harmonic 1``, ``stage 2 of clutch``."""
+    first, *rest = owner.split(".")  # names that gapwalk gives, not those of a model
+    numbered = [re.sub(r"^harmonic(\d+)$", r"harmonic \1", first)]
+    numbered += [re.sub(r"^stage(\d+)$", r"stage \1", each) for each in rest]
+    return " of ".join(reversed(numbered))
 
 
 def _symbol(name: str, units: Units | None) -> str:

@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from gapwalk import meanings
 from gapwalk.answers.order_map import DEPTH, OrderMap, order_map
 from gapwalk.answers.run_up import JumpDelay, RunUp
 from gapwalk.answers.scan import FAILS, HOLDS, UNKNOWN, Scan
@@ -24,11 +25,12 @@ from gapwalk.attractors.spectrum import turns_of
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.errors import ModelError
+from gapwalk.meanings import color_of
 from gapwalk.model.system import System
 from gapwalk.model.words import measure_words, parameter_symbol, parameter_words, signal_words
 from gapwalk.picture_parts import Bar, Description, NamedCurve, Panel, Parts, Picture, Series, Shade
 from gapwalk.plot import style
-from gapwalk.plot.branches import cut, draw_branches, line_entries, pieces_of, smooth_line
+from gapwalk.plot.branches import BranchDrawing, cut, draw_branches, pieces_of, smooth_line
 from gapwalk.plot.cells import draw_locus, fill_colors
 from gapwalk.plot.motions import fill_waterfall
 from gapwalk.plot.picture import (
@@ -42,58 +44,43 @@ from gapwalk.plot.picture import (
     write_legend,
     write_letters,
 )
-from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION, dots, stroke, symbols
+from gapwalk.plot.style import BLACK, FIRST, GREY, SECOND, SEVERAL, THIRD, dots, stroke, symbols
 
 # The names are those of the style sheet of the page.
-TINTS = {
-    "one": "#fbe3c4",  # in grey, the second is clearly darker
-    "both": "#f2b98a",
-    "one-wild": "#d9a75c",
-    "both-wild": "#b5602a",
-    "closed": "#e3ebf2",
-    "closed-wild": "#a9bccd",
-    "open": "#ffffff",
-    "open-wild": "#d0d0d0",
-    "none": "#3a3a3a",
-    "undone": "#f4f4f4",
-    "goal": "#fbe3c4",
-    "quiet": "#e4f0e2",
-}
+TINTS = {each.name.removeprefix("tint-"): each.color for each in meanings.TINTS}
+TORUS = color_of("pair")
 LOOKS: dict[str, tuple[str, Any, float]] = {
     "main": (BLACK, "-", 1.4),
-    "rising": (BLUE, "-", 1.4),
-    "falling": (VERMILLION, (0, (4, 2)), 1.4),
-    "other": (GREEN, (0, (1, 1)), 1.4),
     "measured": (BLACK, "-", 1.0),
-    "after": (BLUE, "-", 1.7),
+    "after": (BLACK, "-", 1.7),
     "before": (GREY, "-", 1.7),
-    "first": (BLUE, "-", 1.8),
-    "second": (VERMILLION, "-", 1.8),
-    "third": (GREEN, "-", 1.8),
-    "fourth": (PURPLE, "-", 1.8),
-    "torus": (BLUE, "-", 1.6),
-    "torus-unstable": (BLUE, (0, (4, 2)), 1.2),
+    "rising": (FIRST, "-", 1.4),
+    "falling": (SECOND, SEVERAL[1].dashes, 1.4),
+    "other": (THIRD, "-", 1.4),
+    **{each.name: (each.color, "-", 1.8) for each in SEVERAL},
+    "torus": (TORUS, "-", 1.6),
+    "torus-unstable": (TORUS, (0, (4, 2)), 1.2),
     "run": (GREY, "-", 1.0),
-    "middle": (BLUE, "-", 1.6),
-    "most": (BLUE, (0, (4, 2)), 1.2),
-    "largest": (VERMILLION, "-", 1.2),
-    "stable": (BLACK, "-", 1.2),
+    "middle": (FIRST, "-", 1.6),
+    "most": (THIRD, "-", 1.2),
+    "largest": (SECOND, "-", 1.2),
+    "stable": (BLACK, "-", 1.4),
     "unstable": (BLACK, (0, (3, 2)), 0.8),
 }
 MARKS = {"dots": ("o", 2.6), "crosses": ("x", 4.0)}
 SYMBOLS: dict[str, Any] = {  # marker, size, face, edge, and width of the edge
-    "stars": ("*", 11.0, "#f3c55b", BLACK),
-    "turn": ("D", 5.0, "white", BLUE),
-    "fold": ("D", 5.0, "white", BLACK),
-    "crossing": ("X", 6.0, "white", BLACK),
-    "birth": ("o", 6.0, "white", BLACK),
-    "hopf": ("o", 6.0, "white", VERMILLION),
-    "border": ("|", 9.0, GREEN, GREEN),
-    "doubling": ("s", 5.0, "white", VERMILLION),
-    "change": ("o", 5.0, "white", VERMILLION),
-    "pair": ("*", 8.0, "white", GREEN),
+    "stars": ("*", 11.0, color_of("worst"), BLACK),
+    "turn": ("o", 5.0, "white", color_of("above")),
+    "fold": ("o", 5.0, "white", color_of("above")),
+    "crossing": ("P", 6.0, "white", color_of("cross")),
+    "birth": ("P", 6.0, "white", color_of("cross")),
+    "hopf": ("*", 8.0, "white", TORUS),
+    "border": ("|", 9.0, GREY, GREY),
+    "doubling": ("D", 4.6, "white", color_of("below")),
+    "change": ("^", 5.0, "white", TORUS),
+    "pair": ("*", 8.0, "white", TORUS),
     "resonance": ("|", 9.0, GREY, GREY),
-    "grazing": ("v", 5.0, "white", GREY),
+    "grazing": ("|", 9.0, GREY, GREY),
     "tip": ("*", 8.0, "white", BLACK),
     **{f"marker-{number}": (marker, 6.0, "white", BLACK, 1.0) for number, marker in enumerate("osD^vPX*<>")},
 }
@@ -173,7 +160,7 @@ def _draw_bars(ax: Axes, bars: Sequence[Bar]) -> None:
         np.array([each.high for each in bars]),
     )
     ax.barh(rows, high - low, left=low, height=0.72, color="#e9e9e9", zorder=1)
-    ax.barh(rows, [each.moved for each in bars], height=0.44, color=BLUE, zorder=3)
+    ax.barh(rows, [each.moved for each in bars], height=0.44, color=FIRST, zorder=3)
     ax.axvline(0.0, **stroke(BLACK, 0.8, zorder=4))
     options: dict[str, Any] = {
         "textcoords": "offset points",
@@ -194,7 +181,8 @@ def _draw_panel(picture: Picture, parts: Parts, ax: Axes, panel: Panel, entries:
         ax.set(**{f"{panel.logarithmic}scale": "log"})
     _draw_series(ax, panel.series, entries)
     _draw_over(picture, parts, ax, (panel.over, ""), entries)
-    ax.set(ylabel=panel.title, xlabel=panel.across or parameter_words(panel.over, picture.system.units))
+    title = style.broken(panel.title, 72.0 * ax.bbox.height / ax.figure.dpi)
+    ax.set(ylabel=title, xlabel=panel.across or parameter_words(panel.over, picture.system.units))
     if panel.margin is not None:
         ax.margins(x=panel.margin)
     elif panel.fitted:
@@ -292,9 +280,10 @@ def _draw_curves(picture: Picture, ax: Axes, entries: Entries, *, is_over_cells:
     plain = [each.curve for each in branches if not each.look]
     if not plain:
         return None
-    finish = draw_branches(plain, ax, up, labels=picture.labels, legend=False, within=within)
-    entries.update(line_entries(plain))
-    return finish
+    drawing = BranchDrawing(plain, up)
+    drawing.draw(ax, within)
+    entries.update(drawing.entries(ax))
+    return partial(drawing.finish, ax, picture.labels, closeup=False)
 
 
 def _look(name: str) -> tuple[str, float, Any]:
@@ -405,15 +394,12 @@ def _write_notes(ax: Axes, series: Sequence[Series], shade: Shade | None) -> Non
 # Pictures of run-ups: the time history over the speed with the response below, and largest forces over the rate.
 
 _BELOW = 80.0  # dB below the highest level that cuts show
-_DELAY = "#f9dfcc"
-_DASHED, _DOTTED = (0, (4, 2)), (0, (1, 1.2))
+_DELAY = color_of("tint-late")
 _CUTS: Any = (
-    (BLUE, 1.3),
-    (VERMILLION, 1.3, _DASHED),
-    (GREEN, 1.3, _DOTTED),
+    *((each.color, 1.3, each.dashes) for each in SEVERAL[:3]),
     (BLACK, 0.8),
 )  # orders; of more, all as the last
-_LEVELS: Any = (("#b3b3b3", 3.2), (PURPLE, 1.6, _DASHED))  # overall, below all others, and rattle
+_LEVELS: Any = (("#b3b3b3", 3.2), (color_of("tint-one-wild"), 1.6))  # overall, below all others, and rattle
 _FINE_HISTORY = 40_000  # points of a history up to which all are drawn
 
 
@@ -510,10 +496,11 @@ def _force(system: System) -> str:
 
 def _lay_over(run: RunUp, ax: Axes, branch: Branch, coordinate: str, delays: Sequence[JumpDelay]) -> Finish:
     """Draw the response, half the range of each period of the run-up over it, and the delays of jumps shaded."""
-    finish = draw_branches(branch, ax, f"half.{coordinate}", legend=False, labels=False)
+    drawing = BranchDrawing([branch, *branch.beyond], f"half.{coordinate}")
+    drawing.draw(ax, None)
     speed, half = run.half(coordinate)
     ax.set_autoscale_on(True)
-    ax.plot(speed, half, zorder=6, **dots(4.5, VERMILLION))
+    ax.plot(speed, half, zorder=6, **dots(4.5, FIRST))
     ax.autoscale_view()
     ax.set_autoscale_on(False)
     late = [each for each in delays if np.isfinite(each.jump)]
@@ -522,10 +509,10 @@ def _lay_over(run: RunUp, ax: Axes, branch: Branch, coordinate: str, delays: Seq
     if run.course.is_invertible:
         ax.set_xlim(run.speed.min(), run.speed.max())
         ax.margins(x=0.01)
-    entries: list[tuple[str, Any]] = [("run-up, each period", dots(4.5, VERMILLION)), *line_entries([branch])]
+    entries: list[tuple[str, Any]] = [("run-up, each period", dots(4.5, FIRST)), *drawing.entries(ax)]
     entries += [("from the fold to the jump", _DELAY)] * bool(late)
     write_legend(ax, entries, "above")
-    return finish
+    return partial(drawing.finish, ax, labels=False, closeup=False)
 
 
 _LONG_LABEL = 22  # letters above which the unit of an axis is on a line of its own
@@ -542,12 +529,12 @@ def draw_history_over_speed(run: RunUp, ax: Axes, signal: str) -> None:
     if over_speed:
         speed, low, high = run.envelope(signal)
         for side in (low, high):
-            ax.plot(speed, side, **stroke(BLUE, 1.3), zorder=4)
-        entries += [("extremes of each period", stroke(BLUE, 1.3))]
+            ax.plot(speed, side, **stroke(FIRST, 1.3), zorder=4)
+        entries += [("extremes of each period", stroke(FIRST, 1.3))]
     peaks = [peak for peak in run.peaks if peak.force]
     for peak in peaks:
-        ax.axvline(peak.speed if over_speed else peak.time, **stroke(VERMILLION, 0.8, (0, (4, 3))), zorder=1)
-    entries += [(f"largest contact {_force(run.system)}", stroke(VERMILLION, 0.8, (0, (4, 3))))] * bool(peaks)
+        ax.axvline(peak.speed if over_speed else peak.time, **stroke(SECOND, 0.8), zorder=1)
+    entries += [(f"largest contact {_force(run.system)}", stroke(SECOND, 0.8))] * bool(peaks)
     ax.set_xlabel(parameter_words(run.system.structure.pace, units) if over_speed else "time" + " [s]" * bool(units))
     words = signal_words(signal, units)
     ax.set_ylabel("\n[".join(words.rsplit(" [", 1)) if len(words) > _LONG_LABEL else words)
@@ -559,9 +546,7 @@ def draw_history_over_speed(run: RunUp, ax: Axes, signal: str) -> None:
 
 # Picture of tolerances: the response, the distributions of its special points, and what matters for each.
 
-# From dark to light and of different hues (Okabe and Ito 2008), so that neighbours also differ in grey.
-_FILLS = ("#0b56a4", "#f3c55b", "#8fcdf1", "#d55e00", "#9adbc3", "#7a3b69", "#f0e442", "#cc79a7")
-_REST, _MOST = "#dedede", len(_FILLS)
+_REST, _MOST = "#dedede", 8
 _WIDE = 0.82  # height of a distribution, as a share of its row
 _NARROW = 0.05  # share of the range below which the widest distribution is a needle
 _SHOWN = 0.003, 0.997  # quantiles between which a distribution is drawn at least
@@ -647,7 +632,7 @@ def _draw_indices(ax: Axes, figure: AnyFigure, found: Tolerance) -> None:
     order = np.argsort(-first.sum(axis=0), kind="stable")[:_MOST].tolist()
     rows, left = np.arange(len(first)), np.zeros(len(first))
     entries = []
-    for color, k in zip(_FILLS, order, strict=False):
+    for color, k in zip(meanings.FILLS, order, strict=False):
         options = {"color": color, "edgecolor": style.BLACK, "linewidth": style.points(0.4)}
         ax.barh(rows, first[:, k], 0.6, left=left, **options)
         entries.append((found.names[k], color))
@@ -663,10 +648,10 @@ def _draw_indices(ax: Axes, figure: AnyFigure, found: Tolerance) -> None:
 # Picture of a scan: the best variations with what each claim comes to, and how many others fulfil as many.
 
 _ROWS = 12  # variations that are drawn
-_COLORS = {HOLDS: "#2f8f6b", FAILS: "#e9e8e2", UNKNOWN: "#ffffff"}
+_COLORS = {HOLDS: color_of("third"), FAILS: "#e9e8e2", UNKNOWN: "#ffffff"}
 _WORDS = {HOLDS: "holds", FAILS: "no", UNKNOWN: "unknown"}
 _INKS = {HOLDS: "#ffffff", FAILS: "#6a6a66", UNKNOWN: "#6a6a66"}
-_TRIED, _RANDOM = "#0b56a4", "#f3c55b"
+_TRIED, _RANDOM = meanings.FILLS[:2]
 _WIDEST = 46  # letters of a variation in one line
 
 

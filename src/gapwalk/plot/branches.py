@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple
@@ -59,9 +60,6 @@ _GAIN = 1.6  # smallest magnification of a close-up
 _SIZES = ((0.56, 0.6), (0.5, 0.55), (0.44, 0.5), (0.38, 0.44), (0.32, 0.38))  # of the close-up, in widths of the axes
 _MARGIN = (0.055, 0.075)  # for the numbers left of the close-up and below it
 
-
-MANY = 40
-"""Special points of a picture beyond which those that would lie on one another become one mark with their number."""
 
 _TICKS = 2.5  # points between two ticks, so that both are seen
 _LEAST = 3  # points of such a cluster
@@ -207,6 +205,13 @@ class Region(NamedTuple):
         """Return True if a point lies inside."""
         return self.left <= x <= self.right and self.low <= y <= self.high
 
+    def meets(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> bool:
+        """Return True if a part of a line lies inside."""
+        # Between two points, too: a long segment may cross a narrow region.
+        low, high = (np.array([function(each[:-1], each[1:]) for each in (x, y)]) for function in (np.fmin, np.fmax))
+        meets = (high[0] >= self.left) & (low[0] <= self.right) & (high[1] >= self.low) & (low[1] <= self.high)
+        return bool(meets.any()) or (len(x) == 1 and self.holds(x[0], y[0]))
+
 
 def crowded_region(ax: Axes, symbols: NDArray[np.float64]) -> Region | None:
     """Find the region with the most symbols close together; None if there are too few."""
@@ -277,12 +282,6 @@ _SAME = 1e-9  # arclength below which two points coincide
 _MARKERS = (0.015, 0.035)  # position of the first marker along a line, and marker distance, in diagonals of the axes
 _PAD = 0.06  # margin above and below, as a fraction of the height
 _TICK = 7.0  # length of the tick at a grazing point, in points
-_OVERLAID: tuple[tuple[str, Any], ...] = (  # colour and dashes of each system of an overlay
-    (style.BLACK, "-"),
-    (style.VERMILLION, (0, (4.5, 1.6))),
-    (style.BLUE, (0, (1.3, 1.3))),
-    (style.GREEN, (0, (6, 1.5, 1.3, 1.5))),
-)
 _STABLE, _UNSTABLE = 1.7, 0.7  # widths of the lines in an overlay, in points
 
 
@@ -424,7 +423,7 @@ def overlay(
         assert place is not None
         entries, pieces = [], []
         for number, (name, each) in enumerate(branches.items()):
-            color, dashes = _OVERLAID[number % len(_OVERLAID)]
+            color, dashes = style.LISTED[number % len(style.LISTED)]
             styles = [style.LineStyle("", color, dashes, width).options() for width in (_STABLE, _UNSTABLE)]
             for piece in (piece for branch in each for piece in pieces_of(branch, measure)):
                 place.plot(piece.x, piece.y, **styles[piece.label != "stable"])
@@ -451,19 +450,11 @@ def draw_branches(
 ) -> Finish:
     """Draw a branch, or several over the same parameter."""
     branches = [branches, *branches.beyond] if isinstance(branches, Branch) else list(branches)
-    first = branches[0]
-    measure = full_measure(measure, first.system.coordinates)
-    drawing = _Drawing(branches, measure)
-    drawing.draw_lines(ax)
-    settled = _draw_bands(ax, branches, measure)
-    name_axes(ax, first, measure)
-    ax.margins(x=0.02, y=0.06)
-    ax.autoscale_view()
-    if within:
-        ax.set(xlim=within, ylim=extent_of(drawing.curve, *within))
-    ax.set_autoscale_on(False)  # labels are placed for these limits
+    drawing = BranchDrawing(branches, measure)
+    settled = drawing.draw(ax, within)
     if legend:
-        write_legend(ax, [*line_entries(branches), *settled], "above" if legend == "above" else "below")
+        drawing.legend = (settled, "above" if legend == "above" else "below")
+        drawing.write_legend(ax)
     return partial(drawing.finish, ax, labels, closeup)
 
 
@@ -472,31 +463,20 @@ def _draw_bands(ax: Axes, branches: Sequence[Branch], measure: str) -> list[tupl
     entries = []
     for each in band_series(branches, measure):
         if is_wide := each.mark == "between":
-            ax.fill_between(each.x, *np.asarray(each.y), color=style.VERMILLION, alpha=0.18, linewidth=0, zorder=1)
+            ax.fill_between(each.x, *np.asarray(each.y), color=style.GREY, alpha=0.18, linewidth=0, zorder=1)
         else:
-            ax.plot(each.x, each.y, zorder=2.4, **stroke(style.VERMILLION, 1.0))
+            ax.plot(each.x, each.y, zorder=2.4, **stroke(style.GREY, 1.0))
         if each.text:
-            entries.append(
-                (each.text, stroke(style.VERMILLION, 6.0, alpha=0.3) if is_wide else stroke(style.VERMILLION, 1.0))
-            )
+            entries.append((each.text, stroke(style.GREY, 6.0, alpha=0.3) if is_wide else stroke(style.GREY, 1.0)))
     return entries
 
 
-def line_entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str, Any]]]:
-    """List lines and symbols that occur, for a legend; a piece between special points may contain no point."""
-    counts = {count.label for branch in branches for count in branch.instabilities}
-    counts |= {special.after.label for branch in branches for special in branch.special_points}
-    entries = [look.entry for name, look in style.LINES.items() if name in counts]
-    kinds = {special.kind for branch in branches for special in branch.special_points}
-    entries += [style.symbol_style(kind).entry for kind in style.in_order(kinds)]
-    many = sum(len(branch.special_points) for branch in branches) > MANY
-    return [*entries, *([style.CLUSTER.entry] if many else []), *unexplained_entries(branches)]
-
-
-class _Drawing:
-    """Lines and symbols of some branches, for the whole picture and for a close-up."""
+class BranchDrawing:
+    """Lines and symbols of some branches, for the whole picture and for a close-up, and the legend of what is drawn."""
 
     def __init__(self, branches: Sequence[Branch], measure: str) -> None:
+        self.branches = branches
+        self.measure = measure = full_measure(measure, branches[0].system.coordinates)
         self.pieces = [piece for branch in branches for piece in pieces_of(branch, measure)]
         self.curve = curve_of(self.pieces)
         self.special_points = [
@@ -509,8 +489,68 @@ class _Drawing:
             for branch in branches
             for place in unexplained_places(branch, lambda point: np.array([point.measure(measure)]))
         ]
+        self.legend: tuple[Sequence[tuple[str, Any]], Literal["above", "below"]] | None = None
+        self._drawn: set[str] = set()  # texts of the legend of the symbols that were drawn in the final layout
+
+    def draw(self, ax: Axes, within: tuple[float, float] | None) -> list[tuple[str, dict[str, Any]]]:
+        """Draw the lines and set the limits; return the entries of a legend of settled motions."""
+        self.draw_lines(ax)
+        settled = _draw_bands(ax, self.branches, self.measure)
+        name_axes(ax, self.branches[0], self.measure)
+        ax.margins(x=0.02, y=0.06)
+        ax.autoscale_view()
+        if within:
+            ax.set(xlim=within, ylim=extent_of(self.curve, *within))
+        ax.set_autoscale_on(False)  # labels are placed for these limits
+        return settled
+
+    def entries(self, ax: Axes) -> list[tuple[str, dict[str, Any]]]:
+        """List the lines and symbols within the axes, for a legend; before the final layout as they will be."""
+        inside = Region(*sorted(ax.get_xlim()), *sorted(ax.get_ylim()))
+        labels = {piece.label for piece in self.pieces if inside.meets(piece.x, piece.y)}
+        shown, _, clusters = self._shown(ax)
+        symbols = self._drawn or self._symbols(ax, shown, clusters)
+        looks = [*map(style.symbol_style, style.in_order(kind for kind, _, _ in self.special_points))]
+        return [
+            *(look.entry for name, look in style.LINES.items() if name in labels),
+            *(look.entry for look in (*looks, CLUSTER, style.UNEXPLAINED) if look.legend in symbols),
+        ]
+
+    def write_legend(self, ax: Axes) -> None:
+        """Write the legend, which `finish` writes again if other symbols were drawn than foreseen."""
+        if self.legend is not None:
+            settled, where = self.legend
+            write_legend(ax, [*self.entries(ax), *settled], where)
+
+    def _shown(
+        self, ax: Axes, without: Region | None = None
+    ) -> tuple[list[tuple[Kind, float, float]], NDArray[np.float64], list[NDArray[np.intp]]]:
+        """Return points within axes that do not lie on one another, places of all with names, and clusters."""
+        inside = Region(*sorted(ax.get_xlim()), *sorted(ax.get_ylim()))
+        shown = [each for each in self.special_points if inside.holds(*each[1:])]
+        shown = [each for each in shown if without is None or not without.holds(*each[1:])]
+        # Ticks at grazing points hide nothing: they are left out only where they are too close to be told apart.
+        ticks = [each for each in shown if each[0] is Kind.GRAZING]
+        named = [each for each in shown if each[0] is not Kind.GRAZING]
+        places = np.array([(x, y) for _, x, y in named]).reshape(-1, 2)
+        clusters = clusters_of(ax, places)
+        hidden = {int(number) for cluster in clusters for number in cluster}
+        kept = [each for number, each in enumerate(named) if number not in hidden]
+        spots = np.array([(x, y) for _, x, y in ticks]).reshape(-1, 2)
+        return [*kept, *(ticks[number] for number in apart(ax, spots))], places, clusters
+
+    def _symbols(self, ax: Axes, shown: Sequence[tuple[Kind, float, float]], clusters: Sequence[Any]) -> set[str]:
+        """Return the texts of the legend of the symbols in axes."""
+        inside = Region(*sorted(ax.get_xlim()), *sorted(ax.get_ylim()))
+        unexplained = [style.UNEXPLAINED.legend] if any(inside.holds(*place) for place in self.unexplained) else []
+        return {
+            *(style.symbol_style(kind).legend for kind, _, _ in shown),
+            *[CLUSTER.legend] * bool(clusters),
+            *unexplained,
+        }
 
     def draw_lines(self, ax: Axes) -> None:
+        """Draw the pieces of the branches."""
         for piece in self.pieces:
             marked = bool(style.LINES[piece.label].marker)
             options = style.LINES[piece.label].options(markevery=_MARKERS if marked else None)
@@ -519,53 +559,40 @@ class _Drawing:
     def finish(self, ax: Axes, labels: bool, closeup: bool) -> None:
         """Draw the special points, and a close-up where they are dense, once the layout of the axes is final."""
         shorten_label(ax)
+        foreseen = self.entries(ax)
         marked = np.array([(x, y) for kind, x, y in self.special_points if kind is not Kind.GRAZING])
         crowd = crowded_region(ax, marked) if closeup else None
         enlarged = draw_closeup(ax, crowd, self.curve) if crowd else None
-        self.draw_special_points(ax, labels, without=crowd if enlarged else None)
+        self._draw_special_points(ax, labels, without=crowd if enlarged else None)
         if enlarged:
             self.draw_lines(enlarged)
-            self.draw_special_points(enlarged, labels)
+            self._draw_special_points(enlarged, labels)
+        if self.legend is not None and [text for text, _ in self.entries(ax)] != [text for text, _ in foreseen]:
+            for legend in filter(None, (ax.get_legend(), *getattr(ax.figure, "legends", ()))):
+                legend.remove()
+            self.write_legend(ax)
 
-    def draw_special_points(self, ax: Axes, labels: bool, without: Region | None = None) -> None:
-        """Draw the symbols, and the labels outside a given region; of very many, clusters with their number."""
-        inside = Region(*ax.get_xlim(), *ax.get_ylim())
-        shown = [each for each in self.special_points if inside.holds(*each[1:])]
-        middles = np.empty((0, 2))
-        if len(shown) > MANY:
-            shown, middles = _gathered(ax, shown)
+    def _draw_special_points(self, ax: Axes, labels: bool, without: Region | None = None) -> None:
+        """Draw the symbols and their labels outside a given region; those that would lie on one another as a number."""
+        shown, places, clusters = self._shown(ax, without)
+        middles = draw_clusters(ax, places, clusters)
+        self._drawn |= self._symbols(ax, shown, clusters)
         kinds = style.in_order(kind for kind, _, _ in shown)
         for kind in kinds:
-            places = np.array([(x, y) for each, x, y in shown if each is kind])
+            spots = np.array([(x, y) for each, x, y in shown if each is kind])
             if kind is Kind.GRAZING:
-                _draw_ticks(ax, places, self.curve)
+                _draw_ticks(ax, spots, self.curve)
             else:
-                ax.plot(*places.T, zorder=5, **style.symbol_style(kind).options())
+                ax.plot(*spots.T, zorder=5, **style.symbol_style(kind).options())
         draw_unexplained(ax, self.unexplained)
         texts = [
             Label(style.symbol_style(kind).label, x, y)
             for kind, x, y in sorted(shown, key=lambda each: kinds.index(each[0]))
-            if style.symbol_style(kind).label and not (without and without.holds(x, y))
+            if style.symbol_style(kind).label
         ]
         if labels and texts:
             marks = np.array([(x, y) for _, x, y in shown] + middles.tolist())
             place_labels(ax, texts, self.curve, marks)
-
-
-def _gathered(
-    ax: Axes, shown: Sequence[tuple[Kind, float, float]]
-) -> tuple[list[tuple[Kind, float, float]], NDArray[np.float64]]:
-    """Draw marks with numbers in place of points that would lie on one another; return the others, and the marks."""
-    # Ticks at grazing points hide nothing: they are left out only where they are too close to be told apart.
-    ticks = [each for each in shown if each[0] is Kind.GRAZING]
-    named = [each for each in shown if each[0] is not Kind.GRAZING]
-    symbols = np.array([(x, y) for _, x, y in named]).reshape(-1, 2)
-    clusters = clusters_of(ax, symbols)
-    middles = draw_clusters(ax, symbols, clusters)
-    hidden = {int(number) for cluster in clusters for number in cluster}
-    kept = [each for number, each in enumerate(named) if number not in hidden]
-    places = np.array([(x, y) for _, x, y in ticks]).reshape(-1, 2)
-    return [*kept, *(ticks[number] for number in apart(ax, places))], middles
 
 
 def _draw_ticks(ax: Axes, places: NDArray[np.float64], curve: NDArray[np.float64]) -> None:
@@ -593,7 +620,7 @@ def _draw_ticks(ax: Axes, places: NDArray[np.float64], curve: NDArray[np.float64
     )
 
 
-# Pictures of diagrams: a measure of all motions, and their stroboscopic states.
+# Pictures of diagrams: a measure of all motions, or their stroboscopic states.
 #
 # In the stroboscopic picture a motion of period m gives m curves, its states one forcing period apart.
 
@@ -634,14 +661,20 @@ def crowded_range(values: Sequence[float], within: Range) -> Range | None:
     return (float(left), float(right)) if right - left < _PART * (high - low) else None
 
 
-def _closeup(diagram: Diagram, closeup: Range | Literal[False] | None) -> Range | None:
+def _closeup(diagram: Diagram, closeup: Range | Literal[False] | None, stable: bool) -> Range | None:
     if closeup is None:
-        return crowded_range([birth.value for birth in births_of(diagram)], diagram.within)
+        return None if stable else crowded_range([birth.value for birth in births_of(diagram)], diagram.within)
     return closeup or None
 
 
-def _size(diagram: Diagram, closeup: Range | Literal[False] | None = None, **_: object) -> Inches:
-    return stacked(3 if _closeup(diagram, closeup) else 2)
+def _size(
+    diagram: Diagram,
+    closeup: Range | Literal[False] | None = None,
+    strobes: bool = False,
+    stable: bool = False,
+    **_: object,
+) -> Inches:
+    return stacked((2 if _closeup(diagram, closeup, stable) else 1) + strobes)
 
 
 @draws(Diagram, panels=True, size=_size)
@@ -653,43 +686,52 @@ def draw_diagram(
     labels: bool = True,
     legend: bool = True,
     closeup: Range | Literal[False] | None = None,
+    strobes: bool = False,
+    instabilities: bool = False,
+    stable: bool = False,
+    up_to: int | None = None,
     title: str = "",
 ) -> Finish:
-    """Draw a diagram in two panels over its parameter, and a third one for a close-up."""
-    # The first panel shows a measure of all motions; the second one shows their states once per forcing period, so that
-    # a motion of period m gives m curves.
-    if not diagram.members:
-        raise ModelError("the diagram has no branches yet, so there is nothing to draw")
+    """Draw a measure of all motions of a diagram in the colours of their periods, and a close-up if they are crowded.
+
+    With `strobes`, the last panel shows their states once every forcing period: a motion of period m gives m curves.
+    With `instabilities`, unstable motions have the line of their kind. With `stable`, only stable motions are drawn;
+    `up_to` is the longest period.
+    """
+    diagram = _part_of(diagram, up_to)
     measure = full_measure(measure, diagram.branches[0].system.coordinates)
-    crowd = _closeup(diagram, closeup)
-    strobes = Strobes(diagram, measure.partition(".")[2])
-    panels = figure.subplots(3 if crowd else 2, 1, height_ratios=[1.0] + [1.25] * (2 if crowd else 1))
+    crowd = _closeup(diagram, closeup, stable)
+    main = Motions(diagram, measure, stable)
+    drawn = [main, *[main] * bool(crowd), *[Motions(diagram, measure.partition(".")[2], stable)] * strobes]
+    panels = figure.subplots(len(drawn), 1, squeeze=False)[:, 0].tolist()
     write_heading(figure, title)
-    write_letters(panels)
-    for panel in panels[1:]:
-        strobes.draw(panel)
-    # panels a and b cover the same range; panel c covers the close-up, which is shaded in b
-    panels[1].margins(x=0.02, y=0.06)
-    panels[1].autoscale_view()
-    panels[0].sharex(panels[1])
-    if crowd:
-        panels[1].axvspan(*crowd, color=SHADE, linewidth=0, zorder=0.5)
-        panels[2].set(xlim=crowd, ylim=extent_of(strobes.curve, *crowd))
-        panels[2].set_title("the shaded range of b", fontsize="small")
-    for panel in panels[1:]:
+    if len(panels) > 1:
+        write_letters(panels)
+    for place, (panel, each) in enumerate(zip(panels, drawn, strict=True)):
+        within = crowd if crowd and place == 1 else None
+        each.draw(panel, instabilities, within)
+        if within:
+            panels[0].axvspan(*within, color=SHADE, linewidth=0, zorder=0.5)
+            panel.set_title("the shaded range of a", fontsize="small")
         panel.set_autoscale_on(False)
     if legend:
-        strobes.write_legend(panels[1])
-    above = "above" if legend else False
-    finish = draw_branches(diagram.branches, panels[0], measure, labels=labels, legend=above, closeup=True)
-    return partial(_finish, finish, strobes, panels[1:] if labels else [], crowd)
+        main.write_legend(panels[0], instabilities, names=labels)
+    return partial(_finish, drawn, panels, crowd) if labels else None
 
 
-def _finish(finish: Finish, strobes: Strobes, panels: Sequence[Axes], crowd: Range | None) -> None:
-    if finish:
-        finish()
-    for panel, without in zip(panels, (crowd, None), strict=False):
-        strobes.draw_names(panel, without=without)
+def _part_of(diagram: Diagram, up_to: int | None) -> Diagram:
+    """Return a diagram up to a period; raise a ModelError if nothing is left of it."""
+    members = tuple(each for each in diagram.members if up_to is None or each.period <= up_to)
+    if not members:
+        longest = f" of period {up_to} or shorter" * (up_to is not None)
+        raise ModelError(f"the diagram has no branches{longest} yet, so there is nothing to draw")
+    return replace(diagram, members=members)
+
+
+def _finish(drawn: Sequence[Motions], panels: Sequence[Axes], crowd: Range | None) -> None:
+    for place, (each, panel) in enumerate(zip(drawn, panels, strict=True)):
+        shorten_label(panel)
+        each.draw_names(panel, without=crowd if place == 0 else None)
 
 
 @draws(Diagram)
@@ -702,44 +744,42 @@ def draw_strobes(
     legend: bool = True,
     within: Range | None = None,
     instabilities: bool = False,
+    stable: bool = False,
+    up_to: int | None = None,
 ) -> Finish:
     """Draw one panel of a diagram: the states of all motions once per forcing period, or a measure of them.
 
-    With `instabilities`, unstable motions have the line of their kind of instability, not that of their period.
+    The options are those of `draw_diagram`.
     """
-    if not diagram.members:
-        raise ModelError("the diagram has no branches yet, so there is nothing to draw")
+    diagram = _part_of(diagram, up_to)
     coordinates = diagram.branches[0].system.coordinates
     if measure and measure not in coordinates:
         if "." not in full_measure(measure, coordinates):
             raise ModelError(f"there is no coordinate {measure!r}; {did_you_mean(measure, coordinates)}")
-        return draw_branches(diagram.branches, ax, measure, labels=labels, legend=legend, within=within)
-    strobes = Strobes(diagram, measure)
-    strobes.draw(ax, instabilities)
-    left, right = within or diagram.within
-    pad = 0.0 if within else 0.02 * (right - left)
-    ax.set(xlim=(left - pad, right + pad), ylim=extent_of(strobes.curve, left, right))
-    ax.set_autoscale_on(False)
+        if not stable:
+            return draw_branches(diagram.branches, ax, measure, labels=labels, legend=legend, within=within)
+    motions = Motions(diagram, measure or coordinates[0], stable)
+    motions.draw(ax, instabilities, within or diagram.within, margin=0.0 if within else 0.02)
     if legend:
-        strobes.write_legend(ax, (left, right), instabilities)
-    return partial(strobes.draw_names, ax) if labels else None
+        motions.write_legend(ax, instabilities, names=labels)
+    return partial(motions.draw_names, ax) if labels else None
 
 
-class Strobes:
-    """Curves of the states of a diagram, for the whole picture and for a close-up."""
+class Motions:
+    """Curves of a measure of the motions of a diagram, or of a coordinate once every forcing period, by periods."""
 
-    def __init__(self, diagram: Diagram, coordinate: str) -> None:
+    def __init__(self, diagram: Diagram, measure: str, stable: bool = False) -> None:
         self.system = diagram.branches[0].system
-        names = self.system.coordinates
-        self.diagram, self.coordinate = diagram, coordinate if coordinate in names else names[0]
+        self.diagram, self.measure, self.stable = diagram, measure, stable
+        self.is_strobed = measure in self.system.coordinates
         self.periods = sorted({member.period for member in diagram.members})
-        self._place = names.index(self.coordinate)
         self.pieces: list[tuple[DiagramBranch, list[Piece]]] = [
-            (member, cut(member.branch, self._states)) for member in diagram.members
+            (member, [each for each in cut(member.branch, self._heights) if each.label == "stable" or not stable])
+            for member in diagram.members
         ]
-        self.births = list(births_of(diagram))
+        self.births = [] if stable else list(births_of(diagram))
 
-    def draw(self, ax: Axes, instabilities: bool = False) -> None:
+    def draw(self, ax: Axes, instabilities: bool = False, within: Range | None = None, margin: float = 0.0) -> None:
         """Draw all curves (short periods over long ones), origins of branches, and unexplained steps."""
         for rank, period in reversed(list(enumerate(self.periods))):
             curves: dict[str, list[tuple[NDArray[np.float64], NDArray[np.float64]]]] = {}
@@ -747,18 +787,24 @@ class Strobes:
                 look = piece.label if instabilities or piece.label == "stable" else ""
                 curves.setdefault(look, []).extend((piece.x, y) for y in piece.y.T)
             for look, each in curves.items():
-                stable = look == "stable"
-                options = self._unstable(look) if look and not stable else period_options(rank, stable)
-                ax.plot(*joined(each), zorder=(4 if stable else 3) - 0.1 * rank, **options)
+                is_stable = look == "stable"
+                options = self._unstable(look) if look and not is_stable else period_options(period, rank, is_stable)
+                if self.stable:  # however short, a piece is seen
+                    options["solid_capstyle"] = "round"
+                ax.plot(*joined(each), zorder=(4 if is_stable else 3) - 0.1 * rank, **options)
             births = [birth for birth in self.births if birth.period == period]
             if births:
-                values = np.repeat([birth.value for birth in births], period)
-                states = np.concatenate([self._states(birth.point) for birth in births])
-                ax.plot(values, states, zorder=5 - 0.1 * rank, **birth_options(rank))
-        for member in self.diagram.members:
-            draw_unexplained(ax, unexplained_places(member.branch, self._states))
-        ax.set_xlabel(parameter_words(self.diagram.parameter, self.system.units))
-        ax.set_ylabel(broken(state_words(self.coordinate, self.system.units)))
+                heights = [self._heights(birth.point) for birth in births]
+                values = np.repeat([birth.value for birth in births], [len(each) for each in heights])
+                ax.plot(values, np.concatenate(heights), zorder=5 - 0.1 * rank, **birth_options(period, rank))
+        for member in () if self.stable else self.diagram.members:
+            draw_unexplained(ax, unexplained_places(member.branch, self._heights))
+        units, words = self.system.units, state_words if self.is_strobed else measure_words
+        ax.set(xlabel=parameter_words(self.diagram.parameter, units), ylabel=broken(words(self.measure, units)))
+        left, right = within or self.diagram.within
+        pad = margin * (right - left) if within else 0.02 * (right - left)
+        ax.set(xlim=(left - pad, right + pad), ylim=extent_of(self.curve, left, right))
+        ax.set_autoscale_on(False)
 
     @staticmethod
     def _unstable(label: str) -> dict[str, Any]:
@@ -766,36 +812,49 @@ class Strobes:
         look = style.LINES[label]
         return stroke(look.color, 0.7 * look.width, look.line, solid_capstyle="butt")
 
-    def write_legend(self, ax: Axes, within: Range | None = None, instabilities: bool = False) -> None:
-        """Write a legend of the colours of periods above the axes, up to the longest period within a range."""
-        low, high = within or (-math.inf, math.inf)
-        periods = {
-            member.period
-            for member in self.diagram.members
-            if ((member.branch.values >= low) & (member.branch.values <= high)).any()
+    def write_legend(self, ax: Axes, instabilities: bool = False, *, names: bool = False) -> None:
+        """Write a legend above the axes of what lies within them: periods, stability, and origins of branches."""
+        inside = Region(*ax.get_xlim(), *ax.get_ylim())
+        drawn = {
+            (member.period, piece.label)
+            for member, pieces in self.pieces
+            for piece in pieces
+            if any(inside.meets(piece.x, y) for y in piece.y.T)
         }
-        shown = [period for period in self.periods if period <= max(periods, default=0)]
-        entries = [(f"period {period}", period_options(rank, stable=True)) for rank, period in enumerate(shown)]
+        labels = {label for _, label in drawn}
+        entries = [
+            (f"period {period}", period_options(period, rank, stable=True))
+            for rank, period in enumerate(self.periods)
+            if any(each == period for each, _ in drawn)
+        ]
         if instabilities:
-            found = {piece.label for _, pieces in self.pieces for piece in pieces}
-            entries += [(look.text, self._unstable(label)) for label, look in style.LINES.items() if label in found][1:]
-        else:
+            kinds = [label for label in style.LINES if label in labels - {"stable"}]
+            entries += [(style.LINES[label].text, self._unstable(label)) for label in kinds]
+        elif not self.stable:
             for text, stable in (("stable", True), ("unstable", False)):
-                entries.append((text, period_options(0, stable) | {"color": GREY}))
-        if self.births:
-            entries.append(("a branch begins or ends", birth_options(0)))
-        write_legend(ax, entries + unexplained_entries(self.diagram.branches), "above")
+                if ("stable" in labels) if stable else labels - {"stable"}:
+                    entries.append((text, period_options(1, 0, stable) | {"color": GREY}))
+        if any(inside.holds(birth.value, y) for birth in self.births for y in self._heights(birth.point)):
+            entries.append(("a branch begins or ends", birth_options(1, 0)))
+        note = "P2-1: first branch of period 2" if names and self._named() else ""
+        write_legend(ax, entries + unexplained_entries(self.diagram.branches), "above", note)
+
+    def _named(self) -> list[DiagramBranch]:
+        """Return the branches that have names: those of the two shortest periods, if they are not too many."""
+        counts = Counter(member.period for member in self.diagram.members)
+        periods = [period for period in self.periods[:2] if counts[period] > 1 or period != self.periods[0]]
+        named = [member for member in self.diagram.members if member.period in periods]
+        return named if len(named) <= _NAMED else []
 
     def draw_names(self, ax: Axes, without: Range | None = None) -> None:
         """Write names next to the branches of the two shortest periods, outside of a given range of the parameter."""
-        counts = Counter(member.period for member in self.diagram.members)
-        named = [period for period in self.periods[:2] if counts[period] > 1 or period != self.periods[0]]
+        named = self._named()
         labels = [
             label
             for member, pieces in self.pieces
-            if member.period in named and (label := self._label(member, pieces, ax.get_xlim(), without))
+            if member in named and pieces and (label := self._label(member, pieces, ax.get_xlim(), without))
         ]
-        if 0 < len(labels) <= _NAMED:
+        if labels:
             place_labels(ax, labels, self.curve, np.empty((0, 2)))
 
     @cached_property
@@ -818,5 +877,7 @@ class Strobes:
         best = int(np.argmax(np.where(inside, np.abs(y - middle), -1.0)))
         return Label(member.name, float(x[best]), float(y[best]))
 
-    def _states(self, point: BranchPoint) -> NDArray[np.float64]:
-        return stroboscopic(point.orbit)[:, self._place]
+    def _heights(self, point: BranchPoint) -> NDArray[np.float64]:
+        if self.is_strobed:
+            return stroboscopic(point.orbit)[:, self.system.coordinates.index(self.measure)]
+        return np.array([point.measure(self.measure)])

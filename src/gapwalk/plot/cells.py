@@ -17,6 +17,7 @@ from gapwalk.attractors.settle import AttractorKind
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import contact_to_show
+from gapwalk.meanings import FILLS
 from gapwalk.model.words import coordinate_words, parameter_words, state_words
 from gapwalk.picture_parts import START, Cells, Parts, Picture, Series, curves_of_loci, pictured
 from gapwalk.plot import style
@@ -26,15 +27,13 @@ from gapwalk.studies.sweep_study import Sweep, Way
 Ranges = tuple[tuple[float, float], tuple[float, float]]
 
 
-# From dark to light and of different hues (Okabe and Ito 2008), so that neighbours also differ in grey.
-FILLS = ("#0b56a4", "#f3c55b", "#8fcdf1", "#d55e00", "#9adbc3", "#7a3b69", "#f0e442", "#cc79a7", "#00664b", "#c9c9c9")
 _OTHERS = ((RUNAWAY, "#3a3a3a"), (UNRESOLVED, "#ffffff"), (IMPOSSIBLE, "#c9c9c9"))
 _STROBES = ("in the plane", "all", "none")
 _IN_PLANE = 1e-6  # distance, relative to the size of the plane, below which a strobe lies in it
 _FORCES = "cividis"  # of peak forces and impacts: perceptually uniform for any colour vision
 
 _SWEEP: Inches = (8.0, 5.4)
-_WAYS = {Way.UP: ("up", style.BLUE), Way.DOWN: ("down", style.VERMILLION), Way.AGAIN: ("again", style.BLACK)}
+_WAYS = {Way.UP: ("up", style.FIRST), Way.DOWN: ("down", style.SECOND), Way.AGAIN: ("again", style.BLACK)}
 _STRIP = 0.16  # height of a strip, in inches
 _MOST_STRIPS = 12
 _SPARSE = 6e4  # number of points up to which they are opaque and large; more are fainter and smaller, so that the shape

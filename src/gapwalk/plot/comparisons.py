@@ -1,6 +1,6 @@
 """Pictures of comparisons: two motions, a record with a motion, and two results of studies.
 
-The first is black, the second red or blue.
+The first is black, the second wine-red; the first of two results is pale.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from gapwalk.flow.flow import PERIOD
 from gapwalk.measurement.fit import Alignment, Fit
 from gapwalk.model.measures import full_measure
 from gapwalk.model.units import Units
-from gapwalk.model.words import measure_words, order_words, pace_words, parameter_words
+from gapwalk.model.words import measure_words, order_words, pace_words, parameter_words, signal_words
 from gapwalk.orbit.orbit import signal_along
 from gapwalk.plot import style
 from gapwalk.plot.branches import pieces_of
@@ -34,14 +34,17 @@ _SHOWN = 3  # periods of the orbit in the history of a record
 _SMOOTH = 600  # points of the computed history per period of the orbit
 _FEW = 120  # samples per period of the orbit up to which they are drawn as dots
 
-_FIRST, _SECOND = style.LineStyle("", style.BLACK, "-", 1.2), style.LineStyle("", style.VERMILLION, (0, (4, 1.5)), 1.2)
+_FIRST, _SECOND = (
+    style.LineStyle("", style.BLACK, "-", 1.2),
+    style.LineStyle("", style.SECOND, style.SEVERAL[1].dashes, 1.2),
+)
 _PALE, _THIN = (
-    style.LineStyle("", "#8fc3e8", "-", 4.6),
+    style.LineStyle("", style.FIRST, "-", 4.6),
     style.LineStyle("", style.BLACK, "-", 1.1),
 )  # of the two results
 _UNSTABLE = style.LineStyle("unstable in the second", style.BLACK, (0, (3.2, 1.6)), 1.1)
-_TOLERANCE = style.LineStyle("tolerance", style.VERMILLION, (0, (5, 2)), 1.0)
-_RING = style.SymbolStyle("only in one result", "", "o", "none", 12.0, style.VERMILLION, 1.1)
+_TOLERANCE = style.LineStyle("tolerance", style.GREY, (0, (5, 2)), 1.0)
+_RING = style.SymbolStyle("only in one result", "", "o", "none", 12.0, style.SECOND, 1.1)
 
 _ZERO = 1e-12  # fraction of the ranges, below which a distance is drawn with this value
 
@@ -59,7 +62,7 @@ def _draw_lines(ax: Axes, lines: Sequence[LinePair], signal: str, units: Units |
     gap = min(_SHIFT * top, _WIDEST * float(orders[0]))
     for shift, heights, color, marker in (
         (-gap, amplitudes[0, shown], style.BLACK, style.symbols("o", 3.2, style.BLACK)),
-        (gap, amplitudes[1, shown], style.VERMILLION, style.symbols("s", 3.2, edge=style.VERMILLION)),
+        (gap, amplitudes[1, shown], style.SECOND, style.symbols("s", 3.2, edge=style.SECOND)),
     ):
         tops = np.maximum(heights, floor)
         ax.vlines(orders[shown] + shift, floor, tops, color=color, linewidth=style.points(1.1))
@@ -70,7 +73,9 @@ def _draw_lines(ax: Axes, lines: Sequence[LinePair], signal: str, units: Units |
 
 def _set_spectrum(ax: Axes, top: float, heights: tuple[float, float], signal: str, units: Units | None) -> None:
     ax.set_yscale("log")
-    ax.set(xlim=(0.0, top), ylim=heights, xlabel=order_words(units), ylabel=f"amplitude of {signal}")
+    ax.set(
+        xlim=(0.0, top), ylim=heights, xlabel=order_words(units), ylabel=f"amplitude of {signal_words(signal, units)}"
+    )
 
 
 # ------------------------------------------------------------------------------------------------------ two motions
@@ -88,7 +93,7 @@ def draw_contrast(found: Contrast, figure: AnyFigure, *, title: str | None = Non
         for values, options in zip(pair.histories, (_FIRST.options(), _SECOND.options()), strict=True):
             left.plot(pair.theta / PERIOD, values, **options)
         left.set_xlim(float(pair.theta[0]) / PERIOD, float(pair.theta[-1]) / PERIOD)
-        left.set(xlabel="forcing periods", ylabel=pair.signal)
+        left.set(xlabel="forcing periods", ylabel=signal_words(pair.signal, pair.spectra[0].system.units))
         if pair.agreement is not None:
             text = f"rms difference {pair.agreement.relative:.2g}, correlation {pair.agreement.correlation:.4f}"
             left.set_title(text, fontsize=style.points(8.5))
@@ -161,7 +166,8 @@ def _draw_record(ax: Axes, found: Alignment) -> None:
     fine = np.linspace(theta[0], theta[-1], _SMOOTH * min(_SHOWN, found.periods))
     whole = signal_along(found.orbit, found.signal, length * np.arange(_SMOOTH) / _SMOOTH)
     ax.plot(fine / PERIOD, signal_along(found.orbit, found.signal, fine) - whole.mean(), **_SECOND.options())
-    ax.set(xlim=(theta[0] / PERIOD, theta[-1] / PERIOD), xlabel="forcing periods", ylabel=found.signal.name)
+    ax.set(xlim=(theta[0] / PERIOD, theta[-1] / PERIOD), xlabel="forcing periods")
+    ax.set_ylabel(signal_words(found.signal.name, found.orbit.system.units))
     name = f"record ({found.record.name})".replace("$", r"\$")
     entries = [(name, measured), (f"computed at {pace_words(found.orbit.system)}", _SECOND.options())]
     write_legend(ax, entries, "above")
@@ -224,7 +230,7 @@ def _symbol(kind: Kind, is_first: bool) -> dict[str, Any]:
     """Return the symbol of a special point: large and pale for the first result, small and filled for the second."""
     look = style.symbol_style(kind)
     if is_first:
-        return style.symbols(look.marker, look.size + 4.0, edge=style.BLUE, width=1.2, zorder=4)
+        return style.symbols(look.marker, look.size + 4.0, edge=style.FIRST, width=1.2, zorder=4)
     return style.symbols(look.marker, look.size - 0.5, look.color, look.edge, 0.6, zorder=5)
 
 

@@ -44,7 +44,7 @@ _THIN = 0.75  # factor on the line width of members, of which there are several
 _MOST_TICKS = 12
 
 
-_SECTION = style.LineStyle("section", "#b9b1a0", "-", 0.7)
+_SECTION = style.LineStyle("branches were followed here", "#b9b1a0", "-", 0.7)
 _LOST = style.SymbolStyle("not followed further", "", "x", "white", 5.0, width=1.2)
 _TURN = style.SymbolStyle("two special points meet", "", "o", "white", 4.6, width=0.9)
 _NOWHERE = style.SymbolStyle("leads to no known branch", "", "s", "white", 4.0, style.GREY, 0.9)
@@ -143,7 +143,7 @@ def _map_entries(chart: Map, points: list[Codim2Point]) -> Iterator[tuple[str, d
                     style.locus_options(kind, rank),
                 )
     if next(_isolas(chart), None):
-        yield "isola on a section", _isola()
+        yield "isola (closed branch)", _isola()
     kinds = {point.kind for point in points}
     shown = dict.fromkeys(look for kind, look in style.CODIM2.items() if kind in kinds)
     yield from (look.entry for look in shown)

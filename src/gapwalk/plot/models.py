@@ -22,13 +22,11 @@ from gapwalk.plot.picture import WIDE, AnyFigure, Inches, draws, open_window, wr
 from gapwalk.plot.style import (
     AXIS,
     BLACK,
-    BLUE,
-    GREEN,
     GREY,
     GUIDE,
-    PURPLE,
+    LISTED,
+    SECOND,
     SHADE,
-    VERMILLION,
     in_style,
     points,
     sheet_size,
@@ -38,7 +36,6 @@ from gapwalk.plot.style import (
 
 _PANELS = 12  # most panels of forces
 _CURVES = 5  # most curves in a panel over the angle
-_STYLES = ((BLACK, "-"), (VERMILLION, (0, (5, 1.5))), (BLUE, (0, (1.4, 1.3))), (GREEN, "-."), (PURPLE, (0, (7, 2))))
 _LETTER = 8.5  # points of the letters of the machine
 _POINTS = 72.0  # in an inch
 _FEW = 6  # breakpoints up to which each has a guide line
@@ -196,7 +193,7 @@ def _draw_force(ax: Axes, curve: ForceCurve, system: System, measured: Points, c
             ax.plot(curve.x, edge, **stroke(GREY, 0.6), zorder=2)
     for x, force in own[:1]:
         size = float(np.clip(40.0 / math.sqrt(len(x)), 1.2, 4.0))
-        ax.plot(x, force, **symbols("o", size, VERMILLION, VERMILLION, 0.0, zorder=2.5))
+        ax.plot(x, force, **symbols("o", size, SECOND, SECOND, 0.0, zorder=2.5))
     line = stroke(BLACK, 1.4, solid_joinstyle="round")
     ax.plot(curve.x, curve.force, **line, zorder=3)
     levels = [level for level in curve.breakpoints if curve.x[0] <= level <= curve.x[-1]]
@@ -216,7 +213,7 @@ def _draw_force(ax: Axes, curve: ForceCurve, system: System, measured: Points, c
     ax.set_ylabel("torque [N m]" if units else "force")
     _title(ax, f"{curve.name}: {curve.law}" + "; shaded: over the angle" * (curve.band is not None), columns)
     if own:
-        entries.append(("measured points", symbols("o", 3.0, VERMILLION, VERMILLION, 0.0)))
+        entries.append(("measured points", symbols("o", 3.0, SECOND, SECOND, 0.0)))
         entries.append(("stages", line))
     if levels and own:
         entries.append(("beginning of a stage", corners))
@@ -253,7 +250,7 @@ def _draw_angle(ax: Axes, curve: AngleCurve, system: System, columns: int) -> No
     shown = sorted(order[:_CURVES].tolist())
     factor = float(units.turns) if units and units.turns else 1.0
     angle = np.degrees(curve.theta) / factor
-    for (color, dashes), place in zip(_STYLES, shown, strict=False):
+    for (color, dashes), place in zip(LISTED, shown, strict=False):
         line = stroke(color, 1.3, dashes)
         ax.plot(angle, curve.values[place], **line)
         entries.append((curve.names[place], line))

@@ -25,6 +25,7 @@ from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.forces import Angles
 from gapwalk.flow.hysteresis import Hysteresis, StickSlip, stick_slip
 from gapwalk.flow.motion import Motion, contact_to_show, integrate
+from gapwalk.meanings import color_of
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.modes import Modes
@@ -48,13 +49,14 @@ from gapwalk.plot.picture import (
 from gapwalk.plot.style import (
     AXIS,
     BLACK,
-    BLUE,
-    GREEN,
+    FIRST,
     GREY,
     GUIDE,
-    PURPLE,
-    VERMILLION,
+    LISTED,
+    SECOND,
+    SEVERAL,
     dots,
+    points,
     sheet_size,
     stroke,
     symbols,
@@ -69,7 +71,6 @@ _LONG = 24  # forcing periods of a time history of a motion without period
 _POINTS = 2000  # points in the section of a motion without period
 _SMOOTH = 512  # samples per forcing period
 
-_LOOPS = ((BLACK, "-"), (VERMILLION, (0, (4, 1.5))), (BLUE, (0, (1.3, 1.3))), (GREEN, "-."), (PURPLE, (0, (6, 2))))
 
 _WATERFALL_DEPTH = 1e-3  # smallest amplitude with a colour, relative to the largest
 _TICKS = 8
@@ -88,7 +89,7 @@ def draw_history(
     """Draw a signal of a motion over time with the breakpoints of contacts; or the force-deflection loop of a contact.
 
     Phases in which friction sticks, or a rigid stop is held, are shaded. Where a rigid stop strikes, its force and
-    accelerations have no finite value; their impulses are bars.
+    accelerations have no finite value; their impulses are stems.
     """
     if isinstance(motion, Attractor):
         motion = _as_settled(motion)
@@ -117,7 +118,7 @@ def draw_history(
 
 
 def _draw_impulses(motion: Motion, signal: str, ax: Axes, *, alone: bool) -> None:
-    """Draw the impulses of a signal where rigid stops strike, as bars over a scale of their own with the same zero."""
+    """Draw the impulses of a signal where rigid stops strike, as stems over a scale of their own with the same zero."""
     theta, sizes = motion.impulses(signal)
     if not len(theta):
         return
@@ -131,13 +132,14 @@ def _draw_impulses(motion: Motion, signal: str, ax: Axes, *, alone: bool) -> Non
         ax.set_ylabel("")
         ax.axhline(0.0, **AXIS.options(zorder=1))
     bars = ax if alone else ax.twinx()
-    bars.vlines(theta / PERIOD, 0.0, sizes, color=VERMILLION, linewidth=1.6, zorder=4)
+    bars.vlines(theta / PERIOD, 0.0, sizes, color=SECOND, linewidth=points(1.3), zorder=4)
+    bars.plot(theta / PERIOD, sizes, **symbols("o", 3.4, SECOND, SECOND, zorder=5))
     scale = 1.1 * float(np.abs(sizes).max()) / most
     bars.set_ylim(low * scale, high * scale)
     bars.grid(visible=False)
     units = motion.system.units
     unit = {"N m": " [N m s]", "rad/s^2": " [rad/s]"}[units.signal(signal)[1]] if units else ""
-    bars.set_ylabel(f"impulse of {signal}{unit}", color=VERMILLION)
+    bars.set_ylabel(f"impulse of {signal}{unit}", color=SECOND)
 
 
 def _shade_rest(motion: Motion, ax: Axes) -> None:
@@ -196,7 +198,7 @@ def draw_section(
     second = second or f"{first}'"
     x, y = found.signal(first), found.signal(second)
     cloud = dots(float(np.clip(60.0 / np.sqrt(max(len(x), 1)), 0.7, 3.0)))
-    ax.plot(x, y, **(symbols("o", 5.5, BLUE, width=1.0) if len(x) < _FEW else cloud))
+    ax.plot(x, y, **(symbols("o", 5.5, BLACK, width=1.0) if len(x) < _FEW else cloud))
     for limits, values in ((ax.set_xlim, x), (ax.set_ylim, y)):
         low, high = (float(values.min()), float(values.max())) if len(values) else (-1.0, 1.0)
         pad = 0.12 * (high - low) or 0.1 * max(1.0, abs(high))
@@ -311,7 +313,7 @@ def draw_hysteresis(loops: Hysteresis | Sequence[Hysteresis], ax: Axes, names: S
     loops = [loops] if isinstance(loops, Hysteresis) else list(loops)
     entries = []
     for place, loop in enumerate(loops):
-        options = stroke(_LOOPS[place % len(_LOOPS)][0], 1.3, _LOOPS[place % len(_LOOPS)][1])
+        options = stroke(LISTED[place % len(LISTED)][0], 1.3, LISTED[place % len(LISTED)][1])
         ax.plot(loop.deflection, loop.force, **options)
         name = names[place] if place < len(names) else loop.law.name
         entries.append((f"{name}: loss {loop.loss:.4g} per cycle", options))
@@ -426,9 +428,11 @@ def draw_modes(modes: Modes, figure: AnyFigure, system: System, *, title: str = 
     if len(names) <= _PLACES:
         panels[-1].set_xticks(range(len(names)), names, rotation=35 if len(names) > 6 else 0, ha="center")
     kind = "" if system.units else " (angular)"
-    quantity = "angles, each times the ratio to the first inertia" if modes.inertias else "coordinates"
+    quantity = "angles referred to the first inertia" if modes.inertias else "coordinates"
     quantity += " (open circles: a quarter of a period later)" if np.iscomplexobj(modes.shapes) else ""
-    panels[-1].set_xlabel(f"{quantity}; on the left the natural frequencies{kind}")
+    if isinstance(assembly, TrainAssembly) and any(link.contact for link in assembly.form.links):
+        quantity += " (grey: through contacts)"
+    panels[-1].set_xlabel(f"{quantity}; left: natural frequencies{kind}")
 
 
 def _draw_mode(system: System, modes: Modes, number: int, ax: Axes, places: int) -> None:
@@ -439,18 +443,18 @@ def _draw_mode(system: System, modes: Modes, number: int, ax: Axes, places: int)
         heights = np.append(heights / np.abs(heights).max(), 0.0)[:places]
         for link in (each for each in assembly.form.links if max(each.ends) < places):  # without drags on the casing
             ends = list(link.ends)
-            ax.plot(ends, heights[ends], **stroke(BLUE, 1.4, "--" if link.contact else "-"))
+            ax.plot(ends, heights[ends], **stroke(GREY if link.contact else BLACK, 1.4))
     else:
         heights = modes.shapes[:, number].real
         if np.iscomplexobj(modes.shapes):
             ax.plot(-modes.shapes[:, number].imag, **symbols("o", 5))
-        ax.vlines(range(len(heights)), 0.0, heights, color=BLUE, linewidth=1.4)
+        ax.vlines(range(len(heights)), 0.0, heights, color=BLACK, linewidth=1.4)
     ax.plot(heights, **symbols("o", 4, BLACK))
 
 
 # Pictures of friction and rigid stops: phases below a time history, hysteresis loops, and bars of energy.
 
-_FILLS = {"slip +": VERMILLION, "slip -": BLUE, "stick": GREY, "held": GREEN}
+_FILLS = {"slip +": FIRST, "slip -": SECOND, "stick": "#b9b9b9", "held": GREY}
 _ROW = 0.34  # inches of a row of the strip
 _MOST = 4  # loops in a row
 
@@ -509,7 +513,7 @@ def _energy_size(book: Energy, **_: object) -> Inches:
 @draws(Energy, size=_energy_size)
 def draw_energy(book: Energy, ax: Axes, *, power: bool = False) -> None:
     """Draw a bar for each load that does work, and for each element that takes energy."""
-    rows = [(each, VERMILLION) for each in book.work] + [(each, BLUE) for each in book.losses]
+    rows = [(each, FIRST) for each in book.work] + [(each, SECOND) for each in book.losses]
     for place, (item, colour) in enumerate(rows):
         value = item.power if power else item.energy
         ax.barh(-place - 0.6 * (place >= len(book.work)), value, height=0.66, color=colour, linewidth=0)
@@ -534,8 +538,8 @@ def draw_energy(book: Energy, ax: Axes, *, power: bool = False) -> None:
 
 # Picture of one torus: in the stroboscopic section, and as a surface in space.
 
-_PALE = "#7fbce6"
-_CURVES = (BLUE, VERMILLION, GREEN, PURPLE, BLACK)
+_PALE = "#7fcfb8"  # the green of tori, pale
+_CURVES = (color_of("pair"), *(each.color for each in SEVERAL))
 _FINE = 400  # points of a curve
 _ANGLES = 48  # angles of the excitation in a picture in space, per forcing period
 

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -31,7 +31,7 @@ from matplotlib.textpath import TextToPath
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.notebook import Shown
 from gapwalk.picture_parts import described, description_of
-from gapwalk.plot.style import CARD, DPI, GREY, SizeName, in_style, points, rc, sheet_size, sized
+from gapwalk.plot.style import CARD, GREY, SizeName, in_style, points, present, rc, sheet_size, sized
 from gapwalk.studies.export import write_whole
 from gapwalk.studies.result import Result
 from gapwalk.studies.study_kind import kind_of, kinds
@@ -73,7 +73,7 @@ def new_sheet(size: Inches = WIDE) -> Figure:
         A figure of matplotlib.
     """
     with in_style():
-        figure = Figure(figsize=sheet_size(*size), dpi=DPI, layout="constrained")
+        figure = Figure(figsize=sheet_size(*size), dpi=present().dpi, layout="constrained")
     FigureCanvasAgg(figure)  # the same renderer measures texts for the layout and draws them
     return figure
 
@@ -108,7 +108,7 @@ def lay_out(figure: Figure, *, keep: bool = False) -> None:
 
 def write_heading(figure: AnyFigure, title: str) -> None:
     """Write a title above a whole picture, at the left."""
-    if title:
+    if title and present().title:
         figure.suptitle(title, x=0.01, ha="left", fontsize=rc()["axes.titlesize"], wrap=True)
 
 
@@ -130,6 +130,8 @@ def write_legend(
     note: str = "",
 ) -> None:
     """Write a legend of lines, symbols and fills."""
+    if not present().legend:
+        return
     handles: list[Artist] = [
         Patch(facecolor=options, edgecolor=GREY, linewidth=0.5, label=text)
         if isinstance(options, str)
@@ -199,15 +201,16 @@ def sheet_bytes(figure: Figure, form: str) -> bytes:
             return png_bytes(figure)
         content = io.BytesIO()
         metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}[form]
-        figure.savefig(content, format=form, dpi=DPI, metadata=metadata)
+        figure.savefig(content, format=form, dpi=figure.dpi, metadata=metadata)
         return content.getvalue()
 
 
-def png_bytes(figure: Figure, dpi: int = DPI) -> bytes:
+def png_bytes(figure: Figure, dpi: float | None = None) -> bytes:
     """Render a PNG as `savefig` does but without opacity: paper is white, and compression is twice as fast."""
     from PIL import Image  # imported late: it is installed with matplotlib
 
     content = io.BytesIO()
+    dpi = dpi or figure.dpi
     figure.set_dpi(dpi)
     canvas = figure.canvas if isinstance(figure.canvas, FigureCanvasAgg) else FigureCanvasAgg(figure)
     canvas.draw()
@@ -477,8 +480,9 @@ def save(
     record: Any,
     *paths: str | os.PathLike[str],
     form: str | None = None,
-    title: str | None = None,
+    title: str | Literal[False] | None = None,
     size: SizeName | None = None,
+    legend: bool = True,
     **options: Any,
 ) -> None:
     """Draw a record and write it to files.
@@ -492,7 +496,9 @@ def save(
     form
         ``"png"``, ``"svg"`` or ``"pdf"`` for other file extensions.
     title, size, **options
-        As in `draw`; the title is by default that of the study.
+        As in `draw`; the title is by default that of the study, False for none.
+    legend
+        False for a picture without a legend.
 
     Raises
     ------
@@ -512,7 +518,10 @@ def save(
         if each not in FORMS:
             raise ModelError(f"{os.fspath(path)} is not a name for a picture; give it the ending .png, .svg or .pdf")
     with sized(size):
-        figure = record if isinstance(record, Figure) else picture_of(record, title=title, **options)
+        now = present()
+        bare = replace(now, title=now.title and title is not False, legend=now.legend and legend)
+        with sized(bare):
+            figure = record if isinstance(record, Figure) else picture_of(record, title=title or None, **options)
         for path, each in zip(paths, forms, strict=True):
             write_whole(path, sheet_bytes(figure, each))
 
@@ -531,6 +540,8 @@ def _draw(
     drawing, in_axes = drawing_of(record, in_axes=ax is not None)
     options = drawing.named(arguments, options, record)
     title = options.pop("title", title)
+    if ax is None and not present().title:
+        title = ""
     if title is not None and "title" in drawing.options:
         options["title"] = title.replace("$", r"\$")
     opened = None

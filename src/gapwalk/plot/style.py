@@ -1,8 +1,7 @@
 """The common style of all pictures: sizes, colours, line styles and symbols.
 
-Settings of matplotlib are in `gapwalk.mplstyle`; the rest is here. The colours are those of Okabe and Ito (2008), which
-people with any form of colour vision can distinguish. No information depends on colour alone: every kind has its own
-line style and marker, so a grey print can be read as well.
+Settings of matplotlib are in `gapwalk.mplstyle`, the meanings of colours in `gapwalk.meanings`; the rest is here. No
+information depends on colour alone: every kind has its own line style and marker, so a grey print can be read as well.
 """
 
 from __future__ import annotations
@@ -17,16 +16,22 @@ from math import inf
 from typing import Any, Literal
 
 import matplotlib as mpl
-from matplotlib.colors import to_hex
 
 from gapwalk.attractors.regimes import Regime
 from gapwalk.bifurcation.loci import Codim2
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.errors import ModelError
+from gapwalk.meanings import AREA_OF_ONE, MEANINGS, REGIMES, color_of, period_color
 
-BLACK, GREY, SHADE = "#000000", "#6f6f6f", "#f1eee6"
-BLUE, GREEN, VERMILLION, PURPLE = "#0072B2", "#009E73", "#D55E00", "#CC79A7"
-DPI = 200
+BLACK, GREY, SHADE = color_of("stable"), color_of("stop"), "#f1eee6"
+SEVERAL = tuple(each for each in MEANINGS if each.name in ("first", "second", "third", "fourth"))
+"""Colours and dashes of several things of one kind, which the legend names."""
+LISTED: tuple[tuple[str, Any], ...] = (
+    (BLACK, "-"),
+    *((each.color, each.dashes) for each in (*SEVERAL[1:], SEVERAL[0])),
+)
+"""Colours and dashes of several curves, of which the first is black."""
+FIRST, SECOND, THIRD = (each.color for each in SEVERAL[:3])
 
 # ---------------------------------------------------------------------------------------------------------- sizes
 
@@ -41,17 +46,20 @@ class Size:
     width: float | None = None  #: Width in mm; None: the natural width of the picture.
     scale: float = 1.0  #: Scale of letters, lines and symbols; 1 is 9.5 points for the numbers along the axes.
     tall: float = 1.0  #: Ratio of height to width, relative to that ratio on a screen.
+    dpi: int = 200  #: Pixels in an inch, if lines are no vectors.
+    title: bool = True  #: False for pictures with a caption, which have no title and no sentences of their own.
+    legend: bool = True  #: False for no legend.
 
 
 SIZES: dict[str, Size] = {
     "screen": Size(),
-    "column": Size(85.0, 8.0 / 9.5, 1.5),
-    "page": Size(175.0, 8.5 / 9.5),
+    "column": Size(85.0, 8.0 / 9.5, 1.5, 600, title=False),
+    "page": Size(175.0, 8.5 / 9.5, dpi=600, title=False),
     "slide": Size(250.0, 16.0 / 9.5, 0.95),
 }
-"""A column of a journal, its whole page, and a slide of 13.3 x 7.5 inches below its title."""
+"""A column of a journal and its whole page, both above a caption; and a slide of 13.3 x 7.5 inches below its title."""
 
-CARD = Size(115.0, 8.0 / 9.5, 1.05)
+CARD = Size(115.0, 8.0 / 9.5, 1.05, title=False, legend=False)
 """The small picture on the card of a notebook."""
 
 _INCH = 25.4  # mm
@@ -96,6 +104,11 @@ def sized(size: SizeName | Size | None) -> Iterator[None]:
         _now.reset(token)
 
 
+def present() -> Size:
+    """Return the present size."""
+    return _now.get()
+
+
 def points(length: float) -> float:
     """Scale a length in points (of letters, lines or symbols) to the present size."""
     return length * _now.get().scale
@@ -108,7 +121,7 @@ def broken(label: str, room: float = inf) -> str:
     is_roomy = size.width is None or size.width / size.scale > _ROOMY
     if is_roomy and points(_LETTER) * len(label) < room:
         return label
-    places = [at for mark in (" (", ", ", " over ") if (at := label.find(mark, 8)) > 0]
+    places = [at for mark in (" (", ", ", " over ", " [") if (at := label.find(mark, 8)) > 0]
     return label if not places else f"{label[: min(places)].rstrip()}\n{label[min(places) :].lstrip(', ')}"
 
 
@@ -248,15 +261,18 @@ class SymbolStyle:
 
 
 LINES = {
-    "stable": LineStyle("stable", BLACK, "-", 1.7),
-    "below": LineStyle("unstable, beyond −1", VERMILLION, (0, (4.5, 1.6)), 1.3, "^"),
-    "above": LineStyle("unstable, beyond +1", BLUE, (0, (1.3, 1.3)), 1.5, "s"),
-    "pair": LineStyle("unstable, complex pair", GREEN, (0, (6, 1.5, 1.3, 1.5)), 1.4, "o"),
-    "neutral": LineStyle("neutral", GREY, "-", 1.4, "d"),
+    each.name: LineStyle(text, each.color, each.dashes, width, each.marker)
+    for text, width, each in (
+        ("stable", 1.7, MEANINGS[0]),
+        ("unstable, beyond −1", 1.3, MEANINGS[1]),
+        ("unstable, beyond +1", 1.5, MEANINGS[2]),
+        ("unstable, complex pair", 1.4, MEANINGS[3]),
+        ("neutral", 1.4, MEANINGS[6]),
+    )
 }
 """Line styles by the label of an instability, see `Instability.label`."""
 
-_COLORS = {"blue": BLUE, "vermillion": VERMILLION, "green": GREEN, "purple": PURPLE, "grey": GREY}
+_NAMES = {"blue": "above", "vermillion": "below", "green": "pair", "purple": "cross", "grey": "stop"}
 
 
 def symbol_style(kind: Kind) -> SymbolStyle:
@@ -264,7 +280,7 @@ def symbol_style(kind: Kind) -> SymbolStyle:
     symbol = kind.symbol
     edge = (GREY, 0.9) if kind is Kind.GRAZING else (BLACK, 0.6)
     text = symbol.label or str(kind)
-    return SymbolStyle(text, symbol.letters, symbol.marker, _COLORS[symbol.color], symbol.size, *edge)
+    return SymbolStyle(text, symbol.letters, symbol.marker, color_of(_NAMES[symbol.color]), symbol.size, *edge)
 
 
 def in_order(kinds: Iterable[Kind]) -> list[Kind]:
@@ -273,7 +289,7 @@ def in_order(kinds: Iterable[Kind]) -> list[Kind]:
     return [*(kind for kind in Kind.known() if kind in found), *(kind for kind in found if kind not in Kind.known())]
 
 
-UNEXPLAINED = SymbolStyle("not explained", "", "$?$", VERMILLION, 12.0, VERMILLION, 0.4)
+UNEXPLAINED = SymbolStyle("not explained", "", "$?$", BLACK, 12.0, BLACK, 0.4)
 """The question mark at an unexplained step of a branch."""
 
 CLUSTER = SymbolStyle("number of points there", "", "o", "white", 11.0, GREY, 0.8)
@@ -306,25 +322,18 @@ CODIM2 = {
 AXIS, GUIDE = LineStyle("", GREY, "-", 0.8), LineStyle("", GREY, (0, (4, 2)), 0.8)
 """Guide lines: zero; breakpoints, and folds of a waterfall."""
 
-_PERIODS = ("#000000", "#0b56a4", "#d55e00", "#56b4e9", "#e69f00", "#cc79a7")
 
-
-def period_color(rank: int) -> str:
-    """Return the colour of the period with a rank (0: the shortest): distinct for any colour vision, ever lighter."""
-    return _PERIODS[min(rank, len(_PERIODS) - 1)]
-
-
-def period_options(rank: int, stable: bool) -> dict[str, Any]:
-    """Return the options of a matplotlib line for motions of the period with a rank (0: the shortest)."""
-    width = (1.8, 1.4, 1.1, 0.9, 0.7)[min(rank, 4)]
+def period_options(period: int, rank: int, stable: bool) -> dict[str, Any]:
+    """Return the options of a matplotlib line for motions of a period, which has a rank (0: the shortest shown)."""
+    width = (1.8, 1.5, 1.2, 1.0, 0.8)[min(rank, 4)]
     dashes = "-" if stable else (0, (3.2, 1.6))
-    return stroke(period_color(rank), width if stable else 0.45 * width, dashes, solid_capstyle="butt")
+    return stroke(period_color(period), width if stable else 0.45 * width, dashes, solid_capstyle="butt")
 
 
-def birth_options(rank: int) -> dict[str, Any]:
-    """Return the options of a matplotlib line for the origins of branches on a branch of the period of that rank."""
+def birth_options(period: int, rank: int) -> dict[str, Any]:
+    """Return the options of a matplotlib line for the origins of branches on a branch of that period and rank."""
     size, width = ((4.0, 0.9), (3.0, 0.7), (2.0, 0.5), (1.4, 0.4))[min(rank, 3)]
-    return symbols(Kind.FLIP.symbol.marker, size, edge=period_color(rank), width=width)
+    return symbols(Kind.FLIP.symbol.marker, size, edge=period_color(period), width=width)
 
 
 def locus_style(kind: Kind) -> LineStyle:
@@ -344,10 +353,8 @@ NAMED_PERIODS = 8
 """Number of periods with a colour of their own."""
 
 _REGIMES = {
-    Regime.QUASI_PERIODIC.text: "#e8702a",
-    Regime.CHAOTIC.text: "#000000",
-    Regime.UNDECIDED.text: "#b5b5b5",
-    Regime.RUNAWAY.text: "#ffffff",
+    regime.text: REGIMES[regime.text]
+    for regime in (Regime.QUASI_PERIODIC, Regime.CHAOTIC, Regime.UNDECIDED, Regime.RUNAWAY)
 }
 
 
@@ -362,9 +369,7 @@ def regime_color(word: str) -> str:
     m = period_of(word)
     if m is None:
         return _REGIMES.get(word, "#4d4d4d")
-    if m > NAMED_PERIODS:
-        return "#8b5a9e"
-    return "#f6f2e4" if m == 1 else to_hex(mpl.colormaps["YlGnBu"](0.22 + 0.78 * (m - 2) / (NAMED_PERIODS - 2)))
+    return AREA_OF_ONE if m == 1 else period_color(m if m <= NAMED_PERIODS else 11)
 
 
 def regime_entries(words: set[str]) -> dict[str, str]:

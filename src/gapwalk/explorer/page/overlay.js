@@ -5,12 +5,11 @@ import { letters } from "./clusters.js";
 /** Tints of shades and cells, as variables of the style sheet. */
 const TINTS = { one: "--tint-one", both: "--tint-both", quiet: "--tint-quiet", goal: "--tint-goal", closed: "--tint-closed", open: "--tint-open", none: "--stop", undone: "--page" };
 const LOOKS = {
-  run: "--below", main: "--accent", first: "--above", second: "--below", third: "--pair", fourth: "--accent", middle: "--above", most: "--pair", largest: "--below", worst: "--ink", rising: "--above", falling: "--below", measured: "--ink", other: "--pair",
+  run: "--stop", main: "--accent", first: "--first", second: "--second", third: "--third", fourth: "--fourth", middle: "--first", most: "--third", largest: "--second", worst: "--ink", rising: "--first", falling: "--second", measured: "--ink", other: "--third",
   torus: "--pair", "torus-unstable": "--pair",
   "kind-fold": "--above", "kind-flip": "--below", "kind-neimark-sacker": "--pair", "kind-grazing": "--stop",
 };
 const MANY = 600; // dots that are drawn small, as in the clouds of a sweep
-const GOLD = "#f3c55b";
 
 /** The parts of an answer that have a place over the axes. */
 export function onAxes(answer, x, y) {
@@ -60,7 +59,7 @@ function paintCells(draw, { rows, entries, within, turned }, px, py, color) {
 
 function cellColor({ tint, wild, color: own }, color) {
   if (own) return own;
-  return color(wild ? `${TINTS[tint]}-wild` : ["one", "both"].includes(tint) ? `--cell-${tint}` : TINTS[tint]);
+  return color(wild ? `${TINTS[tint]}-wild` : TINTS[tint]);
 }
 
 /** The shades and lines as shapes of Plotly, for a file. */
@@ -93,7 +92,7 @@ export function tracesOf(over, view, placed, color) {
       type: "scatter", mode: mark !== "line" ? "markers" : named ? "lines+text" : "lines", name: text || look, x, y,
       hoverinfo: text && !named ? "text" : "skip", text: named || text, textposition: "top left", textfont: { size: letters(), color: shade },
       line: { color: shade, width: 1.6, dash: ["most", "falling", "torus-unstable"].includes(look) ? "6px,3px" : "solid" },
-      marker: { symbol: marks[mark], size: starred ? 15 : mark === "crosses" ? 7 : x.length > MANY ? 2.4 : 4.5, color: starred ? GOLD : shade, line: { width: x.length > MANY ? 0 : 1.2, color: starred ? color("--ink") : shade } },
+      marker: { symbol: marks[mark], size: starred ? 15 : mark === "crosses" ? 7 : x.length > MANY ? 2.4 : 4.5, color: starred ? color("--worst") : shade, line: { width: x.length > MANY ? 0 : 1.2, color: starred ? color("--ink") : shade } },
     };
   });
   return [...layers, ...over.clouds.flatMap((cloud) => cloudTraces(cloud, view, placed, color))];

@@ -9,6 +9,7 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 from gapwalk.flow.motion import force_of
+from gapwalk.meanings import color_of
 from gapwalk.model.contact import ContactForm, StageForm
 from gapwalk.model.loads import Harmonic
 from gapwalk.model.system import System
@@ -564,7 +565,8 @@ def fitted(text: str, room: float) -> str:
 
 # The drawing of a machine on white paper: as an SVG file, and in axes of matplotlib.
 
-INK, BLUE, GREY, STEEL, ROOM = "#1a1a1a", "#0072B2", "#6f6f6f", "#e8edf2", "#fde7d3"
+INK, STEEL = "#1a1a1a", "#e8edf2"
+LOAD, GREY, ROOM, RUB = (color_of(name) for name in ("third", "stop", "tint-one", "tint-goal"))
 
 LOOKS: dict[str, dict[str, str | float]] = {
     "stroke": {"stroke": INK, "width": 1.4},
@@ -572,18 +574,18 @@ LOOKS: dict[str, dict[str, str | float]] = {
     "hatch": {"stroke": GREY, "width": 0.9},
     "wall": {"stroke": INK, "width": 2.0},
     "dashed": {"stroke": GREY, "width": 1.3, "dashes": "4 3"},
-    "stop": {"stroke": "#D55E00", "width": 2.8},
+    "stop": {"stroke": GREY, "width": 2.8},
     "tongue": {"stroke": INK, "width": 2.6},
     "room": {"fill": ROOM},
     "rigid": {"stroke": INK, "width": 1.2, "fill": GREY},
-    "rub": {"stroke": INK, "width": 1.2, "fill": "#f3c55b"},
+    "rub": {"stroke": INK, "width": 1.2, "fill": RUB},
     "paper": {"stroke": INK, "width": 1.2, "fill": "white"},
     "ink": {"fill": INK},
     "body": {"stroke": INK, "width": 1.5, "fill": STEEL},
     "stub": {"stroke": GREY, "width": 1.2, "fill": "white", "dashes": "3 2"},
-    "load": {"stroke": BLUE, "width": 1.6},
-    "load-head": {"fill": BLUE},
-    "load-name": {"fill": BLUE},
+    "load": {"stroke": LOAD, "width": 1.6},
+    "load-head": {"fill": LOAD},
+    "load-name": {"fill": LOAD},
     "name": {"fill": INK},
     "state": {"fill": GREY},
     "symbol": {"fill": INK},
