@@ -19,7 +19,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.channels.channel_file import ChannelFile, ColumnHead
+from gapwalk.model.channels.channel_file import ChannelFile
 from gapwalk.model.channels.hdf_channels import HdfChannels
 
 _HEADER = 128
@@ -40,32 +40,26 @@ class MatChannels(ChannelFile):
 
     words, endings = "a MAT file of MATLAB up to version 7", (".mat",)
 
-    def __init__(self, path: str) -> None:
+    def open(self, path: str) -> None:
+        """See `ChannelFile.open`."""
         with open(path, "rb") as file:
-            self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        self._content = memoryview(self._map)
-        order = {b"IM": "<", b"MI": ">"}[self._map[126:_HEADER]]
-        self._variables = dict(_variables(self._content, order))
-        self.heads = tuple(
-            ColumnHead.channel(name, "", "", math.prod(each.shape), each.problem)
-            for name, each in self._variables.items()
-        )
+            self.file = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        self._content = memoryview(self.file)
+        order = {b"IM": "<", b"MI": ">"}[self.file[126:_HEADER]]
+        for name, each in dict(_variables(self._content, order)).items():
+            self.add(each.values, name, "", "", math.prod(each.shape), each.problem)
 
     @classmethod
     def fits(cls, head: bytes) -> bool:
         """See `ChannelFile.fits`."""
         return head[126:_HEADER] in (b"IM", b"MI") and not HdfChannels.fits(head)
 
-    def read(self, place: int) -> NDArray[np.float64]:
-        """See `ChannelFile.read`."""
-        return list(self._variables.values())[place].values()
-
     def close(self) -> None:
         """See `ChannelFile.close`."""
-        self._variables = {}
+        self._readers = []
         with suppress(BufferError):  # a traceback may hold a part of it
             self._content.release()
-            self._map.close()
+            self.file.close()
 
 
 @dataclass(frozen=True)

@@ -85,27 +85,30 @@ from gapwalk.model.value_checks import checked
 # Errors of a drive train: names, numbers, parts, and how they are connected.
 
 _RESERVED = ("frequency", "speed", "mass", "damping", "stiffness", "mean", "study", GROUND)
+PARTS = {
+    "inertias": "inertia", "shafts": "shaft", "gears": "gear", "forces": "force", "frictions": "friction",
+    "drags": "drag", "planetaries": "planetary", "bearings": "bearing",
+}  # fmt: skip
+"""The fields of a train that hold its parts, each with the table of one in a file."""
 
 
 def name_problems(train: Train) -> Iterator[str]:
     """List names that no parameter can have, or that two parts have."""
-    parts: Any = [("inertia", train.inertias), ("shaft", train.shafts), ("gear", train.gears), ("force", train.forces)]
-    parts += [("friction", train.frictions), ("drag", train.drags), ("planetary", train.planetaries)]
-    parts += [("bearing", train.bearings), ("harmonic", train.harmonics)]
-    counts = Counter(str(part.name) for _, group in parts for part in group)
-    for kind, group in parts:
-        for part in group:
-            if not isinstance(part.name, str) or not part.name.isidentifier():
-                yield f"{kind} name {part.name!r}: write a word of letters, digits and underscores"
-            elif part.name in _RESERVED:
-                yield f"{part.name} is taken as a name already; choose another one for the {kind}"
-            elif counts[part.name] > 1:
-                yield f"{part.name} has the name of another part; give each a name of its own"
-            elif kind in ("shaft", "gear"):
-                rigid = RIGID in (stage.stiffness for stage in part.stages)
-                made = {friction_name(part.name): makes_friction(part), stop_name(part.name): rigid}
-                for name in (name for name, exists in made.items() if exists and counts[name]):
-                    yield f"{part.name} makes {name}, but another part has that name; choose another one for it"
+    parts = [(kind, part) for group, kind in PARTS.items() for part in getattr(train, group)]
+    parts += [("harmonic", load) for load in train.harmonics]
+    counts = Counter(str(part.name) for _, part in parts)
+    for kind, part in parts:
+        if not isinstance(part.name, str) or not part.name.isidentifier():
+            yield f"{kind} name {part.name!r}: write a word of letters, digits and underscores"
+        elif part.name in _RESERVED:
+            yield f"{part.name} is taken as a name already; choose another one for the {kind}"
+        elif counts[part.name] > 1:
+            yield f"{part.name} has the name of another part; give each a name of its own"
+        elif kind in ("shaft", "gear"):
+            rigid = RIGID in (stage.stiffness for stage in part.stages)
+            made = {friction_name(part.name): makes_friction(part), stop_name(part.name): rigid}
+            for name in (name for name, exists in made.items() if exists and counts[name]):
+                yield f"{part.name} makes {name}, but another part has that name; choose another one for it"
 
 
 def makes_friction(link: Link) -> bool:
@@ -164,23 +167,13 @@ def part_problems(train: Train) -> Iterator[str]:
             yield f"{link.name} joins {ends[0]} to itself; name two different inertias"
         elif ends[0] == GROUND:
             yield f"{link.name} begins at the ground; write the ground second"
-        if (
-            isinstance(link, Gear | Friction)
-            and isinstance(link.ratio, int | float)
-            and not 0 < abs(link.ratio) < math.inf
-        ):
-            meaning = "it must be the speed of the first inertia over that of the second"
-            yield f"{link.name}.ratio is {link.ratio:g}; {meaning}"
-    torques = [
-        ("mean", train.mean),
-        *((f"{each.name}.acts_on", each.acts_on) for each in map(plain_load, train.harmonics)),
-    ]
-    for what, names in torques:
-        yield from (
-            f"{what} names {name!r}, which is no inertia; {did_you_mean(name, inertias)}"
-            for name in names
-            if name not in inertias
-        )
+        ratio = link.ratio if isinstance(link, Gear | Friction) else None
+        if isinstance(ratio, int | float) and not 0 < abs(ratio) < math.inf:
+            yield f"{link.name}.ratio is {ratio:g}; it must be the speed of the first inertia over that of the second"
+    loads = map(plain_load, train.harmonics)
+    torques = [("mean", train.mean), *((f"{each.name}.acts_on", each.acts_on) for each in loads)]
+    for what, name in ((what, name) for what, names in torques for name in names if name not in inertias):
+        yield f"{what} names {name!r}, which is no inertia; {did_you_mean(name, inertias)}"
     if train.reference not in inertias:
         yield f"reference is {train.reference!r}, which is no inertia; {did_you_mean(train.reference, inertias)}"
     if train.reaction is not None:
@@ -193,21 +186,15 @@ def part_problems(train: Train) -> Iterator[str]:
 def set_problems(train: Train) -> Iterator[str]:
     """List the errors of planetary sets and bearings, and names of their parts that are taken."""
     inertias = [each.name for each in train.inertias if not isinstance(each, Planet)]
-    taken = {part.name for part in (*train.inertias, *train.shafts, *train.gears, *train.forces, *train.frictions)
-             if not isinstance(part, Planet)}  # fmt: skip
-    for each in (*train.planetaries, *train.bearings):
-        own = each.problems(inertias, train.gears) if isinstance(each, Bearing) else each.problems(inertias)
-        found = [f"{each.name} {problem}" for problem in own]
-        yield from found
-        if isinstance(each, Bearing):
-            made = () if found else (each.inertia(train.units),)
-        else:
-            made = () if found else (*each.inertias, *each.links)
-        yield from (
-            f"{each.name} makes {part.name}, but another part has that name; choose another one for it"
-            for part in made
-            if part.name in taken
-        )
+    groups = (getattr(train, group) for group in [*PARTS][:6])
+    taken = {part.name for group in groups for part in group if not isinstance(part, Planet)}
+    for each in train.branches:
+        of_gear = isinstance(each, Bearing)
+        found = [*(each.problems(inertias, train.gears) if of_gear else each.problems(inertias))]
+        yield from (f"{each.name} {problem}" for problem in found)
+        made = () if found else (each.inertia(train.units),) if of_gear else (*each.inertias, *each.links)
+        for part in (part for part in made if part.name in taken):
+            yield f"{each.name} makes {part.name}, but another part has that name; choose another one for it"
 
 
 def row_problems(train: Train) -> Iterator[str]:
@@ -368,17 +355,7 @@ class Train:
     over_speed: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
-        for name in (
-            "inertias",
-            "shafts",
-            "gears",
-            "forces",
-            "frictions",
-            "drags",
-            "planetaries",
-            "bearings",
-            "harmonics",
-        ):
+        for name in (*PARTS, "harmonics"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if not self.reference and self.inertias:
             object.__setattr__(self, "reference", self.inertias[0].name)
@@ -508,11 +485,9 @@ class Train:
             values = {name: change(f"{load.name}.{name}", getattr(load, name)) for name in names}
             return with_load(each, replace(load, **values))
 
+        groups = [group for group in PARTS if group != "bearings"]  # whose numbers follow from lengths and masses
         return {
-            **{
-                group: tuple(each._converted(change) for each in getattr(self, group))
-                for group in ("inertias", "shafts", "gears", "forces", "frictions", "drags", "planetaries")
-            },
+            **{group: tuple(each._converted(change) for each in getattr(self, group)) for group in groups},
             "mean": {name: change(f"mean.{name}", value) for name, value in self.mean.items()},
             pace: change(pace, getattr(self, pace)),
             "harmonics": tuple(map(changed, self.harmonics)),
@@ -530,9 +505,7 @@ class Train:
         **changes
             New values by the names of its fields.
         """
-        groups = {"inertias": self.inertias, "shafts": self.shafts, "gears": self.gears, "forces": self.forces}
-        groups |= {"frictions": self.frictions, "drags": self.drags, "planetaries": self.planetaries}
-        groups |= {"bearings": self.bearings}
+        groups = {group: getattr(self, group) for group in PARTS}
         for group, parts in groups.items():
             if part in [each.name for each in parts]:
                 changed = tuple(replace(each, **changes) if each.name == part else each for each in parts)

@@ -1,37 +1,18 @@
 """Equations of motion of a train from the numbers of its parts, without the rotation of the train as a whole.
 
-The coordinates ``x`` are the deflections of the springs along a tree of links. With the angles ``theta`` of the
-inertias, ``theta = T x + r psi``: `r` holds the speeds at which a free train turns as a whole, and the columns of `T`
-have no angular momentum, ``r^T J T = 0``. So ``psi`` drops out, exactly, whatever the loads, and what is left is
+With the deflections ``x`` of the springs along a tree of links, the angles of the inertias are ``theta = T x + r psi``;
+`r` holds the speeds at which a free train turns as a whole, and the columns of `T` have no angular momentum. So ``psi``
+drops out, exactly. With the deflections ``L x`` of all links,
 
     T^T J T x'' + L^T C L x' + L^T K L x + sum_k e_k f_k = T^T (torques)
 
-with the deflections ``L x`` of all links. An inertia whose motion is prescribed is taken for the ground, and displaces
-the links that end at it. A train that the ground holds has no ``r``. Padmanabhan and Singh (1995),
-equations 1 to 18, do the same for three inertias, and divide by the masses.
-
-Where a drag alone joins two groups of inertias (a fluid coupling), the angle ``x_s`` between them is in no equation,
-only its rate is, and with a mean torque it grows for ever. So the coordinate is a leaky integral ``y`` of the rate,
-
-    x_s' = y' + g y
-
-That changes no motion: a steady slip is the constant ``g y``, and one multiplier is ``exp(-g T)`` where that of the
-angle would be 1. With ``G = diag(g)``, zero for deflections, the equations become
+An inertia whose motion is prescribed is taken for the ground. The slip of a drag that alone joins two groups of parts
+is a leaky integral y, ``x_s' = y' + g y``, which changes no motion; with ``G = diag(g)``, zero for deflections,
 
     M x'' + (C + M G) x' + (K + C G) x + ...
 
-for ``x_s`` has no stiffness and deflects no contact. The leak g is twice the rate at which the drag by itself ends the
-slip: it follows from inertias and damping alone, and the equations of two inertias keep two different multipliers.
-
-A drag between parts that turn at different speeds, or on the casing, acts on absolute rates. With the vector d of its
-ends its slip is ``s = d^T theta' = (d^T r) W + d^T T x' + (d^T r) v``, where ``v = psi'`` is the rotation as a whole
-beside the mean speed W. So of a free train with such drags psi is one more coordinate, the *turn*, with the inertia
-``I = r^T J r``, and nothing else of it is special: its column beside T is r. The mean of v is 0 by definition of W. The
-reaction, which acts on the inertia R, keeps it so: its constant part balances all loads and drags at the speed W, and
-what is left (a drag that is not linear has another mean while the train vibrates) is a torque ``-k psi`` on R. The k is
-so small that it is constant over a period but for 1e-7 of the torque that turns it: both rates at which the turn then
-returns to its mean are slower than the decay by the drags themselves. As psi itself matters nowhere, it is counted in
-units of `TURN_UNIT` angles, so that the large angle at which it rests weighs little where states are compared.
+The leak g is twice the rate at which the drag by itself ends the slip. Where drags act on absolute rates, psi is one
+more coordinate, the *turn*, in units of `TURN_UNIT` angles; a torque ``-k psi`` on the reaction keeps its mean rate 0.
 
 Method: docs/numerics/drive-trains.md
 """

@@ -20,7 +20,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.contact import OF_FRICTION, Side, friction_name, stop_name
 from gapwalk.model.drivetrain.bearing import Bearing
 from gapwalk.model.drivetrain.planetary import Planetary
-from gapwalk.model.drivetrain.train import Train
+from gapwalk.model.drivetrain.train import PARTS, Train
 from gapwalk.model.drivetrain.train_orders import LONGEST
 from gapwalk.model.drivetrain.train_parts import OF_DRAGS, Drag, Force, Friction, Gear, Inertia, Shaft
 from gapwalk.model.element_tables import FrictionBase, TrainLoadBase, default_name, friction_part, load_fields
@@ -322,20 +322,14 @@ class TrainBase(Part):
     def system(self, elements: Mapping[str, list[Any]]) -> System:
         """Make the system of the train, with the loads that its tables have made."""
         parts: list[Any] = [each for key in (*_PACED, "drag") for each in getattr(self, key, ())]
+        made = {group: [part.part() for part in getattr(self, kind, ())] for group, kind in PARTS.items()}
         train = Train(
-            inertias=[part.part() for part in self.inertia],
-            shafts=[part.part() for part in getattr(self, "shaft", ())],
-            gears=[part.part() for part in getattr(self, "gear", ())],
+            **made,
             mean=self.mean,
             harmonics=loads_of(elements),
             frequency=self.frequency or 1.0,
             reaction=self.reaction,
             speed=self.speed,  # pyright: ignore[reportArgumentType]
-            forces=[part.part() for part in self.force],
-            frictions=[part.part() for part in getattr(self, "friction", ())],
-            drags=[part.part() for part in getattr(self, "drag", ())],
-            planetaries=[part.part() for part in getattr(self, "planetary", ())],
-            bearings=[part.part() for part in getattr(self, "bearing", ())],
             groups=self.groups,
             over_speed={name: text for part in parts for name, text in part.factors()} | self.over_speed,
             reference=self.reference,
@@ -348,14 +342,15 @@ class TrainBase(Part):
 def train_part() -> type[TrainBase]:
     """Return the schema of a model file with a drive train."""
     fields = {**law_fields("parameters"), **friction_fields(), "stage": (stages_field(0), Field(default=[]))}
-    links: dict[str, Any] = {"shaft": ("ShaftPart", LinkBase), "gear": ("GearPart", GearBase)}
-    for key, (name, base) in links.items():
-        part: Any = create_model(name, __base__=base, **fields)
-        links[key] = (list[part], Field(default=[], max_length=MAX_COORDINATES))
-    links["drag"] = (list[DragPart], Field(default=[], max_length=MAX_COORDINATES))
-    links["friction"] = (list[friction_part(TrainFrictionBase)], Field(default=[], max_length=MAX_COORDINATES))
-    links["planetary"] = (list[PlanetaryPart], Field(default=[], max_length=MAX_COORDINATES))
-    links["bearing"] = (list[BearingPart], Field(default=[], max_length=MAX_COORDINATES))
+    made: dict[str, Any] = {
+        "shaft": create_model("ShaftPart", __base__=LinkBase, **fields),
+        "gear": create_model("GearPart", __base__=GearBase, **fields),
+        "drag": DragPart,
+        "friction": friction_part(TrainFrictionBase),
+        "planetary": PlanetaryPart,
+        "bearing": BearingPart,
+    }
+    links: Any = {k: (list[part], Field(default=[], max_length=MAX_COORDINATES)) for k, part in made.items()}
     return create_model("TrainPart", __base__=TrainBase, **links, **load_fields(TrainLoadBase))
 
 
@@ -368,7 +363,7 @@ def train_problems(error: ModelError, source: Source) -> Iterator[Problem]:
     """Make a problem of each line of an error, at the part with which it begins."""
     places: dict[str, Path] = {name: (name,) for name in _TOP}
     beside: dict[str, Path] = {}  # of contacts that a table makes beside its springs
-    for kind in (*_KEYS, "force", "friction", "drag", *LOADS):
+    for kind in (*PARTS.values(), *LOADS):
         for number, table in enumerate(source.data.get(kind, ())):
             name = table.get("name") or default_name(kind, table, places)
             places[name] = (kind, number)
