@@ -17,7 +17,7 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.channels.channel_file import MAX_SAMPLES as MAX_CHANNEL
 from gapwalk.model.channels.channel_file import ChannelFile, ColumnHead, NamedFile, open_channels
-from gapwalk.model.measured.measured_table import WantedColumn, read_heads, read_table
+from gapwalk.model.measured.measured_table import WantedColumn, named_errors, read_heads, read_table
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind, Unit, read_unit
@@ -198,16 +198,12 @@ def read_measurement(
     """
     path = Path(path)
     wanted = _wanted(columns or {})
-    try:
-        with open_channels(path, "time,acceleration") as file:
-            places = {field: _place(file, field, name) for field, name in wanted.items()}
-            if "speed" not in places and (speed := _named(file, "speed")):
-                places["speed"] = speed[0]
-            table = file.numbers(places, MAX_SAMPLES)
-        return Record(name=path.name, **table).scaled(time_scale, scale, speed_scale)
-    except ModelError as error:
-        text = str(error)
-        raise ModelError(text if text.startswith(path.name) else f"{path.name}: {text}") from None
+    with named_errors(path.name), open_channels(path, "time,acceleration") as file:
+        places = {field: _place(file, field, name) for field, name in wanted.items()}
+        if "speed" not in places and (speed := _named(file, "speed")):
+            places["speed"] = speed[0]
+        table = file.numbers(places, MAX_SAMPLES)
+    return Record(name=path.name, **table).scaled(time_scale, scale, speed_scale)
 
 
 def _wanted(columns: Mapping[str, str]) -> dict[str, str]:
@@ -347,16 +343,6 @@ def _tracked(
     return Tracked(
         system, signal, samples, even, np.interp(even, theta, time), smooth, CubicSpline(theta, values)(even)
     )
-
-
-def value_columns(source: NamedFile, system: System, signal: str) -> list[str]:
-    """Return the names of the columns of a file that may be a signal: those of its unit; without units all others."""
-    heads = [head for head in read_heads(source) if head.name]
-    if system.units is None:
-        others = ("time", "t", "speed", "frequency", "n", system.structure.pace)
-        return [head.text for head in heads if not head.unit and head.name.casefold() not in others]
-    kind = kind_of_signal(signal)
-    return [head.text for head in heads if head.is_of(kind)]
 
 
 def is_run_up(source: str | os.PathLike[str] | NamedFile, system: System) -> bool:

@@ -38,13 +38,7 @@ _CONSISTENT = 1e-9  # relative error of numbers of the paper that must fit toget
 
 @dataclass(frozen=True, slots=True)
 class Scales:
-    """The physical values of the number 1 in a non-dimensional drive train.
-
-    Raises
-    ------
-    ModelError
-        If one of them is not > 0.
-    """
+    """The physical values of the number 1 in a non-dimensional drive train."""
 
     angle: Positive  #: In rad, > 0.
     frequency: Positive  #: In rad/s, > 0: the time 1 is one divided by it.
@@ -61,13 +55,7 @@ class Scales:
         return self.inertia * self.frequency**2 * self.angle
 
     def of(self, kind: QuantityKind | None) -> float:
-        """Return the physical value of the number 1 of a kind, in SI units with rad.
-
-        Parameters
-        ----------
-        kind
-            The kind; None for a plain number.
-        """
+        """Return the physical value of the number 1 of a kind, in SI units with rad; 1 for a plain number."""
         if kind is None or kind is QuantityKind.PHASE:
             return 1.0
         return self.angle**kind.angle * self.frequency**-kind.time * self.torque**kind.torque

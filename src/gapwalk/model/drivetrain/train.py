@@ -438,16 +438,10 @@ class Train:
                 problems.append(f"{name} {error}")
         if problems or not found:
             return problems
-        units = self.units or units_of(
-            quantities,
-            None if self.speed is None else 1,  # until orders are counted
-            [
-                (name, kind, found[name][1] if name in found else PLAIN)
-                for name, kind in own.items()
-                if kind is not QuantityKind.FREQUENCY
-            ],
-        )
-
+        numbers = [(n, kind, found[n][1] if n in found else PLAIN) for n, kind in own.items()]
+        numbers = [each for each in numbers if each[1] is not QuantityKind.FREQUENCY]
+        turns = None if self.speed is None else 1  # until orders are counted
+        units = self.units or units_of(quantities, turns, numbers)
         sizes: dict[str, Any] = {}
         for name, (size, unit) in found.items():
             kind = kinds[name]
@@ -464,9 +458,7 @@ class Train:
         assert self.units is not None
         turns = common_orders(self)[0]
         loads = [
-            each
-            if isinstance(each, Counted) or not each.is_periodic
-            else replace(each, order=int(each.turn_order / turns))
+            replace(each, order=int(each.turn_order / turns)) if isinstance(each, Load) and each.is_periodic else each
             for each in self.harmonics
         ]
         counted = int(turns) if turns.denominator == 1 else turns
@@ -550,9 +542,8 @@ class Train:
         counts = Counter([load.form.name for load in form.loads])
         counts.update(part.name for part in (*self.inertias, *self.links))
         for name in (name for name, count in counts.items() if count > 1):
-            raise ModelError(
-                f"{name} is a name that the train gives a load of its own; choose another one for the part"
-            )
+            told = "a name that the train gives a load of its own; choose another one for the part"
+            raise ModelError(f"{name} is {told}")
         values = np.array([*self._numbers(form)], dtype=float)
         assembly = TrainAssembly(form, self._units)
         train = assembly.numbers(values)
@@ -569,9 +560,8 @@ class Train:
             last = name.rpartition(".")[2]
             if name not in form.names or last in ("inertia", "ratio", "frequency", "clearance", "phase"):
                 known = [each for each in form.names if each.rpartition(".")[2] in ("stiffness", "damping", "limit")]
-                raise ModelError(
-                    f"over_speed names {name!r}, which is no number that can vary; {did_you_mean(name, known)}"
-                )
+                hint = did_you_mean(name, known)
+                raise ModelError(f"over_speed names {name!r}, which is no number that can vary; {hint}")
             factor = FactorOverSpeed(text)
             yield name, factor.in_train(self.units) if self.units else factor
 
@@ -583,9 +573,7 @@ class Train:
             load = plain_load(each)
             load = load.in_train(self.units) if self.units else load
             scaled = load.frequencies if getattr(load, "growth", True) else ()
-            constants = tuple(
-                (name, value * frequency if name in scaled else value) for name, value in load.constants()
-            )
+            constants = tuple((n, value * frequency if n in scaled else value) for n, value in load.constants())
             varies, displaces = targets_of(self, load, links)
             form = LoadForm(load.name, order, type(load), constants, varies)
             yield TorqueForm(form, tuple(numbers[name] for name in load.acts_on), displaces)
@@ -602,9 +590,8 @@ class Train:
         gapless = gapless_links(self)
         forms = []
         for link in self.links:
-            parts = tuple(
-                ContactForm.of(each, reciprocal=acts_along_its_slip(each.law)) for each in self._contacts(link)
-            )
+            made = self._contacts(link)
+            parts = tuple(ContactForm.of(each, reciprocal=acts_along_its_slip(each.law)) for each in made)
             always = link.acts_always and link.name not in gapless
             ends = numbers[link.between[0]], numbers[link.between[1]]
             geared = isinstance(link, Gear | Friction) and link.ratio is not None
@@ -702,9 +689,9 @@ class Train:
             given = None if of_link.own is None else link.numbers
             yield from (getattr(link, what) if given is None else given[what] for what in of_link.own_numbers)
             for contact in self._contacts(link):
-                names = (f"{contact.name}.{each.name}" for each in contact.law.parameters)
-                own = dict(zip(names, contact.numbers.values(), strict=True)) if not contact.stages else {}
-                yield from contact.values() if contact.stages else (v for n, v in own.items() if not is_computed(n))
+                names = contact.law.parameters
+                own = zip((f"{contact.name}.{each.name}" for each in names), contact.numbers.values(), strict=False)
+                yield from contact.values() if contact.stages else (v for n, v in own if not is_computed(n))
         for load in map(plain_load, self.harmonics):
             yield from (*load.values(), *load.acts_on.values())
 
