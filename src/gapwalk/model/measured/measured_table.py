@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -33,12 +33,20 @@ from gapwalk.model.units import Quantity, QuantityKind, Unit, read_unit
 
 
 def number_row(values: object, what: str) -> NDArray[np.float64]:
-    """Return one row of finite numbers; refuse anything else, with the reason."""
+    """Return one row of numbers; refuse anything else, with the reason."""
     try:
         row = np.array(values, dtype=float)
     except (TypeError, ValueError):
-        raise ModelError(f"the {what} must be a list of numbers") from None
-    if row.ndim != 1 or not np.isfinite(row).all():
+        raise ModelError(f"{what} must be a list of numbers") from None
+    if row.ndim != 1:
+        raise ModelError(f"{what} has the shape {row.shape}; it must be one row of numbers")
+    return row
+
+
+def finite_row(values: object, what: str) -> NDArray[np.float64]:
+    """Return one row of finite numbers; refuse anything else, with the reason."""
+    row = number_row(values, f"the {what}")
+    if not np.isfinite(row).all():
         raise ModelError(f"the {what} must be one row of finite numbers")
     return row
 
@@ -257,17 +265,28 @@ def _sought(heads: Sequence[ColumnHead], wanted: WantedColumn, free: Sequence[in
 
 def _named(heads: Sequence[ColumnHead], names: Sequence[str], among: Sequence[int]) -> list[int]:
     """Return the indices of the columns of a name: as written, with its group, or in other letters or without unit."""
-    ways: tuple[Callable[[ColumnHead], str], ...] = (
-        lambda head: head.text,
-        lambda head: f"{head.group}/{head.name}" if head.group else head.name,
-        lambda head: head.name,
-        lambda head: head.name.casefold(),
-    )
-    for key in ways:
-        found = [place for place in among if key(heads[place]) in (*names, *(n.casefold() for n in names))]
-        if found:
-            return found
-    return []
+    ways = (*_WRITTEN, lambda head: head.name, lambda head: head.name.casefold())
+    return first_found(heads, ways, [*names, *(each.casefold() for each in names)], among)
+
+
+_WRITTEN: tuple[Callable[[ColumnHead], str], ...] = (
+    lambda head: head.text,
+    lambda head: f"{head.group}/{head.name}" if head.group else head.name,
+)
+
+
+def first_found(
+    heads: Sequence[ColumnHead], ways: Iterable[Callable[[ColumnHead], str]], names: Sequence[str], among: Sequence[int]
+) -> list[int]:
+    """Return the indices of the columns that have one of some names by the first way that finds any."""
+    found = ([place for place in among if way(heads[place]) in names] for way in ways)
+    return next(filter(None, found), [])
+
+
+def as_written(file: ChannelFile, name: str) -> list[int]:
+    """Return the channels of a name as it is written, or with the group before it; of a text with its unit."""
+    own = ((lambda head: head.text),) if file.row == "line" else (*_WRITTEN, lambda head: head.name)
+    return first_found(file.heads, own, [name], range(len(file.heads)))
 
 
 def _unit(head: ColumnHead, wanted: WantedColumn) -> Unit | None:
@@ -442,13 +461,7 @@ def speed_table(speed: ArrayLike, value: ArrayLike, name: str = "over the speed"
 
 
 def _row(numbers: ArrayLike, what: str) -> tuple[float, ...]:
-    try:
-        row = np.array(numbers, dtype=float)
-    except (TypeError, ValueError):
-        raise ModelError(f"the {what} of a table must be a list of numbers") from None
-    if row.ndim != 1:
-        raise ModelError(f"the {what} of a table must be one row of numbers")
-    return tuple(row.tolist())
+    return tuple(number_row(numbers, f"the row of {what} of a table").tolist())
 
 
 def _problem(speeds: Sequence[float], values: Sequence[float]) -> str:

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import check
-from gapwalk.model.measured.measured_table import number_row
+from gapwalk.model.measured.measured_table import finite_row
 
 # Thinning of a measured curve: the fewest of its points whose polyline stays within an error of all of them.
 
@@ -205,7 +205,7 @@ def curve_points(deflection: object, force: object, error: float) -> CurvePoints
 
     Shapes: `deflection`, `force` (points,).
     """
-    x, y = number_row(deflection, "deflections of a curve"), number_row(force, "forces of a curve")
+    x, y = finite_row(deflection, "deflections of a curve"), finite_row(force, "forces of a curve")
     if len(x) != len(y):
         raise ModelError(f"there are {len(x)} deflections, but {len(y)} forces; a point of a curve has one of each")
     scale = float(np.max(np.abs(y), initial=0.0))
