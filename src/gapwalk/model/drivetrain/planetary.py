@@ -175,16 +175,17 @@ class Planetary:
             return (Mesh(self.name, row, counted, member["carrier"], **at_sun),)
         assert self.teeth is not None  # checked by `problems`
         a = Fraction(self.teeth[1], self.teeth[0])
-        at_ring = {name: at_sun[name] if value is None else value for name, value in self._ring(shares).items()} | more
+        own = {"stiffness": _times(self.ring_stiffness, shares), "damping": _times(self.ring_damping, shares)}
+        own |= {"clearance": self.ring_clearance}
+        at_ring = at_sun | {name: value for name, value in own.items() if value is not None}
         lean = Fraction(math.tan(math.radians(self.pressure_angle)))
         found: list[Link] = []
         for place in self.places:
             planet, centre, radial = f"{self.name}_planet{place}", member["carrier"], None
             if self.orbit_inertia is not None:
                 centre, radial = f"{self.name}_orbit{place}", f"{self.name}_radial{place}"
-                bearing = {
-                    "stiffness": _times(self.bearing_stiffness, shares), "damping": self.bearing_damping * shares
-                }  # fmt: skip
+                held = _times(self.bearing_stiffness, shares)
+                bearing = {"stiffness": held, "damping": self.bearing_damping * shares}
                 found.append(Shaft(f"{self.name}_bearing{place}", (centre, member["carrier"]), **bearing))
                 found.append(Shaft(f"{self.name}_radial_bearing{place}", (radial, GROUND), **bearing))
             for what, own, springs, sign in (("sun", Fraction(1), at_sun, 1), ("ring", b, at_ring, -1)):
@@ -195,11 +196,6 @@ class Planetary:
                     row[radial] = -sign * (own + sign * a) * lean
                 found.append(Mesh(f"{self.name}_{what}{place}", row, counted, member["carrier"], **springs))
         return tuple(found)
-
-    def _ring(self, shares: float) -> dict[str, Any]:
-        damping = None if self.ring_damping is None else self.ring_damping * shares
-        stiffness = _times(self.ring_stiffness, shares)
-        return {"stiffness": stiffness, "damping": damping, "clearance": self.ring_clearance}
 
     def _converted(self, change: Change) -> Self:
         """Return it with other values of its quantities."""

@@ -106,14 +106,10 @@ def name_problems(train: Train) -> Iterator[str]:
             yield f"{part.name} has the name of another part; give each a name of its own"
         elif kind in ("shaft", "gear"):
             rigid = RIGID in (stage.stiffness for stage in part.stages)
-            made = {friction_name(part.name): makes_friction(part), stop_name(part.name): rigid}
+            dry = any(OF_FRICTION[0] in each.numbers for each in (part, *part.stages))
+            made = {friction_name(part.name): dry, stop_name(part.name): rigid}
             for name in (name for name, exists in made.items() if exists and counts[name]):
                 yield f"{part.name} makes {name}, but another part has that name; choose another one for it"
-
-
-def makes_friction(link: Link) -> bool:
-    """Return True if a link has friction beside its springs."""
-    return any(OF_FRICTION[0] in numbers for numbers in (link.numbers, *(stage.numbers for stage in link.stages)))
 
 
 _NO_NUMBERS = ("teeth", "normal", "group", "exponent", "weights", "counted", "carrier", "side")
@@ -132,11 +128,7 @@ def number_problems(train: Train) -> Iterator[str]:
                 continue
             if isinstance(value, bool) or not isinstance(value, Real):
                 yield f"{part.name}.{each.name} is {value!r}; it must be a number"
-
-
-def radius_problems(train: Train) -> Iterator[str]:
-    """List radii that are no lengths."""
-    for name, radius in ((each.name, each.radius) for each in train.inertias if each.radius is not None):
+    for name, radius in ((each.name, each.radius) for each in train.inertias if isinstance(each.radius, Real)):
         if train.units is None:
             yield f"{name}.radius is {radius:g}, but this train has no units; leave it out"
         elif not 0 < radius < math.inf:
@@ -149,7 +141,6 @@ def part_problems(train: Train) -> Iterator[str]:
     if not inertias:
         yield "inertias is empty; name at least one"
         return
-    yield from radius_problems(train)
     if not train.links:
         yield "there are neither shafts nor gears; join the inertias by some"
     for link in train.links:

@@ -29,10 +29,9 @@ from numpy.typing import NDArray
 
 from gapwalk.bracketed_root import find_root
 from gapwalk.model.contact import ContactForm
-from gapwalk.model.drivetrain.sparse_rows import Matrix, filled, with_row
 from gapwalk.model.drivetrain.train_nodes import node_problems, nodes_of
 from gapwalk.model.drivetrain.train_parts import LEAK, NOT_NEGATIVE, Displacing, MeanOf, speed_number
-from gapwalk.model.drivetrain.train_rows import ways_of
+from gapwalk.model.drivetrain.train_rows import Matrix, filled, ways_of, with_row
 from gapwalk.model.drivetrain.train_tree import LinkForm, Step, Tree, tree_of
 from gapwalk.model.laws import Expression
 from gapwalk.model.laws.formula import GROUP_SCALE, MEAN_SLIP, MEAN_SPEED, NUMPY_FUNCTIONS, PACE, is_computed
@@ -131,11 +130,6 @@ class TrainForm:
     def held(self) -> list[int]:
         """The inertia of each connected part of the train at which it is joined to the ground; empty if it is free."""
         return [step.child for step in self.tree.steps if step.parent == self.ground]
-
-    @cached_property
-    def ends(self) -> NDArray[np.intp]:
-        """The inertias at the first end of each link, then those at the second, shape (2 links,)."""
-        return np.array([link.ends for link in self.links]).T.ravel()
 
     @cached_property
     def springs(self) -> tuple[int, ...]:
@@ -455,13 +449,12 @@ class TrainNumbers:
     @cached_property
     def stiffness(self) -> NDArray[Any]:
         """The stiffnesses of the springs that act always, shape (links,)."""
-        return self._of_links("stiffness", [0.0] * len(self.form.links))
+        return self._of_links("stiffness")
 
     @cached_property
     def damping(self) -> NDArray[Any]:
         """The coefficients of the dampers that act always, shape (links,)."""
-        nothing = [0.0] * len(self.form.links)
-        return self._of_links("damping", nothing) + self._of_links("linear", nothing) * self.scales
+        return self._of_links("damping") + self._of_links("linear") * self.scales
 
     @cached_property
     def scales(self) -> NDArray[Any]:
@@ -493,9 +486,8 @@ class TrainNumbers:
     @cached_property
     def steady_drags(self) -> NDArray[Any]:
         """The torques of drags at the mean speed that are no contacts, shape (links,): by damping, and constant."""
-        form, nothing = self.form, [0.0] * len(self.form.links)
-        ways = np.array([link.way for link in form.links])
-        return self.damping * self.mean_slips + self._of_links("constant", nothing) * (self.scales * ways)
+        ways = np.array([link.way for link in self.form.links])
+        return self.damping * self.mean_slips + self._of_links("constant") * (self.scales * ways)
 
     @cached_property
     def drags(self) -> NDArray[Any]:
@@ -550,9 +542,9 @@ class TrainNumbers:
             found.append(vector * self.leaks if each.endswith(LEAK) else vector)
         return found if contact.reciprocal else [*found, own]
 
-    def _of_links(self, what: str, otherwise: list[float]) -> NDArray[Any]:
+    def _of_links(self, what: str, otherwise: list[float] | None = None) -> NDArray[Any]:
         which, places = self.form.places[what]
-        numbers = np.array(otherwise, dtype=self.values.dtype)
+        numbers = np.array(otherwise or [0.0] * len(self.form.links), dtype=self.values.dtype)
         numbers[which] = self.values[places]
         return numbers
 
@@ -748,14 +740,13 @@ class TrainNumbers:
             inverse = np.linalg.inv(turned.T @ (self.inertia[:, None] * turned))
         else:
             body, turn, known = self.bodies
-            count = len(body)
+            count, each = len(body), np.arange(known)
             turned = self._matrix(turn, np.arange(count), body, (count, known))
             # deflections of the links by the angles of the inertias, then of the bodies
-            ends = form.ends
+            ends = np.array([link.ends for link in form.links]).T.ravel()
             weights, moving = np.concatenate((np.ones(links), -self.ratios)), ends != form.ground
             places = np.tile(np.arange(links), 2)[moving]
             pulls = self._matrix(weights[moving], places, ends[moving], (links, count)) @ turned
-            each = np.arange(known)
             inverse = self._matrix(1.0 / ((turned * turned).T @ self.inertia), each, each, (known, known))
         flexed = pulls[list(form.springs)] @ inverse
         by_links = flexed @ pulls.T
@@ -874,3 +865,27 @@ def structure_of(assembly: TrainAssembly) -> Structure:
     form = assembly.form
     contacts = tuple(contact for _, contact in form.contacts)
     return Structure(form.coordinates, contacts, tuple(load.form for load in form.loads), assembly)
+
+
+def steadied(system: Any, strobes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the last of some states, one forcing period apart, with the turn where it would end if all else repeated.
+
+    The turn returns to its mean within thousands of periods. It is exact where the motion is periodic: with the matrix
+    A of its own two equations over a period, the turn ``z' = A z + b`` ends at ``(1 - A)^-1 b``. Shapes: `strobes`
+    (2 or more, state_size).
+    """
+    assembly, n = system.structure.assembly, system.size
+    if not isinstance(assembly, TrainAssembly) or not assembly.form.has_turn:
+        return strobes[-1]
+    numbers = assembly.numbers(system.values)
+    ends, fast = numbers.decay * numbers.whole + numbers.steadying, numbers.hold / numbers.whole
+    decay = ends / numbers.whole
+    rates = np.roots([1.0, decay, fast])
+    duration = 2.0 * np.pi / numbers.values[0]
+    vectors = np.array([[1.0, 1.0], rates])
+    across = np.real(vectors * np.exp(rates * duration) @ np.linalg.inv(vectors))
+    turn = strobes[:, [n - 1, 2 * n - 1]]
+    left = np.mean(turn[1:] - turn[:-1] @ across.T, axis=0)
+    found = strobes[-1].copy()
+    found[[n - 1, 2 * n - 1]] = np.linalg.solve(np.eye(2) - across, left)
+    return found

@@ -139,7 +139,7 @@ def _counted(train: Train, load: Counted, paths: _Paths) -> tuple[Fraction, tupl
     if not (at := gear.between[0] if gear else load.turns_of):
         return Fraction(1), ()
     speed, path = _speed(train, load, at, paths)
-    return abs(speed) * ((gear.first_teeth or 0) if gear else 1), (*path, *[gear.name] * bool(gear))
+    return (abs(speed) * (gear.first_teeth or 0), (*path, gear.name)) if gear else (abs(speed), path)
 
 
 def common_orders(train: Train) -> tuple[Fraction, list[int]]:

@@ -291,7 +291,9 @@ def read_curve(
     over_time = not has_angle and any(_is(head, ("time", "t")) for head in heads)
     accelerates = not is_load and not keys["relative"] and any(_is(head, ("acceleration", "a")) for head in heads)
     has_speed = any(_is(head, _SPEED) or (units and head.is_of(QuantityKind.FREQUENCY)) for head in heads)
-    moves = not is_load and not keys["relative"] and not accelerates and not _has_displacement(heads, units)
+    free = [head for head in heads if not _is(head, ("angle", "crank", "theta", "time", "t"))]
+    displaces = any(_is(head, _DISPLACED) or (units and head.is_of(QuantityKind.ANGLE)) for head in free)
+    moves = not (is_load or keys["relative"] or accelerates or displaces)
     ordinate = _ordinate(keys, is_load, accelerates, units)
     if keys["pulses"] and not moves:
         raise ModelError(
@@ -313,9 +315,14 @@ def read_curve(
             curves, speed = replace(curves, curves=tuple((each * t, y) for t, y in curves.curves)), each
         elif accelerates and not curves.speeds:
             speed = _number(speed, "speed", QuantityKind.FREQUENCY, "1500", "rpm" if units else "")
-    find: Any = orders_of
     if accelerates:
-        find, how["speed"] = _displacement, speed
+        how["speed"] = speed
+
+    def find(angle: Any, values: Any, **more: Any) -> OrderTable:
+        if accelerates:
+            return displacement_orders(angle, acceleration=values, **more)
+        return orders_of(angle, values, **more)
+
     return curves, curves.tables(find, keys.get("orders"), **how), units and not is_load, ""
 
 
@@ -362,16 +369,6 @@ def _read_turned(
         )
     is_motion = ordinate is None or ordinate.kind in (QuantityKind.ANGLE, QuantityKind.ACCELERATION)
     return found, units and is_motion, drift.words
-
-
-def _has_displacement(heads: Sequence[ColumnHead], units: bool) -> bool:
-    """Return True if a column besides the angle of the shaft may be a displacement."""
-    free = [head for head in heads if not _is(head, ("angle", "crank", "theta", "time", "t"))]
-    return any(_is(head, _DISPLACED) or (units and head.is_of(QuantityKind.ANGLE)) for head in free)
-
-
-def _displacement(angle: Any, acceleration: Any, **how: Any) -> OrderTable:
-    return displacement_orders(angle, acceleration=acceleration, **how)
 
 
 def _is(head: ColumnHead, names: Collection[str]) -> bool:
