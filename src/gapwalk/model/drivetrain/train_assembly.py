@@ -42,8 +42,6 @@ from gapwalk.model.structure import Structure
 from gapwalk.model.units import Units
 
 # A train without its numbers: its parts, how they are connected, and the place of each of its numbers.
-#
-# The parts are connected by a tree of links that reaches all of them, and by links that close loops.
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import (
     AfterValidator,
@@ -22,7 +22,7 @@ from gapwalk.model.drivetrain.bearing import Bearing
 from gapwalk.model.drivetrain.planetary import Planetary
 from gapwalk.model.drivetrain.train import PARTS, Train
 from gapwalk.model.drivetrain.train_orders import LONGEST
-from gapwalk.model.drivetrain.train_parts import OF_DRAGS, Drag, Force, Friction, Gear, Inertia, Shaft
+from gapwalk.model.drivetrain.train_parts import NOT_NEGATIVE, OF_DRAGS, Drag, Force, Friction, Gear, Inertia, Shaft
 from gapwalk.model.element_tables import FrictionBase, TrainLoadBase, default_name, friction_part, load_fields
 from gapwalk.model.loads import LOADS
 from gapwalk.model.model_source import Source
@@ -82,18 +82,16 @@ class PacedPart(Part):
     """A part whose numbers may depend on the speed."""
 
     over_speed: Text | dict[Text, Text] | None = None
+    main_numbers: ClassVar[tuple[str, ...]] = ("stiffness",)
+    """The numbers that one formula multiplies: those of them that are given."""
 
     def factors(self) -> Iterator[tuple[str, str]]:
         """Iterate over the names of the numbers that depend on the speed, with their factors."""
         given, name = self.over_speed or {}, getattr(self, "name", "")
-        for what, text in (given if isinstance(given, dict) else dict.fromkeys(self.main_numbers, given)).items():
+        main = [what for what in self.main_numbers if getattr(self, what) is not None] or self.main_numbers[:1]
+        for what, text in (given if isinstance(given, dict) else dict.fromkeys(main, given)).items():
             of_friction = f"{friction_name(name)}.limit" if what == "hysteresis" else f"{name}.{what}"
             yield of_friction, text
-
-    @property
-    def main_numbers(self) -> tuple[str, ...]:
-        """The numbers that one formula multiplies."""
-        return ("stiffness",)
 
 
 class InertiaPart(Part):
@@ -187,7 +185,7 @@ class PlanetaryPart(Part):
 
     def part(self) -> Planetary:
         """Make the set."""
-        return Planetary(**{name: getattr(self, name) for name in type(self).model_fields})
+        return Planetary(**dict(self))
 
 
 class BearingPart(Part):
@@ -204,7 +202,7 @@ class BearingPart(Part):
 
     def part(self) -> Bearing:
         """Make the bearing."""
-        return Bearing(**{name: getattr(self, name) for name in type(self).model_fields})
+        return Bearing(**dict(self))
 
 
 class TorquePart(Part):
@@ -231,10 +229,7 @@ class TrainFrictionBase(PacedPart, FrictionBase):
     between: _Ends = Field(description='name the two inertias between which it slips, as in ["hub", "ground"]')
     ratio: Number | None = None
 
-    @property
-    def main_numbers(self) -> tuple[str, ...]:
-        """See `PacedPart.main_numbers`."""
-        return ("coefficient" if self.normal else "limit",)
+    main_numbers = ("coefficient", "limit")
 
     def part(self) -> Friction:
         """Make the friction."""
@@ -260,19 +255,14 @@ class DragBase(PacedPart):
     )
     group: Name | None = None
 
-    @property
-    def main_numbers(self) -> tuple[str, ...]:
-        """See `PacedPart.main_numbers`."""
-        return tuple(each.name for each in OF_DRAGS if each.name != "stribeck" and getattr(self, each.name) is not None)
+    main_numbers = NOT_NEGATIVE
 
     def part(self) -> Drag:
         """Make the drag."""
         first, second = self.between
         numbers = {each.name: value for each in OF_DRAGS if (value := getattr(self, each.name)) is not None}
-        more = {**numbers, **(self.model_extra or {})}
-        return Drag(
-            self.name, (first, second), law=self.law, group=self.group or "", exponent=self.exponent, numbers=more
-        )
+        more: Any = {"law": self.law, "exponent": self.exponent, "group": self.group or ""}
+        return Drag(self.name, (first, second), numbers={**numbers, **(self.model_extra or {})}, **more)
 
 
 _OF_DRAGS: dict[str, Any] = {  # that without a kind has a unit of its own, as the parameters of a formula
@@ -322,7 +312,9 @@ class TrainBase(Part):
     def system(self, elements: Mapping[str, list[Any]]) -> System:
         """Make the system of the train, with the loads that its tables have made."""
         parts: list[Any] = [each for key in (*_PACED, "drag") for each in getattr(self, key, ())]
-        made = {group: [part.part() for part in getattr(self, kind, ())] for group, kind in PARTS.items()}
+        made: dict[str, Any] = {
+            group: [part.part() for part in getattr(self, kind, ())] for group, kind in PARTS.items()
+        }
         train = Train(
             **made,
             mean=self.mean,

@@ -346,10 +346,7 @@ def phased_loads(train: Train) -> Iterator[Load | Counted]:
 
 
 # Numbers of a train that its loads vary: stiffnesses of links, transmission errors, prescribed motions of inertias.
-#
-# Only springs in a contact vary over the angle. So a spring that acts always becomes a stage without a gap if, and
-# only if, a load varies its stiffness. A displacement of a spring or damper that acts always is a load, and needs no
-# contact.
+# See "What varies" in docs/numerics/drive-trains.md.
 
 _DISPLACED = ("deflection", "clearance", "angle")
 _SPRINGS = ("stiffness", "stage1.stiffness")

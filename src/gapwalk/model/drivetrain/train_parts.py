@@ -338,15 +338,7 @@ class Gear(Link):
 
 
 # Loads that a train makes of those that it is given: displacements of its links, and reactions to their means.
-#
-# A displacement ``u`` over the angle of the excitation (a transmission error, an inertia whose motion is prescribed)
-# is added to the deflection ``x`` of a link. Where springs have clearances, it enters their deflection
-# (`gapwalk.model.structure.Variation`). The torque of a spring that acts always and of a damper is linear, ``k (x + u)
-# + c (x' + u')``, so ``-(k u + c u')`` is a load along the link, like any other to every backend.
-#
-# The mean of a measured torque, or of one that depends on the speed, would accelerate a free train for ever, as a mean
-# torque would: the reaction balances it, at every speed. The periodic part shakes the train as a whole, reaction or
-# not.
+# See "What varies" and "Rigid-body rotation" in docs/numerics/drive-trains.md.
 
 _DAMPING = Parameter("damping", QuantityKind.DAMPING, "it is the damper that acts always", 0.0, 0.0)
 
