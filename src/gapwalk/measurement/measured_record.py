@@ -78,7 +78,9 @@ class Record:
         """Convert the record to other units: multiply each column by its factor."""
         for what, factor in (("time", time), ("acceleration", acceleration), ("speed", speed)):
             if not (np.isfinite(factor) and factor != 0.0) or (what == "time" and factor < 0.0):
-                raise ModelError(f"the factor of {what} is {factor!r}; it must be a number other than zero")
+                raise ModelError(
+                    f"{self.name}: the factor of {what} is {factor!r}; it must be a number other than zero"
+                )
         speeds = None if self.speed is None else speed * self.speed
         return Record(time * self.time, acceleration * self.acceleration, speeds, self.name)
 

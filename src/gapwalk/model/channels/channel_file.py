@@ -155,10 +155,7 @@ class ChannelFile(ABC):
         return head.startswith(cls.begins)
 
     def numbers(self, places: Mapping[str, int], most: int) -> dict[str, NDArray[np.float64]]:
-        """Read the numbers of some channels, by labels for messages; all of one length, of at most `most` numbers.
-
-        Channels of groups with times of their own are interpolated at the times of the finest of them.
-        """
+        """Read channels by labels for messages, of one length and `most` numbers; groups meet at the finest times."""
         heads = {label: self.heads[place] for label, place in places.items()}
         for label, head in heads.items():
             if head.problem:
@@ -286,10 +283,7 @@ def named_file(name: str, path: str) -> NamedFile:
 def open_channels(
     source: str | os.PathLike[str] | NamedFile, example: str, *, names_only: bool = False
 ) -> Iterator[ChannelFile]:
-    """Open a file of any format; what goes wrong in the block is a ModelError without the name of the file.
-
-    Of a text whose names alone are wanted, only the beginning is read.
-    """
+    """Open a file, of a text for its names alone only the beginning; errors are without the name of the file."""
     content = source.content if isinstance(source, NamedFile) and not source.path else None
     path = source.path if isinstance(source, NamedFile) else os.fspath(source)
     form = TextChannels if content is not None else format_of_file(path)

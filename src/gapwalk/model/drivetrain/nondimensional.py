@@ -165,11 +165,9 @@ def _form(form: TrainForm, units: Units, scales: Scales) -> TrainForm:
 
 
 def scales_of(system: System) -> Scales:
-    """Choose scales at which the numbers of a train are about 1.
+    """Choose scales at which the numbers of a train are about 1, as in the paper, where K11 and n1 add up to 1.
 
-    They are those of the paper: of the first link that has a clearance, the innermost clearance that is not 0; the
-    inertia with which its deflection vibrates alone; and its frequency with the first stage closed, so that stiffnesses
-    K11 and n1 of the paper add up to 1. Without clearances the first coordinate counts, and 1 deg.
+    They are those of the first link with a clearance; without any the first coordinate counts, and 1 deg.
     """
     units, assembly = _train_of(system)
     form, equations = assembly.form, system.equations

@@ -18,9 +18,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Annotated, Any, Self
-
-from annotated_types import Ge, Lt
+from typing import Any, Self
 
 from gapwalk.model.bounds import Counted, NotNegative, Positive, field_problems, has
 from gapwalk.model.drivetrain.train_parts import GROUND, Change, Inertia, Link, Shaft, converted
@@ -108,7 +106,7 @@ class Planetary:
     #: radially, as torque over the carrier's angle: bearings of k N/m on a circle of radius r have k r^2 each.
     bearing_stiffness: Positive | None = None
     bearing_damping: NotNegative = 0.0
-    pressure_angle: Annotated[float, Ge(0), Lt(90)] = 20.0  #: In degrees; it matters only with elastic bearings.
+    pressure_angle: float = 20.0  #: In degrees; it matters only with elastic bearings.
 
     def __post_init__(self) -> None:
         if isinstance(self.teeth, list):
@@ -231,6 +229,8 @@ class Planetary:
             yield "has one of orbit_inertia and bearing_stiffness; write both: planets with masses in elastic bearings"
         if not self.lumped and not (self.has_planets and self.is_elastic):
             yield "has lumped = false, but no planets that could move apart; write planet_inertia and stiffness"
+        if not 0.0 <= self.pressure_angle < 90.0:
+            yield f"has pressure_angle = {self.pressure_angle!r}; it is in degrees, as in pressure_angle = 20"
 
     def _teeth_problems(self) -> Iterator[str]:
         if (self.teeth is None) is (self.ratio is None):

@@ -705,10 +705,7 @@ class TrainNumbers:
 
     @cached_property
     def bodies(self) -> tuple[NDArray[np.intp], NDArray[Any], int]:
-        """The body of each inertia, its angle by that of the body, and the number of bodies.
-
-        Rigid gears make one body of several inertias.
-        """
+        """The body that rigid gears make of each inertia, its angle by that of the body, and the number of bodies."""
         count = len(self.form.inertias)
         body, turn = np.zeros(count + 1, dtype=np.intp), np.ones(count + 1, dtype=self.ratios.dtype)
         known = 1 if self.form.is_free else 0
@@ -728,10 +725,7 @@ class TrainNumbers:
 
     @cached_property
     def flexed(self) -> tuple[Matrix, Matrix, Matrix]:
-        """Angles of the inertias by those of the bodies, of shape (inertias, bodies), and what follows from them.
-
-        That is deflections of the coordinates by the bodies over their inertias, and accelerations by forces of links.
-        """
+        """Angles of inertias by bodies, deflections by torques on bodies, and accelerations by forces of links."""
         form, links = self.form, len(self.form.links)
         if form.basis is not None:
             turned, pulls = self._ways, self.rows @ self._ways
@@ -866,12 +860,7 @@ def structure_of(assembly: TrainAssembly) -> Structure:
 
 
 def steadied(system: Any, strobes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the last of some states, one forcing period apart, with the turn where it would end if all else repeated.
-
-    The turn returns to its mean within thousands of periods. It is exact where the motion is periodic: with the matrix
-    A of its own two equations over a period, the turn ``z' = A z + b`` ends at ``(1 - A)^-1 b``. Shapes: `strobes`
-    (2 or more, state_size).
-    """
+    """Return the last of some strobes (2 or more, state_size) with the turn where it ends if all else repeats."""
     assembly, n = system.structure.assembly, system.size
     if not isinstance(assembly, TrainAssembly) or not assembly.form.has_turn:
         return strobes[-1]

@@ -238,10 +238,7 @@ class TrainFrictionBase(PacedPart, FrictionBase):
 
 
 class DragBase(PacedPart):
-    """Drag between parts that turn at different speeds, or on the casing: ``[[drag]]``.
-
-    All keys that the schema does not know are parameters of its formula.
-    """
+    """Drag between parts that turn at different speeds: ``[[drag]]``; keys unknown here are those of its formula."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 

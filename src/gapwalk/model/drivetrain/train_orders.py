@@ -244,11 +244,7 @@ _Paths = Mapping[str, tuple[Fraction | None, tuple[str, ...]]]
 
 
 def walked(train: Train) -> dict[str, tuple[str, Any, bool]]:
-    """Return all inertias that the reference reaches, each with the one before it, the link, and whether forwards.
-
-    Shortest paths come first, then those across drags: where a drag alone joins two parts, they turn together without
-    a torque.
-    """
+    """Return how the reference reaches all inertias: the one before each, the link, whether forwards; drags last."""
     links = [(link, [end for end in link.row or link.between if end != GROUND]) for link in links_of(train)]
     ends: dict[str, list[tuple[str, Any, bool]]] = {}
     for link, own in links:
@@ -353,11 +349,7 @@ _SPRINGS = ("stiffness", "stage1.stiffness")
 
 
 def own_kinds(train: Train) -> dict[str, QuantityKind | None]:
-    """Return the kinds of those quantities whose names do not tell it.
-
-    A load that varies a stiffness is a fraction; one that varies a deflection is an angle. Parameters of formulas are
-    of no kind.
-    """
+    """Return the kinds of those quantities whose names do not tell it: None of fractions and of numbers of formulas."""
     found: dict[str, QuantityKind | None] = {}
     for load in map(plain_load, train.harmonics):
         displaced = any(name.rpartition(".")[2] in _DISPLACED for name in load.varies)

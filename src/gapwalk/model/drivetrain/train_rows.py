@@ -55,11 +55,7 @@ def row_of(link: Link) -> dict[str, Fraction]:
 
 
 def solved(links: Iterable[Link], inertias: Collection[str], prescribed: Collection[str] = ()) -> Solved:
-    """Solve the rows of all links that join inertias; the angles of those that are prescribed are zero.
-
-    In order of preference: rigid ones, springs, those at the ground, and drags, none of them on the ground, while more
-    than the rotation as a whole is free.
-    """
+    """Solve the rows of links that join inertias, rigid ones first; angles that are prescribed are zero."""
 
     def held(link: Link) -> bool:
         return not link.row and any(end == GROUND or end in prescribed for end in link.between)

@@ -365,7 +365,7 @@ def _read_turned(
             accelerates=accelerates,
             where=table.where,
             unit="rpm" if units else "",
-            **{key: keys[key] for key in ("orders", "per", "error")},
+            **{key: keys.get(key) for key in ("orders", "per", "error")},
         )
     is_motion = ordinate is None or ordinate.kind in (QuantityKind.ANGLE, QuantityKind.ACCELERATION)
     return found, units and is_motion, drift.words

@@ -45,7 +45,7 @@ def number_row(values: object, what: str) -> NDArray[np.float64]:
 
 def finite_row(values: object, what: str) -> NDArray[np.float64]:
     """Return one row of finite numbers; refuse anything else, with the reason."""
-    row = number_row(values, f"the {what}")
+    row = number_row(values, f"the row of {what}")
     if not np.isfinite(row).all():
         raise ModelError(f"the {what} must be one row of finite numbers")
     return row
@@ -265,13 +265,14 @@ def _sought(heads: Sequence[ColumnHead], wanted: WantedColumn, free: Sequence[in
 
 def _named(heads: Sequence[ColumnHead], names: Sequence[str], among: Sequence[int]) -> list[int]:
     """Return the indices of the columns of a name: as written, with its group, or in other letters or without unit."""
-    ways = (*_WRITTEN, lambda head: head.name, lambda head: head.name.casefold())
+    ways = (*_WRITTEN, lambda head: head.name.casefold())
     return first_found(heads, ways, [*names, *(each.casefold() for each in names)], among)
 
 
 _WRITTEN: tuple[Callable[[ColumnHead], str], ...] = (
     lambda head: head.text,
     lambda head: f"{head.group}/{head.name}" if head.group else head.name,
+    lambda head: head.name,
 )
 
 
@@ -284,9 +285,8 @@ def first_found(
 
 
 def as_written(file: ChannelFile, name: str) -> list[int]:
-    """Return the channels of a name as it is written, or with the group before it; of a text with its unit."""
-    own = ((lambda head: head.text),) if file.row == "line" else (*_WRITTEN, lambda head: head.name)
-    return first_found(file.heads, own, [name], range(len(file.heads)))
+    """Return the channels of a name as it is written, with the group before it, or without its unit."""
+    return first_found(file.heads, _WRITTEN, [name], range(len(file.heads)))
 
 
 def _unit(head: ColumnHead, wanted: WantedColumn) -> Unit | None:
