@@ -501,8 +501,9 @@ class Train:
         free = [inertia.name for inertia in self.inertias if numbers[inertia.name] != numbers[GROUND]]
         ratios, more = fixed_ratios(self) | displaced_gears(self), {}
         if self.branches:
-            looped = self._looped
             places = {link.name: number for number, link in enumerate(self.links)}
+            names = [each.name for each in self.inertias]
+            looped = {places[name] for name in (circuits(self.links, self._whole, names) if self._whole.free else ())}
             root = numbers[self.reference] if self._solved.free else len(free)
             more = {"basis": tuple(places[name] for name in self._solved.basis), "root": root}
         else:
@@ -639,13 +640,6 @@ class Train:
     def _whole(self) -> Solved:
         """Those rows while no motion is prescribed."""
         return solved(self.links, [each.name for each in self.inertias])
-
-    @cached_property
-    def _looped(self) -> set[int]:
-        """The links on whose ratios it depends that the train can turn, if some links have more than two ends."""
-        names = [each.name for each in self.inertias]
-        looped = circuits(self.links, self._whole, names) if self._whole.free else set()
-        return {number for number, link in enumerate(self.links) if link.name in looped}
 
     @cached_property
     def _leaks(self) -> bool:

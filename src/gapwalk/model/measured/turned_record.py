@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,18 +43,12 @@ class TurnedRecord:
     is_absolute: bool = False
 
     @classmethod
-    def of_speed(cls, time: Array, speed: Array, turns: int, where: Where, unit: str = "") -> TurnedRecord:
-        """Integrate the speed, in rad per unit of time, along the cubic spline through its samples."""
-        _check_axis("time", time, where)
+    def of_speed(cls, axis: Array, speed: Array, turns: int, where: Where, unit: str, *, over_angle: bool) -> Self:
+        """Integrate the speed, in rad per unit of time, over the time; or the time over the angle, along a spline."""
+        _check_axis("the angle" if over_angle else "time", axis, where)
         _check_speed(speed, where, unit)
-        return cls(time, _spline(time, speed).antiderivative()(time), turns, unit)
-
-    @classmethod
-    def over_angle(cls, angle: Array, speed: Array, turns: int, where: Where, unit: str = "") -> TurnedRecord:
-        """Integrate the time along the angle at which the speed was measured."""
-        _check_axis("the angle", angle, where)
-        _check_speed(speed, where, unit)
-        return cls(_spline(angle, 1.0 / speed).antiderivative()(angle), angle, turns, unit, is_absolute=True)
+        found = _spline(axis, 1.0 / speed if over_angle else speed).antiderivative()(axis)
+        return cls(*((found, axis) if over_angle else (axis, found)), turns, unit, is_absolute=over_angle)
 
     @classmethod
     def of_pulses(cls, times: Array, per_turn: int, turns: int, where: Where, unit: str = "") -> TurnedRecord:
@@ -318,10 +312,9 @@ def turning_orders(
         record, x = TurnedRecord.of_pulses(times, pulses, turns, own, unit), None
     elif "speed" not in rows or ("time" in rows) == ("angle" in rows):
         raise ModelError("a record of a turning shaft has a speed, over time or over the angle; or pulses")
-    elif "time" in rows:
-        record = TurnedRecord.of_speed(rows["time"], rows["speed"], turns, where, unit)
     else:
-        record = TurnedRecord.over_angle(rows["angle"], rows["speed"], turns, where, unit)
+        axis, over_angle = rows["angle" if "angle" in rows else "time"], "angle" in rows
+        record = TurnedRecord.of_speed(axis, rows["speed"], turns, where, unit, over_angle=over_angle)
     even, mean, mean_speed, drift = record.mean_over_periods(at, x)
     how = {"orders": orders, "per": per, "error": error}
     if x is None:
