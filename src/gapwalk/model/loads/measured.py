@@ -365,7 +365,9 @@ def _read_turned(
             accelerates=accelerates,
             where=table.where,
             unit="rpm" if units else "",
-            **{key: keys.get(key) for key in ("orders", "per", "error")},
+            orders=keys.get("orders"),
+            per=keys["per"],
+            error=keys["error"],
         )
     is_motion = ordinate is None or ordinate.kind in (QuantityKind.ANGLE, QuantityKind.ACCELERATION)
     return found, units and is_motion, drift.words
