@@ -598,11 +598,12 @@ def stages_of_curve(curve: Curve) -> tuple[tuple[Stage, ...], dict[str, float]]:
         numbers = {"offset": value, "even_quadratic": quadratic}
     outer = [_stage(corner) for corner in corners]
     mirrored = {(stage.clearance, *_numbers(stage)): stage for stage in outer if stage.side is Side.NEGATIVE}
+    right = {(stage.clearance, *_numbers(stage)) for stage in outer if stage.side is Side.POSITIVE}
     for stage in sorted(outer, key=lambda stage: (stage.clearance, stage.side is Side.NEGATIVE)):
         key = (stage.clearance, *_numbers(stage))
         if stage.side is Side.POSITIVE and key in mirrored:
             found.append(replace(stage, side=Side.BOTH))
-        elif stage.side is Side.POSITIVE or not _has_mirror(stage, outer):
+        elif stage.side is Side.POSITIVE or key not in right:
             found.append(stage)
     if not found:
         raise ModelError("the curve is zero everywhere; a contact needs a force")
@@ -619,12 +620,6 @@ def _stage(corner: Corner) -> Stage:
 
 def _numbers(stage: Stage) -> tuple[float, ...]:
     return stage.stiffness, stage.cubic, stage.numbers.get("preload", 0.0), stage.numbers.get("quadratic", 0.0)
-
-
-def _has_mirror(stage: Stage, stages: Sequence[Stage]) -> bool:
-    """Return True if the same stage acts on the other side."""
-    key = (stage.clearance, *_numbers(stage))
-    return any(each.side is not stage.side and (each.clearance, *_numbers(each)) == key for each in stages)
 
 
 def _names(stages: Sequence[Stage]) -> Iterator[str]:

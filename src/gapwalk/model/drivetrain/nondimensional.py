@@ -1,12 +1,7 @@
 """The non-dimensional form of a drive train with units, exactly, and back; and the numbers of the paper.
 
-Angles, times and torques are divided by scales: an angle (a clearance), a frequency and an inertia, as the paper
-divides by bc1 and w (section 2 of Padmanabhan and Singh 1995). Every number of a part is counted in a product
-of powers of those, so the form of the train, and the names of its numbers, stay the same.
-
-The paper has three inertias in line: flywheel, clutch hub and the rest of the drive train, with a clutch of two stages
-and a shaft (equations 1 to 3). Its relative form has the twists of clutch and shaft, q1 and q3, in units of bc1 and bc3
-(equations 10 to 18).
+Angles, times and torques are divided by scales of an angle, a frequency and an inertia, as in section 2 of Padmanabhan
+and Singh (1995); its relative form of three inertias in line (equations 10 to 18) has the twists q1 and q3.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
 """Drive trains from spreadsheets: a table of inertias, shafts and gears becomes a model file with comments.
 
-Engineers keep a drive train as a table: a row for each part, a column for each quantity, units in the headings. It is a
-CSV file (commas, semicolons or tabs; decimal points or commas; with or without a byte order mark) or an Excel workbook,
-of which the first sheet is read. The result is a model file like any other, to be continued by hand.
+A row for each part, a column for each quantity, units in the headings: a CSV file, or the first sheet of a workbook.
 """
 
 from __future__ import annotations
