@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import zip_longest
 from typing import NamedTuple
 
 import numpy as np
@@ -123,16 +124,14 @@ def campbell_of(system: System, ends: Sequence[float], orders: Sequence[float], 
     states, tables = list[ModeState](), list[NDArray[np.float64]]()
     for state in mode_states(system):
         found = [_frequencies(system.at({pace: float(value)}), state) for value in values]
-        most = max(map(len, found))
-        table = np.array([np.append(each, np.full(most - len(each), np.nan)) for each in found]).T
+        table = np.array([*zip_longest(*found, fillvalue=np.nan)]).reshape(-1, len(values))
         if not any(
             each.shape == table.shape and np.allclose(each, table, _SAME, 0.0, equal_nan=True) for each in tables
         ):
             states.append(state)
             tables.append(table)
-    whole = np.full((len(states), max(len(each) for each in tables), len(values)), np.nan)
-    for place, table in enumerate(tables):
-        whole[place, : len(table)] = table
+    rows = zip_longest(*tables, fillvalue=np.full(len(values), np.nan))
+    whole = np.array([*map(np.stack, rows)]).reshape(-1, len(states), len(values)).swapaxes(0, 1)
     crossings = [
         each
         for state, modes in zip(states, whole, strict=True)

@@ -34,7 +34,7 @@ from gapwalk.errors import ConvergenceError, FlowError
 from gapwalk.flow.motion import Motion, integrate
 from gapwalk.model.bounds import Bounded, Counted
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.model.drivetrain.turn_settling import steadied
+from gapwalk.model.drivetrain.train_assembly import steadied
 from gapwalk.model.system import System, check_system, pace_text
 from gapwalk.notebook import Shown
 from gapwalk.orbit.find import find_orbit, initial_state

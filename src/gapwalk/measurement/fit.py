@@ -69,10 +69,7 @@ RECORD = Evidence("the record does not determine", "it changes nothing in this s
 def limits_of(
     system: System, parameters: str | Sequence[str], bounds: Mapping[str, tuple[float, float]]
 ) -> tuple[tuple[str, ...], Array]:
-    """Check names of parameters; return them with their lowest and highest values, shape (2, k).
-
-    Clearances and damping coefficients are never negative.
-    """
+    """Check names of parameters; return them with lowest (of clearances and dampings 0) and highest values (2, k)."""
     names = (parameters,) if isinstance(parameters, str) else tuple(parameters)
     limits: list[tuple[float, float]] = []
     for place, name in enumerate(names):

@@ -5,19 +5,26 @@ from __future__ import annotations
 import io
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from gapwalk.attractors.spectrum import Tracked
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.channels.channel_file import MAX_SAMPLES as MAX_CHANNEL
-from gapwalk.model.channels.channel_file import ChannelFile, ColumnHead, NamedFile, open_channels
-from gapwalk.model.measured.measured_table import WantedColumn, read_heads, read_table
+from gapwalk.model.channels.channel_file import ChannelFile, NamedFile, open_channels
+from gapwalk.model.measured.measured_table import (
+    WantedColumn,
+    as_written,
+    named_errors,
+    number_row,
+    read_heads,
+    read_table,
+)
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind, Unit, read_unit
@@ -58,7 +65,8 @@ class Record:
         for field in ("time", "acceleration", "speed"):
             value = getattr(self, field)
             if value is not None:
-                object.__setattr__(self, field, _column(field, value))
+                object.__setattr__(self, field, number_row(value, field))
+                getattr(self, field).flags.writeable = False
         problems = list(_problems(self))
         if problems:
             raise ModelError("\n".join(f"{self.name}: {problem}" for problem in problems))
@@ -70,7 +78,9 @@ class Record:
         """Convert the record to other units: multiply each column by its factor."""
         for what, factor in (("time", time), ("acceleration", acceleration), ("speed", speed)):
             if not (np.isfinite(factor) and factor != 0.0) or (what == "time" and factor < 0.0):
-                raise ModelError(f"the factor of {what} is {factor!r}; it must be a number other than zero")
+                raise ModelError(
+                    f"{self.name}: the factor of {what} is {factor!r}; it must be a number other than zero"
+                )
         speeds = None if self.speed is None else speed * self.speed
         return Record(time * self.time, acceleration * self.acceleration, speeds, self.name)
 
@@ -101,17 +111,6 @@ class Record:
             )
         steps = 0.5 * (self.speed[1:] + self.speed[:-1]) * np.diff(time)
         return order * np.concatenate(([0.0], np.cumsum(steps)))
-
-
-def _column(field: str, value: ArrayLike) -> NDArray[np.float64]:
-    try:
-        column = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise ModelError(f"{field} must be a list of numbers") from None
-    if column.ndim != 1:
-        raise ModelError(f"{field} has the shape {column.shape}; it must be one row of numbers")
-    column.flags.writeable = False
-    return column
 
 
 def _problems(record: Record) -> Iterator[str]:
@@ -198,16 +197,12 @@ def read_measurement(
     """
     path = Path(path)
     wanted = _wanted(columns or {})
-    try:
-        with open_channels(path, "time,acceleration") as file:
-            places = {field: _place(file, field, name) for field, name in wanted.items()}
-            if "speed" not in places and (speed := _named(file, "speed")):
-                places["speed"] = speed[0]
-            table = file.numbers(places, MAX_SAMPLES)
-        return Record(name=path.name, **table).scaled(time_scale, scale, speed_scale)
-    except ModelError as error:
-        text = str(error)
-        raise ModelError(text if text.startswith(path.name) else f"{path.name}: {text}") from None
+    with named_errors(path.name), open_channels(path, "time,acceleration") as file:
+        places = {field: _place(file, field, name) for field, name in wanted.items()}
+        if "speed" not in places and (speed := as_written(file, "speed")):
+            places["speed"] = speed[0]
+        table = file.numbers(places, MAX_SAMPLES)
+    return Record(name=path.name, **table).scaled(time_scale, scale, speed_scale)
 
 
 def _wanted(columns: Mapping[str, str]) -> dict[str, str]:
@@ -218,20 +213,9 @@ def _wanted(columns: Mapping[str, str]) -> dict[str, str]:
     return {field: field for field in FIELDS[:2]} | dict(columns)
 
 
-def _named(file: ChannelFile, name: str) -> list[int]:
-    """Return the channels of a name, as it is written in the file, or with their group before it."""
-    ways: tuple[Callable[[ColumnHead], str], ...] = (
-        lambda head: head.text,
-        lambda head: f"{head.group}/{head.name}" if head.group else head.name,
-        lambda head: head.name if file.row != "line" else head.text,  # a line of names has the unit in the name
-    )
-    found = ([place for place, head in enumerate(file.heads) if way(head) == name] for way in ways)
-    return next(filter(None, found), [])
-
-
 def _place(file: ChannelFile, field: str, name: str) -> int:
     """Return the channel for a field; of several times, the record is said to have groups."""
-    found = _named(file, name)
+    found = as_written(file, name)
     if len(found) == 1:
         return found[0]
     known = list(dict.fromkeys(head.text for head in file.heads if head.text))[:20]
@@ -347,16 +331,6 @@ def _tracked(
     return Tracked(
         system, signal, samples, even, np.interp(even, theta, time), smooth, CubicSpline(theta, values)(even)
     )
-
-
-def value_columns(source: NamedFile, system: System, signal: str) -> list[str]:
-    """Return the names of the columns of a file that may be a signal: those of its unit; without units all others."""
-    heads = [head for head in read_heads(source) if head.name]
-    if system.units is None:
-        others = ("time", "t", "speed", "frequency", "n", system.structure.pace)
-        return [head.text for head in heads if not head.unit and head.name.casefold() not in others]
-    kind = kind_of_signal(signal)
-    return [head.text for head in heads if head.is_of(kind)]
 
 
 def is_run_up(source: str | os.PathLike[str] | NamedFile, system: System) -> bool:

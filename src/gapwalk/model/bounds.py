@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 from numbers import Integral, Real
 from types import UnionType
@@ -97,6 +98,12 @@ def check(name: str, value: object, hint: Any) -> None:
         raise ModelError(f"{name} is {value!r}; it must be {bound}")
 
 
+def has(hint: Any, value: object) -> bool:
+    """Return True if a type hint allows a value."""
+    bound = bound_of(hint)
+    return bound is None or bound.has(value)
+
+
 @lru_cache(maxsize=1000)
 def _bounds(record: type) -> tuple[tuple[str, Bound], ...]:
     hints = get_type_hints(record, include_extras=True)
@@ -117,3 +124,10 @@ def check_fields(record: object, of: str = "") -> None:
     for name, bound in _bounds(type(record)):
         if not bound.has(value := getattr(record, name)):
             raise ModelError(f"{name}{of} is {value!r}; it must be {bound}")
+
+
+def field_problems(record: object) -> Iterator[str]:
+    """List the fields of a dataclass that are outside their bounds, one sentence each, without its name."""
+    for name, bound in _bounds(type(record)):
+        if not bound.has(value := getattr(record, name)):
+            yield f"has {name} = {value!r}; it must be {bound}{', or left out' * bound.or_none}"

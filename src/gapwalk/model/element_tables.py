@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from dataclasses import fields as dataclass_fields
 from functools import lru_cache
@@ -89,6 +89,15 @@ class Element(Part):
         """Make the element, and enter it; raise a ValueError if it is refused as a whole."""
 
 
+@contextmanager
+def refusing(prefix: str) -> Iterator[None]:
+    """Turn what a part is refused for into an error of its table, without the name with which it begins."""
+    try:
+        yield
+    except ModelError as error:
+        raise ValueError(f"is refused: {str(error).removeprefix(prefix)}") from None
+
+
 class ForcePart(Element):
     """A force by a formula: ``[[force]]``. All keys that the schema does not know are parameters of the formula."""
 
@@ -159,13 +168,9 @@ class StateBase(Element):
 
     def enter(self, names: Names) -> None:
         """See `Element.enter`."""
-        try:
+        with refusing(f"state {self.name!r}: "):
             made = self.state()
             names.taken |= {each.name for each in made.contacts([*(names.coordinates or []), *names.states])}
-        except ModelError as error:
-            kind = getattr(type(self), "kind", None)
-            word = kind.name if kind else "state"
-            raise ValueError(f"is refused: {str(error).removeprefix(f'{word} {self.name!r}: ')}") from None
         names.elements.setdefault("state", []).append(made)
 
     def state(self) -> State:
@@ -284,10 +289,8 @@ class PlainFrictionBase(FrictionBase):
     def enter(self, names: Names) -> None:
         """See `Element.enter`."""
         super().enter(names)
-        try:
+        with refusing(f"contact {self.name!r}: "):
             names.elements.setdefault("friction", []).append(self.contact())
-        except ModelError as error:
-            raise ValueError(f"is refused: {str(error).removeprefix(f'contact {self.name!r}: ')}") from None
 
     def contact(self) -> Contact:
         """Make the friction."""
@@ -345,10 +348,8 @@ class LoadBase(Element):
                 "acts_on is missing; write on what it acts, as in { q1 = 1.0 }, or what it varies instead: "
                 'varies = "mesh.stiffness"'
             )
-        try:
+        with refusing(""):
             names.elements.setdefault(self.kind.key, []).append(self.load(units=names.units))
-        except ModelError as error:
-            raise ValueError(f"is refused: {error}") from None
 
     def load(self, *, units: bool, **changes: Any) -> Any:
         """Make the load, with other values of some keys."""
@@ -597,11 +598,12 @@ def stages_of_curve(curve: Curve) -> tuple[tuple[Stage, ...], dict[str, float]]:
         numbers = {"offset": value, "even_quadratic": quadratic}
     outer = [_stage(corner) for corner in corners]
     mirrored = {(stage.clearance, *_numbers(stage)): stage for stage in outer if stage.side is Side.NEGATIVE}
+    right = {(stage.clearance, *_numbers(stage)) for stage in outer if stage.side is Side.POSITIVE}
     for stage in sorted(outer, key=lambda stage: (stage.clearance, stage.side is Side.NEGATIVE)):
         key = (stage.clearance, *_numbers(stage))
         if stage.side is Side.POSITIVE and key in mirrored:
             found.append(replace(stage, side=Side.BOTH))
-        elif stage.side is Side.POSITIVE or not _has_mirror(stage, outer):
+        elif stage.side is Side.POSITIVE or key not in right:
             found.append(stage)
     if not found:
         raise ModelError("the curve is zero everywhere; a contact needs a force")
@@ -618,12 +620,6 @@ def _stage(corner: Corner) -> Stage:
 
 def _numbers(stage: Stage) -> tuple[float, ...]:
     return stage.stiffness, stage.cubic, stage.numbers.get("preload", 0.0), stage.numbers.get("quadratic", 0.0)
-
-
-def _has_mirror(stage: Stage, stages: Sequence[Stage]) -> bool:
-    """Return True if the same stage acts on the other side."""
-    key = (stage.clearance, *_numbers(stage))
-    return any(each.side is not stage.side and (each.clearance, *_numbers(each)) == key for each in stages)
 
 
 def _names(stages: Sequence[Stage]) -> Iterator[str]:

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.modes import ModeState
 from gapwalk.model.spring import Spring, springs_of
@@ -81,24 +84,19 @@ def loose_gears(system: System) -> tuple[int, ...]:
     for place, link in _meshes(system).items():
         ends = form.links[link].ends
         others = [pair for pair in joins if pair != ends or joins.count(pair) > 1]
-        parts = [_reached(end, others) for end in ends]
-        if parts[0].isdisjoint(parts[1]) and any(part.isdisjoint(held) for part in parts):
+        parts = _parts(form.ground + 1, others)
+        if len({*parts[[*ends]]}) > 1 and not {*parts[[*ends]]} <= {*parts[[*held]]}:
             found.append(place)
     return tuple(found)
 
 
-def _reached(start: int, joins: list[tuple[int, int]]) -> set[int]:
-    """Return what is joined to an inertia."""
-    found, waiting = {start}, [start]
-    while waiting:
-        node = waiting.pop()
-        for first, second in joins:
-            if node in (first, second):
-                other = second if node == first else first
-                if other not in found:
-                    found.add(other)
-                    waiting.append(other)
-    return found
+def _parts(count: int, joins: list[tuple[int, int]]) -> NDArray[np.intp]:
+    """Return the number of the part to which each inertia belongs, and the ground."""
+    from scipy.sparse import coo_array  # slow to import
+    from scipy.sparse.csgraph import connected_components
+
+    rows, columns = np.array(joins, dtype=int).reshape(-1, 2).T
+    return connected_components(coo_array((np.ones(len(joins)), (rows, columns)), (count, count)), directed=False)[1]
 
 
 def _listed(names: list[str]) -> str:

@@ -1,31 +1,23 @@
 """States without inertia: coordinates ``z`` whose equations are of first order, ``z' = f(z, x, v)``.
 
-The flow knows positions with the rates ``v = q'`` alone. So a state is carried by a coordinate ``y`` that follows it
-with a lag, in units of the state:
-
-    z = y + g y'
-
-With it an equation of z of first order is one of y of second order, exactly, whatever the motion:
-
-    c z' + k z = f    becomes    g c y'' + (c + g k) y' + k y = f
-
-At rest y is z; one more multiplier is ``exp(-T/g)``, and nothing else changes. Of the matrices of a system the columns
-of a coordinate without inertia become ``M = g C``, ``C + g K`` and K; in a formula ``z`` becomes ``(y + g y')``. The
-lag g is the inverse of the frequency at which a system is made, so that the multiplier of the lag is ``exp(-2 pi)``
-there.
+A state is carried by a coordinate ``y`` that follows it with a lag, ``z = y + g y'``. So an equation of z of first
+order is one of y of second order, exactly: ``c z' + k z = f`` becomes ``g c y'' + (c + g k) y' + k y = f``. The lag is
+the inverse of the frequency at which a system is made.
 
 Method: docs/numerics/notes/models.md
 """
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field, fields, replace
+from typing import Annotated, Any
+
+from annotated_types import Ge, Le
 
 from gapwalk.errors import ModelError
+from gapwalk.model.bounds import Finite, check
 from gapwalk.model.contact import Contact, ContactForm
 from gapwalk.model.laws import Expression
 from gapwalk.model.laws.formula import PACE, STATE_LAG, FormulaError, formula_of
@@ -79,11 +71,8 @@ class State:
         **more: float,
     ) -> None:
         given = {**(numbers or {}), **more}
-        for each, value in (
-            *(("name", name), ("rate", rate), ("deflection", deflection), ("force", force)),
-            *(("acts_on", acts_on), ("numbers", given)),
-        ):
-            object.__setattr__(self, each, value)
+        for each, value in zip(fields(self), (name, rate, deflection, force, acts_on, given), strict=True):
+            object.__setattr__(self, each.name, value)
         for what, text in (("rate", rate), ("force", force)):
             try:
                 if text or what == "rate":
@@ -91,8 +80,7 @@ class State:
             except FormulaError as error:
                 raise ModelError(f"state {name!r}: {what} is {text!r}, column {error.column}: {error.reason}") from None
         for number, value in given.items():
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise ModelError(f"state {name!r}: {number} is {value!r}; it must be a finite number")
+            check(f"state {name!r}: {number}", value, Finite)
         if acts_on is not None and not force:
             raise ModelError(f'state {name!r} acts on {acts_on}, but has no force; write force = "k*(x - z)", say')
 
@@ -143,9 +131,7 @@ class State:
         force = [self._contact(self.name, self.force, vectors, self._direction(known))] if self.force else []
         if "z'" in re.findall(_WORD, self.rate + " " + self.force) and "z" not in {*known, *coordinates}:
             raise ModelError(f"state {self.name!r}: its own rate occurs in a formula; write its formula in place of it")
-        text = (
-            f"-({self.rate}) - {self.name}/{STATE_LAG}"  # the second part is in the matrices, so that these are regular
-        )
+        text = f"-({self.rate}) - {self.name}/{STATE_LAG}"  # the second part is in the matrices too: they are regular
         rate = self._contact(f"{self.name}{RATE}" if force else self.name, text, vectors, {self.name: 1.0})
         wanted = {each.name for contact in (*force, rate) for each in contact.law.parameters}
         for name in self.numbers:
@@ -182,9 +168,7 @@ class State:
             law = law.with_frequency("W")
         for each in law.parameters:
             if each.name not in self.numbers and each.name not in _COMPUTED:
-                raise ModelError(
-                    f"state {self.name!r}: {each.name} is missing; its formula needs it: {each.name} = 1.0"
-                )
+                raise ModelError(f"state {self.name!r}: {each.name} is missing; write {each.name} = 1.0")
         given = {each.name: self.numbers.get(each.name) for each in law.parameters}
         moves = {each: vectors[each] for each in arguments}
         return Contact(name, moves if len(moves) > 1 else next(iter(moves.values())), (), direction, law, given)  # type: ignore
@@ -202,9 +186,8 @@ class StateKind:
     parameters: tuple[Parameter, ...]  #: Its numbers.
     rate: str  #: The formula of its rate.
     force: str  #: The formula of its force.
-    whole: Mapping[str, int] = field(
-        default_factory=dict, hash=False
-    )  #: Whole numbers in its formulas: their defaults.
+    #: Whole numbers in its formulas: their defaults.
+    whole: Mapping[str, int] = field(default_factory=dict, hash=False)
 
 
 STATE_KINDS: Registry[StateKind] = Registry("kind of state", "kinds of states")
@@ -225,9 +208,7 @@ for _kind in (
         "bouc_wen",
         "the hysteresis of Bouc and Wen",
         (
-            Parameter(
-                "stiffness", QuantityKind.STIFFNESS, "it is the stiffness of the elastic and the hysteretic part"
-            ),
+            Parameter("stiffness", QuantityKind.STIFFNESS, "it is that of the elastic and the hysteretic part"),
             Parameter("share", None, "it is the elastic share of the stiffness, from 0 to 1"),
             Parameter("A", None, "it is the slope of z over x at rest", 1.0),
             Parameter("beta", None, "it is the factor of |x'| |z|^(n-1) z", None, angle=-1),
@@ -246,8 +227,7 @@ def state_of(kind: str, name: str, deflection: Mapping[str, float], **numbers: A
     known = STATE_KINDS.named(kind)
     whole = {each: numbers.pop(each, default) for each, default in known.whole.items()}
     for each, value in whole.items():
-        if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= _MOST:
-            raise ModelError(f"{kind} {name!r}: {each} is {value!r}; it must be a whole number from 1 to {_MOST}")
+        check(f"{kind} {name!r}: {each}", value, Annotated[int, Ge(1), Le(_MOST)])
     n = whole.get("n", 1)
     power = "z" if n == 1 else f"z**{n}" if n % 2 else "abs(z)*z" if n == 2 else f"abs(z)*z**{n - 1}"
     texts = {"power": power, "even": f"abs(z)**{n}" if n % 2 else f"z**{n}"}
@@ -282,11 +262,8 @@ def lagged(contact: Contact, massless: Collection[str]) -> tuple[Contact, list[t
     """
     names = contact.law.arguments
     vectors = dict(zip(names, contact.vectors, strict=True))
-    slow = {
-        each: {name: factor for name, factor in vector.items() if name in massless and factor}
-        for each, vector in vectors.items()
-    }
-    slow = {each: vector for each, vector in slow.items() if vector}
+    own = {each: {n: x for n, x in vector.items() if n in massless and x} for each, vector in vectors.items()}
+    slow = {each: vector for each, vector in own.items() if vector}
     if not slow:
         return contact, []
     where = " and ".join(dict.fromkeys(name for vector in slow.values() for name in vector))
@@ -308,14 +285,10 @@ def lagged(contact: Contact, massless: Collection[str]) -> tuple[Contact, list[t
     moves: Any = vectors | {f"{each}{FAST}": vector for each, vector in slow.items()}
     numbers: Any = {each.name: contact.numbers.get(each.name) for each in law.parameters}
     made = Contact(contact.name, moves, (), contact.force or contact.vectors[0], law, numbers)
-    own = ContactForm.of(contact).vectors
-    copies = [(f"{contact.name}.{each}", vector) for each, vector in zip(names, own, strict=True)]
-    copies += [
-        (f"{contact.name}.{each}{FAST}", vector) for each, vector in zip(names, own, strict=True) if each in slow
-    ]
-    if contact.force is None:
-        copies.append((f"{contact.name}.force", own[0]))
-    return made, copies
+    forms = dict(zip(names, ContactForm.of(contact).vectors, strict=True))
+    copies = [(f"{contact.name}.{each}", vector) for each, vector in forms.items()]
+    copies += [(f"{contact.name}.{each}{FAST}", forms[each]) for each in slow]
+    return made, copies + [(f"{contact.name}.force", forms[names[0]])] * (contact.force is None)
 
 
 def shared(contacts: Sequence[Contact]) -> Iterator[tuple[str, str]]:

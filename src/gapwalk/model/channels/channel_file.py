@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -77,7 +77,9 @@ class ColumnHead:
         return cls(text, text.strip(), "")
 
     @classmethod
-    def channel(cls, name: str, unit: str, group: str, count: int, problem: str = "", *, time: bool = False) -> Any:
+    def channel(
+        cls, name: str, unit: str, group: str = "", count: int = -1, problem: str = "", *, time: bool = False
+    ) -> ColumnHead:
         """Return the head of a channel; one whose name has the unit, such as ``speed (rpm)``, needs no other."""
         written = cls.of(name)
         unit = "" if unit.strip() in _NO_UNIT else unit.strip()
@@ -107,11 +109,7 @@ def spelled(unit: str) -> str:
 
 
 class ChannelFile(ABC):
-    """An open file of measured data.
-
-    Its class says what the format is called and how its files begin; an object reads one file. What its library raises
-    is turned into a sentence by `open_channels`.
-    """
+    """An open file of measured data; what its library raises is turned into a sentence by `open_channels`."""
 
     words: ClassVar[str]
     """Words for such a file: ``"a TDMS file of LabVIEW"``."""
@@ -125,21 +123,31 @@ class ChannelFile(ABC):
     """Number of the first of them."""
     module: ClassVar[str] = ""
     """The library that reads it, in a process of its own; empty if gapwalk does."""
+    file: Any = None
+    """What is to be closed."""
 
-    heads: tuple[ColumnHead, ...]
-    """Its channels."""
-
-    @abstractmethod
     def __init__(self, path: str) -> None:
-        """Open a file, and read the names of its channels and no numbers."""
+        self.heads: list[ColumnHead] = []  #: Its channels.
+        self._readers: list[Callable[[], NDArray[Any]]] = []
+        self.open(path)
 
     @abstractmethod
-    def read(self, place: int) -> NDArray[Any]:
+    def open(self, path: str) -> None:
+        """Open a file, and `add` its channels without reading any numbers."""
+
+    def add(self, read: Callable[[], NDArray[Any]], name: str, unit: str, *more: Any, **time: bool) -> None:
+        """Add a channel with the function that reads its numbers, shape (samples,); see `ColumnHead.channel`."""
+        self._readers.append(read)
+        self.heads.append(ColumnHead.channel(name, unit, *more, **time))
+
+    def read(self, place: int) -> NDArray[np.float64]:
         """Read the numbers of one channel, shape (samples,)."""
+        return self.numbers({"": place}, MAX_SAMPLES)[""]
 
-    @abstractmethod
     def close(self) -> None:
         """Close the file."""
+        if self.file is not None:
+            self.file.close()
 
     @classmethod
     def fits(cls, head: bytes) -> bool:
@@ -147,17 +155,14 @@ class ChannelFile(ABC):
         return head.startswith(cls.begins)
 
     def numbers(self, places: Mapping[str, int], most: int) -> dict[str, NDArray[np.float64]]:
-        """Read the numbers of some channels, by labels for messages; all of one length, of at most `most` numbers.
-
-        Channels of groups with times of their own are interpolated at the times of the finest of them.
-        """
+        """Read channels by labels for messages, of one length and `most` numbers; groups meet at the finest times."""
         heads = {label: self.heads[place] for label, place in places.items()}
         for label, head in heads.items():
             if head.problem:
                 raise ModelError(f"the channel {label!r} {head.problem}; name a channel of real numbers")
             if head.count > most:
                 raise ModelError(f"{label} has {head.count:,} samples; give at most {most:,}: cut a part out of it")
-        found = {label: _plain(label, self.read(place)) for label, place in places.items()}
+        found = {label: _plain(label, self._readers[place]()) for label, place in places.items()}
         if len({each.group for each in heads.values()}) > 1:
             found = self._together(found, heads)
         lengths = {label: len(column) for label, column in found.items()}
@@ -173,8 +178,10 @@ class ChannelFile(ABC):
         finest = max((head.group for head in heads.values()), key=self._count)
         if any(head.group not in times for head in heads.values()):
             return found
-        at = _plain("time", self.read(times[finest]))
-        own = {group: _plain("time", self.read(times[group])) for group in {each.group for each in heads.values()}}
+        own = {
+            group: _plain("time", self._readers[times[group]]()) for group in {each.group for each in heads.values()}
+        }
+        at = own[finest]
         begin, end = max(each[0] for each in own.values()), min(each[-1] for each in own.values())
         kept = (at >= begin) & (at <= end)
         return {
@@ -205,11 +212,6 @@ _HOMES = {
 FORMATS: Registry[type[ChannelFile]] = Registry("format of measured data", "formats of measured data", _HOMES)
 
 
-def add_channel_format(form: type[ChannelFile]) -> type[ChannelFile]:
-    """Register a format under the first of its endings, also as a decorator."""
-    return FORMATS.add(form.endings[0].removeprefix("."), form)
-
-
 class TextChannels(ChannelFile):
     """A CSV file: what no format claims."""
 
@@ -217,11 +219,10 @@ class TextChannels(ChannelFile):
 
     def __init__(self, content: bytes, example: str) -> None:
         self._text = parse_csv(content, example, MAX_ROWS, "leave out rows")
-        self.heads = tuple(map(ColumnHead.of, self._text.heads))
+        self.heads = list(map(ColumnHead.of, self._text.heads))
 
-    def read(self, place: int) -> NDArray[np.float64]:
-        """See `ChannelFile.read`."""
-        return self._text.numbers({self.heads[place].name: place})[self.heads[place].name]
+    def open(self, path: str) -> None:
+        """Do nothing: its content is known."""
 
     def numbers(self, places: Mapping[str, int], most: int) -> dict[str, NDArray[np.float64]]:
         """See `ChannelFile.numbers`."""
@@ -233,13 +234,10 @@ class TextChannels(ChannelFile):
         """See `ChannelFile.where`."""
         return f"line {self._text.rows[row][0]}"
 
-    def close(self) -> None:
-        """See `ChannelFile.close`."""
 
-
-def formats() -> Iterator[type[ChannelFile]]:
-    """Yield all formats but text."""
-    yield from map(FORMATS.named, FORMATS.names)
+def formats() -> list[type[ChannelFile]]:
+    """Return all formats but text."""
+    return list(map(FORMATS.named, FORMATS.names))
 
 
 def endings() -> tuple[str, ...]:
@@ -285,18 +283,14 @@ def named_file(name: str, path: str) -> NamedFile:
 def open_channels(
     source: str | os.PathLike[str] | NamedFile, example: str, *, names_only: bool = False
 ) -> Iterator[ChannelFile]:
-    """Open a file of any format; what goes wrong in the block is a ModelError without the name of the file.
-
-    Of a text whose names alone are wanted, only the beginning is read.
-    """
-    if isinstance(source, NamedFile) and not source.path:
-        yield TextChannels(source.content, example)
-        return
+    """Open a file, of a text for its names alone only the beginning; errors are without the name of the file."""
+    content = source.content if isinstance(source, NamedFile) and not source.path else None
     path = source.path if isinstance(source, NamedFile) else os.fspath(source)
-    form = format_of_file(path)
+    form = TextChannels if content is not None else format_of_file(path)
     if form is TextChannels:
         try:
-            content = _beginning(path) if names_only else content_of(path, MAX_BYTES, "leave out rows")
+            if content is None:
+                content = _beginning(path) if names_only else content_of(path, MAX_BYTES, "leave out rows")
         except ValueError as error:
             raise ModelError(f"it {error}") from None
         yield TextChannels(content, example)

@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import astuple
 from threading import Timer
 from typing import Any
 
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.model.channels.channel_file import FORMATS, MAX_SAMPLES, ChannelFile, ColumnHead
+from gapwalk.model.channels.channel_file import FORMATS, ChannelFile, ColumnHead
 
 MEMORY = 900_000_000
 """Bytes that a library may take."""
@@ -36,8 +37,12 @@ class ChannelsApart(ChannelFile):
     words, endings = "a file read in a process of its own", ()
 
     def __init__(self, path: str, name: str) -> None:
-        self.row = FORMATS.named(name).row
-        command = [sys.executable, "-P", "-m", __name__, name, os.path.abspath(path)]
+        self.row, self._name = FORMATS.named(name).row, name
+        super().__init__(path)
+
+    def open(self, path: str) -> None:
+        """See `ChannelFile.open`."""
+        command = [sys.executable, "-P", "-m", __name__, self._name, os.path.abspath(path)]
         places = os.pathsep.join(filter(None, map(str, sys.path)))
         pipe = subprocess.PIPE
         self._process = subprocess.Popen(
@@ -47,7 +52,7 @@ class ChannelsApart(ChannelFile):
         self._timer.daemon = True
         self._timer.start()
         try:
-            self.heads = tuple(ColumnHead(*each) for each in self._answer()["heads"])
+            self.heads = [ColumnHead(*each) for each in self._answer()["heads"]]
         except BaseException:
             self.close()
             raise
@@ -80,10 +85,6 @@ class ChannelsApart(ChannelFile):
             found[label] = np.frombuffer(content, np.float64).copy()
         return found
 
-    def read(self, place: int) -> NDArray[np.float64]:
-        """See `ChannelFile.read`."""
-        return self.numbers({self.heads[place].name: place}, MAX_SAMPLES)[self.heads[place].name]
-
     def close(self) -> None:
         """See `ChannelFile.close`."""
         self._timer.cancel()
@@ -115,8 +116,7 @@ def serve(name: str, path: str) -> None:
         file = FORMATS.named(name)(path)
     except Exception as error:  # libraries raise anything on damaged files
         return failed(error)
-    names = ("text", "name", "unit", "group", "count", "problem", "is_time")
-    answer(heads=[[getattr(head, each) for each in names] for head in file.heads])
+    answer(heads=[astuple(head) for head in file.heads])
     for line in sys.stdin:
         places, most = json.loads(line)
         try:

@@ -13,13 +13,14 @@ import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from functools import partial
 from itertools import islice
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.channels.channel_file import ChannelFile, ColumnHead
+from gapwalk.model.channels.channel_file import ChannelFile
 from gapwalk.model.channels.hdf_channels import HdfChannels
 
 _HEADER = 128
@@ -40,72 +41,55 @@ class MatChannels(ChannelFile):
 
     words, endings = "a MAT file of MATLAB up to version 7", (".mat",)
 
-    def __init__(self, path: str) -> None:
+    def open(self, path: str) -> None:
+        """See `ChannelFile.open`."""
         with open(path, "rb") as file:
-            self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        self._content = memoryview(self._map)
-        order = {b"IM": "<", b"MI": ">"}[self._map[126:_HEADER]]
-        self._variables = dict(_variables(self._content, order))
-        self.heads = tuple(
-            ColumnHead.channel(name, "", "", math.prod(each.shape), each.problem)
-            for name, each in self._variables.items()
-        )
+            self.file = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        self._content = memoryview(self.file)
+        order = {b"IM": "<", b"MI": ">"}[self.file[126:_HEADER]]
+        found: dict[str, Any] = {}
+        for kind, payload in _elements(self._content[_HEADER:], order):
+            if kind in (_MATRIX, _COMPRESSED):
+                name, shape, problem = _described(_unpacked(payload, _HEAD) if kind == _COMPRESSED else payload, order)
+                found[name] = partial(_values, payload, order, kind, math.prod(shape)), shape, problem
+        for name, (read, shape, problem) in found.items():
+            self.add(read, name, "", "", math.prod(shape), problem)
 
     @classmethod
     def fits(cls, head: bytes) -> bool:
         """See `ChannelFile.fits`."""
         return head[126:_HEADER] in (b"IM", b"MI") and not HdfChannels.fits(head)
 
-    def read(self, place: int) -> NDArray[np.float64]:
-        """See `ChannelFile.read`."""
-        return list(self._variables.values())[place].values()
-
     def close(self) -> None:
         """See `ChannelFile.close`."""
-        self._variables = {}
+        self._readers = []
         with suppress(BufferError):  # a traceback may hold a part of it
             self._content.release()
-            self._map.close()
+            self.file.close()
 
 
-@dataclass(frozen=True)
-class _Variable:
-    """A variable of a MAT file; its numbers are read on request."""
-
-    kind: str  #: Its class, as named by MATLAB.
-    shape: tuple[int, ...]  #: Its dimensions.
-    is_complex: bool  #: True if it has imaginary parts.
-    order: str
-    payload: memoryview
-    compressed: bool
-
-    @property
-    def problem(self) -> str:
-        """Why it is no channel; empty if it is."""
-        if self.kind in _NUMERIC and not self.is_complex and sum(length != 1 for length in self.shape) <= 1:
-            return ""
-        kind = f"complex {self.kind}" if self.is_complex else self.kind
-        return f"is of class {kind} and shape {self.shape}, and no vector of real numbers"
-
-    def values(self) -> NDArray[np.float64]:
-        """Return its numbers in one row; only for a variable of a numeric class."""
-        count = math.prod(self.shape)
-        content = self.payload
-        if self.compressed:
-            content = _unpacked(content, _HEAD + 8 * count * (1 + self.is_complex))[8:]
-        kind, data = _first(content, self.order, 4)[3]
-        numbers = np.frombuffer(data, self.order + _NUMBERS[kind])
-        if len(numbers) != count:
-            raise ValueError(f"a variable has {len(numbers)} numbers, but should have {count}")
-        return numbers.astype(float)
+def _described(head: memoryview, order: str) -> tuple[str, tuple[int, ...], str]:
+    """Return name and shape of a variable, and why it is no channel; empty if it is."""
+    (_, flags), (_, sizes), (_, name) = _first(head, order, 3)
+    (word,) = struct.unpack(f"{order}I", flags[:4])
+    shape = struct.unpack(f"{order}{len(sizes) // 4}i", sizes)
+    if any(length < 0 for length in shape):
+        raise ValueError(f"a variable has the shape {shape}")
+    kind, problem = _KINDS.get(word & 0xFF, "unknown"), ""
+    if kind not in _NUMERIC or word & _COMPLEX or sum(length != 1 for length in shape) > 1:
+        kind = f"complex {kind}" if word & _COMPLEX else kind
+        problem = f"is of class {kind} and shape {shape}, and no vector of real numbers"
+    return bytes(name).decode("utf-8"), shape, problem
 
 
-def _variables(content: memoryview, order: str) -> Iterator[tuple[str, _Variable]]:
-    for kind, payload in _elements(content[_HEADER:], order):
-        if kind == _MATRIX:
-            yield _variable(payload, payload, order, compressed=False)
-        elif kind == _COMPRESSED:
-            yield _variable(_unpacked(payload, _HEAD)[8:], payload, order, compressed=True)
+def _values(payload: memoryview, order: str, kind: int, count: int) -> NDArray[np.float64]:
+    """Return the numbers of a variable of a numeric class in one row."""
+    content = _unpacked(payload, _HEAD + 8 * count) if kind == _COMPRESSED else payload
+    form, data = _first(content, order, 4)[3]
+    numbers = np.frombuffer(data, order + _NUMBERS[form])
+    if len(numbers) != count:
+        raise ValueError(f"a variable has {len(numbers)} numbers, but should have {count}")
+    return numbers.astype(float)
 
 
 def _elements(content: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
@@ -124,16 +108,6 @@ def _elements(content: memoryview, order: str) -> Iterator[tuple[int, memoryview
         place += 8 + length + (0 if kind == _COMPRESSED else -length % 8)
 
 
-def _variable(head: memoryview, payload: memoryview, order: str, *, compressed: bool) -> tuple[str, _Variable]:
-    (_, flags), (_, sizes), (_, name) = _first(head, order, 3)
-    (word,) = struct.unpack(f"{order}I", flags[:4])
-    shape = struct.unpack(f"{order}{len(sizes) // 4}i", sizes)
-    if any(length < 0 for length in shape):
-        raise ValueError(f"a variable has the shape {shape}")
-    found = _Variable(_KINDS.get(word & 0xFF, "unknown"), shape, bool(word & _COMPLEX), order, payload, compressed)
-    return bytes(name).decode("utf-8"), found
-
-
 def _first(content: memoryview, order: str, count: int) -> list[tuple[int, memoryview]]:
     """Return the first `count` elements."""
     found = list(islice(_elements(content, order), count))
@@ -143,10 +117,10 @@ def _first(content: memoryview, order: str, count: int) -> list[tuple[int, memor
 
 
 def _unpacked(payload: memoryview, longest: int) -> memoryview:
-    """Decompress at most `longest` bytes, whatever length the file claims, piece by piece."""
+    """Decompress at most `longest` bytes, whatever length the file claims, piece by piece, without their tag."""
     unpack, found = zlib.decompressobj(), bytearray()
     for begin in range(0, len(payload), _PIECE):  # what one call does not use is copied
         found += unpack.decompress(payload[begin : begin + _PIECE], longest - len(found))
         if len(found) >= longest or unpack.eof:
             break
-    return memoryview(bytes(found))
+    return memoryview(bytes(found))[8:]

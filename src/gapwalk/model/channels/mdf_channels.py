@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from numpy.typing import NDArray
 
-from gapwalk.model.channels.channel_file import ChannelFile, ColumnHead
+from gapwalk.model.channels.channel_file import ChannelFile
 
 
 class MdfChannels(ChannelFile):
@@ -16,30 +17,19 @@ class MdfChannels(ChannelFile):
     module = "asammdf"
     begins = (b"MDF     ", b"UnFinMF ")
 
-    def __init__(self, path: str) -> None:
+    def open(self, path: str) -> None:
+        """See `ChannelFile.open`."""
         import asammdf
 
-        self._file = asammdf.MDF(path)
-        self._places: list[tuple[int, int]] = []
-        heads: list[ColumnHead] = []
-        several = len(self._file.groups) > 1
-        for number, group in enumerate(self._file.groups):
-            label, count = f"group {number + 1}" if several else "", int(group.channel_group.cycles_nr)
-            master = self._file.masters_db.get(number)
+        file = self.file = asammdf.MDF(path)
+        for number, group in enumerate(file.groups):
+            label, count = f"group {number + 1}" if file.groups[1:] else "", int(group.channel_group.cycles_nr)
             for place, each in enumerate(group.channels):
                 unit = each.unit or getattr(each.conversion, "unit", "") or ""
-                is_time = place == master and (not unit or unit == "s")
-                heads.append(ColumnHead.channel(each.name, "s" if is_time else unit, label, count, time=is_time))
-                self._places.append((number, place))
-        self.heads = tuple(heads)
+                read, is_time = partial(self._samples, number, place), False
+                if file.masters_db.get(number) == place:
+                    read, is_time = partial(file.get_master, number), unit in ("", "s")
+                self.add(read, each.name, "s" if is_time else unit, label, count, time=is_time)
 
-    def read(self, place: int) -> NDArray[Any]:
-        """See `ChannelFile.read`."""
-        group, index = self._places[place]
-        if self._file.masters_db.get(group) == index:
-            return self._file.get_master(group)
-        return self._file.get(group=group, index=index, samples_only=True)[0]
-
-    def close(self) -> None:
-        """See `ChannelFile.close`."""
-        self._file.close()
+    def _samples(self, group: int, index: int) -> NDArray[Any]:
+        return self.file.get(group=group, index=index, samples_only=True)[0]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.channels.channel_file import ChannelFile, ColumnHead
+from gapwalk.model.channels.channel_file import ChannelFile
 
 
 class TdmsChannels(ChannelFile):
@@ -16,39 +17,26 @@ class TdmsChannels(ChannelFile):
     words, endings, begins = "a TDMS file of LabVIEW", (".tdms",), (b"TDSm",)
     module = "nptdms"
 
-    def __init__(self, path: str) -> None:
+    def open(self, path: str) -> None:
+        """See `ChannelFile.open`."""
         import nptdms
 
-        self._file: Any = nptdms.TdmsFile.open(path)
-        self._places: list[Any] = []
-        heads: list[ColumnHead] = []
-        channels = [(group.name, each) for group in self._file.groups() for each in group.channels()]
-        clocks = {(name, _clock(each)) for name, each in channels}
-        for name, each in channels:
-            clock = _clock(each)
+        self.file = nptdms.TdmsFile.open(path)
+        channels = [(group.name, each, _clock(each)) for group in self.file.groups() for each in group.channels()]
+        clocks = {(name, clock) for name, _, clock in channels}
+        for name, each, clock in channels:
             rates = sum(group == name for group, _ in clocks)
             label = f"{name} at {clock[0]:g} s" if rates > 1 and clock else name
             kind = np.dtype(each.dtype) if each.dtype is not None else np.dtype("O")
             problem = "" if kind.kind in "fiub" else "holds texts or times of day"
             unit = str(each.properties.get("unit_string", each.properties.get("NI_UnitDescription", "")))
-            if clock and not any(head.group == label and head.is_time for head in heads):
-                heads.append(ColumnHead.channel("time", "s", label, clock[2], time=True))
-                self._places.append(clock)
-            heads.append(ColumnHead.channel(each.name, unit, label, len(each), problem))
-            self._places.append(each)
-        self.heads = tuple(heads)
+            if clock and not any(head.group == label and head.is_time for head in self.heads):
+                self.add(partial(_times, *clock), "time", "s", label, clock[2], time=True)
+            self.add(partial(each.__getitem__, slice(None)), each.name, unit, label, len(each), problem)
 
-    def read(self, place: int) -> NDArray[Any]:
-        """See `ChannelFile.read`."""
-        held = self._places[place]
-        if isinstance(held, tuple):
-            step, begin, count = held
-            return begin + step * np.arange(count)
-        return np.asarray(held[:])
 
-    def close(self) -> None:
-        """See `ChannelFile.close`."""
-        self._file.close()
+def _times(step: float, begin: float, count: int) -> NDArray[Any]:
+    return begin + step * np.arange(count)
 
 
 def _clock(channel: Any) -> tuple[float, float, int] | tuple[()]:

@@ -6,6 +6,7 @@ pyuff reads a file whole. So the sets are found here, piece by piece, and each i
 from __future__ import annotations
 
 import re
+from functools import partial
 from os import SEEK_CUR
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.files import open_file
-from gapwalk.model.channels.channel_file import MAX_SAMPLES, ChannelFile, ColumnHead
+from gapwalk.model.channels.channel_file import MAX_SAMPLES, ChannelFile
 
 _BEGIN = b"\n    -1"
 _MARK = re.compile(rb"\n    -1 *\r?(?:\n|\Z)")
@@ -33,15 +34,11 @@ class UffChannels(ChannelFile):
     words, endings = "a universal file (UFF)", (".uff", ".unv", ".uf")
     module = "pyuff"
 
-    def __init__(self, path: str) -> None:
-        import pyuff
-
-        self._pyuff: Any = pyuff
-        self._file = open_file(path)
-        self._places: list[tuple[int, int, bool]] = []
-        heads: list[ColumnHead] = []
+    def open(self, path: str) -> None:
+        """See `ChannelFile.open`."""
+        self.file = open_file(path)
         clocks: dict[Any, str] = {}
-        for begin, end in _sets(self._file):
+        for begin, end in _sets(self.file):
             head = self._set(begin, end, header=True)
             even, count = head["abscissa_spacing"] == 1, int(head["num_pts"])
             clock = (head["abscissa_min"], head["abscissa_inc"], count) if even else begin
@@ -49,43 +46,36 @@ class UffChannels(ChannelFile):
             if head["abscissa_spec_data_type"] not in (0, _TIME):
                 problem = f"is not over time, but over {head['abscissa_axis_lab'].strip() or 'another quantity'}"
             label = clocks.setdefault(clock, f"set {len(clocks) + 1}")
-            if not problem and not any(each.group == label and each.is_time for each in heads):
-                heads.append(ColumnHead.channel("time", "s", label, count, time=True))
-                self._places.append((begin, end, True))
+            if not problem and not any(each.group == label and each.is_time for each in self.heads):
+                self.add(partial(self._numbers, begin, end, "x"), "time", "s", label, count, time=True)
             unit = head["ordinate_axis_units_lab"].strip().replace("NONE", "")
-            heads.append(ColumnHead.channel(_name(head), unit, label, count, problem))
-            self._places.append((begin, end, False))
-        self.heads = tuple(heads)
+            self.add(partial(self._numbers, begin, end, "data"), _name(head), unit, label, count, problem)
 
     @classmethod
     def fits(cls, head: bytes) -> bool:
         """See `ChannelFile.fits`."""
         return re.match(rb"\s*?    -1 *\r?\n +\d+", head) is not None
 
-    def read(self, place: int) -> NDArray[Any]:
-        """See `ChannelFile.read`."""
-        begin, end, is_time = self._places[place]
+    def _numbers(self, begin: int, end: int, what: str) -> NDArray[Any]:
         found = self._set(begin, end)
-        return found["x"] if is_time else found["data"][: found["num_pts"]]
+        return found[what][: found["num_pts"]]
 
     def _set(self, begin: int, end: int, *, header: bool = False) -> dict[str, Any]:
         """Give one set to pyuff in a file of its own; of a head only its lines."""
+        import pyuff
+
         if not header and end - begin > _LONGEST:
             raise ModelError(f"its data set has {(end - begin) / 1e6:,.0f} MB; cut a part out of it")
-        self._file.seek(begin)
+        self.file.seek(begin)
         if header:
-            lines = [self._file.readline(_LONG) for _ in range(_LINES + 1)]
+            lines = [self.file.readline(_LONG) for _ in range(_LINES + 1)]
             content = b"".join(lines).rstrip(b"\r\n") + b"\n"
         else:
-            content = self._file.read(end - begin)
+            content = self.file.read(end - begin)
         with TemporaryDirectory() as folder:
             path = Path(folder) / "set.uff"
             path.write_bytes(content + b"    -1\n")
-            return self._pyuff.UFF(str(path)).read_sets(0, header_only=header)
-
-    def close(self) -> None:
-        """See `ChannelFile.close`."""
-        self._file.close()
+            return pyuff.UFF(str(path)).read_sets(0, header_only=header)
 
 
 def _sets(file: IO[bytes]) -> list[tuple[int, int]]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.model.channels.channel_file import MAX_ROWS, ChannelFile, ColumnHead
+from gapwalk.model.channels.channel_file import ChannelFile, ColumnHead
 
 _MOST = 1000  # columns
 _UNPACKED, _TEXTS = 200_000_000, 10_000_000  # bytes of all parts, and of its table of texts
@@ -22,27 +22,22 @@ class WorkbookChannels(ChannelFile):
     words, endings, begins, row = "a workbook of Excel", (".xlsx", ".xlsm"), (b"PK\x03\x04",), "row"
     module = "openpyxl"
 
-    def __init__(self, path: str) -> None:
+    def open(self, path: str) -> None:
+        """See `ChannelFile.open`."""
         import openpyxl
 
         _check_size(path)
-        self._book: Any = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
+        self.file = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
         self._places: list[tuple[Any, int, int]] = []
-        heads: list[ColumnHead] = []
-        for sheet in self._book.worksheets:
+        for sheet in self.file.worksheets:
             for number, row in enumerate(sheet.iter_rows(max_row=1000, max_col=_MOST, values_only=True), start=1):
                 names = [(column, name) for column, name in enumerate(row, start=1) if isinstance(name, str)]
-                heads += [ColumnHead.channel(name, "", sheet.title, -1) for _, name in names]
+                self.heads += [ColumnHead.channel(name, "", sheet.title) for _, name in names]
                 self._places += [(sheet, number, column) for column, _ in names]
                 if any(name is not None for name in row):
                     break
-        if not heads:
+        if not self.heads:
             raise ModelError("the first row of its sheets names no columns; it must, as in time (s)")
-        self.heads = tuple(heads)
-
-    def read(self, place: int) -> NDArray[Any]:
-        """See `ChannelFile.read`."""
-        return self.numbers({self.heads[place].name: place}, MAX_ROWS)[self.heads[place].name]
 
     def numbers(self, places: Mapping[str, int], most: int) -> dict[str, NDArray[np.float64]]:
         """See `ChannelFile.numbers`; all columns in one pass of the sheet."""
@@ -66,10 +61,6 @@ class WorkbookChannels(ChannelFile):
         if not found:
             raise ModelError("it has a row of names, but no numbers below it")
         return dict(zip(held, np.array(found).T, strict=True))
-
-    def close(self) -> None:
-        """See `ChannelFile.close`."""
-        self._book.close()
 
 
 def _check_size(path: str) -> None:

@@ -16,11 +16,12 @@ import copy
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 from gapwalk.errors import ModelError
+from gapwalk.model.bounds import NotNegative, Positive, bound_of, has
 from gapwalk.model.drivetrain.planetary import Planet
 from gapwalk.model.drivetrain.train_parts import GROUND, Gear, Shaft
 from gapwalk.model.units import QuantityKind, Units, normalised, parsed, registry_of_units
@@ -102,14 +103,10 @@ class Bearing:
                 if own
                 else f"carries {self.carries}, which has no teeth that could move it; write a [[gear]] there"
             )
-        for each in fields(self)[2:-1]:
-            value: Any = getattr(self, each.name)
-            if value is None and each.name == "clearance":
-                continue
-            least = each.name in ("damping", "clearance")
-            wrong = isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value)
-            if wrong or value is None or value < 0 or (value == 0 and not least):
-                yield f"has {each.name} = {value!r}; it must be a number {'>=' if least else '>'} 0"
+        for what in _IN_SI:
+            bound = NotNegative if what in ("damping", "clearance") else Positive
+            if not has(bound, value := getattr(self, what)) and (value is not None or what != "clearance"):
+                yield f"has {what} = {value!r}; it must be {bound_of(bound)}"
 
 
 _ACROSS = 1e-12

@@ -1,12 +1,7 @@
 """The non-dimensional form of a drive train with units, exactly, and back; and the numbers of the paper.
 
-Angles, times and torques are divided by scales: an angle (a clearance), a frequency and an inertia, as the paper
-divides by bc1 and w (section 2 of Padmanabhan and Singh 1995). Every number of a part is counted in a product
-of powers of those, so the form of the train, and the names of its numbers, stay the same.
-
-The paper has three inertias in line: flywheel, clutch hub and the rest of the drive train, with a clutch of two stages
-and a shaft (equations 1 to 3). Its relative form has the twists of clutch and shaft, q1 and q3, in units of bc1 and bc3
-(equations 10 to 18).
+Angles, times and torques are divided by scales of an angle, a frequency and an inertia, as in section 2 of Padmanabhan
+and Singh (1995); its relative form of three inertias in line (equations 10 to 18) has the twists q1 and q3.
 """
 
 from __future__ import annotations
@@ -38,13 +33,7 @@ _CONSISTENT = 1e-9  # relative error of numbers of the paper that must fit toget
 
 @dataclass(frozen=True, slots=True)
 class Scales:
-    """The physical values of the number 1 in a non-dimensional drive train.
-
-    Raises
-    ------
-    ModelError
-        If one of them is not > 0.
-    """
+    """The physical values of the number 1 in a non-dimensional drive train."""
 
     angle: Positive  #: In rad, > 0.
     frequency: Positive  #: In rad/s, > 0: the time 1 is one divided by it.
@@ -61,13 +50,7 @@ class Scales:
         return self.inertia * self.frequency**2 * self.angle
 
     def of(self, kind: QuantityKind | None) -> float:
-        """Return the physical value of the number 1 of a kind, in SI units with rad.
-
-        Parameters
-        ----------
-        kind
-            The kind; None for a plain number.
-        """
+        """Return the physical value of the number 1 of a kind, in SI units with rad; 1 for a plain number."""
         if kind is None or kind is QuantityKind.PHASE:
             return 1.0
         return self.angle**kind.angle * self.frequency**-kind.time * self.torque**kind.torque
@@ -177,11 +160,9 @@ def _form(form: TrainForm, units: Units, scales: Scales) -> TrainForm:
 
 
 def scales_of(system: System) -> Scales:
-    """Choose scales at which the numbers of a train are about 1.
+    """Choose scales at which the numbers of a train are about 1, as in the paper, where K11 and n1 add up to 1.
 
-    They are those of the paper: of the first link that has a clearance, the innermost clearance that is not 0; the
-    inertia with which its deflection vibrates alone; and its frequency with the first stage closed, so that stiffnesses
-    K11 and n1 of the paper add up to 1. Without clearances the first coordinate counts, and 1 deg.
+    They are those of the first link with a clearance; without any the first coordinate counts, and 1 deg.
     """
     units, assembly = _train_of(system)
     form, equations = assembly.form, system.equations

@@ -1,23 +1,15 @@
 """Planetary sets and differentials: the meshes of sun, planets and ring as links of more than two ends.
 
-The angles of sun, ring, carrier and planets are all counted in the same sense, so a member that turns backwards has a
-negative speed. With the numbers of teeth ``z`` and ``a = z_p / z_s``, ``b = z_r / z_s`` the deflections of the meshes
-are, as angles of the sun,
+With ``a = z_p / z_s``, ``b = z_r / z_s``, all angles in the same sense, the deflections are, as angles of the sun,
 
     sun and planet:   (sun - centre) + a (planet - centre) - (1 + a) tan(alpha) radial
     planet and ring:  b (ring - centre) - a (planet - centre) + (b - a) tan(alpha) radial
 
 `centre` is the angle of a planet's centre about the axis of the set: that of the carrier, unless the planets have
-bearings. With bearings their centres move along the circle, and radially; `radial` is that way over the radius of the
-circle, and `alpha` the pressure angle. The sum of both is the deflection of the set as a whole, with Willis's ratio,
+bearings; `radial` is its way out over the radius of the circle, and `alpha` the pressure angle. Their sum is that of a
+set without planets' inertia, and of a differential: ``sun + b ring - (1 + b) carrier``.
 
-    sun + b ring - (1 + b) carrier
-
-which is that of a set without planets' inertia, and of a differential (b = 1).
-
-Planets that move alike are one coordinate (`lumped`), exactly. Where something tells them apart, as meshes in different
-phases do, each is an inertia of its own. Lin and Parker (1999), Journal of Vibration and Acoustics 121, 316-321, with
-the carrier's frame at rest: gyroscopic and centrifugal terms of the planets' centres are left out.
+Method: docs/numerics/drive-trains.md; Lin and Parker (1999), Journal of Vibration and Acoustics 121, 316-321.
 """
 
 from __future__ import annotations
@@ -28,7 +20,8 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, Self
 
-from gapwalk.model.drivetrain.train_parts import GROUND, Change, Inertia, Link, Shaft
+from gapwalk.model.bounds import Counted, NotNegative, Positive, field_problems, has
+from gapwalk.model.drivetrain.train_parts import GROUND, Change, Inertia, Link, Shaft, converted
 
 _MEMBERS = ("sun", "ring", "carrier")
 QUANTITIES = (
@@ -93,26 +86,26 @@ class Planetary:
     #: In place of the teeth: speed of the sun over that of the ring, backwards, while the carrier is at rest; 1 for a
     #: differential.
     ratio: float | None = None
-    planets: int = 3  #: Number of planets.
+    planets: Counted = 3  #: Number of planets.
     #: Inertia of one planet about its axis; the carrier's contains their masses. None for planets without inertia:
     #: then the two meshes of each are one spring in a row.
-    planet_inertia: float | None = None
+    planet_inertia: Positive | None = None
     lumped: bool = True  #: True if all planets move alike, as one inertia of their sum.
-    stiffness: float | None = None  #: Of the meshes of sun and planets; None for rigid ones, which bind three speeds.
-    damping: float = 0.0  #: Of their dampers.
-    clearance: float | None = None  #: Half the backlash of each of these meshes.
+    stiffness: Positive | None = None  #: Of the meshes of sun and planets; None for rigid ones: three speeds.
+    damping: NotNegative = 0.0  #: Of their dampers.
+    clearance: NotNegative | None = None  #: Half the backlash of each of these meshes.
     #: ring_stiffness, ring_damping, ring_clearance: Those of the meshes of planets and ring, as angles of the sun too;
     #: by default they are those at the sun.
-    ring_stiffness: float | None = None
-    ring_damping: float | None = None
-    ring_clearance: float | None = None
-    impact_damping: float | None = None  #: Hunt and Crossley's coefficient of all meshes.
+    ring_stiffness: Positive | None = None
+    ring_damping: NotNegative | None = None
+    ring_clearance: NotNegative | None = None
+    impact_damping: NotNegative | None = None  #: Hunt and Crossley's coefficient of all meshes.
     #: Moment of inertia of one planet's mass about the axis of the set, where the planets' bearings are elastic.
-    orbit_inertia: float | None = None
+    orbit_inertia: Positive | None = None
     #: bearing_stiffness, bearing_damping: Of all planets' bearings together, along the circle of their centres and
     #: radially, as torque over the carrier's angle: bearings of k N/m on a circle of radius r have k r^2 each.
-    bearing_stiffness: float | None = None
-    bearing_damping: float = 0.0
+    bearing_stiffness: Positive | None = None
+    bearing_damping: NotNegative = 0.0
     pressure_angle: float = 20.0  #: In degrees; it matters only with elastic bearings.
 
     def __post_init__(self) -> None:
@@ -180,16 +173,17 @@ class Planetary:
             return (Mesh(self.name, row, counted, member["carrier"], **at_sun),)
         assert self.teeth is not None  # checked by `problems`
         a = Fraction(self.teeth[1], self.teeth[0])
-        at_ring = {name: at_sun[name] if value is None else value for name, value in self._ring(shares).items()} | more
+        own = {"stiffness": _times(self.ring_stiffness, shares), "damping": _times(self.ring_damping, shares)}
+        own |= {"clearance": self.ring_clearance}
+        at_ring = at_sun | {name: value for name, value in own.items() if value is not None}
         lean = Fraction(math.tan(math.radians(self.pressure_angle)))
         found: list[Link] = []
         for place in self.places:
             planet, centre, radial = f"{self.name}_planet{place}", member["carrier"], None
             if self.orbit_inertia is not None:
                 centre, radial = f"{self.name}_orbit{place}", f"{self.name}_radial{place}"
-                bearing = {
-                    "stiffness": _times(self.bearing_stiffness, shares), "damping": self.bearing_damping * shares
-                }  # fmt: skip
+                held = _times(self.bearing_stiffness, shares)
+                bearing = {"stiffness": held, "damping": self.bearing_damping * shares}
                 found.append(Shaft(f"{self.name}_bearing{place}", (centre, member["carrier"]), **bearing))
                 found.append(Shaft(f"{self.name}_radial_bearing{place}", (radial, GROUND), **bearing))
             for what, own, springs, sign in (("sun", Fraction(1), at_sun, 1), ("ring", b, at_ring, -1)):
@@ -201,14 +195,9 @@ class Planetary:
                 found.append(Mesh(f"{self.name}_{what}{place}", row, counted, member["carrier"], **springs))
         return tuple(found)
 
-    def _ring(self, shares: float) -> dict[str, Any]:
-        damping = None if self.ring_damping is None else self.ring_damping * shares
-        stiffness = _times(self.ring_stiffness, shares)
-        return {"stiffness": stiffness, "damping": damping, "clearance": self.ring_clearance}
-
     def _converted(self, change: Change) -> Self:
         """Return it with other values of its quantities."""
-        return replace(self, **{what: change(f"{self.name}.{what}", getattr(self, what)) for what in QUANTITIES})
+        return replace(self, **converted(self, change, QUANTITIES))
 
     def problems(self, inertias: Sequence[str]) -> Iterator[str]:
         """List its errors, one sentence each, without its name."""
@@ -226,11 +215,14 @@ class Planetary:
         if not whole and not self.has_planets:
             missing = "sun" if "sun" not in members else "ring"
             yield f'has no {missing}; write {missing} = "...", or planet_inertia = ... for planets that roll without it'
-        if not isinstance(self.planets, int) or isinstance(self.planets, bool) or self.planets < 1:
-            yield f"has planets = {self.planets!r}; it is their number, as in planets = 3"
+        yield from field_problems(self)
         if self.has_planets and self.teeth is None:
             yield "has planet_inertia, but no numbers of teeth; write teeth = [30, 20, 70]: sun, planet, ring"
-        yield from self._number_problems()
+        alone = [
+            what for what in QUANTITIES if what.startswith(("ring_", "orbit_", "bearing_")) and getattr(self, what)
+        ]
+        for what in () if self.has_planets else alone:
+            yield f"has {what}, but its planets have no inertia; write planet_inertia = ..., or leave {what} out"
         if not self.is_elastic and (self.damping or self.clearance is not None or self.ring_damping):
             yield "has damping or a clearance, but no stiffness, so it is rigid; write stiffness = ..."
         if (self.orbit_inertia is None) is not (self.bearing_stiffness is None):
@@ -240,18 +232,6 @@ class Planetary:
         if not 0.0 <= self.pressure_angle < 90.0:
             yield f"has pressure_angle = {self.pressure_angle!r}; it is in degrees, as in pressure_angle = 20"
 
-    def _number_problems(self) -> Iterator[str]:
-        for what in QUANTITIES:
-            value = getattr(self, what)
-            if value is None:
-                continue
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or value < 0:
-                yield f"has {what} = {value!r}; it must be a number >= 0"
-            if what.endswith(("stiffness", "inertia")) and value == 0.0:
-                yield f"has {what} = 0; leave it out"
-            if what.startswith(("ring_", "orbit_", "bearing_")) and not self.has_planets and value:
-                yield f"has {what}, but its planets have no inertia; write planet_inertia = ..., or leave {what} out"
-
     def _teeth_problems(self) -> Iterator[str]:
         if (self.teeth is None) is (self.ratio is None):
             yield (
@@ -259,18 +239,16 @@ class Planetary:
                 if self.teeth is not None
                 else "has no teeth; write teeth = [30, 20, 70]: sun, planet, ring. Or ratio = 1 for a differential"
             )
-        elif self.ratio is not None:
-            if isinstance(self.ratio, bool) or not isinstance(self.ratio, int | float) or not 0 < self.ratio < math.inf:
+        elif self.teeth is None:
+            if not has(Positive, self.ratio):
                 yield (
                     f"has ratio = {self.ratio!r}; it is the number of teeth of the ring over that of the sun, > 0, and "
                     "1 for a differential"
                 )
-        elif len(self.teeth or ()) != 3 or not all(
-            isinstance(each, int) and not isinstance(each, bool) and each > 0 for each in self.teeth or ()
-        ):
-            yield f"has teeth = {list(self.teeth or ())!r}; write those of sun, planet and ring, as in [30, 20, 70]"
+        elif len(self.teeth) != 3 or not all(has(Counted, each) for each in self.teeth):
+            yield f"has teeth = {[*self.teeth]!r}; write those of sun, planet and ring, as in [30, 20, 70]"
         else:
-            sun, planet, ring = self.teeth or (0, 0, 0)
+            sun, planet, ring = self.teeth
             if ring != sun + 2 * planet:
                 yield (
                     f"has teeth = [{sun}, {planet}, {ring}], but a ring round planets of {planet} teeth on a sun of "

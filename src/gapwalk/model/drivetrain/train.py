@@ -85,32 +85,31 @@ from gapwalk.model.value_checks import checked
 # Errors of a drive train: names, numbers, parts, and how they are connected.
 
 _RESERVED = ("frequency", "speed", "mass", "damping", "stiffness", "mean", "study", GROUND)
+PARTS = {
+    "inertias": "inertia", "shafts": "shaft", "gears": "gear", "forces": "force", "frictions": "friction",
+    "drags": "drag", "planetaries": "planetary", "bearings": "bearing",
+}  # fmt: skip
+"""The fields of a train that hold its parts, each with the table of one in a file."""
 
 
 def name_problems(train: Train) -> Iterator[str]:
     """List names that no parameter can have, or that two parts have."""
-    parts: Any = [("inertia", train.inertias), ("shaft", train.shafts), ("gear", train.gears), ("force", train.forces)]
-    parts += [("friction", train.frictions), ("drag", train.drags), ("planetary", train.planetaries)]
-    parts += [("bearing", train.bearings), ("harmonic", train.harmonics)]
-    counts = Counter(str(part.name) for _, group in parts for part in group)
-    for kind, group in parts:
-        for part in group:
-            if not isinstance(part.name, str) or not part.name.isidentifier():
-                yield f"{kind} name {part.name!r}: write a word of letters, digits and underscores"
-            elif part.name in _RESERVED:
-                yield f"{part.name} is taken as a name already; choose another one for the {kind}"
-            elif counts[part.name] > 1:
-                yield f"{part.name} has the name of another part; give each a name of its own"
-            elif kind in ("shaft", "gear"):
-                rigid = RIGID in (stage.stiffness for stage in part.stages)
-                made = {friction_name(part.name): makes_friction(part), stop_name(part.name): rigid}
-                for name in (name for name, exists in made.items() if exists and counts[name]):
-                    yield f"{part.name} makes {name}, but another part has that name; choose another one for it"
-
-
-def makes_friction(link: Link) -> bool:
-    """Return True if a link has friction beside its springs."""
-    return any(OF_FRICTION[0] in numbers for numbers in (link.numbers, *(stage.numbers for stage in link.stages)))
+    parts = [(kind, part) for group, kind in PARTS.items() for part in getattr(train, group)]
+    parts += [("harmonic", load) for load in train.harmonics]
+    counts = Counter(str(part.name) for _, part in parts)
+    for kind, part in parts:
+        if not isinstance(part.name, str) or not part.name.isidentifier():
+            yield f"{kind} name {part.name!r}: write a word of letters, digits and underscores"
+        elif part.name in _RESERVED:
+            yield f"{part.name} is taken as a name already; choose another one for the {kind}"
+        elif counts[part.name] > 1:
+            yield f"{part.name} has the name of another part; give each a name of its own"
+        elif kind in ("shaft", "gear"):
+            rigid = RIGID in (stage.stiffness for stage in part.stages)
+            dry = any(OF_FRICTION[0] in each.numbers for each in (part, *part.stages))
+            made = {friction_name(part.name): dry, stop_name(part.name): rigid}
+            for name in (name for name, exists in made.items() if exists and counts[name]):
+                yield f"{part.name} makes {name}, but another part has that name; choose another one for it"
 
 
 _NO_NUMBERS = ("teeth", "normal", "group", "exponent", "weights", "counted", "carrier", "side")
@@ -129,11 +128,7 @@ def number_problems(train: Train) -> Iterator[str]:
                 continue
             if isinstance(value, bool) or not isinstance(value, Real):
                 yield f"{part.name}.{each.name} is {value!r}; it must be a number"
-
-
-def radius_problems(train: Train) -> Iterator[str]:
-    """List radii that are no lengths."""
-    for name, radius in ((each.name, each.radius) for each in train.inertias if each.radius is not None):
+    for name, radius in ((each.name, each.radius) for each in train.inertias if isinstance(each.radius, Real)):
         if train.units is None:
             yield f"{name}.radius is {radius:g}, but this train has no units; leave it out"
         elif not 0 < radius < math.inf:
@@ -146,7 +141,6 @@ def part_problems(train: Train) -> Iterator[str]:
     if not inertias:
         yield "inertias is empty; name at least one"
         return
-    yield from radius_problems(train)
     if not train.links:
         yield "there are neither shafts nor gears; join the inertias by some"
     for link in train.links:
@@ -164,23 +158,13 @@ def part_problems(train: Train) -> Iterator[str]:
             yield f"{link.name} joins {ends[0]} to itself; name two different inertias"
         elif ends[0] == GROUND:
             yield f"{link.name} begins at the ground; write the ground second"
-        if (
-            isinstance(link, Gear | Friction)
-            and isinstance(link.ratio, int | float)
-            and not 0 < abs(link.ratio) < math.inf
-        ):
-            meaning = "it must be the speed of the first inertia over that of the second"
-            yield f"{link.name}.ratio is {link.ratio:g}; {meaning}"
-    torques = [
-        ("mean", train.mean),
-        *((f"{each.name}.acts_on", each.acts_on) for each in map(plain_load, train.harmonics)),
-    ]
-    for what, names in torques:
-        yield from (
-            f"{what} names {name!r}, which is no inertia; {did_you_mean(name, inertias)}"
-            for name in names
-            if name not in inertias
-        )
+        ratio = link.ratio if isinstance(link, Gear | Friction) else None
+        if isinstance(ratio, int | float) and not 0 < abs(ratio) < math.inf:
+            yield f"{link.name}.ratio is {ratio:g}; it must be the speed of the first inertia over that of the second"
+    loads = map(plain_load, train.harmonics)
+    torques = [("mean", train.mean), *((f"{each.name}.acts_on", each.acts_on) for each in loads)]
+    for what, name in ((what, name) for what, names in torques for name in names if name not in inertias):
+        yield f"{what} names {name!r}, which is no inertia; {did_you_mean(name, inertias)}"
     if train.reference not in inertias:
         yield f"reference is {train.reference!r}, which is no inertia; {did_you_mean(train.reference, inertias)}"
     if train.reaction is not None:
@@ -193,21 +177,15 @@ def part_problems(train: Train) -> Iterator[str]:
 def set_problems(train: Train) -> Iterator[str]:
     """List the errors of planetary sets and bearings, and names of their parts that are taken."""
     inertias = [each.name for each in train.inertias if not isinstance(each, Planet)]
-    taken = {part.name for part in (*train.inertias, *train.shafts, *train.gears, *train.forces, *train.frictions)
-             if not isinstance(part, Planet)}  # fmt: skip
-    for each in (*train.planetaries, *train.bearings):
-        own = each.problems(inertias, train.gears) if isinstance(each, Bearing) else each.problems(inertias)
-        found = [f"{each.name} {problem}" for problem in own]
-        yield from found
-        if isinstance(each, Bearing):
-            made = () if found else (each.inertia(train.units),)
-        else:
-            made = () if found else (*each.inertias, *each.links)
-        yield from (
-            f"{each.name} makes {part.name}, but another part has that name; choose another one for it"
-            for part in made
-            if part.name in taken
-        )
+    groups = (getattr(train, group) for group in [*PARTS][:6])
+    taken = {part.name for group in groups for part in group if not isinstance(part, Planet)}
+    for each in train.branches:
+        of_gear = isinstance(each, Bearing)
+        found = [*(each.problems(inertias, train.gears) if of_gear else each.problems(inertias))]
+        yield from (f"{each.name} {problem}" for problem in found)
+        made = () if found else (each.inertia(train.units),) if of_gear else (*each.inertias, *each.links)
+        for part in (part for part in made if part.name in taken):
+            yield f"{each.name} makes {part.name}, but another part has that name; choose another one for it"
 
 
 def row_problems(train: Train) -> Iterator[str]:
@@ -368,17 +346,7 @@ class Train:
     over_speed: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
-        for name in (
-            "inertias",
-            "shafts",
-            "gears",
-            "forces",
-            "frictions",
-            "drags",
-            "planetaries",
-            "bearings",
-            "harmonics",
-        ):
+        for name in (*PARTS, "harmonics"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if not self.reference and self.inertias:
             object.__setattr__(self, "reference", self.inertias[0].name)
@@ -461,16 +429,10 @@ class Train:
                 problems.append(f"{name} {error}")
         if problems or not found:
             return problems
-        units = self.units or units_of(
-            quantities,
-            None if self.speed is None else 1,  # until orders are counted
-            [
-                (name, kind, found[name][1] if name in found else PLAIN)
-                for name, kind in own.items()
-                if kind is not QuantityKind.FREQUENCY
-            ],
-        )
-
+        numbers = [(n, kind, found[n][1] if n in found else PLAIN) for n, kind in own.items()]
+        numbers = [each for each in numbers if each[1] is not QuantityKind.FREQUENCY]
+        turns = None if self.speed is None else 1  # until orders are counted
+        units = self.units or units_of(quantities, turns, numbers)
         sizes: dict[str, Any] = {}
         for name, (size, unit) in found.items():
             kind = kinds[name]
@@ -487,9 +449,7 @@ class Train:
         assert self.units is not None
         turns = common_orders(self)[0]
         loads = [
-            each
-            if isinstance(each, Counted) or not each.is_periodic
-            else replace(each, order=int(each.turn_order / turns))
+            replace(each, order=int(each.turn_order / turns)) if isinstance(each, Load) and each.is_periodic else each
             for each in self.harmonics
         ]
         counted = int(turns) if turns.denominator == 1 else turns
@@ -508,11 +468,9 @@ class Train:
             values = {name: change(f"{load.name}.{name}", getattr(load, name)) for name in names}
             return with_load(each, replace(load, **values))
 
+        groups = [group for group in PARTS if group != "bearings"]  # whose numbers follow from lengths and masses
         return {
-            **{
-                group: tuple(each._converted(change) for each in getattr(self, group))
-                for group in ("inertias", "shafts", "gears", "forces", "frictions", "drags", "planetaries")
-            },
+            **{group: tuple(each._converted(change) for each in getattr(self, group)) for group in groups},
             "mean": {name: change(f"mean.{name}", value) for name, value in self.mean.items()},
             pace: change(pace, getattr(self, pace)),
             "harmonics": tuple(map(changed, self.harmonics)),
@@ -530,9 +488,7 @@ class Train:
         **changes
             New values by the names of its fields.
         """
-        groups = {"inertias": self.inertias, "shafts": self.shafts, "gears": self.gears, "forces": self.forces}
-        groups |= {"frictions": self.frictions, "drags": self.drags, "planetaries": self.planetaries}
-        groups |= {"bearings": self.bearings}
+        groups = {group: getattr(self, group) for group in PARTS}
         for group, parts in groups.items():
             if part in [each.name for each in parts]:
                 changed = tuple(replace(each, **changes) if each.name == part else each for each in parts)
@@ -545,8 +501,9 @@ class Train:
         free = [inertia.name for inertia in self.inertias if numbers[inertia.name] != numbers[GROUND]]
         ratios, more = fixed_ratios(self) | displaced_gears(self), {}
         if self.branches:
-            looped = self._looped
             places = {link.name: number for number, link in enumerate(self.links)}
+            names = [each.name for each in self.inertias]
+            looped = {places[name] for name in (circuits(self.links, self._whole, names) if self._whole.free else ())}
             root = numbers[self.reference] if self._solved.free else len(free)
             more = {"basis": tuple(places[name] for name in self._solved.basis), "root": root}
         else:
@@ -577,9 +534,8 @@ class Train:
         counts = Counter([load.form.name for load in form.loads])
         counts.update(part.name for part in (*self.inertias, *self.links))
         for name in (name for name, count in counts.items() if count > 1):
-            raise ModelError(
-                f"{name} is a name that the train gives a load of its own; choose another one for the part"
-            )
+            told = "a name that the train gives a load of its own; choose another one for the part"
+            raise ModelError(f"{name} is {told}")
         values = np.array([*self._numbers(form)], dtype=float)
         assembly = TrainAssembly(form, self._units)
         train = assembly.numbers(values)
@@ -596,9 +552,8 @@ class Train:
             last = name.rpartition(".")[2]
             if name not in form.names or last in ("inertia", "ratio", "frequency", "clearance", "phase"):
                 known = [each for each in form.names if each.rpartition(".")[2] in ("stiffness", "damping", "limit")]
-                raise ModelError(
-                    f"over_speed names {name!r}, which is no number that can vary; {did_you_mean(name, known)}"
-                )
+                hint = did_you_mean(name, known)
+                raise ModelError(f"over_speed names {name!r}, which is no number that can vary; {hint}")
             factor = FactorOverSpeed(text)
             yield name, factor.in_train(self.units) if self.units else factor
 
@@ -610,9 +565,7 @@ class Train:
             load = plain_load(each)
             load = load.in_train(self.units) if self.units else load
             scaled = load.frequencies if getattr(load, "growth", True) else ()
-            constants = tuple(
-                (name, value * frequency if name in scaled else value) for name, value in load.constants()
-            )
+            constants = tuple((n, value * frequency if n in scaled else value) for n, value in load.constants())
             varies, displaces = targets_of(self, load, links)
             form = LoadForm(load.name, order, type(load), constants, varies)
             yield TorqueForm(form, tuple(numbers[name] for name in load.acts_on), displaces)
@@ -629,9 +582,8 @@ class Train:
         gapless = gapless_links(self)
         forms = []
         for link in self.links:
-            parts = tuple(
-                ContactForm.of(each, reciprocal=acts_along_its_slip(each.law)) for each in self._contacts(link)
-            )
+            made = self._contacts(link)
+            parts = tuple(ContactForm.of(each, reciprocal=acts_along_its_slip(each.law)) for each in made)
             always = link.acts_always and link.name not in gapless
             ends = numbers[link.between[0]], numbers[link.between[1]]
             geared = isinstance(link, Gear | Friction) and link.ratio is not None
@@ -690,13 +642,6 @@ class Train:
         return solved(self.links, [each.name for each in self.inertias])
 
     @cached_property
-    def _looped(self) -> set[int]:
-        """The links on whose ratios it depends that the train can turn, if some links have more than two ends."""
-        names = [each.name for each in self.inertias]
-        looped = circuits(self.links, self._whole, names) if self._whole.free else set()
-        return {number for number, link in enumerate(self.links) if link.name in looped}
-
-    @cached_property
     def _leaks(self) -> bool:
         """True if drags alone join some parts of the train."""
         if self.branches:
@@ -729,9 +674,9 @@ class Train:
             given = None if of_link.own is None else link.numbers
             yield from (getattr(link, what) if given is None else given[what] for what in of_link.own_numbers)
             for contact in self._contacts(link):
-                names = (f"{contact.name}.{each.name}" for each in contact.law.parameters)
-                own = dict(zip(names, contact.numbers.values(), strict=True)) if not contact.stages else {}
-                yield from contact.values() if contact.stages else (v for n, v in own.items() if not is_computed(n))
+                names = contact.law.parameters
+                own = zip((f"{contact.name}.{each.name}" for each in names), contact.numbers.values(), strict=False)
+                yield from contact.values() if contact.stages else (v for n, v in own if not is_computed(n))
         for load in map(plain_load, self.harmonics):
             yield from (*load.values(), *load.acts_on.values())
 

@@ -1,37 +1,18 @@
 """Equations of motion of a train from the numbers of its parts, without the rotation of the train as a whole.
 
-The coordinates ``x`` are the deflections of the springs along a tree of links. With the angles ``theta`` of the
-inertias, ``theta = T x + r psi``: `r` holds the speeds at which a free train turns as a whole, and the columns of `T`
-have no angular momentum, ``r^T J T = 0``. So ``psi`` drops out, exactly, whatever the loads, and what is left is
+With the deflections ``x`` of the springs along a tree of links, the angles of the inertias are ``theta = T x + r psi``;
+`r` holds the speeds at which a free train turns as a whole, and the columns of `T` have no angular momentum. So ``psi``
+drops out, exactly. With the deflections ``L x`` of all links,
 
     T^T J T x'' + L^T C L x' + L^T K L x + sum_k e_k f_k = T^T (torques)
 
-with the deflections ``L x`` of all links. An inertia whose motion is prescribed is taken for the ground, and displaces
-the links that end at it. A train that the ground holds has no ``r``. Padmanabhan and Singh (1995),
-equations 1 to 18, do the same for three inertias, and divide by the masses.
-
-Where a drag alone joins two groups of inertias (a fluid coupling), the angle ``x_s`` between them is in no equation,
-only its rate is, and with a mean torque it grows for ever. So the coordinate is a leaky integral ``y`` of the rate,
-
-    x_s' = y' + g y
-
-That changes no motion: a steady slip is the constant ``g y``, and one multiplier is ``exp(-g T)`` where that of the
-angle would be 1. With ``G = diag(g)``, zero for deflections, the equations become
+An inertia whose motion is prescribed is taken for the ground. The slip of a drag that alone joins two groups of parts
+is a leaky integral y, ``x_s' = y' + g y``, which changes no motion; with ``G = diag(g)``, zero for deflections,
 
     M x'' + (C + M G) x' + (K + C G) x + ...
 
-for ``x_s`` has no stiffness and deflects no contact. The leak g is twice the rate at which the drag by itself ends the
-slip: it follows from inertias and damping alone, and the equations of two inertias keep two different multipliers.
-
-A drag between parts that turn at different speeds, or on the casing, acts on absolute rates. With the vector d of its
-ends its slip is ``s = d^T theta' = (d^T r) W + d^T T x' + (d^T r) v``, where ``v = psi'`` is the rotation as a whole
-beside the mean speed W. So of a free train with such drags psi is one more coordinate, the *turn*, with the inertia
-``I = r^T J r``, and nothing else of it is special: its column beside T is r. The mean of v is 0 by definition of W. The
-reaction, which acts on the inertia R, keeps it so: its constant part balances all loads and drags at the speed W, and
-what is left (a drag that is not linear has another mean while the train vibrates) is a torque ``-k psi`` on R. The k is
-so small that it is constant over a period but for 1e-7 of the torque that turns it: both rates at which the turn then
-returns to its mean are slower than the decay by the drags themselves. As psi itself matters nowhere, it is counted in
-units of `TURN_UNIT` angles, so that the large angle at which it rests weighs little where states are compared.
+The leak g is twice the rate at which the drag by itself ends the slip. Where drags act on absolute rates, psi is one
+more coordinate, the *turn*, in units of `TURN_UNIT` angles; a torque ``-k psi`` on the reaction keeps its mean rate 0.
 
 Method: docs/numerics/notes/models.md
 """
@@ -48,10 +29,9 @@ from numpy.typing import NDArray
 
 from gapwalk.bracketed_root import find_root
 from gapwalk.model.contact import ContactForm
-from gapwalk.model.drivetrain.sparse_rows import Matrix, filled, with_row
 from gapwalk.model.drivetrain.train_nodes import node_problems, nodes_of
 from gapwalk.model.drivetrain.train_parts import LEAK, NOT_NEGATIVE, Displacing, MeanOf, speed_number
-from gapwalk.model.drivetrain.train_rows import ways_of
+from gapwalk.model.drivetrain.train_rows import Matrix, filled, ways_of, with_row
 from gapwalk.model.drivetrain.train_tree import LinkForm, Step, Tree, tree_of
 from gapwalk.model.laws import Expression
 from gapwalk.model.laws.formula import GROUP_SCALE, MEAN_SLIP, MEAN_SPEED, NUMPY_FUNCTIONS, PACE, is_computed
@@ -62,8 +42,6 @@ from gapwalk.model.structure import Structure
 from gapwalk.model.units import Units
 
 # A train without its numbers: its parts, how they are connected, and the place of each of its numbers.
-#
-# The parts are connected by a tree of links that reaches all of them, and by links that close loops.
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,11 +128,6 @@ class TrainForm:
     def held(self) -> list[int]:
         """The inertia of each connected part of the train at which it is joined to the ground; empty if it is free."""
         return [step.child for step in self.tree.steps if step.parent == self.ground]
-
-    @cached_property
-    def ends(self) -> NDArray[np.intp]:
-        """The inertias at the first end of each link, then those at the second, shape (2 links,)."""
-        return np.array([link.ends for link in self.links]).T.ravel()
 
     @cached_property
     def springs(self) -> tuple[int, ...]:
@@ -474,13 +447,12 @@ class TrainNumbers:
     @cached_property
     def stiffness(self) -> NDArray[Any]:
         """The stiffnesses of the springs that act always, shape (links,)."""
-        return self._of_links("stiffness", [0.0] * len(self.form.links))
+        return self._of_links("stiffness")
 
     @cached_property
     def damping(self) -> NDArray[Any]:
         """The coefficients of the dampers that act always, shape (links,)."""
-        nothing = [0.0] * len(self.form.links)
-        return self._of_links("damping", nothing) + self._of_links("linear", nothing) * self.scales
+        return self._of_links("damping") + self._of_links("linear") * self.scales
 
     @cached_property
     def scales(self) -> NDArray[Any]:
@@ -512,9 +484,8 @@ class TrainNumbers:
     @cached_property
     def steady_drags(self) -> NDArray[Any]:
         """The torques of drags at the mean speed that are no contacts, shape (links,): by damping, and constant."""
-        form, nothing = self.form, [0.0] * len(self.form.links)
-        ways = np.array([link.way for link in form.links])
-        return self.damping * self.mean_slips + self._of_links("constant", nothing) * (self.scales * ways)
+        ways = np.array([link.way for link in self.form.links])
+        return self.damping * self.mean_slips + self._of_links("constant") * (self.scales * ways)
 
     @cached_property
     def drags(self) -> NDArray[Any]:
@@ -569,9 +540,9 @@ class TrainNumbers:
             found.append(vector * self.leaks if each.endswith(LEAK) else vector)
         return found if contact.reciprocal else [*found, own]
 
-    def _of_links(self, what: str, otherwise: list[float]) -> NDArray[Any]:
+    def _of_links(self, what: str, otherwise: list[float] | None = None) -> NDArray[Any]:
         which, places = self.form.places[what]
-        numbers = np.array(otherwise, dtype=self.values.dtype)
+        numbers = np.array(otherwise or [0.0] * len(self.form.links), dtype=self.values.dtype)
         numbers[which] = self.values[places]
         return numbers
 
@@ -734,10 +705,7 @@ class TrainNumbers:
 
     @cached_property
     def bodies(self) -> tuple[NDArray[np.intp], NDArray[Any], int]:
-        """The body of each inertia, its angle by that of the body, and the number of bodies.
-
-        Rigid gears make one body of several inertias.
-        """
+        """The body that rigid gears make of each inertia, its angle by that of the body, and the number of bodies."""
         count = len(self.form.inertias)
         body, turn = np.zeros(count + 1, dtype=np.intp), np.ones(count + 1, dtype=self.ratios.dtype)
         known = 1 if self.form.is_free else 0
@@ -757,24 +725,20 @@ class TrainNumbers:
 
     @cached_property
     def flexed(self) -> tuple[Matrix, Matrix, Matrix]:
-        """Angles of the inertias by those of the bodies, of shape (inertias, bodies), and what follows from them.
-
-        That is deflections of the coordinates by the bodies over their inertias, and accelerations by forces of links.
-        """
+        """Angles of inertias by bodies, deflections by torques on bodies, and accelerations by forces of links."""
         form, links = self.form, len(self.form.links)
         if form.basis is not None:
             turned, pulls = self._ways, self.rows @ self._ways
             inverse = np.linalg.inv(turned.T @ (self.inertia[:, None] * turned))
         else:
             body, turn, known = self.bodies
-            count = len(body)
+            count, each = len(body), np.arange(known)
             turned = self._matrix(turn, np.arange(count), body, (count, known))
             # deflections of the links by the angles of the inertias, then of the bodies
-            ends = form.ends
+            ends = np.array([link.ends for link in form.links]).T.ravel()
             weights, moving = np.concatenate((np.ones(links), -self.ratios)), ends != form.ground
             places = np.tile(np.arange(links), 2)[moving]
             pulls = self._matrix(weights[moving], places, ends[moving], (links, count)) @ turned
-            each = np.arange(known)
             inverse = self._matrix(1.0 / ((turned * turned).T @ self.inertia), each, each, (known, known))
         flexed = pulls[list(form.springs)] @ inverse
         by_links = flexed @ pulls.T
@@ -893,3 +857,22 @@ def structure_of(assembly: TrainAssembly) -> Structure:
     form = assembly.form
     contacts = tuple(contact for _, contact in form.contacts)
     return Structure(form.coordinates, contacts, tuple(load.form for load in form.loads), assembly)
+
+
+def steadied(system: Any, strobes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the last of some strobes (2 or more, state_size) with the turn where it ends if all else repeats."""
+    assembly, n = system.structure.assembly, system.size
+    if not isinstance(assembly, TrainAssembly) or not assembly.form.has_turn:
+        return strobes[-1]
+    numbers = assembly.numbers(system.values)
+    ends, fast = numbers.decay * numbers.whole + numbers.steadying, numbers.hold / numbers.whole
+    decay = ends / numbers.whole
+    rates = np.roots([1.0, decay, fast])
+    duration = 2.0 * np.pi / numbers.values[0]
+    vectors = np.array([[1.0, 1.0], rates])
+    across = np.real(vectors * np.exp(rates * duration) @ np.linalg.inv(vectors))
+    turn = strobes[:, [n - 1, 2 * n - 1]]
+    left = np.mean(turn[1:] - turn[:-1] @ across.T, axis=0)
+    found = strobes[-1].copy()
+    found[[n - 1, 2 * n - 1]] = np.linalg.solve(np.eye(2) - across, left)
+    return found

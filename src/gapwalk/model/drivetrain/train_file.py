@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import (
     AfterValidator,
@@ -20,9 +20,9 @@ from gapwalk.errors import ModelError
 from gapwalk.model.contact import OF_FRICTION, Side, friction_name, stop_name
 from gapwalk.model.drivetrain.bearing import Bearing
 from gapwalk.model.drivetrain.planetary import Planetary
-from gapwalk.model.drivetrain.train import Train
+from gapwalk.model.drivetrain.train import PARTS, Train
 from gapwalk.model.drivetrain.train_orders import LONGEST
-from gapwalk.model.drivetrain.train_parts import OF_DRAGS, Drag, Force, Friction, Gear, Inertia, Shaft
+from gapwalk.model.drivetrain.train_parts import NOT_NEGATIVE, OF_DRAGS, Drag, Force, Friction, Gear, Inertia, Shaft
 from gapwalk.model.element_tables import FrictionBase, TrainLoadBase, default_name, friction_part, load_fields
 from gapwalk.model.loads import LOADS
 from gapwalk.model.model_source import Source
@@ -82,18 +82,16 @@ class PacedPart(Part):
     """A part whose numbers may depend on the speed."""
 
     over_speed: Text | dict[Text, Text] | None = None
+    main_numbers: ClassVar[tuple[str, ...]] = ("stiffness",)
+    """The numbers that one formula multiplies: those of them that are given."""
 
     def factors(self) -> Iterator[tuple[str, str]]:
         """Iterate over the names of the numbers that depend on the speed, with their factors."""
         given, name = self.over_speed or {}, getattr(self, "name", "")
-        for what, text in (given if isinstance(given, dict) else dict.fromkeys(self.main_numbers, given)).items():
+        main = [what for what in self.main_numbers if getattr(self, what) is not None] or self.main_numbers[:1]
+        for what, text in (given if isinstance(given, dict) else dict.fromkeys(main, given)).items():
             of_friction = f"{friction_name(name)}.limit" if what == "hysteresis" else f"{name}.{what}"
             yield of_friction, text
-
-    @property
-    def main_numbers(self) -> tuple[str, ...]:
-        """The numbers that one formula multiplies."""
-        return ("stiffness",)
 
 
 class InertiaPart(Part):
@@ -187,7 +185,7 @@ class PlanetaryPart(Part):
 
     def part(self) -> Planetary:
         """Make the set."""
-        return Planetary(**{name: getattr(self, name) for name in type(self).model_fields})
+        return Planetary(**dict(self))
 
 
 class BearingPart(Part):
@@ -204,7 +202,7 @@ class BearingPart(Part):
 
     def part(self) -> Bearing:
         """Make the bearing."""
-        return Bearing(**{name: getattr(self, name) for name in type(self).model_fields})
+        return Bearing(**dict(self))
 
 
 class TorquePart(Part):
@@ -231,10 +229,7 @@ class TrainFrictionBase(PacedPart, FrictionBase):
     between: _Ends = Field(description='name the two inertias between which it slips, as in ["hub", "ground"]')
     ratio: Number | None = None
 
-    @property
-    def main_numbers(self) -> tuple[str, ...]:
-        """See `PacedPart.main_numbers`."""
-        return ("coefficient" if self.normal else "limit",)
+    main_numbers = ("coefficient", "limit")
 
     def part(self) -> Friction:
         """Make the friction."""
@@ -243,10 +238,7 @@ class TrainFrictionBase(PacedPart, FrictionBase):
 
 
 class DragBase(PacedPart):
-    """Drag between parts that turn at different speeds, or on the casing: ``[[drag]]``.
-
-    All keys that the schema does not know are parameters of its formula.
-    """
+    """Drag between parts that turn at different speeds: ``[[drag]]``; keys unknown here are those of its formula."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
@@ -260,19 +252,14 @@ class DragBase(PacedPart):
     )
     group: Name | None = None
 
-    @property
-    def main_numbers(self) -> tuple[str, ...]:
-        """See `PacedPart.main_numbers`."""
-        return tuple(each.name for each in OF_DRAGS if each.name != "stribeck" and getattr(self, each.name) is not None)
+    main_numbers = NOT_NEGATIVE
 
     def part(self) -> Drag:
         """Make the drag."""
         first, second = self.between
         numbers = {each.name: value for each in OF_DRAGS if (value := getattr(self, each.name)) is not None}
-        more = {**numbers, **(self.model_extra or {})}
-        return Drag(
-            self.name, (first, second), law=self.law, group=self.group or "", exponent=self.exponent, numbers=more
-        )
+        more: Any = {"law": self.law, "exponent": self.exponent, "group": self.group or ""}
+        return Drag(self.name, (first, second), numbers={**numbers, **(self.model_extra or {})}, **more)
 
 
 _OF_DRAGS: dict[str, Any] = {  # that without a kind has a unit of its own, as the parameters of a formula
@@ -322,20 +309,16 @@ class TrainBase(Part):
     def system(self, elements: Mapping[str, list[Any]]) -> System:
         """Make the system of the train, with the loads that its tables have made."""
         parts: list[Any] = [each for key in (*_PACED, "drag") for each in getattr(self, key, ())]
+        made: dict[str, Any] = {
+            group: [part.part() for part in getattr(self, kind, ())] for group, kind in PARTS.items()
+        }
         train = Train(
-            inertias=[part.part() for part in self.inertia],
-            shafts=[part.part() for part in getattr(self, "shaft", ())],
-            gears=[part.part() for part in getattr(self, "gear", ())],
+            **made,
             mean=self.mean,
             harmonics=loads_of(elements),
             frequency=self.frequency or 1.0,
             reaction=self.reaction,
             speed=self.speed,  # pyright: ignore[reportArgumentType]
-            forces=[part.part() for part in self.force],
-            frictions=[part.part() for part in getattr(self, "friction", ())],
-            drags=[part.part() for part in getattr(self, "drag", ())],
-            planetaries=[part.part() for part in getattr(self, "planetary", ())],
-            bearings=[part.part() for part in getattr(self, "bearing", ())],
             groups=self.groups,
             over_speed={name: text for part in parts for name, text in part.factors()} | self.over_speed,
             reference=self.reference,
@@ -348,14 +331,15 @@ class TrainBase(Part):
 def train_part() -> type[TrainBase]:
     """Return the schema of a model file with a drive train."""
     fields = {**law_fields("parameters"), **friction_fields(), "stage": (stages_field(0), Field(default=[]))}
-    links: dict[str, Any] = {"shaft": ("ShaftPart", LinkBase), "gear": ("GearPart", GearBase)}
-    for key, (name, base) in links.items():
-        part: Any = create_model(name, __base__=base, **fields)
-        links[key] = (list[part], Field(default=[], max_length=MAX_COORDINATES))
-    links["drag"] = (list[DragPart], Field(default=[], max_length=MAX_COORDINATES))
-    links["friction"] = (list[friction_part(TrainFrictionBase)], Field(default=[], max_length=MAX_COORDINATES))
-    links["planetary"] = (list[PlanetaryPart], Field(default=[], max_length=MAX_COORDINATES))
-    links["bearing"] = (list[BearingPart], Field(default=[], max_length=MAX_COORDINATES))
+    made: dict[str, Any] = {
+        "shaft": create_model("ShaftPart", __base__=LinkBase, **fields),
+        "gear": create_model("GearPart", __base__=GearBase, **fields),
+        "drag": DragPart,
+        "friction": friction_part(TrainFrictionBase),
+        "planetary": PlanetaryPart,
+        "bearing": BearingPart,
+    }
+    links: Any = {k: (list[part], Field(default=[], max_length=MAX_COORDINATES)) for k, part in made.items()}
     return create_model("TrainPart", __base__=TrainBase, **links, **load_fields(TrainLoadBase))
 
 
@@ -368,7 +352,7 @@ def train_problems(error: ModelError, source: Source) -> Iterator[Problem]:
     """Make a problem of each line of an error, at the part with which it begins."""
     places: dict[str, Path] = {name: (name,) for name in _TOP}
     beside: dict[str, Path] = {}  # of contacts that a table makes beside its springs
-    for kind in (*_KEYS, "force", "friction", "drag", *LOADS):
+    for kind in (*PARTS.values(), *LOADS):
         for number, table in enumerate(source.data.get(kind, ())):
             name = table.get("name") or default_name(kind, table, places)
             places[name] = (kind, number)

@@ -1,13 +1,7 @@
 """Bodies of a train without inertia: nodes between shafts, whose equations are of first order.
 
-A node of angle u takes part in no kinetic energy, so its equation is ``c u' + k u = ...``, with the dampers c and the
-springs k of its links. As the states of `gapwalk.model.states` it is carried with a lag g. Let the column w be the
-deflections x of the coordinates as the node turns by itself, and ``W`` all such columns. With new coordinates y,
-
-    x = y + G y',    G = g W (W^T W)^-1 W^T,
-
-the angle of each node is ``u = y_u + g y_u'``, and all else is as it was. As ``M W = 0``, the equations of y are of the
-second order, with ``M + C G``, ``C + K G`` and K. What deflects with a node must be linear; other contacts see x = y.
+With the deflections w of the coordinates as a node turns by itself as columns of W, ``x = y + g W (W^T W)^-1 W^T y'``.
+Method: docs/numerics/states.md
 """
 
 from __future__ import annotations

@@ -16,6 +16,8 @@ from itertools import permutations
 from typing import TYPE_CHECKING, Any
 
 from gapwalk.errors import ModelError
+from gapwalk.model import bounds
+from gapwalk.model.bounds import Finite, has
 from gapwalk.model.contact import OF_FRICTION, Side
 from gapwalk.model.drivetrain.planetary import QUANTITIES, Mesh
 from gapwalk.model.drivetrain.train_parts import GROUND, Force, Friction, Gear, Link, links_of
@@ -59,24 +61,21 @@ class Counted:
 
     def __post_init__(self) -> None:
         for key in ("pole_pairs", "slots"):
-            number = getattr(self, key)
-            if number is not None and (isinstance(number, bool) or not isinstance(number, int) or number < 1):
+            if (number := getattr(self, key)) is not None and not has(bounds.Counted, number):
                 raise ModelError(f"{self.name} has {key} = {number!r}; it must be a whole number >= 1, such as 4")
         if self.slots is not None and self.pole_pairs is None:
             raise ModelError(
-                f"{self.name} has slots, but no pole_pairs; cogging repeats with both: write pole_pairs = 4, say"
+                f"{self.name} has slots, but no pole_pairs; cogging repeats with both: write pole_pairs = 4"
             )
-        if self.mesh and self.pole_pairs is not None:
-            raise ModelError(f"{self.name} has both mesh and pole_pairs; leave one of the two out")
-        for key in ("mesh", "turns_of"):
+        for other in ("pole_pairs", "turns_of"):
+            if self.mesh and getattr(self, other):
+                raise ModelError(f"{self.name} has both mesh and {other}; leave one of the two out")
+        for key, what in (("mesh", "a gear"), ("turns_of", "an inertia")):
             if not isinstance(name := getattr(self, key), str):
-                what = "a gear" if key == "mesh" else "an inertia"
                 raise ModelError(
                     f"{self.name} has {key} = {name!r}, which is not the name of {what}; a fraction is written "
                     "Counted(load, order=0.5)"
                 )
-        if self.mesh and self.turns_of:
-            raise ModelError(f"{self.name} has both mesh and turns_of; leave one of the two out")
         given = self.load.turn_order if self.order is None else self.order
         if isinstance(given, bool) or not isinstance(given, int | float | Fraction) or not 0 < given < math.inf:
             raise ModelError(f"{self.name} has the order {given!r}; it must be a number > 0")
@@ -111,46 +110,36 @@ def plain_load(load: Load | Counted) -> Load:
 
 def with_load(counted: Load | Counted, load: Load) -> Load | Counted:
     """Return a load whose order is counted as that of another one."""
-    if not isinstance(counted, Counted):
-        return load
-    return replace(counted, load=load)
+    return replace(counted, load=load) if isinstance(counted, Counted) else load
 
 
 def real_orders(train: Train) -> list[Fraction]:
     """Return the orders of the loads: per turn of the reference shaft, or as multiples of the frequency."""
     unit = Fraction((train.units and train.units.turns) or 1)
-    paths = _speeds(train)
-    found = []
+    paths, found = _speeds(train), []
     for load in train.harmonics:
-        if not isinstance(load, Counted):
-            # until they are counted, the orders of a curve over a cycle of two turns are halves
+        if isinstance(load, Counted):
+            found.append(load.exact_order * load.periods * _counted(train, load, paths)[0])
+        else:  # until they are counted, the orders of a curve over a cycle of two turns are halves
             found.append(load.turn_order if train.speed is not None else load.order * unit)
-            continue
-        order, at = load.exact_order * load.periods, load.turns_of
-        gear = _gear(train, load) if load.mesh else None
-        if isinstance(gear, Mesh):
-            order *= abs(tooth_rate(train, load, gear, paths))
-        elif gear:
-            order, at = order * (gear.first_teeth or 0), gear.between[0]
-        if at:
-            order *= abs(_speed(train, load, at, paths)[0])
-        found.append(order)
     return found
 
 
 def fixed_ratios(train: Train) -> frozenset[str]:
     """Return the gears on whose ratios orders depend; these are no parameters: the orders would change with them."""
-    paths, found = _speeds(train), set()
-    for load in train.harmonics:
-        if isinstance(load, Counted) and (load.mesh or load.turns_of):
-            gear = _gear(train, load) if load.mesh else None
-            if isinstance(gear, Mesh):
-                found |= {each.name for each in train.gears}
-                continue
-            at = gear.between[0] if gear else load.turns_of
-            found |= {*_speed(train, load, at, paths)[1]}
-            found |= {load.mesh} - {""}
-    return frozenset(found)
+    paths, loads = _speeds(train), (load for load in train.harmonics if isinstance(load, Counted))
+    return frozenset(gear for load in loads for gear in _counted(train, load, paths)[1])
+
+
+def _counted(train: Train, load: Counted, paths: _Paths) -> tuple[Fraction, tuple[str, ...]]:
+    """Return what a load counts per turn of the reference shaft, and the gears on which that depends."""
+    gear = _gear(train, load) if load.mesh else None
+    if isinstance(gear, Mesh):
+        return abs(tooth_rate(train, load, gear, paths)), tuple(each.name for each in train.gears)
+    if not (at := gear.between[0] if gear else load.turns_of):
+        return Fraction(1), ()
+    speed, path = _speed(train, load, at, paths)
+    return (abs(speed) * (gear.first_teeth or 0), (*path, gear.name)) if gear else (abs(speed), path)
 
 
 def common_orders(train: Train) -> tuple[Fraction, list[int]]:
@@ -171,11 +160,13 @@ def multiples_of(train: Train, turns: Fraction) -> list[int]:
         if multiple.denominator != 1:
             counted = "per turn of the reference shaft" if turns != 1 else "in multiples of the frequency"
             way = (
-                'write speed = "1000 rpm" in place of the frequency: the period is then the common one of all loads'
-                if train.units
-                else f"multiply the orders of all loads by {multiple.denominator}, and write the frequency "
+                f"multiply the orders of all loads by {multiple.denominator}, and write the frequency "
                 f"{train.frequency / multiple.denominator:.10g}"
             )
+            if train.units:
+                way = (
+                    'write speed = "1000 rpm" in place of the frequency: the period is then the common one of all loads'
+                )
             raise ModelError(
                 f"{load.name} has the order {order} {counted}, which is no whole multiple of {turns}; {way}"
             )
@@ -253,11 +244,7 @@ _Paths = Mapping[str, tuple[Fraction | None, tuple[str, ...]]]
 
 
 def walked(train: Train) -> dict[str, tuple[str, Any, bool]]:
-    """Return all inertias that the reference reaches, each with the one before it, the link, and whether forwards.
-
-    Shortest paths come first, then those across drags: where a drag alone joins two parts, they turn together without
-    a torque.
-    """
+    """Return how the reference reaches all inertias: the one before each, the link, whether forwards; drags last."""
     links = [(link, [end for end in link.row or link.between if end != GROUND]) for link in links_of(train)]
     ends: dict[str, list[tuple[str, Any, bool]]] = {}
     for link, own in links:
@@ -355,21 +342,14 @@ def phased_loads(train: Train) -> Iterator[Load | Counted]:
 
 
 # Numbers of a train that its loads vary: stiffnesses of links, transmission errors, prescribed motions of inertias.
-#
-# Only springs in a contact vary over the angle. So a spring that acts always becomes a stage without a gap if, and
-# only if, a load varies its stiffness. A displacement of a spring or damper that acts always is a load, and needs no
-# contact.
+# See "What varies" in docs/numerics/drive-trains.md.
 
 _DISPLACED = ("deflection", "clearance", "angle")
 _SPRINGS = ("stiffness", "stage1.stiffness")
 
 
 def own_kinds(train: Train) -> dict[str, QuantityKind | None]:
-    """Return the kinds of those quantities whose names do not tell it.
-
-    A load that varies a stiffness is a fraction; one that varies a deflection is an angle. Parameters of formulas are
-    of no kind.
-    """
+    """Return the kinds of those quantities whose names do not tell it: None of fractions and of numbers of formulas."""
     found: dict[str, QuantityKind | None] = {}
     for load in map(plain_load, train.harmonics):
         displaced = any(name.rpartition(".")[2] in _DISPLACED for name in load.varies)
@@ -400,10 +380,7 @@ def turn_speeds(train: Train) -> dict[str, float]:
         return {}
     found = {train.reference: 1.0}
     for name, (before, link, forward) in train._walked.items():
-        if link.is_drag:
-            found[name] = found[before] / ratio_of(link) if forward else found[before] * ratio_of(link)
-        else:
-            found[name] = found[before] * (1.0 / ratio_of(link) if forward else ratio_of(link))
+        found[name] = found[before] * (1.0 / ratio_of(link) if forward else ratio_of(link))
     return found
 
 
@@ -496,7 +473,7 @@ def load_problems(train: Train) -> Iterator[str]:
                 yield f"{load.name}.varies is {name!r}, {reason}"
         for parameter in load.parameters:
             value = getattr(load, parameter.name)
-            if isinstance(value, bool) or not isinstance(value, int | float):
+            if not has(Finite, value):
                 yield f"{load.name}.{parameter.name} is {value!r}; it must be a number"
     yield from _prescription_problems(train)
 
@@ -557,12 +534,10 @@ def _prescription_problems(train: Train) -> Iterator[str]:
             )
     if len(prescribed) == len(train.inertias):
         yield f"{prescribed[0]} and all other inertias have a prescribed motion, so nothing vibrates"
-    for load in map(plain_load, train.harmonics):
-        yield from (
-            f"{load.name}.acts_on names {name}, whose motion is prescribed; leave it out"
-            for name in load.acts_on
-            if name in prescribed
-        )
+    acting = [(load.name, name) for load in map(plain_load, train.harmonics) for name in load.acts_on]
+    for load, name in acting:
+        if name in prescribed:
+            yield f"{load}.acts_on names {name}, whose motion is prescribed; leave it out"
     for name in train.mean:
         if name in prescribed:
             yield f"mean names {name}, whose motion is prescribed; leave it out"

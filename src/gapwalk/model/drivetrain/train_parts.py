@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from fractions import Fraction
 from typing import Any, Self
 
 from gapwalk.errors import ModelError
+from gapwalk.model.bounds import Finite, has
 from gapwalk.model.contact import OF_FRICTION, RIGID, Contact, ContactParts, Side, Stage, side_of
 from gapwalk.model.contact import friction as make_friction
 from gapwalk.model.laws import FRICTION, HYSTERESIS, STIFFNESS, Expression, Law, Rigid, law_with
@@ -53,11 +55,15 @@ class Inertia:
     #: no parameter: nothing moves otherwise.
     radius: float | None = None
 
-    def _converted(self, change: Change) -> Inertia:
+    def _converted(self, change: Change) -> Self:
         """Return it with other values of its quantities."""
-        given = {what: getattr(self, what) for what in ("inertia", "radius")}
-        known = {what: change(f"{self.name}.{what}", value) for what, value in given.items() if value is not None}
-        return replace(self, **known) if known else self
+        return replace(self, **converted(self, change, ("inertia", "radius")))
+
+
+def converted(part: Any, change: Change, names: Iterable[str]) -> dict[str, Any]:
+    """Return the quantities of a part that are given, with other values; nothing is zero in any unit."""
+    given = {what: getattr(part, what) for what in names}
+    return {what: change(f"{part.name}.{what}", value) for what, value in given.items() if value}
 
 
 @dataclass(frozen=True, init=False)
@@ -166,18 +172,22 @@ class Link:
     def _converted(self, change: Change) -> Self:
         """Return it with other values of its quantities, in the order in which they choose the units of a train."""
 
-        def changed(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
-            return {
-                what: value if value == RIGID else change(f"{prefix}.{what}", value) for what, value in values.items()
-            }
+        def but_rigid(name: str, value: Any) -> Any:
+            return value if value == RIGID else change(name, value)
 
-        values = changed(self.name, {what: getattr(self, what) for what in OF_LINKS})
-        stages = []
+        def numbers(prefix: str, given: Mapping[str, Any]) -> dict[str, Any]:
+            return {what: but_rigid(f"{prefix}.{what}", value) for what, value in given.items()}
+
+        found, stages = copy(self), []
+        values = converted(self, but_rigid, OF_LINKS)
         for number, stage in enumerate(self.stages):
             prefix = f"{self.name}.{stage.name or f'stage[{number}]'}"
-            own = changed(prefix, {what: getattr(stage, what) for what in _OF_STAGES})
-            stages.append(replace(stage, **own, numbers=changed(prefix, stage.numbers)))
-        return replace(self, **values, stages=tuple(stages), numbers=changed(self.name, self.numbers))
+            own = numbers(prefix, {what: getattr(stage, what) for what in _OF_STAGES})
+            stages.append(replace(stage, **own, numbers=numbers(prefix, stage.numbers)))
+        values |= {"stages": tuple(stages), "numbers": numbers(self.name, self.numbers)}
+        for what, value in values.items():
+            object.__setattr__(found, what, value)
+        return found
 
     def problems(self) -> Iterator[str]:
         """List the errors of its numbers, one sentence each, without its name."""
@@ -328,15 +338,7 @@ class Gear(Link):
 
 
 # Loads that a train makes of those that it is given: displacements of its links, and reactions to their means.
-#
-# A displacement ``u`` over the angle of the excitation (a transmission error, an inertia whose motion is prescribed)
-# is added to the deflection ``x`` of a link. Where springs have clearances, it enters their deflection
-# (`gapwalk.model.structure.Variation`). The torque of a spring that acts always and of a damper is linear, ``k (x + u)
-# + c (x' + u')``, so ``-(k u + c u')`` is a load along the link, like any other to every backend.
-#
-# The mean of a measured torque, or of one that depends on the speed, would accelerate a free train for ever, as a mean
-# torque would: the reaction balances it, at every speed. The periodic part shakes the train as a whole, reaction or
-# not.
+# See "What varies" and "Rigid-body rotation" in docs/numerics/drive-trains.md.
 
 _DAMPING = Parameter("damping", QuantityKind.DAMPING, "it is the damper that acts always", 0.0, 0.0)
 
@@ -422,7 +424,35 @@ def _own(more: Mapping[str, Any]) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, init=False)
-class Force(Link):
+class Springless(Link):
+    """A torque between two inertias that is no spring."""
+
+    @property
+    def is_drag(self) -> bool:
+        """True: it has no spring that acts always."""
+        return True
+
+    @property
+    def only_follows(self) -> bool:
+        """True if it joins nothing."""
+        return self.is_drag
+
+    @property
+    def has_springs(self) -> bool:
+        """True if its torque depends on the deflection; that of a Jenkins element slips."""
+        return not self.is_drag
+
+    def _number_problems(self, known: Collection[str], others: str) -> Iterator[str]:
+        """List what is wrong with its numbers, of which only some are known."""
+        for name, value in self.numbers.items():
+            if name not in known:
+                yield f"has {name}, which is {others.format(', '.join(known))}"
+            elif not has(Finite, value):
+                yield f"has {name} = {value!r}; it must be a finite number"
+
+
+@dataclass(frozen=True, init=False)
+class Force(Springless):
     """A torque by a formula between two inertias, or between one and the ground.
 
     Parameters
@@ -462,16 +492,6 @@ class Force(Link):
         return "x" not in self.formula.variables
 
     @property
-    def only_follows(self) -> bool:
-        """True if its formula does not depend on the deflection."""
-        return self.is_drag
-
-    @property
-    def has_springs(self) -> bool:
-        """True if its formula depends on the deflection."""
-        return not self.is_drag
-
-    @property
     def formula(self) -> Formula:
         """The formula as it was written."""
         return formula_of(str(self.law), ("x", "x'", "v"))
@@ -496,11 +516,6 @@ class Force(Link):
         """True if the mean speed of the train occurs in its formula."""
         return any(name in COMPUTED and name not in self.numbers for name in self.formula.parameters)
 
-    def _converted(self, change: Change) -> Self:
-        """Return it with other values of its parameters."""
-        numbers = {name: change(f"{self.name}.{name}", value) for name, value in self.numbers.items()}
-        return type(self)(self.name, self.between, str(self.law), numbers=numbers)
-
     def problems(self) -> Iterator[str]:
         """List the errors of its formula and its numbers, one sentence each, without its name."""
         try:
@@ -513,15 +528,11 @@ class Force(Link):
                 yield f"has a parameter {name!r}, which means something else in a shaft; rename it in the formula"
             elif name not in self.numbers:
                 yield f"has no {name}, which its formula needs; write {name} = ..."
-        for name, value in self.numbers.items():
-            if name not in known:
-                yield f"has {name}, which is no parameter of its formula; its parameters are {', '.join(known)}"
-            elif isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                yield f"has {name} = {value!r}; it must be a finite number"
+        yield from self._number_problems(known, "no parameter of its formula; its parameters are {}")
 
 
 @dataclass(frozen=True, init=False)
-class Friction(Link):
+class Friction(Springless):
     """Dry friction between two inertias, or between one and the ground.
 
     Parameters
@@ -578,37 +589,16 @@ class Friction(Link):
         object.__setattr__(self, "normal", normal)
         object.__setattr__(self, "ratio", ratio)
 
-    @property
-    def is_drag(self) -> bool:
-        """True: it has no spring that acts always."""
-        return True
-
-    @property
-    def only_follows(self) -> bool:
-        """True: it joins nothing, because it may slip."""
-        return True
-
-    @property
-    def has_springs(self) -> bool:
-        """False: that of a Jenkins element slips."""
-        return False
-
     def contacts(self, gapless: bool = False, angle: float = 1.0, slips: Slips | None = None) -> tuple[Contact, ...]:
         """Return it as a contact; see `Link.contacts`."""
         numbers: Any = self.numbers
         return (make_friction(self.name, {self.name: 1.0}, normal=self.normal, **numbers),)
 
-    def _converted(self, change: Change) -> Self:
-        """Return it with other values of its quantities."""
-        numbers = {name: change(f"{self.name}.{name}", value) for name, value in self.numbers.items()}
-        return type(self)(self.name, self.between, normal=self.normal, ratio=self.ratio, numbers=numbers)
-
     def problems(self) -> Iterator[str]:
         """List the errors of its numbers, one sentence each, without its name."""
-        for name, value in self.numbers.items():
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                yield f"has {name} = {value!r}; it must be a finite number"
-                return
+        if wrong := [*self._number_problems(self.numbers, "")]:
+            yield wrong[0]
+            return
         try:
             self.contacts()
         except ModelError as error:
@@ -617,7 +607,7 @@ class Friction(Link):
 
 
 @dataclass(frozen=True, init=False)
-class Drag(Link):
+class Drag(Springless):
     """Drag of a bearing, a seal or oil: a torque of the speed at which its two parts slip on each other.
 
     The parts turn at different speeds, or the second is the ground (the casing). With the slip ``s``, the speed of the
@@ -674,19 +664,9 @@ class Drag(Link):
         object.__setattr__(self, "exponent", exponent)
 
     @property
-    def is_drag(self) -> bool:
-        """True: it has no spring."""
-        return True
-
-    @property
     def only_follows(self) -> bool:
         """True unless it is linear alone."""
         return self.numbers.keys() != {"linear"} or self.law is not None
-
-    @property
-    def has_springs(self) -> bool:
-        """False: it is none."""
-        return False
 
     @property
     def own(self) -> tuple[str, ...]:
@@ -720,23 +700,13 @@ class Drag(Link):
             parts.append(f"{sign}({falling}*{share})")
         return " + ".join(parts)
 
-    def _converted(self, change: Change) -> Self:
-        """Return it with other values of its numbers."""
-        numbers = {name: change(f"{self.name}.{name}", value) for name, value in self.numbers.items()}
-        law: Any = self.law
-        return type(self)(self.name, self.between, law=law, group=self.group, exponent=self.exponent, numbers=numbers)
-
     def problems(self) -> Iterator[str]:
         """List the errors of its numbers, one sentence each, without its name."""
         if self.law is not None:
             yield from Force(self.name, self.between, str(self.law), numbers=self.numbers).problems()
             return
         known = [each.name for each in OF_DRAGS]
-        for name, value in self.numbers.items():
-            if name not in known:
-                yield f"has {name}, which is none of its numbers; they are {', '.join(known)}, or those of its law"
-            elif isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                yield f"has {name} = {value!r}; it must be a finite number"
+        yield from self._number_problems(known, "none of its numbers; they are {}, or those of its law")
         if not {"linear", "quadratic", "constant", "breakaway"} & self.numbers.keys():
             yield 'has no torque; write linear = ..., quadratic = ..., constant = ..., or law = "a*s + b*s**3"'
         if ("breakaway" in self.numbers) is not ("stribeck" in self.numbers):

@@ -10,12 +10,15 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.drivetrain.train_parts import GROUND, Friction, Gear, Link
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 Row: TypeAlias = Mapping[str, Fraction]
 
@@ -52,11 +55,7 @@ def row_of(link: Link) -> dict[str, Fraction]:
 
 
 def solved(links: Iterable[Link], inertias: Collection[str], prescribed: Collection[str] = ()) -> Solved:
-    """Solve the rows of all links that join inertias; the angles of those that are prescribed are zero.
-
-    In order of preference: rigid ones, springs, those at the ground, and drags, none of them on the ground, while more
-    than the rotation as a whole is free.
-    """
+    """Solve the rows of links that join inertias, rigid ones first; angles that are prescribed are zero."""
 
     def held(link: Link) -> bool:
         return not link.row and any(end == GROUND or end in prescribed for end in link.between)
@@ -121,3 +120,21 @@ def _add(row: dict[str, Fraction], other: Row, factor: Fraction, leave: str = ""
             row[name] = row.get(name, Fraction(0)) + factor * weight
             if not row[name]:
                 del row[name]
+
+
+Matrix: TypeAlias = "csr_array | NDArray[Any]"
+"""A matrix: sparse for a long train."""
+
+
+def with_row(matrix: Matrix, row: NDArray[Any]) -> Matrix:
+    """Return a matrix with one more row."""
+    if isinstance(matrix, np.ndarray):
+        return np.vstack((matrix, row))
+    from scipy.sparse import csr_array, vstack  # imported late, because the import is slow
+
+    return csr_array(vstack((matrix, csr_array(row[None])), format="csr"))
+
+
+def filled(matrix: Matrix) -> NDArray[Any]:
+    """Return a matrix with its zeros."""
+    return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()

@@ -1,8 +1,6 @@
 """Drive trains from spreadsheets: a table of inertias, shafts and gears becomes a model file with comments.
 
-Engineers keep a drive train as a table: a row for each part, a column for each quantity, units in the headings. It is a
-CSV file (commas, semicolons or tabs; decimal points or commas; with or without a byte order mark) or an Excel workbook,
-of which the first sheet is read. The result is a model file like any other, to be continued by hand.
+A row for each part, a column for each quantity, units in the headings: a CSV file, or the first sheet of a workbook.
 """
 
 from __future__ import annotations
@@ -11,7 +9,8 @@ import csv
 import io
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -200,209 +199,169 @@ class _Sheet:
     """A table while it is read: its columns, and its problems so far."""
 
     def __init__(self, name: str, table: Spreadsheet) -> None:
-        head_row, heads = table.head_row, table.heads
-        self.name, self.mark = name, table.mark
-        self.problems: list[str] = []
+        self.name, self.mark, self.problems = name, table.mark, list[str]()
         self.columns: dict[int, tuple[SheetColumn, str, str]] = {}  # place: column, unit, heading as written
+        self.places: dict[str, int] = {}  # by the name of the column
         self.marks: dict[str, str] = {}  # decimal point and comma: where each was first seen
         self.has_units: bool | None = None
-        taken: dict[str, int] = {}
-        for place, head in enumerate(heads):
-            if not head.strip():
-                continue
-            match = re.fullmatch(r"\s*(.*?)\s*(?:[\[(]\s*(.*?)\s*[\])])?\s*", head, re.DOTALL)
-            label, unit = (match[1], match[2] or "") if match else (head, "")
-            where = f"row {head_row}, column {letters(place)}"
-            column = _BY_NAME.get(re.sub(r"[\s_]+", " ", label).lower()) or _BY_NAME.get(label.lower())
-            if column is None:
-                known = [each.name for each in COLUMNS]
-                hint = did_you_mean(label.lower(), known, "columns are")
-                self.problems.append(
-                    f"{where}: the heading {given(head.strip())} is not known; {hint} (note heads a column of remarks)"
-                )
-                continue
-            if column.name in taken and column.name != "note":
-                other = letters(taken[column.name])
-                self.problems.append(f"{where}: {given(head.strip())} is column {other} again; leave one of them out")
-                continue
-            taken[column.name] = place
+        for place, head in enumerate(table.heads):
+            if head.strip():
+                self._add_column(place, head.strip(), f"row {table.head_row}, column {letters(place)}")
+        for needed in ("part", "name"):
+            if needed not in self.places and not self.problems:
+                words = _BY_NAME[needed].words
+                self.problems.append(f"row {table.head_row}: there is no column {needed}; its cells hold: {words}")
+
+    def _add_column(self, place: int, head: str, where: str) -> None:
+        match = re.fullmatch(r"(.*?)\s*(?:[\[(]\s*(.*?)\s*[\])])?", head, re.DOTALL)
+        label, unit = (match[1], match[2] or "") if match else (head, "")
+        column, problem = _BY_NAME.get(re.sub(r"[\s_]+", " ", label).lower()) or _BY_NAME.get(label.lower()), ""
+        if column is None:
+            hint = did_you_mean(label.lower(), [each.name for each in COLUMNS], "columns are")
+            problem = f"the heading {given(head)} is not known; {hint} (note heads a column of remarks)"
+        elif column.name in self.places and column.name != "note":
+            problem = f"{given(head)} is column {letters(self.places[column.name])} again; leave one of them out"
+        else:
+            self.places[column.name] = place
             unit = "" if unit in ("-", "1") else unit
             if unit and column.kind is None:
-                self.problems.append(f"{where}: {column.name} has no unit; write the heading {column.name}")
-                unit = ""
+                problem, unit = f"{column.name} has no unit; write the heading {column.name}", ""
             elif unit and column.kind is not None:
                 try:
                     read_unit(unit, column.kind)
                 except ValueError as error:
                     usual = " or ".join(f"{column.name} [{each}]" for each in column.kind.usual)
-                    self.problems.append(f"{where}: {error}; write the heading {usual}")
-            self.columns[place] = column, unit, head.strip()
-        for needed in ("part", "name"):
-            if needed not in taken and not self.problems:
-                self.problems.append(
-                    f"row {head_row}: there is no column {needed}; its cells hold: {_BY_NAME[needed].words}"
-                )
+                    problem = f"{error}; write the heading {usual}"
+            self.columns[place] = column, unit, head
+        if problem:
+            self.problems.append(f"{where}: {problem}")
 
     def where(self, row: _Row, column: str) -> str:
         """Return the place of a cell: its row, and the letter and heading of its column."""
-        for place, (each, _, head) in self.columns.items():
-            if each.name == column:
-                return f"row {row.number}, column {letters(place)} ({head})"
-        return f"row {row.number}, column {column} (which is missing)"
+        if (place := self.places.get(column)) is None:
+            return f"row {row.number}, column {column} (which is missing)"
+        return f"row {row.number}, column {letters(place)} ({self.columns[place][2]})"
+
+    def refuse(self, row: _Row, column: str, told: str) -> str:
+        """Add what is wrong with a cell to the problems, and return nothing."""
+        self.problems.append(f"{self.where(row, column)} {told}")
+        return ""
 
     def row(self, number: int, cells: Sequence[str]) -> _Row | None:
         """Return a row; None of an empty one, and of a comment."""
-        row = _Row(number, {})
-        notes = []
-        for place, text in enumerate(cells):
-            text = re.sub(r"\s+", " ", text).strip()
-            if not text:
-                continue
-            if place not in self.columns:
-                continue
-            name = self.columns[place][0].name
-            if name == "note":
-                notes.append(text)
-            else:
-                row.cells[name] = text
+        texts = [(self.columns[k][0].name, " ".join(text.split())) for k, text in enumerate(cells) if k in self.columns]
+        row = _Row(number, {name: text for name, text in texts if text and name != "note"})
         if not row.cells:
             return None
-        row.cells |= {"note": "; ".join(notes)} if notes else {}
+        if notes := [text for name, text in texts if text and name == "note"]:
+            row.cells["note"] = "; ".join(notes)
         word = row.cells.get("part", "").lower()
         row.part = _PARTS.get(word, word)
         if row.part not in _ALLOWED:
             what = f"is {given(row.cells['part'])}" if word else "is empty"
             hint = f"; did you mean {near[0]}?" if (near := near_names(word, [*_ALLOWED])) else ""
-            self.problems.append(f"{self.where(row, 'part')} {what}; write inertia, shaft, stage, gear or load{hint}")
+            self.refuse(row, "part", f"{what}; write inertia, shaft, stage, gear or load{hint}")
             return None
-        for name in row.cells:
-            if name not in (*_ALLOWED[row.part], "part", "name", "note"):
-                fits = " or ".join(kind for kind, names in _ALLOWED.items() if name in names)
-                self.problems.append(
-                    f"{self.where(row, name)}: a {row.part} has no {name}; leave the cell empty, or write {fits} as "
-                    "the part"
-                )
+        for name in [name for name in row.cells if name not in (*_ALLOWED[row.part], "part", "name", "note")]:
+            fits = " or ".join(kind for kind, names in _ALLOWED.items() if name in names)
+            where = self.where(row, name)
+            told = f"a {row.part} has no {name}; leave the cell empty, or write {fits} as the part"
+            self.problems.append(f"{where}: {told}")
         return row
 
     def number(self, row: _Row, name: str, *, half: bool = False) -> str:
         """Return the TOML value of a cell with a number; an empty text if it is wrong."""
-        text, where = row.cells[name], self.where(row, name)
-        column, unit = next((each, unit) for each, unit, _ in self.columns.values() if each.name == name)
+        text, (column, unit, _) = row.cells[name], self.columns[self.places[name]]
+        here = f"is {given(text)}"
         match = _NUMBER.match(text)
         if match is None or (match[0].count(",") + match[0].count(".")) > 1:
-            self.problems.append(f"{where} is {given(text)}; write a number, as in 12.5")
-            return ""
+            return self.refuse(row, name, f"{here}; write a number, as in 12.5")
         digits, own = match[0], text[match.end() :].strip()
-        if own[:1] in (".", ",") or re.match(r"\d", own):
-            self.problems.append(
-                f"{where} is {given(text)}; write the number without separators of thousands, as in 1234.5"
-            )
-            return ""
+        if re.match(r"[.,\d]", own):
+            return self.refuse(row, name, f"{here}; write the number without separators of thousands, as in 1234.5")
         if "," in digits and self.mark == ",":
-            self.problems.append(f"{where} is {given(text)}; the file separates cells by commas: write a decimal point")
-            return ""
+            return self.refuse(row, name, f"{here}; the file separates cells by commas: write a decimal point")
         for mark in ".,":
             if mark in digits:
-                self.marks.setdefault(mark, f"{where} is {given(text)}")
+                self.marks.setdefault(mark, f"{self.where(row, name)} {here}")
         if len(self.marks) == 2:
             first, second = self.marks.values()
             self.problems.append(f"{second}, but {first}; write all numbers with a decimal point, or all with a comma")
             return ""
         number = float(digits.replace(",", ".")) * (0.5 if half else 1.0)
-        if own and own == unit:
-            own = ""
-        if own and unit and column.kind is not None:
-            unit = own  # the unit of the cell counts for it
-        unit = own or unit
         if column.kind is None:
             if own:
-                self.problems.append(f"{where} is {given(text)}; it is a plain number: write {digits}")
+                self.refuse(row, name, f"{here}; it is a plain number: write {digits}")
             return plain_number(number)
-        if column.kind is QuantityKind.PHASE and not unit:
-            unit = "deg"
+        unit = own or unit or ("deg" if column.kind is QuantityKind.PHASE else "")  # that of the cell counts for it
         if number == 0.0 and not unit:
             return "0.0"
-        self._same_way(where, text, column, unit)
+        if column.kind is not QuantityKind.PHASE:
+            if self.has_units not in (None, bool(unit)):
+                what = "has no unit, but others have one" if self.has_units else "has a unit, but others have none"
+                heading = f"{column.name} [{column.kind.usual[0]}]"
+                self.refuse(row, name, f"{here} and {what}; write all units in the headings, as in {heading}")
+            self.has_units = bool(unit) if self.has_units is None else self.has_units
         if not unit:
             return plain_number(number)
         try:
             read_quantity(f"{plain_number(number)} {unit}", column.kind)
         except ValueError as error:
-            self.problems.append(f"{where} {error}")
+            self.refuse(row, name, str(error))
         return f'"{plain_number(number)} {unit}"'
-
-    def _same_way(self, where: str, text: str, column: SheetColumn, unit: str) -> None:
-        """Refuse quantities with units beside some without."""
-        assert column.kind is not None
-        if column.kind is QuantityKind.PHASE:
-            return
-        if self.has_units is None:
-            self.has_units = bool(unit)
-        elif self.has_units != bool(unit):
-            usual = column.kind.usual[0]
-            what = "has no unit, but others have one" if self.has_units else "has a unit, but others have none"
-            self.problems.append(
-                f"{where} is {given(text)} and {what}; write all units in the headings, as in {column.name} [{usual}]"
-            )
 
     def text(self, rows: Sequence[_Row]) -> tuple[str, dict[str, str]]:
         """Return the model file, and the rows of its parts."""
         known = {row.cells.get("name", "") for row in rows if row.part == "inertia"}
-        links: list[_Row] = []
         names: dict[str, _Row] = {}
+        links: list[_Row] = []
         for row in rows:
             if row.part == "stage":
                 self._join(row, links)
                 continue
             self._check_name(row, names)
-            if row.part in ("shaft", "gear"):
-                links.append(row)
-                self._check_ends(row, ("from", "to"), known)
-            elif row.part == "load":
-                self._check_ends(row, ("from",), known)
+            links += [row] * (row.part in ("shaft", "gear"))
+            for column in {"shaft": ("from", "to"), "gear": ("from", "to"), "load": ("from",)}.get(row.part, ()):
+                end = row.cells.get(column, "")
+                if end not in known and (end != GROUND or column == "from"):
+                    what = f"is {given(end)}, which is the name of no inertia" if end else "is empty"
+                    ground = ", or ground" * (column == "to")
+                    listed = ", ".join(sorted(known)) or "the inertias"
+                    self.refuse(row, column, f"{what}; write one of {listed}{ground}")
         parts: list[str] = []
         places: dict[str, str] = {}
-        counts: dict[str, int] = {}
+        counts: Counter[str] = Counter()
         for row in rows:
             if row.part == "stage":
                 continue
             key = "harmonic" if row.part == "load" else row.part
-            index = counts[key] = counts.get(key, -1) + 1
-            places[f"{key}[{index}]"] = f"row {row.number}"
-            for number, stage in enumerate(row.stages):
-                places[f"{key}[{index}].stage[{number}]"] = f"row {stage.number}"
+            path = f"{key}[{counts[key]}]"
+            counts[key] += 1
+            places[path] = f"row {row.number}"
+            places |= {f"{path}.stage[{k}]": f"row {stage.number}" for k, stage in enumerate(row.stages)}
             parts.append("\n".join(_MAKERS[row.part](self, row)))
         return "\n".join((*self._head(rows), "", "\n\n".join(parts), *self._study(rows), "")), places
 
     def _join(self, row: _Row, links: list[_Row]) -> None:
         named = row.cells.get("name")
         found = [link for link in links if named in (None, link.cells.get("name"))]
-        owner = found[-1] if found else None
-        if owner is None:
-            hint = "write the name of the shaft or gear above it" if named else "write it below its shaft or gear"
-            self.problems.append(f"{self.where(row, 'name')} is {given(named or '')}: there is no such shaft; {hint}")
-        else:
-            owner.stages.append(row)
+        if found:
+            found[-1].stages.append(row)
+            return
+        hint = "write the name of the shaft or gear above it" if named else "write it below its shaft or gear"
+        self.refuse(row, "name", f"is {given(named or '')}: there is no such shaft; {hint}")
 
     def _check_name(self, row: _Row, names: dict[str, _Row]) -> None:
-        name, where = row.cells.get("name", ""), self.where(row, "name")
+        name = row.cells.get("name", "")
         if not name:
-            self.problems.append(f"{where} is empty; write a word, as in {row.part}{row.number}")
+            self.refuse(row, "name", f"is empty; write a word, as in {row.part}{row.number}")
         elif not name.isidentifier():
             word = re.sub(r"\W+", "_", name).strip("_") or "part"
             word = word if word.isidentifier() else f"{row.part}_{word}"
-            self.problems.append(f"{where} is {given(name)}; write one word of letters, digits and underscores: {word}")
+            self.refuse(row, "name", f"is {given(name)}; write one word of letters, digits and underscores: {word}")
         elif name in names:
-            self.problems.append(f"{where} is {given(name)}, as in row {names[name].number}; write another name")
+            self.refuse(row, "name", f"is {given(name)}, as in row {names[name].number}; write another name")
         names.setdefault(name, row)
-
-    def _check_ends(self, row: _Row, columns: tuple[str, ...], known: set[str]) -> None:
-        for column in columns:
-            end, where = row.cells.get(column, ""), self.where(row, column)
-            if end not in known and (end != GROUND or column == "from"):
-                what = f"is {given(end)}, which is the name of no inertia" if end else "is empty"
-                self.problems.append(f"{where} {what}; write one of {', '.join(sorted(known)) or 'the inertias'}"
-                                     + (", or ground" if column == "to" else ""))  # fmt: skip
 
     def _head(self, rows: Sequence[_Row]) -> Iterator[str]:
         yield f"# Made from {os.path.basename(self.name)}, whose rows the comments name. Check it with gapwalk check."
@@ -413,31 +372,25 @@ class _Sheet:
         yield f"title = {_quoted(os.path.splitext(os.path.basename(self.name))[0])}"
         speeds = [row for row in rows if "speed" in row.cells]
         for row in speeds[1:]:
-            self.problems.append(f"{self.where(row, 'speed')} is given again; write the speed in one row")
+            self.refuse(row, "speed", "is given again; write the speed in one row")
         if speeds:
             value = self.number(speeds[0], "speed")
             yield f"{'speed' if value.startswith(chr(34)) and 'Hz' not in value else 'frequency'} = {value}"
         means, reaction = {}, ""
-        for row in rows:
-            if "torque" not in row.cells:
-                continue
+        for row in (row for row in rows if "torque" in row.cells):
             if row.cells["torque"].lower() == "reaction":
                 if reaction:
-                    self.problems.append(f"{self.where(row, 'torque')} is reaction again; write it for one inertia")
+                    self.refuse(row, "torque", "is reaction again; write it for one inertia")
                 reaction = row.cells.get("name", "")
             elif value := self.number(row, "torque"):
                 means[row.cells.get("name", "")] = value
-        if self._counts_units(rows) and not speeds:
+        first = next((row for row in rows if "inertia" in row.cells), None)
+        if first is not None and self.number(first, "inertia").startswith('"') and not speeds:
             yield 'speed = "1000 rpm"            # not in the table; orders count turns of this shaft'
         if means:
             yield f"mean = {{ {', '.join(f'{name} = {value}' for name, value in means.items())} }}"
         if reaction:
             yield f"reaction = {_quoted(reaction)}  # takes the mean torque of all others"
-
-    def _counts_units(self, rows: Sequence[_Row]) -> bool:
-        """Return True if the quantities of the inertias have units; the other cells must follow."""
-        row = next((row for row in rows if "inertia" in row.cells), None)
-        return row is not None and self.number(row, "inertia").startswith('"')
 
     def _study(self, rows: Sequence[_Row]) -> Iterator[str]:
         if not any(row.part == "load" for row in rows):
@@ -447,29 +400,24 @@ class _Sheet:
             yield "# [[harmonic]]\n# order = 2\n# amplitude = " + amplitude + f"\n# acts_on = {{ {first} = 1.0 }}"
             return
         ends = ("speed", '"3000 rpm"', '"800 rpm"') if self.has_units else ("frequency", "2.0", "0.2")
-        if any("Hz" in row.cells.get("speed", "") for row in rows) or self._speed_unit() in ("Hz", "rad/s"):
+        unit = self.columns[self.places["speed"]][1] if "speed" in self.places else ""
+        if any("Hz" in row.cells.get("speed", "") for row in rows) or unit in ("Hz", "rad/s"):
             ends = ("frequency", '"50 Hz"', '"10 Hz"')
         yield "\n# The steady motions over a range of the speed; change the range, or the kind of the study."
         yield f'[study]\nkind = "response"\nparameter = "{ends[0]}"\nfrom = {ends[1]}\nto = {ends[2]}'
 
-    def _speed_unit(self) -> str:
-        return next((unit for column, unit, _ in self.columns.values() if column.name == "speed"), "")
-
     def lines(self, row: _Row, *names: str) -> Iterator[str]:
-        """Yield the lines of the quantities of a row."""
+        """Yield the lines of the quantities of a row; a clearance may be given as the whole backlash."""
         for name in names:
-            if name in row.cells and (value := self.number(row, name)):
+            if name == "clearance" and "backlash" in row.cells:
+                if name in row.cells:
+                    told = "is given beside the clearance, which is half of it; leave one of them empty"
+                    self.refuse(row, "backlash", told)
+                    continue
+                value = self.number(row, "backlash", half=True)
+                yield f"clearance = {value}  # half the backlash of {row.cells['backlash']}"
+            elif name in row.cells and (value := self.number(row, name)):
                 yield f"{_KEYS.get(name, name)} = {value}"
-
-    def clearance(self, row: _Row) -> Iterator[str]:
-        """Yield the line of the clearance, which may be given as the whole backlash."""
-        if "backlash" in row.cells and "clearance" in row.cells:
-            where = self.where(row, "backlash")
-            self.problems.append(f"{where} is given beside the clearance, which is half of it; leave one of them empty")
-        elif "backlash" in row.cells:
-            value = self.number(row, "backlash", half=True)
-            yield f"clearance = {value}  # half the backlash of {row.cells['backlash']}"
-        yield from self.lines(row, "clearance")
 
 
 def _opening(row: _Row, table: str) -> Iterator[str]:
@@ -482,8 +430,7 @@ def _opening(row: _Row, table: str) -> Iterator[str]:
 def _inertia(sheet: _Sheet, row: _Row) -> Iterator[str]:
     yield from _opening(row, "inertia")
     if "inertia" not in row.cells:
-        where = sheet.where(row, "inertia")
-        sheet.problems.append(f"{where} is empty; write the moment of inertia, as in 0.14")
+        sheet.refuse(row, "inertia", "is empty; write the moment of inertia, as in 0.14")
     yield from sheet.lines(row, "inertia")
 
 
@@ -491,48 +438,34 @@ def _link(sheet: _Sheet, row: _Row) -> Iterator[str]:
     yield from _opening(row, row.part)
     yield f"between = [{_quoted(row.cells.get('from', ''))}, {_quoted(row.cells.get('to', ''))}]"
     if row.part == "gear":
-        both = [name for name in ("teeth 1", "teeth 2") if name in row.cells]
-        for name in both:
-            if not row.cells[name].isdecimal():
-                where = sheet.where(row, name)
-                sheet.problems.append(f"{where} is {given(row.cells[name])}; write the number of teeth, as in 27")
-        if len(both) == 2:
-            yield f"teeth = [{row.cells['teeth 1']}, {row.cells['teeth 2']}]"
-            if "ratio" in row.cells:
-                yield from sheet.lines(row, "ratio")
-        elif "ratio" not in row.cells:
-            where = sheet.where(row, "ratio")
-            sheet.problems.append(f"{where} is empty; write the ratio, as in 1.52, or the teeth of both gears")
-        else:
-            yield from (f"teeth = {row.cells[name]}" for name in both)
-            yield from sheet.lines(row, "ratio")
-    yield from sheet.lines(row, "stiffness")
-    yield from sheet.clearance(row)
-    yield from sheet.lines(row, "damping", "impact damping")
+        both = [row.cells[name] for name in ("teeth 1", "teeth 2") if name in row.cells]
+        for name in ("teeth 1", "teeth 2"):
+            if not row.cells.get(name, "1").isdecimal():
+                sheet.refuse(row, name, f"is {given(row.cells[name])}; write the number of teeth, as in 27")
+        if not both[1:] and "ratio" not in row.cells:
+            sheet.refuse(row, "ratio", "is empty; write the ratio, as in 1.52, or the teeth of both gears")
+        elif both:
+            yield f"teeth = [{', '.join(both)}]" if both[1:] else f"teeth = {both[0]}"
+        yield from sheet.lines(row, "ratio")
+    yield from sheet.lines(row, "stiffness", "clearance", "damping", "impact damping")
     for stage in row.stages:
         yield ""
         yield from _opening(stage, f"{row.part}.stage")
         if "side" in stage.cells:
             yield f"side = {_quoted(stage.cells['side'].lower())}"
-        yield from sheet.clearance(stage)
-        yield from sheet.lines(stage, "stiffness")
+        yield from sheet.lines(stage, "clearance", "stiffness")
 
 
 def _load(sheet: _Sheet, row: _Row) -> Iterator[str]:
     yield from _opening(row, "harmonic")
     for name, example in (("order", "2"), ("amplitude", "50")):
         if name not in row.cells:
-            sheet.problems.append(f"{sheet.where(row, name)} is empty; write the {name}, as in {example}")
+            sheet.refuse(row, name, f"is empty; write the {name}, as in {example}")
     yield from sheet.lines(row, "order", "amplitude", "phase")
     yield f"acts_on = {{ {row.cells.get('from', '')} = 1.0 }}"
 
 
-_MAKERS: Mapping[str, Callable[[_Sheet, _Row], Iterator[str]]] = {
-    "inertia": _inertia,
-    "shaft": _link,
-    "gear": _link,
-    "load": _load,
-}
+_MAKERS = {"inertia": _inertia, "shaft": _link, "gear": _link, "load": _load}
 
 
 def _quoted(text: str) -> str:

@@ -16,8 +16,8 @@ from gapwalk.model.channels.channel_file import ColumnHead, NamedFile
 from gapwalk.model.loads.load import Line, OverSpeed
 from gapwalk.model.loads.measured import OfCurve, orders_words, series_lines
 from gapwalk.model.measured.crank_orders import ERROR, MAX_LINES, OrderTable, one_period, orders_of
-from gapwalk.model.measured.curve_map import CurveMap, Series, merged, orders_at, read_map
-from gapwalk.model.measured.measured_table import SpeedTable, WantedColumn, read_heads
+from gapwalk.model.measured.curve_map import CurveMap, Series, angle_column, merged, orders_at, read_map
+from gapwalk.model.measured.measured_table import SpeedTable, WantedColumn, named_errors, read_heads
 from gapwalk.model.registry import Parameter
 from gapwalk.model.units import Quantity, QuantityKind
 
@@ -217,17 +217,11 @@ class Cylinder(OfCurve):
         _check_rod(given["stroke"], given["rod"])
         fields |= {name: _plain(fields[name]) for name in ("bore", "stroke", "rod", "ambient")}
         file, heads = given["pressure"], read_heads(given["pressure"])
-        has_unit = units or any(head.is_of(QuantityKind.ANGLE) for head in heads)
-        angle = WantedColumn("angle", QuantityKind.ANGLE if has_unit else None, ("crank angle", "crank", "theta"))
-        kind = QuantityKind.PRESSURE if units else None
-        curves = read_map(file, angle, WantedColumn("pressure", kind, ("p",), given["column"], "column"), units=units)
-        try:
-            if units:
+        pressure = WantedColumn("pressure", QuantityKind.PRESSURE if units else None, ("p",), given["column"], "column")
+        curves = read_map(file, angle_column(heads, units), pressure, units=units)
+        if units:
+            with named_errors(file.name):
                 _check_size(curves, float(_plain(given["scale"])), bool(given["over_speed"]), heads)
-            elif not has_unit and float(np.ptp(curves.curves[0][0])) > 100.0:
-                raise ModelError("its angles seem to be in degrees; name the column angle (deg)")
-        except ModelError as error:
-            raise ModelError(f"{file.name}: {error}") from None
         return cls._from(curves, source=file.name, **fields)
 
     @classmethod

@@ -522,10 +522,7 @@ class LoadForm:
 
     @property
     def multiples(self) -> tuple[int, ...]:
-        """The multiples of the fundamental frequency with which it repeats: the orders of its lines, or of its levels.
-
-        A constant load has none.
-        """
+        """The multiples of the fundamental frequency with which it repeats; none of a constant load."""
         own = (self.order,) if self.kind.has_levels else ()
         return (*own, *(order for order in self.orders if order))
 

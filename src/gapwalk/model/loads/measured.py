@@ -15,8 +15,17 @@ from gapwalk.model.bounds import Positive, check
 from gapwalk.model.channels.channel_file import MAX_SAMPLES, ColumnHead, NamedFile
 from gapwalk.model.loads.load import Line, Load, OverSpeed, check_order
 from gapwalk.model.measured.crank_orders import ERROR, OrderTable, displacement_orders, orders_of
-from gapwalk.model.measured.curve_map import CurveMap, Series, map_points, merged, orders_at, read_map, scaled_series
-from gapwalk.model.measured.measured_table import SpeedTable, WantedColumn, read_heads, read_table
+from gapwalk.model.measured.curve_map import (
+    CurveMap,
+    Series,
+    angle_column,
+    map_points,
+    merged,
+    orders_at,
+    read_map,
+    scaled_series,
+)
+from gapwalk.model.measured.measured_table import SpeedTable, WantedColumn, named_errors, read_heads, read_table
 from gapwalk.model.measured.turned_record import turning_orders
 from gapwalk.model.registry import Parameter
 from gapwalk.model.units import QuantityKind, Units, read_quantity
@@ -282,7 +291,9 @@ def read_curve(
     over_time = not has_angle and any(_is(head, ("time", "t")) for head in heads)
     accelerates = not is_load and not keys["relative"] and any(_is(head, ("acceleration", "a")) for head in heads)
     has_speed = any(_is(head, _SPEED) or (units and head.is_of(QuantityKind.FREQUENCY)) for head in heads)
-    moves = not is_load and not keys["relative"] and not accelerates and not _has_displacement(heads, units)
+    free = [head for head in heads if not _is(head, ("angle", "crank", "theta", "time", "t"))]
+    displaces = any(_is(head, _DISPLACED) or (units and head.is_of(QuantityKind.ANGLE)) for head in free)
+    moves = not (is_load or keys["relative"] or accelerates or displaces)
     ordinate = _ordinate(keys, is_load, accelerates, units)
     if keys["pulses"] and not moves:
         raise ModelError(
@@ -297,20 +308,21 @@ def read_curve(
     turns = 2 if keys["per"] == "cycle" else 1
     how: dict[str, Any] = {"per": keys["per"], "error": keys["error"]}
     speed = keys.get("speed")
-    try:
+    with named_errors(file.name):
         if over_time:
             period = _number(keys.get("period"), "period", QuantityKind.TIME, "0.04", "s" if units else "")
             each = 2.0 * math.pi * turns / period
             curves, speed = replace(curves, curves=tuple((each * t, y) for t, y in curves.curves)), each
         elif accelerates and not curves.speeds:
             speed = _number(speed, "speed", QuantityKind.FREQUENCY, "1500", "rpm" if units else "")
-        if not over_time and not curves.has_unit and float(np.ptp(curves.curves[0][0])) > 100.0:
-            raise ModelError("its angles seem to be in degrees; name the column angle (deg)")
-    except ModelError as error:
-        raise ModelError(f"{file.name}: {error}") from None
-    find: Any = orders_of
     if accelerates:
-        find, how["speed"] = _displacement, speed
+        how["speed"] = speed
+
+    def find(angle: Any, values: Any, **more: Any) -> OrderTable:
+        if accelerates:
+            return displacement_orders(angle, acceleration=values, **more)
+        return orders_of(angle, values, **more)
+
     return curves, curves.tables(find, keys.get("orders"), **how), units and not is_load, ""
 
 
@@ -341,37 +353,24 @@ def _read_turned(
     table = read_table(file, wanted, most=MAX_SAMPLES)
     values = {each.role: table[each.role].values() for each in wanted}
     signal = values.get("pulses" if pulses else "" if ordinate is None else ordinate.role)
-    abscissa = {"time" if over_time else "angle": values[wanted[0].role]}
-    try:
+    with named_errors(file.name):
         at = keys.get("speed")
         at = None if at is None else _number(at, "speed", QuantityKind.FREQUENCY, "1500", "rpm" if units else "")
         found, drift = turning_orders(
             speed=values.get("speed"),
             signal=signal,
-            **abscissa,
+            **{"time" if over_time else "angle": values[wanted[0].role]},
             pulses=pulses,
             at=at,
             accelerates=accelerates,
+            where=table.where,
+            unit="rpm" if units else "",
             orders=keys.get("orders"),
             per=keys["per"],
             error=keys["error"],
-            where=table.where,
-            unit="rpm" if units else "",
         )
-    except ModelError as error:
-        raise ModelError(f"{file.name}: {error}") from None
     is_motion = ordinate is None or ordinate.kind in (QuantityKind.ANGLE, QuantityKind.ACCELERATION)
     return found, units and is_motion, drift.words
-
-
-def _has_displacement(heads: Sequence[ColumnHead], units: bool) -> bool:
-    """Return True if a column besides the angle of the shaft may be a displacement."""
-    free = [head for head in heads if not _is(head, ("angle", "crank", "theta", "time", "t"))]
-    return any(_is(head, _DISPLACED) or (units and head.is_of(QuantityKind.ANGLE)) for head in free)
-
-
-def _displacement(angle: Any, acceleration: Any, **how: Any) -> OrderTable:
-    return displacement_orders(angle, acceleration=acceleration, **how)
 
 
 def _is(head: ColumnHead, names: Collection[str]) -> bool:
@@ -382,8 +381,7 @@ def _abscissa(heads: Sequence[ColumnHead], *, over_time: bool, units: bool) -> W
     """Return the column of angles or times; angles may have a unit in any model."""
     if over_time:
         return WantedColumn("time", QuantityKind.TIME if units else None, ("t",))
-    has_unit = units or any(head.is_of(QuantityKind.ANGLE) for head in heads)
-    return WantedColumn("angle", QuantityKind.ANGLE if has_unit else None, ("crank angle", "crank", "theta"))
+    return angle_column(heads, units)
 
 
 def _ordinate(keys: Mapping[str, Any], is_load: bool, accelerates: bool, units: bool) -> WantedColumn:

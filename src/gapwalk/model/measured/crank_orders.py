@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Fraction, check
-from gapwalk.model.measured.measured_table import number_row
+from gapwalk.model.measured.measured_table import finite_row
 
 Array = NDArray[np.float64]
 
@@ -244,7 +244,7 @@ def displacement_orders(
 
 def one_period(angle: ArrayLike, values: ArrayLike, turns: int) -> tuple[Array, Array]:
     """Return the samples of one period, without the one that ends it."""
-    x, y = number_row(angle, "angles"), number_row(values, "values")
+    x, y = finite_row(angle, "angles"), finite_row(values, "values")
     if len(x) != len(y):
         raise ModelError(f"there are {len(x)} angles, but {len(y)} values; a sample has one of each")
     if len(x) < 3:

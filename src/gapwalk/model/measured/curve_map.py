@@ -17,7 +17,16 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.channels.channel_file import ColumnHead, NamedFile
 from gapwalk.model.measured.crank_orders import OrderTable
-from gapwalk.model.measured.measured_table import SpeedTable, WantedColumn, read_heads, read_table
+from gapwalk.model.measured.measured_table import (
+    Pieces,
+    SpeedTable,
+    WantedColumn,
+    monotone,
+    named_errors,
+    piece_at,
+    read_heads,
+    read_table,
+)
 from gapwalk.model.units import QuantityKind, read_quantity
 
 Array = NDArray[np.float64]
@@ -51,10 +60,8 @@ class CurveMap:
             for number, (angle, values) in enumerate(self.curves):
                 at = f" at {self.speeds[number]:g} {self.unit}".rstrip() if self.speeds else ""
                 own = {"speed": self.speeds[number] * self.pace} if self.speeds and "speed" in how else {}
-                try:
+                with named_errors(f"{self.name}{at}"):
                     tables.append(find(angle, values, orders=kept, **{**how, **own}))
-                except ModelError as error:
-                    raise ModelError(f"{self.name}{at}: {error}") from None
             return tables
 
         tables = found(orders)
@@ -64,8 +71,21 @@ class CurveMap:
         return tuple(tables)
 
 
+def angle_column(heads: Sequence[ColumnHead], units: bool) -> WantedColumn:
+    """Return the column of angles, which may have a unit in any model."""
+    has_unit = units or any(head.is_of(QuantityKind.ANGLE) for head in heads)
+    return WantedColumn("angle", QuantityKind.ANGLE if has_unit else None, ("crank angle", "crank", "theta"))
+
+
 def read_map(file: NamedFile, angle: WantedColumn, value: WantedColumn, *, units: bool) -> CurveMap:
-    """Read a curve over the angle, or one for each speed, from a CSV file."""
+    """Read a curve over the angle (or over time), or one for each speed, from a file."""
+    found = _read_map(file, angle, value, units=units)
+    if angle.role == "angle" and not found.has_unit and float(np.ptp(found.curves[0][0])) > 100.0:
+        raise ModelError(f"{file.name}: its angles seem to be in degrees; name the column angle (deg)")
+    return found
+
+
+def _read_map(file: NamedFile, angle: WantedColumn, value: WantedColumn, *, units: bool) -> CurveMap:
     heads = read_heads(file)
     wide = {} if value.name else {head.text: pace for head in heads if (pace := _speed_of(head, units)) is not None}
     if len(wide) < sum(head.text in wide for head in heads):
@@ -143,11 +163,9 @@ def orders_at(constants: Mapping[str, Any], frequency: Any, series: str = "serie
     mean, parts, speeds = constants["mean"], constants[series], constants.get("speeds")
     if not speeds:
         return mean, parts
-    places, pieces = _pieces(speeds[-1], mean if isinstance(mean, tuple) else (mean,) * len(speeds[-1]), parts)
-    x = np.asarray(frequency) / speeds[2]
-    piece = np.clip(np.searchsorted(places, np.real(x), side="right") - 1, 0, len(places) - 2)
-    cubic, quadratic, slope, value = pieces[:, piece]
-    d = (x - places[piece])[..., None]
+    pieces = _pieces(speeds[-1], mean if isinstance(mean, tuple) else (mean,) * len(speeds[-1]), parts)
+    (cubic, quadratic, slope, value), d = piece_at(pieces, np.asarray(frequency) / speeds[2])
+    d = d[..., None]
     found = np.moveaxis(value + d * (slope + d * (quadratic + d * cubic)), -1, 0)
     return found[0], tuple(
         (order, cosine, sine) for (order, *_), cosine, sine in zip(parts, found[1::2], found[2::2], strict=True)
@@ -175,9 +193,6 @@ def scaled_series(constants: Mapping[str, Any], factor: float, pace: float = 1.0
 
 
 @lru_cache(maxsize=256)
-def _pieces(speeds: tuple[float, ...], mean: tuple[float, ...], series: Series) -> tuple[Array, Array]:
-    """Return the speeds, and the monotone cubics of the mean and all orders between them, as `SpeedTable` has them."""
-    from scipy.interpolate import PchipInterpolator  # only where maps are used
-
-    rows = [mean, *(row for _, *both in series for row in both)]
-    return np.array(speeds), PchipInterpolator(speeds, np.array(rows).T).c
+def _pieces(speeds: tuple[float, ...], mean: tuple[float, ...], series: Series) -> Pieces:
+    """Return the monotone cubics of the mean and all orders between the speeds."""
+    return monotone(speeds, np.array([mean, *(row for _, *both in series for row in both)]).T)

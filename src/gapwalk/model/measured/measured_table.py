@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -32,12 +33,20 @@ from gapwalk.model.units import Quantity, QuantityKind, Unit, read_unit
 
 
 def number_row(values: object, what: str) -> NDArray[np.float64]:
-    """Return one row of finite numbers; refuse anything else, with the reason."""
+    """Return one row of numbers; refuse anything else, with the reason."""
     try:
         row = np.array(values, dtype=float)
     except (TypeError, ValueError):
-        raise ModelError(f"the {what} must be a list of numbers") from None
-    if row.ndim != 1 or not np.isfinite(row).all():
+        raise ModelError(f"{what} must be a list of numbers") from None
+    if row.ndim != 1:
+        raise ModelError(f"{what} has the shape {row.shape}; it must be one row of numbers")
+    return row
+
+
+def finite_row(values: object, what: str) -> NDArray[np.float64]:
+    """Return one row of finite numbers; refuse anything else, with the reason."""
+    row = number_row(values, f"the row of {what}")
+    if not np.isfinite(row).all():
         raise ModelError(f"the {what} must be one row of finite numbers")
     return row
 
@@ -109,57 +118,31 @@ def read_table(
     name: str = "",
     most: int = MAX_ROWS,
 ) -> MeasuredTable:
-    r"""Read a measured table from a file.
+    """Read the wanted columns of a file of any format, or of a text: finite numbers, at most so many of a channel.
 
-    Parameters
-    ----------
-    source
-        A CSV file in UTF-8, its text as ``io.StringIO``, or its content: a line of column names with units, then
-        numbers, separated by commas, semicolons or tabs. Lines that begin with ``#`` are comments. Where commas do not
-        separate numbers, they may be decimal ones. Or a file of another format, of which only the wanted channels are
-        read.
-    wanted
-        The columns to find. A column without a given name is found by its unit, if it is the only one with a unit of
-        its kind, or by its role or one of its other names.
-    name
-        Name of the table in messages; by default that of the file.
-    most
-        Largest number of samples of a channel.
-
-    Returns
-    -------
-    MeasuredTable
-        The wanted columns, finite numbers in the order of the file.
-
-    Raises
-    ------
-    ModelError
-        If the file cannot be read, is larger than 10 MB or 100,000 rows, has no such columns, a column without a unit
-        (or with one, if it must have none), or an entry that is no finite number. The message begins with the name.
-
-    Examples
-    --------
-    >>> text = "twist (deg), M (kN m)\n-2, -0.5\n2, 0.5\n"
-    >>> wanted = [WantedColumn("deflection", QuantityKind.ANGLE), WantedColumn("torque", QuantityKind.TORQUE)]
-    >>> read_table(io.StringIO(text), wanted)["torque"].values()
-    array([-500.,  500.])
+    A column without a given name is found by its unit, if it is the only one with a unit of its kind, or by its role or
+    one of its other names.
     """
     source, name = _source_of(source, name)
-    try:
-        with open_channels(source, ", ".join(each.head for each in wanted)) as file:
-            return MeasuredTable(name, _columns(file, wanted, most), file.where)
-    except ModelError as error:
-        raise ModelError(f"{name}: {_printable(str(error))}") from None
+    with named_errors(name), open_channels(source, ", ".join(each.head for each in wanted)) as file:
+        return MeasuredTable(name, _columns(file, wanted, most), file.where)
 
 
 def read_heads(source: NamedFile | str | os.PathLike[str] | io.StringIO) -> list[ColumnHead]:
     """Read the names of the columns of a file, each divided into a name and a unit; errors as of `read_table`."""
     source, name = _source_of(source)
+    with named_errors(name), open_channels(source, "angle (deg), torque (N m)", names_only=True) as file:
+        return list(file.heads)
+
+
+@contextmanager
+def named_errors(name: str) -> Iterator[None]:
+    """Put the name of a file in front of what is wrong with it; codes in place of what would control the terminal."""
     try:
-        with open_channels(source, "angle (deg), torque (N m)", names_only=True) as file:
-            return list(file.heads)
+        yield
     except ModelError as error:
-        raise ModelError(f"{name}: {_printable(str(error))}") from None
+        text = "".join(char if char.isprintable() else repr(char)[1:-1] for char in str(error))
+        raise ModelError(text if text.startswith(f"{name}: ") else f"{name}: {text}") from None
 
 
 def _source_of(
@@ -172,18 +155,13 @@ def _source_of(
     return source, name or (source.name if isinstance(source, NamedFile) else os.path.basename(os.fspath(source)))
 
 
-def _printable(text: str) -> str:
-    """Write characters of a file that would control the terminal as their codes."""
-    return "".join(char if char.isprintable() else repr(char)[1:-1] for char in text)
-
-
 def _columns(file: ChannelFile, wanted: Sequence[WantedColumn], most: int) -> dict[str, MeasuredColumn]:
-    heads = file.heads
-    places = _places(heads, wanted)
-    units = {each.role: _unit(heads[places[each.role]], each) for each in wanted}  # before any number is read
-    labels = {each.role: heads[places[each.role]].name or each.role for each in wanted}
+    places = _places(file.heads, wanted)
+    heads = {role: file.heads[place] for role, place in places.items()}
+    units = {each.role: _unit(heads[each.role], each) for each in wanted}  # before any number is read
+    labels = {role: head.name or role for role, head in heads.items()}
     if len({*labels.values()}) < len(labels):  # two columns of one name
-        labels = {each.role: each.role for each in wanted}
+        labels = {role: role for role in heads}
     numbers = file.numbers({labels[each.role]: places[each.role] for each in wanted}, most)
     for label, column in numbers.items():
         wrong = np.flatnonzero(~np.isfinite(column))
@@ -193,10 +171,8 @@ def _columns(file: ChannelFile, wanted: Sequence[WantedColumn], most: int) -> di
             raise ModelError(f"{file.where(int(wrong[0]))}: {label} is not a finite number{more}; {do}")
         column.flags.writeable = False
     return {
-        each.role: MeasuredColumn(
-            heads[places[each.role]].text, numbers[labels[each.role]], units[each.role], units[each.role] and each.kind
-        )
-        for each in wanted
+        r: MeasuredColumn(heads[r].text, numbers[labels[r]], units[r], units[r] and each.kind)
+        for r, each in ((each.role, each) for each in wanted)
     }
 
 
@@ -289,17 +265,28 @@ def _sought(heads: Sequence[ColumnHead], wanted: WantedColumn, free: Sequence[in
 
 def _named(heads: Sequence[ColumnHead], names: Sequence[str], among: Sequence[int]) -> list[int]:
     """Return the indices of the columns of a name: as written, with its group, or in other letters or without unit."""
-    ways: tuple[Callable[[ColumnHead], str], ...] = (
-        lambda head: head.text,
-        lambda head: f"{head.group}/{head.name}" if head.group else head.name,
-        lambda head: head.name,
-        lambda head: head.name.casefold(),
-    )
-    for key in ways:
-        found = [place for place in among if key(heads[place]) in (*names, *(n.casefold() for n in names))]
-        if found:
-            return found
-    return []
+    ways = (*_WRITTEN, lambda head: head.name.casefold())
+    return first_found(heads, ways, [*names, *(each.casefold() for each in names)], among)
+
+
+_WRITTEN: tuple[Callable[[ColumnHead], str], ...] = (
+    lambda head: head.text,
+    lambda head: f"{head.group}/{head.name}" if head.group else head.name,
+    lambda head: head.name,
+)
+
+
+def first_found(
+    heads: Sequence[ColumnHead], ways: Iterable[Callable[[ColumnHead], str]], names: Sequence[str], among: Sequence[int]
+) -> list[int]:
+    """Return the indices of the columns that have one of some names by the first way that finds any."""
+    found = ([place for place in among if way(heads[place]) in names] for way in ways)
+    return next(filter(None, found), [])
+
+
+def as_written(file: ChannelFile, name: str) -> list[int]:
+    """Return the channels of a name as it is written, with the group before it, or without its unit."""
+    return first_found(file.heads, _WRITTEN, [name], range(len(file.heads)))
 
 
 def _unit(head: ColumnHead, wanted: WantedColumn) -> Unit | None:
@@ -374,11 +361,6 @@ class SpeedTable:
     The slopes at the points are those of Fritsch and Butland (1984), as in `scipy.interpolate.PchipInterpolator`. The
     derivative is continuous. A complex speed is evaluated by the piece in which its real part is, so that derivatives
     by complex steps are exact.
-
-    Raises
-    ------
-    ModelError
-        If there are not 2 to 1,000 points with speeds that increase.
     """
 
     speeds: tuple[float, ...]  #: shape (points,): Increasing.
@@ -401,38 +383,18 @@ class SpeedTable:
         return bool(np.all((x >= self.speeds[0] - slack) & (x <= self.speeds[-1] + slack)))
 
     def value(self, speed: ArrayLike, *, continued: bool = False) -> Any:
-        """Return the value at some speeds, of their shape; real, or complex for derivatives.
-
-        Parameters
-        ----------
-        speed
-            The speeds.
-        continued
-            True to continue the first and the last piece beyond the table.
-
-        Returns
-        -------
-        array
-            Values, of the shape of the speeds.
-        """
+        """Return the value at some speeds, real or complex; `continued`: by the outer pieces beyond the table."""
         (cubic, quadratic, slope, value), d = self._piece(speed, continued)
         return (value + d * (slope + d * (quadratic + d * cubic)))[()]
 
     def slope(self, speed: ArrayLike) -> Any:
-        """Return the derivative of the value by the speed; errors as of `value`.
-
-        Parameters
-        ----------
-        speed
-            Speeds of any shape, within the table.
-
-        Returns
-        -------
-        array
-            Slopes, of the same shape.
-        """
+        """Return the derivative of the value by the speed."""
         (cubic, quadratic, slope, _), d = self._piece(speed)
         return (slope + d * (2.0 * quadratic + d * (3.0 * cubic)))[()]
+
+    @cached_property
+    def _pieces(self) -> Pieces:
+        return monotone(self.speeds, self.values)
 
     def _piece(self, speed: ArrayLike, continued: bool = False) -> tuple[NDArray[np.float64], Any]:
         """Return the coefficients of the cubic at each speed, and the distance from its beginning."""
@@ -445,15 +407,25 @@ class SpeedTable:
                 f"the table {self.name} covers {self.speeds[0]:g} to {self.speeds[-1]:g}{unit}; it has no value at "
                 f"{wrong:.6g}{unit}. Extend the table, or stay within it"
             )
-        places, coefficients = self._pieces
-        piece = np.clip(np.searchsorted(places, np.real(x), side="right") - 1, 0, len(places) - 2)
-        return coefficients[:, piece], x - places[piece]
+        return piece_at(self._pieces, x)
 
-    @cached_property
-    def _pieces(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        from scipy.interpolate import PchipInterpolator  # only where tables are used
 
-        return np.array(self.speeds), PchipInterpolator(self.speeds, self.values).c
+Pieces = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Speeds, and the coefficients of cubics between them, the highest first."""
+
+
+def monotone(speeds: Sequence[float], values: ArrayLike) -> Pieces:
+    """Return the monotone cubics through points, whose values may be rows."""
+    from scipy.interpolate import PchipInterpolator  # only where tables are used
+
+    return np.array(speeds), PchipInterpolator(speeds, values).c
+
+
+def piece_at(pieces: Pieces, speed: Any) -> tuple[NDArray[np.float64], Any]:
+    """Return the coefficients of the cubic at each speed, and the distance from its beginning."""
+    places, coefficients = pieces
+    piece = np.clip(np.searchsorted(places, np.real(speed), side="right") - 1, 0, len(places) - 2)
+    return coefficients[:, piece], speed - places[piece]
 
 
 def speed_table(speed: ArrayLike, value: ArrayLike, name: str = "over the speed", unit: str = "") -> SpeedTable:
@@ -489,13 +461,7 @@ def speed_table(speed: ArrayLike, value: ArrayLike, name: str = "over the speed"
 
 
 def _row(numbers: ArrayLike, what: str) -> tuple[float, ...]:
-    try:
-        row = np.array(numbers, dtype=float)
-    except (TypeError, ValueError):
-        raise ModelError(f"the {what} of a table must be a list of numbers") from None
-    if row.ndim != 1:
-        raise ModelError(f"the {what} of a table must be one row of numbers")
-    return tuple(row.tolist())
+    return tuple(number_row(numbers, f"the row of {what} of a table").tolist())
 
 
 def _problem(speeds: Sequence[float], values: Sequence[float]) -> str:

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import check
-from gapwalk.model.measured.measured_table import number_row
+from gapwalk.model.measured.measured_table import finite_row
 
 # Thinning of a measured curve: the fewest of its points whose polyline stays within an error of all of them.
 
@@ -201,11 +201,8 @@ class CurvePoints:
 
 
 def curve_points(deflection: object, force: object, error: float) -> CurvePoints:
-    """Put the points of a curve in order.
-
-    Shapes: `deflection`, `force` (points,).
-    """
-    x, y = number_row(deflection, "deflections of a curve"), number_row(force, "forces of a curve")
+    """Put the points of a curve in order; both rows have the shape (points,)."""
+    x, y = finite_row(deflection, "deflections of a curve"), finite_row(force, "forces of a curve")
     if len(x) != len(y):
         raise ModelError(f"there are {len(x)} deflections, but {len(y)} forces; a point of a curve has one of each")
     scale = float(np.max(np.abs(y), initial=0.0))
@@ -256,10 +253,7 @@ def curve_points(deflection: object, force: object, error: float) -> CurvePoints
 
 
 def check_zigzag(x: Array, force: Array, scale: float) -> None:
-    """Refuse a thinned curve if most of its corners are rises and falls, or bends up and down, in turn.
-
-    Points of two branches that were sorted by their deflection, or noise, look like this.
-    """
+    """Refuse a thinned curve of which most corners go up and down in turn, as those of noise or of two branches."""
     corners = len(force) - 2
     rises = np.diff(force)
     turns = _changes(rises[rises != 0.0])
@@ -403,10 +397,7 @@ class Curve:
         )
 
     def force(self, deflection: ArrayLike) -> Any:
-        """Return the force at some deflections, of their shape; complex deflections are given for derivatives.
-
-        At a step it is the force on the inner side, towards the deflection 0.
-        """
+        """Return the force at deflections, real or complex; at a step that on the inner side, towards 0."""
         return self._sum(deflection, _value)
 
     def slope(self, deflection: ArrayLike) -> Any:

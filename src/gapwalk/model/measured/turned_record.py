@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.measured.crank_orders import ERROR, OrderTable, displacement_orders, orders_of
-from gapwalk.model.measured.measured_table import number_row
+from gapwalk.model.measured.measured_table import finite_row
 
 Array = NDArray[np.float64]
 
@@ -43,22 +43,12 @@ class TurnedRecord:
     is_absolute: bool = False
 
     @classmethod
-    def of_speed(cls, time: Array, speed: Array, turns: int, where: Where, unit: str = "") -> TurnedRecord:
-        """Integrate the speed, in rad per unit of time, along the cubic spline through its samples."""
-        from scipy.interpolate import CubicSpline  # only where records are used
-
-        _check_axis("time", time, where)
+    def of_speed(cls, axis: Array, speed: Array, turns: int, where: Where, unit: str, *, over_angle: bool) -> Self:
+        """Integrate the speed, in rad per unit of time, over the time; or the time over the angle, along a spline."""
+        _check_axis("the angle" if over_angle else "time", axis, where)
         _check_speed(speed, where, unit)
-        return cls(time, CubicSpline(time, speed).antiderivative()(time), turns, unit)
-
-    @classmethod
-    def over_angle(cls, angle: Array, speed: Array, turns: int, where: Where, unit: str = "") -> TurnedRecord:
-        """Integrate the time along the angle at which the speed was measured."""
-        from scipy.interpolate import CubicSpline
-
-        _check_axis("the angle", angle, where)
-        _check_speed(speed, where, unit)
-        return cls(CubicSpline(angle, 1.0 / speed).antiderivative()(angle), angle, turns, unit, is_absolute=True)
+        found = _spline(axis, 1.0 / speed if over_angle else speed).antiderivative()(axis)
+        return cls(*((found, axis) if over_angle else (axis, found)), turns, unit, is_absolute=over_angle)
 
     @classmethod
     def of_pulses(cls, times: Array, per_turn: int, turns: int, where: Where, unit: str = "") -> TurnedRecord:
@@ -84,17 +74,15 @@ class TurnedRecord:
         Without a signal it is the deviation of the shaft from its smooth motion. The periods are all, or those in which
         the mean speed is `at`, within 2 %.
         """
-        from scipy.interpolate import CubicSpline
-
         ends = self._ends()
-        at_ends = CubicSpline(self.angle, self.time)(ends)
+        at_ends = _spline(self.angle, self.time)(ends)
         speeds = self.period / np.diff(at_ends)
         chosen = self._chosen(speeds, at)
         smooth = self._smooth(at_ends, ends)
         steady = smooth(self.time)
         if np.any(np.diff(steady) <= 0.0):
             raise ModelError("the mean speed of its periods changes so fast that they are none; cut the record")
-        values = CubicSpline(steady, self.angle - steady if signal is None else signal)
+        values = _spline(steady, self.angle - steady if signal is None else signal)
         within = int(max(np.count_nonzero((steady >= ends[k]) & (steady < ends[k + 1])) for k in chosen))
         count = min(max(2 ** math.ceil(math.log2(within)), 16), _FINEST)
         even = self.period / count * np.arange(count)
@@ -142,11 +130,9 @@ class TurnedRecord:
 
     def _smooth(self, times: Array, ends: Array) -> Callable[[Array], Array]:
         """Return the smooth motion through the ends of periods; within a single one, with its acceleration."""
-        from scipy.interpolate import CubicSpline
-
         if len(ends) > 2:
-            return CubicSpline(times, ends)
-        speed = CubicSpline(self.time, self.angle).derivative()(times)
+            return _spline(times, ends)
+        speed = _spline(self.time, self.angle).derivative()(times)
         rate, bend = (ends[1] - ends[0]) / (times[1] - times[0]), 0.5 * (speed[1] - speed[0]) / (times[1] - times[0])
         return lambda t: ends[0] + rate * (t - times[0]) + bend * (t - times[0]) * (t - times[1])
 
@@ -169,6 +155,12 @@ class Drift:
         speeds = f"{_said(self.begin, self.unit)} to {_said(self.end, self.unit)}"
         mean = f"mean of {self.periods} periods" if self.periods > 1 else "one period"
         return f"{mean}, the drift from {speeds} ({share:+.2g} %, {size:.3g} deg) taken off"
+
+
+def _spline(x: Array, y: Array) -> Any:
+    from scipy.interpolate import CubicSpline  # only where records are used
+
+    return CubicSpline(x, y)
 
 
 Where = Callable[[int], str]
@@ -304,7 +296,7 @@ def turning_orders(
         raise ModelError(f'per is {per!r}; it is "turn", or "cycle" for two turns')
     turns = _TURNS[per]
     rows = {
-        name: number_row(row, name)
+        name: finite_row(row, name)
         for name, row in zip(("time", "speed", "signal", "angle"), (time, speed, signal, angle), strict=True)
         if row is not None
     }
@@ -320,10 +312,9 @@ def turning_orders(
         record, x = TurnedRecord.of_pulses(times, pulses, turns, own, unit), None
     elif "speed" not in rows or ("time" in rows) == ("angle" in rows):
         raise ModelError("a record of a turning shaft has a speed, over time or over the angle; or pulses")
-    elif "time" in rows:
-        record = TurnedRecord.of_speed(rows["time"], rows["speed"], turns, where, unit)
     else:
-        record = TurnedRecord.over_angle(rows["angle"], rows["speed"], turns, where, unit)
+        axis, over_angle = rows["angle" if "angle" in rows else "time"], "angle" in rows
+        record = TurnedRecord.of_speed(axis, rows["speed"], turns, where, unit, over_angle=over_angle)
     even, mean, mean_speed, drift = record.mean_over_periods(at, x)
     how = {"orders": orders, "per": per, "error": error}
     if x is None:
