@@ -54,6 +54,11 @@ class SettledCurve:
         """Settle at one step, from a state nearby, or from rest."""
         return self._settled([place], state)[0]
 
+    def ahead(self, place: int, state: NDArray[np.float64]) -> dict[int, Band]:
+        """Settle at as many steps from one on as a register has lanes, each from the same state."""
+        places = range(place, min(place + WIDTH, len(self.values)))
+        return dict(zip(places, self._settled(places, state), strict=True))
+
     def after(self, bands: Sequence[Band]) -> list[Band]:
         """Settle at the next step, from the last motions before; without a period, at several steps."""
         last, place = bands[-1], self.beyond(bands[-1].value)

@@ -349,6 +349,7 @@ class _Watch:
     def __init__(self, curve: SettledCurve, asked: BranchOptions) -> None:
         self.curve, self.asked, self.range = curve, asked, abs(asked.end - asked.begin)
         self.place = -1
+        self.known: dict[int, Band] = {}
         self.ahead: list[Band] = []
         self.lengths: list[float] = []
         self.special: list[float] = []
@@ -379,7 +380,12 @@ class _Watch:
         base = curve.beyond(point.value)
         place = base + _LOOK
         if not self.is_hard and place > self.place and place < len(curve.values):
-            self.ahead.append(curve.at(place, point.orbit.state))
+            if place not in self.known:
+                self.known = curve.ahead(place, point.orbit.state)
+            self.ahead.append(self.known[place])
+            if self.is_hard and place > min(self.known):  # from farther away another motion may settle
+                self.known = curve.ahead(place, point.orbit.state)
+                self.ahead[-1] = self.known[place]
             self.place = place
         if self.is_hard and (base > self.place or is_among or sum(point.orbit.closings) >= FEW):
             return "what settles beyond is not periodic, or parts often in a period"
