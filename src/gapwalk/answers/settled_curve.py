@@ -20,6 +20,7 @@ from gapwalk.bifurcation.band import Band
 from gapwalk.ensemble.batch_flow import state_at_rest
 from gapwalk.ensemble.lane_code import WIDTH
 from gapwalk.errors import NumericalError
+from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.system import System
 
 STEPS = 200
@@ -78,9 +79,9 @@ class SettledCurve:
         return few and max(totals) - min(totals) < 1.5
 
     def _settled(self, places: Sequence[int], state: NDArray[np.float64] | None) -> list[Band]:
-        starts = []
+        starts, line = [], ParameterLine(self.system, self.parameter)
         for place in places:
-            here = self.system.at({self.parameter: self.values[place]})
+            here = line.system_at(self.values[place])
             begun = state_at_rest(here) if state is None else state
             starts.append(Start(place, self.values[place], here, begun, is_warm=state is not None))
         found = {start.key: motion for start, motion in settle_lanes(starts)}
