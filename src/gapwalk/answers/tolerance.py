@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
+from scipy.special import betaincinv, ndtr, ndtri
 
 from gapwalk.answers.point_fit import Form, Patterns, Walked
 from gapwalk.answers.point_prediction import ENOUGH, TrackedPoint, Watch, polynomial
@@ -438,12 +438,12 @@ class Chance(NamedTuple):
 
 def chance_of(count: int, samples: int) -> Chance:
     """Return the probability of something that happened `count` times in independent samples."""
-    from scipy.stats import binomtest  # imported late, because the import is slow
-
     if not 0 <= count <= samples or not samples:
         raise ModelError(f"count is {count} of {samples} samples; it must be between 0 and their number, above 0")
-    interval = binomtest(count, samples).proportion_ci(_CONFIDENCE, method="exact")
-    return Chance(count, samples, count / samples, float(interval.low), float(interval.high))
+    beyond = 0.5 * (1.0 - _CONFIDENCE)  # on either side of the exact interval (Clopper and Pearson 1934)
+    low = float(betaincinv(count, samples - count + 1, beyond)) if count else 0.0
+    high = float(betaincinv(count + 1, samples - count, 1.0 - beyond)) if count < samples else 1.0
+    return Chance(count, samples, count / samples, low, high)
 
 
 @dataclass(frozen=True, eq=False)
