@@ -29,6 +29,7 @@ ORDER = (
     "files",
     "cache_folder",
     "machine_code",
+    "late_scipy",
     "taylor",
     "bracketed_root",
     "summary",

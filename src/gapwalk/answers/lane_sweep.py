@@ -38,7 +38,7 @@ from gapwalk.model.system import System
 NARROW = 5e-5
 """Width to which the ends of bands are narrowed down, as a share of the range."""
 _PART = 20  # steps of a part, at most
-_STEPS = 5  # steps of each part in one piece of work
+_STEPS = 5  # steps of each part in one piece of work, at least
 _AT_ONCE = WIDTH // 2  # parts in a register, each in both directions
 _BETWEEN = 3  # values between two steps
 _FINER_ENDS = 1.5  # factor on the steps there
@@ -122,7 +122,7 @@ def sweep_piece(system: System, parameter: str, within: tuple[float, float], ste
     def ahead(part: int, way: Direction) -> Start | None:
         own, motion = [*known[part, way][:-1], *found[part, way]], found[part, way][-1]
         place = round((motion.value - values[0]) / (values[-1] - values[0]) * steps) + way.sign
-        if motion.diverged or len(found[part, way]) > _STEPS or not bounds[part][0] <= place <= bounds[part][1]:
+        if motion.diverged or not bounds[part][0] <= place <= bounds[part][1]:
             return None
         state = motion.state
         if len(own) > 1 and motion.period == own[-2].period == 1:  # along a curve the slow part is a straight line
@@ -134,9 +134,11 @@ def sweep_piece(system: System, parameter: str, within: tuple[float, float], ste
         found[start.key].append(motion)
         return ahead(*start.key)
 
+    # a lane that is ahead goes on until the slowest has made its steps: an idle one costs as much
     firsts = [ahead(*way) for way in known]
     for _ in settle_lanes([each for each in firsts if each], step):
-        pass
+        if all(len(found[way]) > _STEPS or ahead(*way) is None for way in known):
+            break
     return LanePiece(tuple(LanePart(part, way, tuple(motions)) for (part, way), motions in found.items()))
 
 

@@ -19,7 +19,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.kinds.critical_multipliers import bounded_product, pair_factors
@@ -30,6 +29,7 @@ from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD
+from gapwalk.late_scipy import linalg
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import classify, multipliers
 from gapwalk.orbit.orbit import describe_switch
@@ -110,7 +110,10 @@ class Regression:
         sizes = np.abs(upper.diagonal())
         self._is_full = len(terms) >= terms.shape[1] and bool(sizes.min() > _RANK * sizes.max())
         if self._is_full:
-            self._left, self._whitening = left, np.asarray(solve_triangular(upper, np.eye(len(upper))), dtype=float)
+            self._left, self._whitening = (
+                left,
+                np.asarray(linalg.solve_triangular(upper, np.eye(len(upper))), dtype=float),
+            )
         else:
             left, sizes, right = np.linalg.svd(terms, full_matrices=False)
             kept = sizes > _RANK * sizes[0]

@@ -498,9 +498,13 @@ def worst_of(
     gap: str,
     starts: int,
     seed: int,
-    sweeps: Sequence[SettledSweep] = (),
+    sweeps: Sequence[SettledSweep],
+    shares: dict[tuple[str, float], float],
 ) -> Worst | None:
-    """Return the worst motion of a gap, with the share of random starts that lead to it; None if the gap is quiet."""
+    """Return the worst motion of a gap, with the share of random starts that lead to it; None if the gap is quiet.
+
+    Shares of motions by equal steps are kept by how they are met and their value: one may be the worst of several gaps.
+    """
     rows = [row for row in severities if row.gap == gap and row.state.rattles]
     if not rows:
         return None
@@ -509,8 +513,10 @@ def worst_of(
     lanes = (motion for sweep in sweeps if sweep.met == worst.met for motion in sweep.lanes)
     settled = next((motion for motion in lanes if motion.value == worst.value), None)
     if starts and settled is not None:
-        (started,) = started_piece(system, parameter, starts, seed, [(settled,)])
-        share = started.led[0] / started.count
+        if (place := (worst.met, worst.value)) not in shares:
+            (started,) = started_piece(system, parameter, starts, seed, [(settled,)])
+            shares[place] = started.led[0] / started.count
+        share = shares[place]
     elif starts:
         here = system.at({parameter: worst.value})
         states = np.array(spread_starts([here], state_box(here), starts, seed, 0.0))

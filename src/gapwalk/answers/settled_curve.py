@@ -20,6 +20,7 @@ from gapwalk.bifurcation.band import Band
 from gapwalk.ensemble.batch_flow import state_at_rest
 from gapwalk.ensemble.lane_code import WIDTH
 from gapwalk.errors import NumericalError
+from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.system import System
 
 STEPS = 200
@@ -54,6 +55,11 @@ class SettledCurve:
         """Settle at one step, from a state nearby, or from rest."""
         return self._settled([place], state)[0]
 
+    def ahead(self, place: int, state: NDArray[np.float64]) -> dict[int, Band]:
+        """Settle at as many steps from one on as a register has lanes, each from the same state."""
+        places = range(place, min(place + WIDTH, len(self.values)))
+        return dict(zip(places, self._settled(places, state), strict=True))
+
     def after(self, bands: Sequence[Band]) -> list[Band]:
         """Settle at the next step, from the last motions before; without a period, at several steps."""
         last, place = bands[-1], self.beyond(bands[-1].value)
@@ -73,9 +79,9 @@ class SettledCurve:
         return few and max(totals) - min(totals) < 1.5
 
     def _settled(self, places: Sequence[int], state: NDArray[np.float64] | None) -> list[Band]:
-        starts = []
+        starts, line = [], ParameterLine(self.system, self.parameter)
         for place in places:
-            here = self.system.at({self.parameter: self.values[place]})
+            here = line.system_at(self.values[place])
             begun = state_at_rest(here) if state is None else state
             starts.append(Start(place, self.values[place], here, begun, is_warm=state is not None))
         found = {start.key: motion for start, motion in settle_lanes(starts)}

@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 from gapwalk.answers.point_fit import Form, Patterns, Walked
 from gapwalk.answers.point_prediction import ENOUGH, TrackedPoint, Watch, polynomial
@@ -28,6 +27,7 @@ from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.files import content_of
+from gapwalk.late_scipy import special_functions
 from gapwalk.model.channels.text_table import parse_csv
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
@@ -134,10 +134,10 @@ class Spread:
                 for end, default in ((self.low, -math.inf), (self.high, math.inf))
             )
             if below > 0.0:  # in the upper tail shares near 1 would lose their digits: take the mirror image
-                low, high = ndtr(-above), ndtr(-below)
-                return self.mean - self.sd * ndtri(high - share * (high - low))
-            low, high = ndtr(below), ndtr(above)
-            return self.mean + self.sd * ndtri(low + share * (high - low))
+                low, high = special_functions.ndtr(-above), special_functions.ndtr(-below)
+                return self.mean - self.sd * special_functions.ndtri(high - share * (high - low))
+            low, high = special_functions.ndtr(below), special_functions.ndtr(above)
+            return self.mean + self.sd * special_functions.ndtri(low + share * (high - low))
         assert self.low is not None
         assert self.high is not None
         width, left = self.high - self.low, self.mean - self.low
@@ -220,7 +220,7 @@ class Spreads:
         normal = random.standard_normal((samples, len(self.laws)))
         if self.correlation:
             normal = normal @ np.linalg.cholesky(np.array(self.correlation)).T
-        shares = ndtr(normal)
+        shares = special_functions.ndtr(normal)
         values = np.column_stack([law.quantile(shares[:, k]) for k, law in enumerate(self.laws)])
         matrix = np.array(self.correlation) if self.correlation else np.eye(len(self.laws))
         return Drawn(self.varied, values, shares, not np.any(matrix - np.eye(len(matrix))))
@@ -438,12 +438,12 @@ class Chance(NamedTuple):
 
 def chance_of(count: int, samples: int) -> Chance:
     """Return the probability of something that happened `count` times in independent samples."""
-    from scipy.stats import binomtest  # imported late, because the import is slow
-
     if not 0 <= count <= samples or not samples:
         raise ModelError(f"count is {count} of {samples} samples; it must be between 0 and their number, above 0")
-    interval = binomtest(count, samples).proportion_ci(_CONFIDENCE, method="exact")
-    return Chance(count, samples, count / samples, float(interval.low), float(interval.high))
+    beyond = 0.5 * (1.0 - _CONFIDENCE)  # on either side of the exact interval (Clopper and Pearson 1934)
+    low = float(special_functions.betaincinv(count, samples - count + 1, beyond)) if count else 0.0
+    high = float(special_functions.betaincinv(count + 1, samples - count, 1.0 - beyond)) if count < samples else 1.0
+    return Chance(count, samples, count / samples, low, high)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,11 +20,11 @@ from typing import Annotated, NamedTuple, Protocol
 import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.motion import check_state
+from gapwalk.late_scipy import lapack
 from gapwalk.model.bounds import Bounded, Fraction
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System

@@ -14,7 +14,6 @@ from enum import StrEnum
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-import scipy.linalg
 from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
@@ -32,6 +31,7 @@ from gapwalk.attractors.section import Strobe, size_of
 from gapwalk.ensemble.lanes import Lanes, prefers_lanes
 from gapwalk.errors import ConvergenceError, FlowError
 from gapwalk.flow.motion import Motion, integrate
+from gapwalk.late_scipy import linalg
 from gapwalk.model.bounds import Bounded, Counted
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import steadied
@@ -188,7 +188,7 @@ class _Builder:
         for step in range(self.period):
             product = self.matrices[(phase + step) % self.period] @ product
         scaled = product * self.scale / self.scale[:, None] / self.rate
-        norm = scipy.linalg.solve_discrete_lyapunov(scaled.T, np.eye(len(self.scale)))
+        norm = linalg.solve_discrete_lyapunov(scaled.T, np.eye(len(self.scale)))
         values, vectors = np.linalg.eigh(norm)
         return np.sqrt(values / values[0])[:, None] * vectors.T / self.scale
 

@@ -735,6 +735,7 @@ _FAR, _LONG = 0.6, 4e-3  # the same in steps of more than this arclength
 _BIRTH = 2e-4  # arclength to which the appearance of such a value is narrowed down
 _JUMPS = 1e-11  # arclength from a located point within which the margin is that small too
 _UNSEEN = 1e-6  # arclength within which the margin of a change is zero if it was found by halving
+_AT_ONE = 1e-12  # arclength within which two changes are at one point
 _TOUCH = 1e-6  # margin of a located point, relative to the margins at the ends of its bracket, that is only rounding
 
 
@@ -896,9 +897,9 @@ def _locate_beside(interval: StepInterval, first: BranchPoint, last: BranchPoint
 
 def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, change: Change) -> Located | None:
     """Locate the zero of the margin of one change; None if its margin cannot be tracked over the step."""
-    known: Located | None = interval.located.get(change)
-    if known is not None and first.arclength < known.point.arclength < last.arclength:
-        return known  # found before the step was divided
+    located: Located | None = interval.located.get(change)
+    if located is not None and first.arclength < located.point.arclength < last.arclength:
+        return located  # found before the step was divided
     tracked: dict[float, tuple[float, float]] = {}
 
     def value(arclength: float) -> float:
@@ -918,8 +919,13 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
         # where a bound vanishes, the margin is zero wherever the phase is not, and its sign there is only rounding
         if sizes[0] * sizes[1] >= 0.0 or min(map(abs, sizes)) <= _TOUCH * max(map(abs, sizes)):
             return None
-        # where the margin jumps, it has no zero, and the step is divided
-        root, converged = zero_between(value, first.arclength, last.arclength, jumps=False)
+        # the friction of both directions, or of equal parts, changes at one point
+        known = (each.point.arclength for each in interval.located.values())
+        inside = (place for place in known if first.arclength < place < last.arclength)
+        rate = abs(sizes[1] - sizes[0]) / (last.arclength - first.arclength)
+        root, converged = next((place for place in inside if abs(value(place)) <= _AT_ONE * rate), None), True
+        if root is None:  # where the margin jumps, it has no zero, and the step is divided
+            root, converged = zero_between(value, first.arclength, last.arclength, jumps=False)
         if not converged:
             return None
         # where the margin jumps, one of several phases was tracked on one side, and another one on the other side
@@ -930,7 +936,7 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
         return None
     point, found = interval.at(root), change._replace(theta=tracked[root][0])
     point.memo[found] = tracked[root][1]
-    interval.located[change] = Located(point, found, 1e-12)
+    interval.located[change] = Located(point, found, _AT_ONE)
     return interval.located[change]
 
 

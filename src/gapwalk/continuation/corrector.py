@@ -14,11 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
 from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
+from gapwalk.late_scipy import lapack
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.spring import springs_of
 from gapwalk.model.static_force import formulas_of, static_forces_of

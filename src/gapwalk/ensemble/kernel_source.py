@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from gapwalk.cache_folder import cache_folder, is_private, write_whole
 from gapwalk.ensemble.force_source import (
@@ -41,6 +40,7 @@ from gapwalk.ensemble.force_source import (
     refuse,
     total,
 )
+from gapwalk.late_scipy import linalg
 from gapwalk.model.coefficients import CoefficientLayout, layout_of
 from gapwalk.model.structure import Structure
 
@@ -201,7 +201,7 @@ def scheme_of(linear: Linear, steps: int) -> Scheme:
     """Compute the scheme of `steps` steps per forcing period, in the basis of `linear`."""
     span = linear.rate * (2.0 * math.pi / steps)
     n2, n_loads, n_contacts = 2 * linear.n, linear.loads.shape[2], linear.push.shape[2]
-    carried = expm(_augmented(linear, span))
+    carried = linalg.expm(_augmented(linear, span))
     moments = [
         carried[:, :n2, n2 + n_loads + n_contacts * j : n2 + n_loads + n_contacts * (j + 1)] * math.factorial(j)
         for j in range(1 + HISTORY)
@@ -229,7 +229,9 @@ def _of_stops(linear: Linear, span: NDArray[np.float64]) -> tuple[NDArray[Any], 
     if not stops:
         lanes, n2 = len(span), 2 * linear.n
         return np.zeros((lanes, DEGREE + 1, n2, 0)), np.zeros((lanes, DEGREE + 1, 2, 0)), np.zeros((lanes, 2, n2, 0))
-    carried = expm(linear.matrix[:, None] * (span[:, None] * _NODES)[:, :, None, None]) @ linear.impulses[:, None]
+    carried = (
+        linalg.expm(linear.matrix[:, None] * (span[:, None] * _NODES)[:, :, None, None]) @ linear.impulses[:, None]
+    )
     impulse = np.einsum("pj,ljzk->lpzk", np.linalg.inv(np.vander(_NODES, increasing=True)), carried)
     places = [contact for contact, _ in deflections_of(linear.layout)]
     rows = linear.deflections[:, :, [places.index(stop) for stop in stops]]

@@ -117,8 +117,8 @@ class Form(NamedTuple):
 
 
 #: Notes of each contact with stages: closings of the innermost stage on both sides; least and largest deflection;
-#: largest size of the force; sums of its square, and of the power that it takes; fastest approach; side at the end.
-OF_CONTACT = ("up", "down", "low", "high", "peak", "square", "power", "approach", "side")
+#: largest size of the force; sum of the power that it takes; fastest approach; side at the end.
+OF_CONTACT = ("up", "down", "low", "high", "peak", "power", "approach", "side")
 #: Notes of each coordinate: least and largest value, sums of the values and of the velocities.
 OF_COORDINATE = ("least", "most", "total", "drift")
 #: Notes of each signal: sums of its square and of its fourth power, largest size.
@@ -375,7 +375,6 @@ class CodeWriter:
             note("low", k, lambda old, x=x: least(old, x))
             note("high", k, lambda old, x=x: greatest(old, x))
             note("peak", k, lambda old, force=force: greatest(old, size(force)))
-            note("square", k, lambda old, force=force: old + force * force)
             note("power", k, lambda old, force=force, rate=rate: old + force * rate)
             note("side", k, lambda _, side=side: side)
         for k in self.dry:

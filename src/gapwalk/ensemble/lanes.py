@@ -67,6 +67,10 @@ class Lanes:
         self._state = aligned((blocks, 2 * n + 2 * len(self.code.dry), WIDTH))
         self._scratch = aligned((4 * n, WIDTH))
         self._notes = aligned((blocks, max(len(self.code.notes), 1), WIDTH))
+        self._kept = len(self.code.begin) - sum(kind == "side" for kind, _ in self.code.notes)  # notes that begin anew
+        arrays = self._numbers, self._state, self._notes
+        places = [tuple(each[block].ctypes.data for each in arrays) for block in range(blocks)]
+        self._places = [(numbers, state, self._scratch.ctypes.data, notes) for numbers, state, notes in places]
         self._steps, self._needed = np.zeros(blocks, dtype=int), np.ones((blocks, WIDTH), dtype=int)
         self._coefficients, self._used = (
             np.zeros((blocks * WIDTH, len(self.layout))),
@@ -167,14 +171,12 @@ class Lanes:
 
     def advance(self) -> None:
         """Advance all motions by one forcing period, and take new notes."""
-        kept = len(self.code.begin) - sum(kind == "side" for kind, _ in self.code.notes)
-        self._notes[:, :kept] = self.code.begin[:kept, None]
+        self._notes[:, : self._kept] = self.code.begin[: self._kept, None]
         n = self.layout.structure.size
         for block in np.flatnonzero(self._used.reshape(-1, WIDTH).any(axis=1)).tolist():
             steps = int(self._steps[block])
-            table = _table(self.layout.orders, steps)
-            arrays = self._numbers[block], table, self._state[block], self._scratch, self._notes[block]
-            self.code.advance(*(each.ctypes.data for each in arrays), steps)
+            numbers, *others = self._places[block]
+            self.code.advance(numbers, _table(self.layout.orders, steps).ctypes.data, *others, steps)
             if self.turn is not None and ("drift", self.turn) in self.code.notes:
                 # the rotation as a whole returns to its mean within thousands of periods: it is put there
                 drift = self._notes[block, self.code.notes["drift", self.turn]]

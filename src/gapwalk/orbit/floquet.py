@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack, qr
 
 from gapwalk.errors import NumericalError
+from gapwalk.late_scipy import lapack, linalg
 
 REAL = 1e-9
 """Largest relative imaginary part of a multiplier that counts as real."""
@@ -61,7 +61,7 @@ def multipliers(transitions: Sequence[NDArray[np.float64]]) -> NDArray[np.comple
     if len(transitions) > 1:
         left, sizes, right = np.eye(len(matrix)), np.ones(len(matrix)), np.eye(len(matrix))
         for transition in transitions:
-            left, upper, order = qr(transition @ left * sizes, pivoting=True)
+            left, upper, order = linalg.qr(transition @ left * sizes, pivoting=True)
             sizes = np.abs(upper.diagonal())
             right = (upper / np.where(sizes > 0.0, sizes, 1.0)[:, None]) @ right[order]
         matrix = sizes[:, None] * (right @ left)

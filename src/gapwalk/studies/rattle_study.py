@@ -402,7 +402,8 @@ class RattleStudy(RangeStudy):
         rows = (row for each in (*both, *others.found) for row in each.severities)
         severities = tuple(sorted(rows, key=lambda row: row.value))
         starts = self.starts if complete else 0
-        worst = (worst_of(job.system, self.parameter, severities, gap, starts, self.seed, sweeps) for gap in self.gaps)
+        given = starts, self.seed, sweeps, dict[tuple[str, float], float]()
+        worst = (worst_of(job.system, self.parameter, severities, gap, *given) for gap in self.gaps)
         notes = [*(note for sweep in sweeps for note in sweep.notes), *others.notes]
         if sampled := sum(sample.motion.orbit is None for sweep in sweeps for sample in sweep.samples):
             step = abs((self.end - self.begin) / self.sweep.steps)

@@ -340,6 +340,7 @@ class ResponseWork(Work):
         return self._kept(Moment(points, special_points, progress, ends, turn), news)
 
 
+_TRUSTED = 10.0  # steps of a walk over which a straight line is trusted
 _OTHERWISE = 1.5  # change of the separations in a period from which motions part otherwise
 
 
@@ -349,7 +350,10 @@ class _Watch:
     def __init__(self, curve: SettledCurve, asked: BranchOptions) -> None:
         self.curve, self.asked, self.range = curve, asked, abs(asked.end - asked.begin)
         self.place = -1
-        self.ahead: list[Band] = []
+        self.known: dict[int, Band] = {}
+        #: Of each step that was looked at: whether what settles there has a period, or parts nowhere; its separations.
+        self.ahead: list[tuple[bool, float]] = []
+        self.last: BranchPoint | None = None
         self.lengths: list[float] = []
         self.special: list[float] = []
 
@@ -358,16 +362,17 @@ class _Watch:
         """True if what settles a step ahead has no period, or parts often, or otherwise than a step before."""
         # a motion of another period than the orbit, as beyond a flip, is none of it: the orbit goes on, unstable
         last = self.ahead[-2:]
-        totals = [band.total for band in last]
+        totals = [total for _, total in last]
         return bool(last) and (
-            not all(band.period or not band.total for band in last)
+            not all(repeats for repeats, _ in last)
             or max(totals) * self.asked.period >= FEW
             or max(totals) - min(totals) >= _OTHERWISE
         )
 
     def words(self, point: BranchPoint, special_points: Sequence[SpecialPoint]) -> str:
         """Return why the walk is given up at a point; empty if it goes on."""
-        curve, is_among = self.curve, bool(special_points)
+        curve, is_among, before = self.curve, bool(special_points), self.last
+        self.last = point
         if curve.system.structure.state_size > LARGE:
             return f"an orbit with its derivatives costs too much for a state of more than {LARGE} numbers"
         self.lengths.append(point.arclength)
@@ -379,11 +384,33 @@ class _Watch:
         base = curve.beyond(point.value)
         place = base + _LOOK
         if not self.is_hard and place > self.place and place < len(curve.values):
-            self.ahead.append(curve.at(place, point.orbit.state))
+            self.ahead.append(self._seen(place, before, point))
             self.place = place
         if self.is_hard and (base > self.place or is_among or sum(point.orbit.closings) >= FEW):
             return "what settles beyond is not periodic, or parts often in a period"
         return ""
+
+    def _seen(self, place: int, before: BranchPoint | None, point: BranchPoint) -> tuple[bool, float]:
+        """Return what settles at a step ahead; it is settled unless the orbit is far from touching or parting there."""
+        if before is not None and _stays(before, point, self.curve.values[place]):
+            return True, 0.0
+        band = self.known.get(place)
+        if band is None or band.total:  # what begins farther away may lead to another motion
+            self.known = self.curve.ahead(place, point.orbit.state)
+            band = self.known[place]
+        return bool(band.period) or not band.total, band.total
+
+
+def _stays(before: BranchPoint, point: BranchPoint, value: float) -> bool:
+    """Return True if no contact comes near to a change up to a value, along a straight line through two orbits."""
+    orbits = before.orbit, point.orbit
+    share = (value - point.value) / (point.value - before.value)
+    if any(any(orbit.closings) or not orbit.stable for orbit in orbits) or not 0.0 < share < _TRUSTED:
+        return False
+    then, now = (
+        np.array([min(map(abs, each.values), default=1.0) for each in orbit.turning_depths]) for orbit in orbits
+    )
+    return bool(np.all(np.abs(now - then) * share < 0.5 * now))
 
 
 def _carefully(tracer: BranchTracer, watch: _Watch | None) -> Iterator[tuple[BranchPoint, list[SpecialPoint]]]:

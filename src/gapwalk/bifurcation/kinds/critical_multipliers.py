@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
 from gapwalk.bifurcation.branch_start import BranchStart, posed_for
 from gapwalk.bifurcation.special_point import (
@@ -37,6 +36,7 @@ from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.equations import magnitude
+from gapwalk.late_scipy import lapack
 from gapwalk.orbit.floquet import REAL, multipliers
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit

@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.motion import integrate
+from gapwalk.late_scipy import linalg
 from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of, period_of, varying
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import multipliers
@@ -70,7 +70,7 @@ def projected_monodromy(
     matrix = blocks.transpose(0, 2, 1, 3).reshape(len(k) * size, len(k) * size)
     rates = 2j * np.pi / length * (k - count)
     matrix[np.diag_indices(len(matrix))] += np.repeat(rates, size)
-    spread = expm(matrix * length)
+    spread = linalg.expm(matrix * length)
     middle = spread[count * size : (count + 1) * size]
     return middle.reshape(size, len(k), size).sum(axis=1).real
 
