@@ -326,6 +326,7 @@ def test_the_first_special_points_of_a_branch_are_saved_with_what_moves_them(pag
     until(kept, "Number(document.body.dataset.branches) === 1")
     curve = "[...gapwalk.curves.all.values()][0]"
     choose = f"((c) => gapwalk.page.choice.choose({{{{ curve: c, index: c.node.indexOf(-1 - {{}}) }}}}))({curve})"
+    kept.evaluate("gapwalk.movers.open()")
     kept.evaluate(choose.format(0))
     until(kept, "gapwalk.movers.found?.rows.length > 0")
     first = branch.special_points[0]

@@ -1,7 +1,7 @@
 // A small chart in SVG: drawn within a millisecond or two, in the colours of the page.
 
 const SVG = "http://www.w3.org/2000/svg";
-const LEFT = 44, DIGIT = 6.3, RIGHT = 8, TOP = 8, BOTTOM = 32;
+const LEFT = 44, DIGIT = 6.3, LETTER = 6, RIGHT = 8, TOP = 8, BOTTOM = 32;
 
 /** How much larger than elsewhere charts are drawn: on very large screens without scaling, as all letters there. */
 export function zoom() {
@@ -88,9 +88,9 @@ export function chart(place, { curves = [], dots = [], bars = null, across = [],
   for (const [dx, dy, kind = ""] of dots) svg.append(element("circle", { class: `dot ${kind}`, cx: px(dx), cy: py(dy), r: dots.length > 60 ? 1.6 : 4 }));
   svg.append(element("rect", { class: "frame", x: left, y: TOP, width: width - left - RIGHT, height: bottom - TOP }));
   if (below) below.draw(svg, px, bottom);
-  svg.append(element("text", { class: "title", x: (left + width - RIGHT) / 2, y: height - 5, "text-anchor": "middle" }, x));
-  const middle = (TOP + bottom) / 2;
-  svg.append(element("text", { class: "title", x: 9, y: middle, "text-anchor": "middle", transform: `rotate(-90 9 ${middle})` }, y));
+  const [across0, across1] = fitted(x, (left + width - RIGHT) / 2, width), [middle, squeezed] = fitted(y, (TOP + bottom) / 2, height);
+  svg.append(element("text", { class: "title", x: across0, y: height - 5, "text-anchor": "middle", ...across1 }, x));
+  svg.append(element("text", { class: "title", x: 9, y: middle, "text-anchor": "middle", transform: `rotate(-90 9 ${middle})`, ...squeezed }, y));
   const mark = element("circle", { class: "now", r: 4.5, visibility: "hidden" });
   svg.append(mark);
   place.replaceChildren(svg);
@@ -99,6 +99,13 @@ export function chart(place, { curves = [], dots = [], bars = null, across = [],
     mark.setAttribute("cx", px(vx));
     mark.setAttribute("cy", py(vy));
   };
+}
+
+/** The middle of a title that keeps within a length, and how it is squeezed if it is longer. */
+function fitted(title, middle, length) {
+  const half = 0.5 * LETTER * title.length + 2, room = length - 4;
+  if (2 * half > room) return [length / 2, { textLength: room, lengthAdjust: "spacingAndGlyphs" }];
+  return [Math.min(Math.max(middle, half), length - half), {}];
 }
 
 /** A power of ten: in digits where they are few. */

@@ -122,7 +122,7 @@ export class MachineView {
   /** The group of a part; one that can be chosen is a button. */
   group(part, number) {
     const can = this.canChoose(part);
-    const group = element("g", { class: `part ${part.kind}`, "data-part": number, "aria-label": part.words, role: can ? "button" : "img" });
+    const group = element("g", { class: `part ${part.kind}`, "data-part": number, "data-words": part.words, role: can ? "button" : "img" });
     if (can) {
       group.setAttribute("tabindex", 0);
       group.setAttribute("aria-pressed", part.words === this.pressed);

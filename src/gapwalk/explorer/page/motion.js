@@ -263,7 +263,7 @@ function table(log, unit) {
     const line = made.insertRow();
     for (const text of cells) line.append(Object.assign(document.createElement(name), { textContent: text }));
   };
-  row(["periods", "contact", "", `rate${unit}`], "th");
+  row(["periods", "contact", "what", `rate${unit}`], "th");
   for (const e of log) row([e.periods.toFixed(4), e.contact.replace(/ -$/, " −"), e.what.replace(/ -$/, " −"), e.velocity === null ? "" : e.velocity.toPrecision(3)], "td");
   return made;
 }
