@@ -2,8 +2,8 @@
 
 The walk is by harmonic balance to a hundredth, from the static equilibrium, with long steps and without special points.
 It needs no compiled flow, so a changed structure costs no more than a changed number. What harmonic balance does not
-describe (rigid stops, some friction) is walked by shooting. Where the walk gives up, as among many grazes, the motion is
-settled by equal steps to the end of the range.
+describe (rigid stops, some friction) is walked by shooting. Where the walk gives up, as among many grazes,
+the motion is settled by equal steps to the end of the range.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def _parameter(study: Study) -> str:
 
 
 def _walk(system: System, options: RangeStudy, period: int) -> Iterator[BranchPoint | Band | str]:
-    """Yield the points of the walk, what settles where it gives up, and the reason why it ended before its range did."""
+    """Yield the points of the walk, what settles where it gives up, and why it ended before its range did."""
     try:
         start, method = _first(system, period)
     except NumericalError:
@@ -113,7 +113,7 @@ def _walk(system: System, options: RangeStudy, period: int) -> Iterator[BranchPo
     walk = Walk(beginning.first, beginning.within, beginning.corrector, STEPS)
     point = beginning.first
     yield point
-    for point in walk:  # noqa: B007
+    for point in walk:
         yield point
     if walk.end is None or walk.end.reason is EndReason.RANGE:
         return

@@ -589,4 +589,4 @@ for (const format of ["svg", "png"]) {
 $("error").querySelector("button").addEventListener("click", hideError);
 $("help-open").addEventListener("click", () => $("help").showModal());
 
-window.gapwalk = { page, curves, diagram, motion, answer, movers, looks, depth, editor }; // for the curious, and for the tests
+window.gapwalk = { page, curves, diagram, motion, answer, movers, looks, depth, editor, table }; // for the curious, and for the tests
