@@ -241,7 +241,7 @@ def test_a_file_with_errors_can_be_opened_in_the_editor(tmp_path, page) -> None:
 def test_the_tree_of_the_editor_names_all_that_can_be_reached(stop) -> None:
     nodes, reached = tree_of(stop)
     assert nameless(reached) == []
-    assert {("region", "Model editor"), ("toolbar", "The file"), ("textbox", "Text of the model file")} <= set(nodes)
+    assert {("main", "Model editor"), ("toolbar", "The file"), ("textbox", "Text of the model file")} <= set(nodes)
     assert {("textbox", "File"), ("figure", "Values"), ("status", "")} <= set(nodes)
     names = {role: {name for each, name in reached if each == role} for role in ("button", "slider", "spinbutton")}
     assert {"New model", "Save", "Save and compute", "Export", "Back to the results"} <= names["button"]

@@ -20,13 +20,14 @@ CURVE = "[...gapwalk.curves.all.values()][0]"
 CUT = """() => {
     const rolls = (each) => each && (/auto|scroll/.test(getComputedStyle(each).overflowX) || rolls(each.parentElement));
     const words = "button, select, th, td, figcaption, summary, h2, p, li, svg.chart text, .machine text";
-    const seen = [...document.querySelectorAll(words)].filter((each) => each.checkVisibility({ visibilityProperty: true }));
-    return seen.filter((each) => {
+    return [...document.querySelectorAll(words)].filter((each) => {
+        if (!each.checkVisibility({ visibilityProperty: true })) return false;
         const own = each.getBoundingClientRect(), svg = each.ownerSVGElement?.getBoundingClientRect();
         const { left, right, top, bottom } = svg ?? { left: 0, right: innerWidth, top: -Infinity, bottom: Infinity };
         const out = own.left < left - 2 || own.right > right + 2 || own.top < top - 2 || own.bottom > bottom + 2;
-        if (svg) return out || each.textContent.includes("…");
-        return !rolls(each) && (out || (each.scrollWidth > each.clientWidth + 1 && !/visible/.test(getComputedStyle(each).overflowX)));
+        if (svg) return each.textContent.includes("…") || (out && each.closest(".chart"));
+        const hides = !/visible/.test(getComputedStyle(each).overflowX);
+        return !rolls(each) && (out || (hides && each.scrollWidth > each.clientWidth + 1));
     }).map((each) => each.outerHTML.slice(0, 200));
 }"""  # fmt: skip
 

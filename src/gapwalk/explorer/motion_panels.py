@@ -401,6 +401,7 @@ def gradient_content(found: Gradient) -> dict[str, Any]:
                 "doubtful": bool(doubts[k] > _FAINT * largest),
             }
             for k in found.distinct[:_MOST]
+            if not _DIRECTION.search(found.names[k])
         ],
     }
 

@@ -69,7 +69,7 @@ export function chart(place, { curves = [], dots = [], bars = null, across = [],
   for (const [from, to] of shades) svg.append(element("rect", { class: "rest", x: px(from), width: Math.max(0, px(to) - px(from)), y: TOP, height: bottom - TOP }));
   for (const tick of ticks(x0, x1, 5)) {
     svg.append(element("line", { class: "grid", x1: px(tick), x2: px(tick), y1: TOP, y2: height - BOTTOM }));
-    svg.append(element("text", { x: px(tick), y: height - BOTTOM + 12, "text-anchor": "middle" }, short(tick)));
+    svg.append(element("text", { x: inside(px(tick), short(tick), width), y: height - BOTTOM + 12, "text-anchor": "middle" }, short(tick)));
   }
   for (const tick of ticks(y0, y1, 5)) {
     svg.append(element("line", { class: "grid", x1: left, x2: width - RIGHT, y1: py(tick), y2: py(tick) }));
@@ -106,6 +106,11 @@ function fitted(title, middle, length) {
   const half = 0.5 * LETTER * title.length + 2, room = length - 4;
   if (2 * half > room) return [length / 2, { textLength: room, lengthAdjust: "spacingAndGlyphs" }];
   return [Math.min(Math.max(middle, half), length - half), {}];
+}
+
+/** The middle of a number that keeps within the right end of a chart. */
+export function inside(middle, number, width) {
+  return Math.min(middle, width - 0.5 * DIGIT * number.length - 1);
 }
 
 /** A power of ten: in digits where they are few. */
