@@ -35,7 +35,7 @@ const keyboard = new Keyboard($("diagram"), curves, (found) => choice.choose(fou
 });
 const answer = new Answer({ changed: drawDiagram, chosen: chooseEnd });
 answer.heard = new Heard({ diagram, tell, changed: drawDiagram, saved: (query) => download("/api/wav", query).catch(tell) });
-new RunUpControls(page, { act, tell, start: () => page.chosen?.start ?? null, values: () => parameters.changes });
+const runUp = new RunUpControls(page, { act, tell, start: () => page.chosen?.start ?? null, values: () => parameters.changes });
 const movers = new Movers({ changed: () => extras.drawArrows(), turn: turnKnob });
 const next = new Next({ switch: switchBranch, locus: openLocus, settle: settleBeside, hear: () => motion.hear(), pin: () => motion.pin() }, tell);
 const choice = new Choice(page, { curves, diagram, keyboard, motion }, { changed: showChosen, shown: showMotion });
@@ -112,6 +112,7 @@ async function open(file, where = new URLSearchParams()) {
   parameters.show(about.parameters, about.values);
   showWalkRange();
   showLocusRange();
+  if ($("run-up-part").open) runUp.show();
   diagram.range = null;
   for (const id of ["x", "y"]) if ([...$(id).options].some(({ value }) => value === where.get(id))) $(id).value = where.get(id);
   address();
