@@ -138,11 +138,16 @@ def answer(page: Page) -> None:
 
 
 def turn(page: Page) -> None:
-    """Show what moves the first end of the band of rattle."""
-    page.click("#answer-ends button")
-    until(page, "gapwalk.movers.found?.rows.length > 0 && gapwalk.diagram.arrows.length > 0")
+    """Show what moves a flip of the first branch."""
+    page.focus("#diagram")
+    page.keyboard.press("ArrowDown")
+    choose_special(page, "flip")
+    until(page, "Boolean(gapwalk.motion.details)")
+    page.evaluate("gapwalk.movers.open()")
+    until(page, "gapwalk.movers.found?.rows.length > 4 && gapwalk.diagram.arrows.length > 0")
     page.fill("#movers-percent", "5")
     rest(page)
+    until(page, "gapwalk.movers.found.rows.some(({ name }) => name === 'stage2.clearance')")
 
 
 def edit(page: Page) -> None:
@@ -213,6 +218,7 @@ SCENES = (
     ),
     Scene("clutch.toml", tabulate, (Shot("table", "Diagram"),)),
     Scene("clutch.toml", untabulate, ()),
+    Scene("clutch.toml", turn, (Shot("movers", "What moves it most"),)),
     Scene("clutch.toml", follow, (Shot("locus", "Diagram"),)),
     Scene("settle.toml", settle, (Shot("spectrum", "Spectrum"), Shot("section", "Section"))),
     Scene("settle.toml", turn_torus, (Shot("torus", "In three dimensions"),)),
@@ -220,7 +226,6 @@ SCENES = (
     Scene("engine_start.toml", run_up, (Shot("heard", "Diagram"),)),
     Scene("den_hartog.toml", stick, (Shot("strip", "Time history"), Shot("hysteresis", "Hysteresis loop"))),
     Scene("idle.toml", answer, (Shot("answer"),)),
-    Scene("idle.toml", turn, (Shot("movers", "What moves it most"),)),
     Scene("drivetrain.toml", edit, (Shot("editor"),)),
     Scene("drivetrain.toml", begin, (Shot("new"),)),
     Scene("drivetrain.toml", leave_editor, ()),
