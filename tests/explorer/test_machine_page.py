@@ -78,7 +78,7 @@ def page(tmp_path_factory) -> Iterator[Page]:
 
 
 def test_the_machine_is_there_before_any_motion_and_then_moves_as_it_does(page) -> None:
-    names = page.locator("#machine .part[role=button]").evaluate_all("all => all.map((e) => e.ariaLabel)")
+    names = page.locator("#machine .part[role=button]").evaluate_all("all => all.map((e) => e.dataset.words)")
     assert names == [
         "clutch: shaft, stiffness 12 N m/deg",
         "clutch: damper, 0.3 N m s/rad",
