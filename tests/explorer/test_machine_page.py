@@ -126,7 +126,7 @@ def test_a_part_chooses_what_is_looked_at_by_mouse_and_by_keyboard(page) -> None
     hub.focus()
     page.keyboard.press("Enter")
     until(page, "document.getElementById('signal').value === `hub''`")
-    until(page, "document.activeElement.ariaLabel === 'hub' && document.activeElement.ariaPressed === 'true'")
+    until(page, "document.activeElement.dataset.words === 'hub' && document.activeElement.ariaPressed === 'true'")
     until(page, "document.querySelector('#history .title:last-of-type').textContent.startsWith('hub')")
     page.locator("#machine .part.spring[data-words^='clutch']").press(" ")
     until(page, "document.getElementById('signal').value === 'clutch.torque'")
