@@ -26,7 +26,6 @@ EDGE = 6  # pixels round a panel
 EXAMPLES = (
     "clutch.toml",
     "den_hartog.toml",
-    "diagram.toml",
     "drivetrain.toml",
     "engine_start.toml",
     "family.toml",
@@ -68,30 +67,17 @@ class Scene:
         What is done.
     shots
         What is then photographed.
-    dark
-        Whether the page is dark.
     """
 
     file: str
     play: Callable[[Page], None]
     shots: tuple[Shot, ...]
-    dark: bool = False
 
 
-def grow(page: Page) -> None:
-    """Show a diagram while it grows; it is paused, because a picture takes a moment."""
-    page.select_option("#study", "fig13")
-    page.click("#compute")
-    until(page, "gapwalk.page.results[0]?.branches.length > 1")
-    page.click("#results button:text-is('Pause')")
-    until(page, "gapwalk.page.results[0].state === 'paused'")
-    page.wait_for_timeout(1000)  # for the last curves
-
-
-def leave(page: Page) -> None:
-    """Stop the paused computation; what it has found stays."""
-    page.click("#results button:text-is('Stop')")
-    until(page, "gapwalk.page.results[0].state === 'stopped'")
+def open_first(page: Page) -> None:
+    """Show the quick response of a file of which nothing is computed yet."""
+    until(page, "Boolean(gapwalk.curves.quick) && document.body.dataset.branches === '0'")
+    page.wait_for_timeout(3000)  # until it is whole
 
 
 def respond(page: Page) -> None:
@@ -116,14 +102,6 @@ def settle(page: Page) -> None:
     page.click("#compute")
     until(page, "gapwalk.page.results[0]?.state === 'done'")
     page.click("#results button:text-is('Show')")
-    rest(page)
-
-
-def drive(page: Page) -> None:
-    """Show a drive train over the engine's speed, and the motion at the highest point of its response."""
-    page.click("#compute")
-    until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size === 1")
-    choose_special(page, "fold")
     rest(page)
 
 
@@ -160,33 +138,31 @@ def answer(page: Page) -> None:
 
 
 def turn(page: Page) -> None:
-    """Show what moves the first end of the band of rattle."""
-    page.click("#answer-ends button")
-    until(page, "gapwalk.movers.found?.rows.length > 0 && gapwalk.diagram.arrows.length > 0")
+    """Show what moves a flip of the first branch."""
+    page.focus("#diagram")
+    page.keyboard.press("ArrowDown")
+    choose_special(page, "flip")
+    until(page, "Boolean(gapwalk.motion.details)")
+    page.evaluate("gapwalk.movers.open()")
+    until(page, "gapwalk.movers.found?.rows.length > 4 && gapwalk.diagram.arrows.length > 0")
     page.fill("#movers-percent", "5")
     rest(page)
-
-
-def search(page: Page) -> None:
-    """Show a short search for motions connected to no known branch."""
-    page.fill("#search-count", "6")
-    page.click("#search")
-    until(page, "gapwalk.page.results[3]?.state === 'done'")
-
-
-def open_values(page: Page) -> None:
-    """Some sliders, one of them moved."""
-    page.click("summary:text-is('Values')")
-    page.fill("#filter", "stage2")
-    page.fill("[data-name='stage2.clearance'] input[type=number]", "0.9")
+    until(page, "gapwalk.movers.found.rows.some(({ name }) => name === 'stage2.clearance')")
 
 
 def edit(page: Page) -> None:
     """The model editor: the text of a drive train, its machine, its response, and sliders for its numbers."""
     page.click("#edit-open")
     until(page, "gapwalk.editor.chart.curve?.whole && !gapwalk.editor.isBusy")
+    assert page.inner_text("#edit-response-note").startswith("A quick walk")  # to the end of its range
     page.evaluate("gapwalk.editor.text.go(19)")
     page.wait_for_timeout(500)
+
+
+def begin(page: Page) -> None:
+    """The drawings of what a new model begins with."""
+    page.click("#edit-new")
+    until(page, "document.querySelectorAll('#edit-starts-list svg').length > 9")
 
 
 def leave_editor(page: Page) -> None:
@@ -194,9 +170,14 @@ def leave_editor(page: Page) -> None:
     page.click("#edit-close")
 
 
-def open_keys(page: Page) -> None:
-    """The list of keys."""
-    page.click("#help-open")
+def tabulate(page: Page) -> None:
+    """Show the curve as a table."""
+    page.click("#table-open")
+
+
+def untabulate(page: Page) -> None:
+    """Hide it again."""
+    page.click("#table-open")
 
 
 def deepen(page: Page) -> None:
@@ -228,48 +209,26 @@ def run_up(page: Page) -> None:
     page.wait_for_timeout(1000)
 
 
-def nothing(page: Page) -> None:
-    """Leave the page as it is."""
-
-
 SCENES = (
-    Scene("diagram.toml", grow, (Shot("growing"), Shot("jobs", "Results"))),
-    Scene("diagram.toml", leave, ()),
+    Scene("clutch.toml", open_first, (Shot("quick"),)),
     Scene(
         "clutch.toml",
         respond,
-        (
-            Shot("light"),
-            Shot("diagram", "Diagram"),
-            Shot("compute", "Compute"),
-            Shot("chosen", "From the chosen point"),
-            Shot("export", "Results"),
-            Shot("history", "Time history"),
-            Shot("phase", "Phase portrait"),
-            Shot("loop", "Contact force"),
-            Shot("multipliers", "Multipliers"),
-            Shot("log", "Contact log"),
-        ),
+        (Shot("light"), Shot("history", "Time history"), Shot("loop", "Contact force")),
     ),
-    Scene("clutch.toml", nothing, (Shot("dark"),), dark=True),
-    Scene("clutch.toml", open_values, (Shot("values", "Values"),)),
-    Scene("clutch.toml", follow, (Shot("locus", "Diagram"), Shot("plane", "In two parameters"))),
-    Scene("clutch.toml", search, (Shot("search", "Results"),)),
+    Scene("clutch.toml", tabulate, (Shot("table", "Diagram"),)),
+    Scene("clutch.toml", untabulate, ()),
+    Scene("clutch.toml", turn, (Shot("movers", "What moves it most"),)),
+    Scene("clutch.toml", follow, (Shot("locus", "Diagram"),)),
     Scene("settle.toml", settle, (Shot("spectrum", "Spectrum"), Shot("section", "Section"))),
     Scene("settle.toml", turn_torus, (Shot("torus", "In three dimensions"),)),
     Scene("family.toml", deepen, (Shot("depth", "Diagram"),)),
-    Scene("engine_start.toml", run_up, (Shot("heard", "Diagram"), Shot("run-up", "Run up, and listen"))),
-    Scene("drivetrain.toml", drive, (Shot("train", "Machine"),)),
-    Scene(
-        "den_hartog.toml",
-        stick,
-        (Shot("strip", "Time history"), Shot("hysteresis", "Hysteresis loop"), Shot("energy", "Energy")),
-    ),
-    Scene("idle.toml", answer, (Shot("numbers", "The answer in numbers"),)),
-    Scene("idle.toml", turn, (Shot("answer"), Shot("movers", "What moves it most"))),
-    Scene("drivetrain.toml", edit, (Shot("editor"), Shot("response", "Response"))),
+    Scene("engine_start.toml", run_up, (Shot("heard", "Diagram"),)),
+    Scene("den_hartog.toml", stick, (Shot("strip", "Time history"), Shot("hysteresis", "Hysteresis loop"))),
+    Scene("idle.toml", answer, (Shot("answer"),)),
+    Scene("drivetrain.toml", edit, (Shot("editor"),)),
+    Scene("drivetrain.toml", begin, (Shot("new"),)),
     Scene("drivetrain.toml", leave_editor, ()),
-    Scene("drivetrain.toml", open_keys, (Shot("keys", "Keys"),)),
 )
 SHOTS = tuple(shot for scene in SCENES for shot in scene.shots)
 
@@ -320,7 +279,6 @@ def make_pictures(chrome: Browser, address: str, folder: Path, scenes: tuple[Sce
     page.goto(address)
     until(page, READY)
     for scene in scenes:
-        page.emulate_media(color_scheme="dark" if scene.dark else "light", reduced_motion="reduce")
         if page.evaluate("gapwalk.page.about.file") != scene.file:
             opened(page, scene.file)
         scene.play(page)

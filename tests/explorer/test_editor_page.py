@@ -165,15 +165,15 @@ def test_an_error_has_its_line_a_sentence_and_a_way_there(stop) -> None:
 
 def test_the_drawing_follows_the_text_and_finds_parts_in_it(stop) -> None:
     assert (
-        stop.locator("#edit-machine [aria-label^='stop: ']").get_attribute("aria-label")
+        stop.locator("#edit-machine [data-words^='stop: ']").get_attribute("data-words")
         == "stop: spring with a gap of +1"
     )
     at = stop.input_value("#edit-text textarea").split("\n").index("clearance = 1.0  # of the stop") + 1
     stop.evaluate(f"gapwalk.editor.text.go({at})")
     stop.keyboard.type("clearance = 0.5")
-    until(stop, "document.querySelector('#edit-machine [aria-label^=\"stop: \"]')?.ariaLabel.endsWith('+0.5')")
+    until(stop, "document.querySelector('#edit-machine [data-words^=\"stop: \"]')?.dataset.words.endsWith('+0.5')")
     assert stop.evaluate("document.querySelector('#edit-values .here').dataset.name") == "stop.clearance"
-    stop.focus("#edit-machine [aria-label^='stop: ']")
+    stop.focus("#edit-machine [data-words^='stop: ']")
     stop.keyboard.press("Enter")
     line = stop.evaluate("gapwalk.editor.text.line")
     assert stop.input_value("#edit-text textarea").split("\n")[line - 1] == "[[contact]]"
@@ -241,8 +241,8 @@ def test_a_file_with_errors_can_be_opened_in_the_editor(tmp_path, page) -> None:
 def test_the_tree_of_the_editor_names_all_that_can_be_reached(stop) -> None:
     nodes, reached = tree_of(stop)
     assert nameless(reached) == []
-    assert {("region", "Model editor"), ("toolbar", "The file"), ("textbox", "Text of the model file")} <= set(nodes)
-    assert {("textbox", "File"), ("group", "Values"), ("status", "")} <= set(nodes)
+    assert {("main", "Model editor"), ("toolbar", "The file"), ("textbox", "Text of the model file")} <= set(nodes)
+    assert {("textbox", "File"), ("figure", "Values"), ("status", "")} <= set(nodes)
     names = {role: {name for each, name in reached if each == role} for role in ("button", "slider", "spinbutton")}
     assert {"New model", "Save", "Save and compute", "Export", "Back to the results"} <= names["button"]
     assert {"clearance of stop, slider", "stop.stiffness, slider"} <= names["slider"]

@@ -195,12 +195,12 @@ def test_the_strip_shows_all_phases_and_the_machine_says_them(page) -> None:
         )
         middle = 0.5 * (start + end)
         page.evaluate(f"gapwalk.motion.machine.at(gapwalk.motion.motion.theta.findIndex((t) => t >= {middle}))")
-        part = page.locator(f"#machine .part[aria-label^='{elements['names'][row]}:']")
+        part = page.locator(f"#machine .part[data-words^='{elements['names'][row]}:']")
         assert part.locator(".m-state").text_content() == words
         assert look in str(part.get_attribute("class")).split()
     at = elements["strikes"][0][1]
     page.evaluate(f"gapwalk.motion.machine.at(gapwalk.motion.motion.theta.findIndex((t) => t >= {at}))")
-    assert page.locator("#machine .part[aria-label^='wall:'] .m-state").text_content() == "impact"
+    assert page.locator("#machine .part[data-words^='wall:'] .m-state").text_content() == "impact"
 
 
 def test_each_element_can_be_chosen_and_the_table_adds_up(page) -> None:

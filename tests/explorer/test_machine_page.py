@@ -78,7 +78,7 @@ def page(tmp_path_factory) -> Iterator[Page]:
 
 
 def test_the_machine_is_there_before_any_motion_and_then_moves_as_it_does(page) -> None:
-    names = page.locator("#machine .part[role=button]").evaluate_all("all => all.map((e) => e.ariaLabel)")
+    names = page.locator("#machine .part[role=button]").evaluate_all("all => all.map((e) => e.dataset.words)")
     assert names == [
         "clutch: shaft, stiffness 12 N m/deg",
         "clutch: damper, 0.3 N m s/rad",
@@ -122,13 +122,13 @@ def test_a_part_chooses_what_is_looked_at_by_mouse_and_by_keyboard(page) -> None
     assert "mesh" in str(page.locator("#loop .title").first.text_content())
     page.click("#log-of button")
     assert page.locator("#log-of").is_hidden()
-    hub = page.locator("#machine .part.body[aria-label='hub']")
+    hub = page.locator("#machine .part.body[data-words='hub']")
     hub.focus()
     page.keyboard.press("Enter")
     until(page, "document.getElementById('signal').value === `hub''`")
-    until(page, "document.activeElement.ariaLabel === 'hub' && document.activeElement.ariaPressed === 'true'")
+    until(page, "document.activeElement.dataset.words === 'hub' && document.activeElement.ariaPressed === 'true'")
     until(page, "document.querySelector('#history .title:last-of-type').textContent.startsWith('hub')")
-    page.locator("#machine .part.spring[aria-label^='clutch']").press(" ")
+    page.locator("#machine .part.spring[data-words^='clutch']").press(" ")
     until(page, "document.getElementById('signal').value === 'clutch.torque'")
 
 

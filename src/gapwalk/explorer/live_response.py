@@ -2,7 +2,8 @@
 
 The walk is by harmonic balance to a hundredth, from the static equilibrium, with long steps and without special points.
 It needs no compiled flow, so a changed structure costs no more than a changed number. What harmonic balance does not
-describe (rigid stops, some friction) is walked by shooting.
+describe (rigid stops, some friction) is walked by shooting. Where the walk gives up, as among many grazes,
+the motion is settled by equal steps to the end of the range.
 """
 
 from __future__ import annotations
@@ -17,11 +18,14 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import Any
 
+from gapwalk.answers.settled_curve import SettledCurve
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation import directions, start_branch
+from gapwalk.bifurcation.band import Band
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason, Walk, WalkOptions
 from gapwalk.errors import GapwalkError, ModelError, NumericalError
+from gapwalk.explorer.diagram_lines import measure_name
 from gapwalk.explorer.progress_stream import SECONDS
 from gapwalk.model.equilibria import find_equilibria
 from gapwalk.model.model_source import parse_source
@@ -43,6 +47,9 @@ SHOOTING = Shooting(tolerance=1e-6)
 STEPS = WalkOptions(initial_step=0.01, largest_step=0.05, largest_turn=0.6, max_points=1000)
 _LONGEST = 15.0  # seconds that a walk may take
 _LABELS = ("stable", "below", "above", "pair", "neutral")
+_SETTLED = len(_LABELS)
+_LEVEL = {"min": 0, "max": 2}  # of least, middle and largest height
+_ENDS = (EndReason.RANGE, EndReason.TABLE, EndReason.TURNED_BACK, EndReason.CLOSED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,14 +71,17 @@ def response(asked: Asked) -> Iterator[dict[str, Any]]:
     system = options.first_system(study.system)
     given = shown_measure(system, options)
     titles = {"across": parameter_words(options.parameter, system.units), "up": measure_words(given, system.units)}
-    yield {**titles, "range": [options.begin, options.end]}
+    axes = [options.parameter, measure_name(given, system)]
+    yield {**titles, "range": [options.begin, options.end], "axes": axes}
     period = options.period if isinstance(options, BranchOptions) else 1
     began, end = time.monotonic(), ""
     for point in _walk(system, options, period):
         if isinstance(point, str):
             end = point
-        else:
+        elif not isinstance(point, Band):
             yield {"x": point.value, "y": point.measure(given), "label": _LABELS.index(point.instability.label)}
+        elif shown := point.shown(system, given):
+            yield {"x": point.value, "y": shown[_LEVEL.get(given.partition(".")[0], 1)], "label": _SETTLED}
         if time.monotonic() - began > _LONGEST:
             end = f"stopped after {_LONGEST:g} s; Compute walks all of it"
             break
@@ -91,16 +101,39 @@ def _parameter(study: Study) -> str:
     return study.options.parameter
 
 
-def _walk(system: System, options: RangeStudy, period: int) -> Iterator[BranchPoint | str]:
-    """Yield the points of the walk, and the reason why it ended before its range did."""
-    start, method = _first(system, period)
+def _walk(system: System, options: RangeStudy, period: int) -> Iterator[BranchPoint | Band | str]:
+    """Yield the points of the walk, what settles where it gives up, and why it ended before its range did."""
+    try:
+        start, method = _first(system, period)
+    except NumericalError:
+        yield from _settled(system, options)
+        return
     (direction,) = directions(options.begin, options.end)
     beginning = start_branch(start, options.parameter, options.end, direction, method)
     walk = Walk(beginning.first, beginning.within, beginning.corrector, STEPS)
-    yield beginning.first
-    yield from walk
-    if walk.end is not None and walk.end.reason is not EndReason.RANGE:
+    point = beginning.first
+    yield point
+    for point in walk:
+        yield point
+    if walk.end is None or walk.end.reason is EndReason.RANGE:
+        return
+    try:
+        if walk.end.reason in _ENDS:
+            yield walk.end.reason_words
+        else:
+            yield from _settled(system, options, point)
+    except GapwalkError:  # what does not settle here either
         yield walk.end.reason_words
+
+
+def _settled(system: System, options: RangeStudy, last: BranchPoint | None = None) -> Iterator[Band]:
+    """Yield what settles at the steps of the range, those beyond the last point of a walk if there is one."""
+    curve = SettledCurve(system, options.parameter, (options.begin, options.end))
+    place = 0 if last is None else curve.beyond(last.value)
+    bands = [curve.at(place, None if last is None else last.orbit.state)] if place < len(curve.values) else []
+    while bands:
+        yield from bands
+        bands = curve.after(bands) if curve.beyond(bands[-1].value) < len(curve.values) else []
 
 
 def _first(system: System, period: int) -> tuple[Orbit, Method]:
@@ -108,7 +141,10 @@ def _first(system: System, period: int) -> tuple[Orbit, Method]:
     with suppress(ModelError, NumericalError):
         equation = BALANCE.pose(system, None, period)
         while equation is not None:
-            guess = equation.rest(find_equilibria(system).equilibria[0].position)
+            rests = find_equilibria(system).equilibria
+            if not rests:  # teeth that do not yield hold nothing in place
+                break
+            guess = equation.rest(rests[0].position)
             unknowns, evaluation = solve(equation, guess, 0.0)
             orbit = equation.orbit(unknowns, 0.0, evaluation)
             if not equation.inaccuracy(orbit):

@@ -149,10 +149,10 @@ def _checked_size(text: str) -> str:
     return text
 
 
-def starts() -> list[dict[str, str]]:
-    """Return what a new model can begin with: its key, its title, and a sentence."""
-    first = {"name": _TEMPLATE, "title": "Template", "text": "the two-stage clutch, with a comment on every key"}
-    return [first, *({"name": name, **_about(name)} for name in _NAMES)]
+def starts() -> list[dict[str, Any]]:
+    """Return what a new model can begin with: its key, its title, a sentence, and its drawing."""
+    words = {"title": "Template", "text": "the two-stage clutch, with a comment on every key"}
+    return [{"name": name, **_about(name), **(words if name == _TEMPLATE else {})} for name in (_TEMPLATE, *_NAMES)]
 
 
 def start_text(name: str) -> str:
@@ -166,11 +166,15 @@ def start_text(name: str) -> str:
 
 
 @cache
-def _about(name: str) -> dict[str, str]:
-    data = parse_source(start_text(name)).data
+def _about(name: str) -> dict[str, Any]:
+    source = parse_source(start_text(name))
+    model, _ = check_model(source)
+    assert model is not None
+    data, system = source.data, model.system
     count, what = (len(data["inertia"]), "inertias") if "inertia" in data else (len(data["coordinates"]), "coordinates")
     units = "in N m, rad and rpm" if "speed" in data else "non-dimensional"
-    return {"title": str(data["title"]), "text": f"{count} {what if count > 1 else what[:-1]}, {units}"}
+    text = f"{count} {what if count > 1 else what[:-1]}, {units}"
+    return {"title": str(data["title"]), "text": text, "machine": scenes_of(system)}
 
 
 def text_of(workspace: Workspace, name: str) -> dict[str, str]:

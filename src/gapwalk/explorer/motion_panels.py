@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import base64
 import math
+import re
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -334,6 +335,7 @@ def axis_words(system: System, form: ContactForm) -> tuple[str, str]:
 _BATCH = 8  # parameters whose derivatives are computed at once: a click waits no longer than for these
 _FAINT = 1e-4  # error of a slope, relative to the largest one in percent per percent, above which it is marked
 _MOST = 400  # parameters that are listed
+_DIRECTION = re.compile(r"\.(deflection|force|acts_on)\.[^.]+$")  # how something is built, which nobody turns
 
 
 class GradientWork:
@@ -347,7 +349,8 @@ class GradientWork:
     def parts(self) -> Iterator[Callable[[], None]]:
         """Yield the computations, part by part; after an error there are no further ones."""
         special = self.special
-        names = moving_names(special.orbit.system, special.parameter) if special.parameter else ()
+        moving = moving_names(special.orbit.system, special.parameter) if special.parameter else ()
+        names = tuple(name for name in moving if not _DIRECTION.search(name))
         for start in range(0, max(1, len(names)), _BATCH):
             if not self._reason:
                 yield lambda chosen=names[start : start + _BATCH]: self._compute(chosen)
@@ -398,6 +401,7 @@ def gradient_content(found: Gradient) -> dict[str, Any]:
                 "doubtful": bool(doubts[k] > _FAINT * largest),
             }
             for k in found.distinct[:_MOST]
+            if not _DIRECTION.search(found.names[k])
         ],
     }
 

@@ -571,6 +571,7 @@ def serve(
             if browser:
                 webbrowser.open(places[-1] + once)
 
+        session.live.warm_behind()  # the first page asks for a quick response
         asyncio.run(_Server(config, tell, session.events.close).serve(sockets=[listener]))
 
 

@@ -120,7 +120,8 @@ export class Answer {
 
   /** A button that chooses a special point of the answer. */
   end(end) {
-    const button = Object.assign(document.createElement("button"), { type: "button", textContent: `${end.kind} ${end.text}` });
+    const button = Object.assign(document.createElement("button"), { type: "button" });
+    button.append(`${end.kind} `, text("b", "", end.text));
     button.title = `What moves it: ${end.most ?? "choose it"}`;
     button.addEventListener("click", () => this.chosen(end, this.key));
     const line = document.createElement("li");

@@ -91,9 +91,15 @@ function merge(old, more) {
 export class Curves {
   constructor() {
     this.all = new Map(); // "result/branch" -> curve
+    this.quick = null; // drawn while there is none
     this.settled = new Map(); // result -> { place, title }
     this.versions = new Map();
     this.generation = 0;
+  }
+
+  /** The curves that are drawn: all, or the quick response of a file of which nothing is computed. */
+  drawn() {
+    return this.all.size || !this.quick ? [...this.all.values()] : [this.quick];
   }
 
   /** True if loci are shown. */
@@ -103,7 +109,7 @@ export class Curves {
 
   /** The curves that determine the window: the loci, or all curves if there are none. */
   subject() {
-    const all = [...this.all.values()], loci = all.filter(({ label }) => label[0] >= STABILITY);
+    const all = this.drawn(), loci = all.filter(({ label }) => label[0] >= STABILITY);
     return loci.length ? loci : all;
   }
 
@@ -149,9 +155,9 @@ export class Curves {
   }
 
   /** Return the node of all branches nearest to a place on the screen: { curve, index }, or null. */
-  nearest(px, py, toX, toY, reach) {
+  nearest(px, py, toX, toY, reach, curves = this.all.values()) {
     let best = reach * reach, found = null;
-    for (const curve of this.all.values()) {
+    for (const curve of curves) {
       for (let i = 0; i < curve.x.length; i++) {
         const dx = toX(curve.x[i]) - px;
         if (dx * dx > best) continue;

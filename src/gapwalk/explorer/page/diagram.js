@@ -2,7 +2,9 @@
 
 import { zoom } from "./chart.js";
 import { describeCluster, letters, opened, RADIUS, sorted } from "./clusters.js";
+import { unitOf } from "./dom.js";
 import { Lines } from "./lines.js";
+import { kindOf } from "./table.js";
 import { arrowBoxes, arrowsOf, cellTraces, labelsOf, shapesOf, tracesOf } from "./overlay.js";
 
 const SYMBOLS = {
@@ -22,6 +24,7 @@ const BESIDE = 68, ABOVE = 52; // pixels beside and above the window, for the nu
 const MANY = 20_000; // vertices of the lines beyond which labels do not mind them
 const LETTER = 8.5; // pixels of the title of an axis that one takes
 const REACH = 16; // pixels within which a click means a point
+const NEAR = 40; // pixels within which the pointer means a curve
 
 export class Diagram {
   constructor(place, curves, chosen) {
@@ -30,7 +33,9 @@ export class Diagram {
     this.curves = curves;
     this.chosen = chosen; // called with { curve, index } after a click, or { settled }
     this.ring = Object.assign(document.createElement("div"), { className: "ring", hidden: true }); // about the chosen point
-    this.place.before(this.ring); // below the numbers of clusters
+    this.dot = Object.assign(document.createElement("div"), { className: "ring dot", hidden: true }); // at the point below the pointer
+    this.place.before(this.ring, this.dot); // below the numbers of clusters
+    this.box = false; // a drag marks a box to show, in place of moving the picture
     this.mark = null;
     this.names = { x: "", y: "" };
     this.over = null; // what an answer adds, as `onAxes` in overlay.js returns it
@@ -41,6 +46,11 @@ export class Diagram {
     this.drawn = () => {}; // called after each drawing
     this.painted = () => {}; // called with Plotly's axes whenever they have moved
     this.watchClicks();
+    document.getElementById("box").addEventListener("click", ({ target }) => {
+      this.box = !this.box;
+      target.setAttribute("aria-pressed", this.box);
+      this.draw();
+    });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
     new ResizeObserver(() => this.ready && this.later()).observe(place);
   }
@@ -56,8 +66,8 @@ export class Diagram {
   }
 
   /** Put the ring about the chosen point, where Plotly's axes are now; Plotly itself would draw everything again for it. */
-  moveRing() {
-    const { xaxis, yaxis } = this.place._fullLayout ?? {}, { marked, ring } = this;
+  moveRing(ring = this.ring, marked = this.marked) {
+    const { xaxis, yaxis } = this.place._fullLayout ?? {};
     if (!marked || !xaxis) return (ring.hidden = true);
     const [[x0, x1], [y0, y1]] = [xaxis.range, yaxis.range]; // while it is dragged, its scale is that of before
     const across = ((marked[0] - x0) / (x1 - x0)) * xaxis._length, down = ((y1 - marked[1]) / (y1 - y0)) * yaxis._length;
@@ -97,11 +107,11 @@ export class Diagram {
     const started = performance.now();
     Object.assign(this, this.extra());
     const view = this.range ?? this.extent();
-    const all = [...this.curves.all.values()];
+    const all = this.curves.drawn();
     this.lines.thin(all, view, this.place.clientWidth || 600, this.place.clientHeight || 400);
     this.programmatic = true;
     window.Plotly.react(this.place, this.marks(all, view), this.layout(view), {
-      responsive: false, scrollZoom: true, displayModeBar: false, doubleClick: false,
+      responsive: false, scrollZoom: true, displayModeBar: false, doubleClick: false, showTips: false,
     });
     this.programmatic = false;
     this.ready = true;
@@ -155,7 +165,7 @@ export class Diagram {
       tickcolor: color("--line"), showline: true, ticks: "outside", automargin: true,
     });
     return {
-      autosize: true, showlegend: false, dragmode: "pan", hovermode: "closest",
+      autosize: true, showlegend: false, dragmode: this.box ? "zoom" : "pan", hovermode: "closest",
       margin: { l: 56, r: 12, t: this.over?.lines.some(({ upright, text }) => upright && text) ? 24 : 8, b: 44 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       font: { color: color("--ink"), size: Math.round(13 * zoom()), family: "system-ui, sans-serif" },
       xaxis: axis(this.names.x, view.x, width - BESIDE), yaxis: axis(this.names.y, view.y, height - 76),
@@ -307,15 +317,39 @@ export class Diagram {
     });
   }
 
+  /** Say the values of the nearest curve while the pointer moves along it. */
+  watchPointer() {
+    this.place.addEventListener("pointermove", (event) => {
+      if (!this.ready || this.isOver || event.buttons) return;
+      const { xaxis, yaxis } = this.place._fullLayout, box = this.place.getBoundingClientRect(), px = event.clientX - box.left, py = event.clientY - box.top;
+      const found = this.curves.nearest(px - xaxis._offset, py - yaxis._offset, (v) => xaxis.l2p(v), (v) => yaxis.l2p(v), NEAR, this.curves.drawn());
+      this.moveRing(this.dot, found && [found.curve.x[found.index], found.curve.y[found.index]]);
+      if (found) this.showTip(this.valuesAt(found), px, py);
+      else this.tip.hidden = true;
+    });
+    this.place.addEventListener("pointerleave", () => { this.tip.hidden = this.dot.hidden = true; });
+  }
+
+  /** A node of a curve with its values, in HTML. */
+  valuesAt({ curve, index }) {
+    const special = curve.node[index] < 0 ? curve.special[-1 - curve.node[index]] : null;
+    if (special) return describe({ ...special, branch: curve.name });
+    const line = (title, value) => { const unit = unitOf(title); return escaped(`${title.slice(0, title.length - unit.length).replace(/ \(.*\)/, "")} = ${Number(value.toPrecision(6))}${unit.replace(/[[\]]/g, "")}`); };
+    return [`<b>${escaped(curve.name)}</b>, ${kindOf(curve, index)}`, line(this.names.x, curve.x[index]), line(this.names.y, curve.y[index])].join("<br>");
+  }
+
   /** After a zoom, lines are thinned for the new window. */
   watchView() {
     if (this.watched) return;
     this.watched = true;
+    this.watchPointer();
     this.place.on("plotly_hover", ({ points: [found], event }) => {
       const words = found.customdata ?? found.text, box = this.place.getBoundingClientRect();
+      this.isOver = Boolean(words);
+      this.dot.hidden ||= this.isOver;
       if (words) this.showTip(words, event.clientX - box.left, event.clientY - box.top);
     });
-    this.place.on("plotly_unhover", () => { this.tip.hidden = true; });
+    this.place.on("plotly_unhover", () => { this.tip.hidden = true; this.isOver = false; });
     this.place.on("plotly_relayouting", () => this.paint(true));
     this.place.on("plotly_relayout", () => {
       if (this.programmatic) return;

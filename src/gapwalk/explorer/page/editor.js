@@ -3,7 +3,7 @@
 import { post, stream } from "./api.js";
 import { save } from "./dom.js";
 import { LiveChart } from "./live_chart.js";
-import { MachineView } from "./machine.js";
+import { MachineView, stillOf } from "./machine.js";
 import { ModelText } from "./model_text.js";
 import { Sliders } from "./sliders.js";
 
@@ -61,9 +61,10 @@ export class Editor {
     $("edit-starts").hidden = false;
     $("editor").classList.add("choosing");
     const drafts = [...this.drafts.keys()].map((name) => ({ name, title: name, text: "your text that is not saved", isDraft: true }));
-    $("edit-starts-list").replaceChildren(...[...drafts, ...starts].map(({ name, title, text, isDraft }) => {
+    $("edit-starts-list").replaceChildren(...[...drafts, ...starts].map(({ name, title, text, machine, isDraft }) => {
       const card = Object.assign(document.createElement("button"), { type: "button" }), item = document.createElement("li");
       card.append(...[["b", title], ["span", text]].map(([tag, words]) => Object.assign(document.createElement(tag), { textContent: words })));
+      if (machine) card.append(stillOf(machine, 230));
       card.dataset.start = name;
       card.addEventListener("click", () => (isDraft ? this.open(name) : this.start(name)).catch((error) => this.say(error.message, true)));
       item.append(card);

@@ -15,8 +15,8 @@ export class Extras {
 
   showLegend() {
     const { legend, diagram } = this, panels = this.answer.own("below").filter(({ over }) => over === $("x").value);
-    showLegend(legend, this.curves.all.values(), $("diagram").classList.contains("deep") ? [] : diagram.clusters);
-    const bare = Boolean(diagram.over?.cells) && !this.curves.all.size; // cells alone: no lines, so none to explain
+    showLegend(legend, this.curves.drawn(), $("diagram").classList.contains("deep") ? [] : diagram.clusters);
+    const bare = Boolean(diagram.over?.cells) && !this.curves.drawn().length; // cells alone: no lines, so none to explain
     for (const entry of bare ? legend.querySelectorAll("li:not([class])") : []) entry.hidden = true;
     legendOf(legend, diagram.over, panels.flatMap(({ series }) => series), diagram.arrows.length > 0);
   }
@@ -30,7 +30,7 @@ export class Extras {
 
   /** Say in the legend what pale curves are; each has the reason in `why`. */
   showPale() {
-    const pale = [...this.curves.all.values()].filter((curve) => curve.earlier), entry = this.legend.querySelector(".of-earlier");
+    const pale = this.curves.drawn().filter((curve) => curve.earlier), entry = this.legend.querySelector(".of-earlier");
     entry.hidden = !pale.length;
     entry.lastElementChild.textContent = [...new Set(pale.map(({ why }) => why))].join(", ");
   }
@@ -38,6 +38,7 @@ export class Extras {
   /** Choose a special point of the answer: on its branch, or at its place, if it is on none. */
   chooseEnd(end, key, choice) {
     const curve = this.curves.all.get(`${key}/${end.branch}`);
+    if (curve || end.place) this.movers.open();
     if (curve) return choice.choose({ curve, index: curve.node.indexOf(-1 - end.special) });
     if (!end.place) return;
     choice.clear();

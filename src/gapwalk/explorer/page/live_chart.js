@@ -2,7 +2,7 @@
 
 import { drawPanel } from "./panels.js";
 
-const LOOKS = ["stable", "below", "above", "pair", "neutral"];
+const LOOKS = ["stable", "below", "above", "pair", "neutral", "neutral"]; // the last one is what settles
 
 export class LiveChart {
   constructor(place, note) {

@@ -7,6 +7,14 @@ const SECONDS = 2; // that a forcing period lasts on the screen
 const REACH = 10; // pixels that the body with the largest motion moves to either side
 const FREE = 9; // pixels that a tongue moves to the side on which there is no stop
 
+/** A small drawing of a machine at rest, for a room of some pixels. */
+export function stillOf(scenes, room) {
+  const scene = scenes.findLast(({ width }) => width <= room) ?? scenes[0];
+  const svg = element("svg", { viewBox: `0 0 ${scene.width} ${scene.height}`, class: "machine still", "aria-hidden": true });
+  svg.append(...scene.shapes.map(shapeOf));
+  return svg;
+}
+
 export class MachineView {
   /** `moved` is called with the number of the sample that is shown; `chosen` with a part; `canChoose` tells which may be. */
   constructor(place, { moved, chosen, canChoose }) {
@@ -114,7 +122,7 @@ export class MachineView {
   /** The group of a part; one that can be chosen is a button. */
   group(part, number) {
     const can = this.canChoose(part);
-    const group = element("g", { class: `part ${part.kind}`, "data-part": number, "aria-label": part.words, role: can ? "button" : "img" });
+    const group = element("g", { class: `part ${part.kind}`, "data-part": number, "data-words": part.words, role: can ? "button" : "img" });
     if (can) {
       group.setAttribute("tabindex", 0);
       group.setAttribute("aria-pressed", part.words === this.pressed);

@@ -16,8 +16,10 @@ import { MotionView } from "./motion.js";
 import { Movers } from "./movers.js";
 import { Next } from "./next.js";
 import { Parameters } from "./parameters.js";
+import { Quick } from "./quick.js";
 import { ResultList, showDeleted } from "./results.js";
 import { RunUpControls } from "./runup.js";
+import { CurveTable } from "./table.js";
 import { Undo } from "./undo.js";
 
 const $ = (id) => document.getElementById(id);
@@ -33,7 +35,7 @@ const keyboard = new Keyboard($("diagram"), curves, (found) => choice.choose(fou
 });
 const answer = new Answer({ changed: drawDiagram, chosen: chooseEnd });
 answer.heard = new Heard({ diagram, tell, changed: drawDiagram, saved: (query) => download("/api/wav", query).catch(tell) });
-new RunUpControls(page, { act, tell, start: () => page.chosen?.start ?? null, values: () => parameters.changes });
+const runUp = new RunUpControls(page, { act, tell, start: () => page.chosen?.start ?? null, values: () => parameters.changes });
 const movers = new Movers({ changed: () => extras.drawArrows(), turn: turnKnob });
 const next = new Next({ switch: switchBranch, locus: openLocus, settle: settleBeside, hear: () => motion.hear(), pin: () => motion.pin() }, tell);
 const choice = new Choice(page, { curves, diagram, keyboard, motion }, { changed: showChosen, shown: showMotion });
@@ -41,6 +43,10 @@ const undo = new Undo($("undo"), tell);
 const list = new ResultList($("results"), { act: actOn, change: changeResult });
 const looks = new Looks(curves, diagram.lines, drawDiagram);
 const editor = editing(page, { open, compute: () => compute(), redraw: () => diagram.ready && diagram.later(), tell });
+const table = new CurveTable(page, curves, {
+  choose: (found) => choice.choose(found), titles: () => [diagram.names.x, diagram.names.y], name: () => `${page.about?.file ?? "curve"}`.replace(/\.\w+$/, ""), tell,
+});
+const quick = new Quick({ begun: showQuickAxes, changed: () => { drawDiagram(); showEmpty(); } });
 const extras = new Extras($("legend"), curves, diagram, answer, movers);
 const depth = new Depth({ page, curves, diagram, answer, tell, changed: changeAxes, choose: (found) => choice.choose(found) });
 
@@ -51,14 +57,36 @@ async function begin() {
   const { files, first } = await get("/api/files");
   if (!files.length) return editor.choose();
   fill($("file"), files.map((name) => [name, name]));
-  const wanted = decodeURIComponent(location.hash.slice(1));
-  $("file").value = files.includes(wanted) ? wanted : first && files.includes(first) ? first : files[0];
-  await open($("file").value);
+  const { file, where } = addressed();
+  $("file").value = files.includes(file) ? file : first && files.includes(first) ? first : files[0];
+  await open($("file").value, where);
 }
 
-async function open(file) {
-  history.replaceState(null, "", `#${encodeURIComponent(file)}`);
+/** The file, axes and point of the address. */
+function addressed() {
+  const [file, where] = location.hash.slice(1).split("?");
+  return { file: decodeURIComponent(file), where: new URLSearchParams(where) };
+}
+
+/** Write the file, the axes and the chosen point into the address, so that it opens with them. */
+function address() {
+  const { about, chosen } = page, where = new URLSearchParams();
+  if (!about) return;
+  for (const id of ["x", "y"]) if ($(id).value !== about[id]) where.set(id, $(id).value);
+  if (chosen) where.set("at", chosen.key ? `${chosen.key}/${chosen.node}` : chosen.start.result);
+  history.replaceState(null, "", `#${encodeURIComponent(about.file)}${where.size ? `?${where}` : ""}`);
+}
+
+/** Choose the point of an address: the key of its curve and its node, or the result of a settled motion. */
+function chooseAddressed(at) {
+  const end = at.lastIndexOf("/"), curve = curves.all.get(at.slice(0, end)), index = curve?.node.indexOf(Number(at.slice(end + 1))) ?? -1;
+  if (index >= 0) choice.choose({ curve, index });
+  else if (page.results.some(({ key, settled }) => key === at && settled)) choice.choose({ settled: at });
+}
+
+async function open(file, where = new URLSearchParams()) {
   page.about = null;
+  quick.clear();
   forget();
   const about = await get("/api/about", { file });
   page.about = about;
@@ -84,10 +112,21 @@ async function open(file) {
   parameters.show(about.parameters, about.values);
   showWalkRange();
   showLocusRange();
+  if ($("run-up-part").open) runUp.show();
   diagram.range = null;
+  for (const id of ["x", "y"]) if ([...$(id).options].some(({ value }) => value === where.get(id))) $(id).value = where.get(id);
+  address();
   await show(about.results, about.deleted);
+  if (page.about?.file !== file) return;
   const last = about.results.at(-1);
-  if (last?.answer && last.state === "done" && page.about?.file === file) await showResult(last);
+  if (where.has("at")) chooseAddressed(where.get("at"));
+  else if (last?.answer && last.state === "done") await showResult(last);
+  if (!about.results.length && !about.problem && file.endsWith(".toml")) quick.show(file);
+}
+
+/** Show the quick response over its own axes. */
+async function showQuickAxes(names) {
+  if (names.every((name, k) => [...$(["x", "y"][k]).options].some(({ value }) => value === name))) await showAxes(...names);
 }
 
 /** Read the file again after an edit or a restart of the server; what is shown and chosen stays. */
@@ -125,6 +164,7 @@ function forget() {
 /** Show the results; fetch the curves that have changed. */
 async function show(results, deleted = page.deleted ?? []) {
   Object.assign(page, { results, deleted });
+  if (results.some(({ branches, answer, settled }) => branches.length || answer || settled)) quick.clear();
   list.show(results, page.about?.model ?? "");
   showDeleted($("deleted"), deleted, restore, clean);
   const busy = results.filter((r) => ["running", "queued", "paused"].includes(r.state));
@@ -176,7 +216,9 @@ function drawDiagram() {
   const name = (id) => $(id).selectedOptions[0]?.title ?? "";
   diagram.names = { x: name("x"), y: name("y"), range: page.about?.range.length ? [...page.about.range].sort((a, b) => a - b) : null };
   looks.mark(page.results, page.about?.model ?? "");
+  curves.quick = quick.over($("x").value, $("y").value);
   diagram.draw();
+  table.draw();
   extras.showLegend();
   extras.showPale();
   document.body.dataset.branches = curves.all.size;
@@ -185,16 +227,25 @@ function drawDiagram() {
 /** Explain an empty diagram. */
 function showEmpty() {
   $("empty").hidden = curves.all.size + curves.settled.size > 0 || Boolean(answer.content);
+  $("empty").classList.toggle("above", Boolean(curves.quick));
   if (!$("empty").hidden) $("empty").replaceChildren(...whyEmpty());
 }
 
 function whyEmpty() {
   const over = page.results.filter(({ state }) => ["done", "stopped", "failed"].includes(state));
   const bold = (word) => Object.assign(document.createElement("b"), { textContent: word });
+  if (curves.quick) return ["Nothing is computed yet. Pale: a quick response, to one hundredth. ", pressed("Compute", "compute"), " walks it exactly, with its special points.", quick.note ? ` (${quick.note})` : ""];
   if (!over.length && storedBeside().length) return ["A run has stored ", ...storedBeside().flatMap(openLink), ". ", bold("Compute"), " computes here."];
   if (!over.length) return ["Nothing is computed yet. ", bold("Compute"), " begins; the diagram grows while it is walked."];
   if (over.some(({ settled }) => settled)) return ["A motion that does not repeat itself has no place in the diagram. ", bold("Show"), ", in the list of results, shows it."];
   return ["Nothing of what was computed has a place over these axes; the list of results says what was found."];
+}
+
+/** A button that presses another one. */
+function pressed(words, id) {
+  const made = Object.assign(document.createElement("button"), { type: "button", className: "quiet", textContent: words });
+  made.addEventListener("click", () => $(id).click());
+  return made;
 }
 
 /** Results of `gapwalk run` beside the model: model.gapwalk, or model-study.gapwalk. */
@@ -228,6 +279,8 @@ function showChosen() {
     answer.makeRoom();
   }
   movers.expect(chosen);
+  table.draw();
+  address();
   enable();
 }
 
@@ -489,9 +542,17 @@ async function changeAxes() {
   curves.clear();
   choice.keep();
   diagram.range = null;
+  address();
   await show(page.results);
+  table.draw();
 }
 
+window.addEventListener("hashchange", () => {
+  const { file, where } = addressed();
+  if (![...$("file").options].some(({ value }) => value === file)) return;
+  $("file").value = file;
+  open(file, where).catch(tell);
+});
 $("file").addEventListener("change", () => open($("file").value).catch((error) => { drawDiagram(); list.show([], ""); tell(error); }));
 $("x").addEventListener("change", changeAxes);
 $("y").addEventListener("change", changeAxes);
@@ -508,6 +569,12 @@ $("walk-parameter").addEventListener("change", showWalkRange);
 for (const [id, set] of [["reset", () => parameters.take(Object.fromEntries(parameters.base))], ["reset-file", () => parameters.showFile()]]) {
   $(id).addEventListener("click", () => { undo.push("the values", parameters.snapshot()); set(); });
 }
+$("run-up-open").addEventListener("click", () => {
+  if (editor.isOpen) editor.close();
+  $("run-up-part").open = true;
+  $("run-up-part").scrollIntoView({ block: "nearest" });
+  $("run-up-low").focus();
+});
 $("fit").addEventListener("click", () => diagram.fit());
 $("nearer").addEventListener("click", () => diagram.zoom(0.5));
 $("farther").addEventListener("click", () => diagram.zoom(2));
@@ -523,4 +590,4 @@ for (const format of ["svg", "png"]) {
 $("error").querySelector("button").addEventListener("click", hideError);
 $("help-open").addEventListener("click", () => $("help").showModal());
 
-window.gapwalk = { page, curves, diagram, motion, answer, movers, looks, depth, editor }; // for the curious, and for the tests
+window.gapwalk = { page, curves, diagram, motion, answer, movers, looks, depth, editor, table }; // for the curious, and for the tests

@@ -167,11 +167,13 @@ export class MotionView {
     const struck = contact?.struck ?? (own && dashes === 2 && motion.struck?.[name]) ?? null; // impulses, of no finite value
     const [bars, words] = struck?.[0]?.length ? [struck, `${signalWords(signal)}; bars: its impulses`] : [null, signalWords(signal || name)];
     const behind = this.pinned.behind(motion, { name, dashes: own ? dashes : -1, contact, shown });
-    measure(["history", "phase", "loop", "element-loop", "multipliers"].map($));
+    measure(["history", "force", "phase", "loop", "element-loop", "multipliers"].map($));
     this.marks = {
       history: chart($("history"), { behind: behind.history, curves: [[motion.theta, this.values]], bars, across: near, shades: rests(motion), below: strip(motion), x: periods(motion), y: words, height: 150 }),
       phase: chart($("phase"), { behind: behind.phase, curves: [[motion.q[name], motion.v[name]]], x: signalWords(name), y: signalWords(`${name}'`), padded: true }),
     };
+    $("force").hidden = !shown || shown === contact;
+    if (!$("force").hidden) this.marks.force = chart($("force"), { behind: behind.force, curves: [[motion.theta, shown.force]], x: "", y: shown.up, label: `Force of ${shown.name} over time`, height: 92 });
     $("modes").replaceChildren(...legend(motion));
     this.shownContact = shown;
     if (shown) this.marks.loop = chart($("loop"), { behind: behind.loop, curves: [[shown.deflection, shown.force]], down: shown.stops.filter((s) => reaches(shown.deflection, s)), x: shown.across, y: shown.up, padded: true });
@@ -202,7 +204,7 @@ export class MotionView {
     if (details.missing) $("spectrum").textContent = details.missing;
     const lines = [details.orders.slice(1), details.amplitudes.slice(1)], many = lines[0].length > 90;
     const { behind, barsBehind, dots } = this.pinned.details === details ? NONE : this.pinned.lines(details);
-    if (!details.missing) chart($("spectrum"), { behind, barsBehind, [many ? "curves" : "bars"]: many ? [lines] : lines, x: details.across, y: signalWords(details.signal), height: 140 });
+    if (!details.missing) chart($("spectrum"), { behind, barsBehind, [many ? "curves" : "bars"]: many ? [lines] : lines, x: details.across, y: signalWords(details.signal), height: 150, depth: 1e-4 });
     chart($("section"), { dots: [...dots, ...section.q.map((q, i) => [q, section.v[i]])], x: `${signalWords(section.of)}, each period`, y: signalWords(`${section.of}'`) });
   }
 
@@ -212,6 +214,7 @@ export class MotionView {
     if (!motion || !marks) return;
     marks.history(motion.theta[sample], this.values[sample]);
     marks.phase(motion.q[name][sample], motion.v[name][sample]);
+    marks.force?.(motion.theta[sample], this.shownContact.force[sample]);
     marks.loop?.(this.shownContact.deflection[sample], this.shownContact.force[sample]);
     this.elements.follow(sample);
     this.solid.follow(sample);
@@ -260,7 +263,7 @@ function table(log, unit) {
     const line = made.insertRow();
     for (const text of cells) line.append(Object.assign(document.createElement(name), { textContent: text }));
   };
-  row(["periods", "contact", "", `rate${unit}`], "th");
+  row(["periods", "contact", "what", `rate${unit}`], "th");
   for (const e of log) row([e.periods.toFixed(4), e.contact.replace(/ -$/, " −"), e.what.replace(/ -$/, " −"), e.velocity === null ? "" : e.velocity.toPrecision(3)], "td");
   return made;
 }

@@ -13,7 +13,17 @@ export class Movers {
     Object.assign(this, { changed, turn, found: null, place: null, name: "", all: false });
     $("movers-percent").addEventListener("input", () => this.draw());
     $("movers-set").addEventListener("click", () => this.turnKnob());
+    $("movers").addEventListener("toggle", () => (this.isOpen && this.wanted ? this.ask(...this.wanted) : this.changed()));
     $("movers-all").addEventListener("click", () => { this.all = true; this.draw(); });
+  }
+
+  /** Switched on: only then is anything computed, and drawn into the diagram. */
+  get isOpen() {
+    return $("movers").open;
+  }
+
+  open() {
+    $("movers").open = true;
   }
 
   get percent() {
@@ -30,10 +40,12 @@ export class Movers {
   /** Make room for a chosen point, if it can have a gradient. */
   expect(chosen) {
     this.request?.abort();
-    if (!chosen?.special?.has_locus) return this.clear();
+    this.wanted = null;
+    if (!chosen) return this.clear();
     this.found = null;
     $("movers").hidden = false;
-    $("movers-text").textContent = "It is being computed …";
+    $("panels").classList.remove("bare");
+    $("movers-text").textContent = chosen.special?.has_locus ? "It is being computed …" : "Of a special point it is listed here: a fold, a flip, a graze.";
     $("movers-knob").hidden = $("movers-all").hidden = true;
     $("movers-table").replaceChildren();
     this.changed();
@@ -42,6 +54,8 @@ export class Movers {
   /** Compute and show the gradient of a chosen point, if it can have one. */
   async ask(file, chosen, isStill) {
     if (!chosen?.special?.has_locus) return;
+    this.wanted = this.isOpen ? null : [file, chosen, isStill];
+    if (!this.isOpen) return;
     let found;
     try {
       this.request = new AbortController();
@@ -59,6 +73,7 @@ export class Movers {
     if ($("movers").hidden && !this.found) return;
     this.found = null;
     $("movers").hidden = true;
+    $("panels").classList.remove("bare");
     this.changed();
   }
 
@@ -66,6 +81,10 @@ export class Movers {
     const { found } = this;
     if (!found) return;
     $("movers").hidden = false;
+    if ($("panels").hidden) { // a point of an answer that is on no branch, without a motion
+      $("panels").hidden = false;
+      $("panels").classList.add("bare");
+    }
     $("movers-knob").hidden = Boolean(found.reason);
     $("movers-text").textContent = found.reason ?? `${found.symbol} = ${short(found.at)} ${found.unit}`.trim();
     $("movers-set").hidden = !this.turn;
@@ -113,7 +132,7 @@ export class Movers {
 
   /** The arrows over the axes x and y: [{ from: [x, y], to: [x, y], text, chosen }]; none if neither is the parameter. */
   arrows(x, y) {
-    const { found } = this, at = found && !found.reason ? this.place?.() : null;
+    const { found } = this, at = found && !found.reason && this.isOpen ? this.place?.() : null;
     if (!at || (x !== found.parameter && y !== found.parameter)) return [];
     const moving = found.rows.filter(({ share }) => share), shown = moving.filter((row, k) => k < ARROWS || row.name === this.name);
     return shown.map((row) => {

@@ -1,6 +1,6 @@
 // Panels of series over a parameter, in SVG: below the diagram with its range across, or alone with their own.
 
-import { element, short, ticks, zoom } from "./chart.js";
+import { element, inside as within, short, ticks, zoom } from "./chart.js";
 
 const TOP = 6, BOTTOM = 34, LOW = 20; // below a panel with and without the name of its axis
 let count = 0;
@@ -25,7 +25,7 @@ export function drawPanel(place, { title, across, series, fitted = false }, { ra
   for (const { low, high, tint } of shades) inside.append(element("rect", { class: `tint ${tint}`, x: px(low), width: Math.max(0, px(high) - px(low)), y: TOP, height: bottom - TOP }));
   for (const tick of ticks(x0, x1, Math.max(3, Math.round(width / 90)))) {
     inside.append(element("line", { class: "grid", x1: px(tick), x2: px(tick), y1: TOP, y2: bottom }));
-    svg.append(element("text", { x: px(tick), y: bottom + 16, "text-anchor": "middle" }, short(tick, x1 - x0)));
+    svg.append(element("text", { x: within(px(tick), short(tick, x1 - x0), width), y: bottom + 16, "text-anchor": "middle" }, short(tick, x1 - x0)));
   }
   for (const tick of ticks(y0, y1, 4)) {
     inside.append(element("line", { class: "grid", x1: left, x2: width - right, y1: py(tick), y2: py(tick) }));

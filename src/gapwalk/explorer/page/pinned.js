@@ -27,16 +27,17 @@ export class Pinned {
     };
   }
 
-  /** The curves of the pinned motion behind those of another: { history, phase, loop }, each a list of curves. */
+  /** The curves of the pinned motion behind those of another: { history, phase, loop, force }, each a list of curves. */
   behind(motion, { name, dashes, contact, shown }) {
     const { motion: own } = this;
-    if (!own || own === motion) return { history: [], phase: [], loop: [] };
+    if (!own || own === motion) return { history: [], phase: [], loop: [], force: [] };
     const of = (each) => own.contacts.find((other) => other.name === each?.name);
     const force = contact && of(contact), values = contact ? force?.force : [own.q, own.v, own.a][dashes]?.[name];
     const loop = of(shown);
     return {
       history: values ? [[own.theta, values]] : [],
       phase: own.q[name] ? [[own.q[name], own.v[name]]] : [],
+      force: loop ? [[own.theta, loop.force]] : [],
       loop: loop ? [[loop.deflection, loop.force]] : [],
     };
   }

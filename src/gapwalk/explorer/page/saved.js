@@ -13,6 +13,7 @@ import { Keyboard } from "./keyboard.js";
 import { MotionView } from "./motion.js";
 import { Movers } from "./movers.js";
 import { Next } from "./next.js";
+import { CurveTable } from "./table.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -48,9 +49,10 @@ async function begin() {
   const movers = new Movers({ changed: () => extras.drawArrows() });
   const extras = (page.extras = new Extras($("legend"), curves, diagram, answer, movers));
   const depth = new Depth({ page, curves, diagram, answer, tell, changed: () => show(diagram), choose: chooseStored });
+  const table = (page.table = new CurveTable(page, curves, { choose: chooseStored, titles: () => [diagram.names.x, diagram.names.y], name: () => "curve", tell }));
   const next = new Next({ hear: () => motion.hear(), pin: () => motion.pin() }, tell);
   page.choice = new Choice(page, { curves, diagram, keyboard, motion }, {
-    changed: () => { next.expect(page.chosen); movers.expect(page.chosen); if (page.chosen) answer.makeRoom(); },
+    changed: () => { next.expect(page.chosen); movers.expect(page.chosen); table.draw(); if (page.chosen) answer.makeRoom(); },
     shown: () => { const { chosen } = page; next.ask("", chosen, () => page.chosen === chosen); movers.ask("", chosen, () => page.chosen === chosen); },
   });
   Object.assign(window.gapwalk, { answer, movers, depth });
@@ -81,6 +83,7 @@ async function show(diagram) {
   diagram.fit();
   page.extras.showLegend();
   page.extras.showPale();
+  page.table.draw();
   $("empty").hidden = true;
   document.body.dataset.branches = curves.all.size;
 }

@@ -578,7 +578,7 @@ def _with_unit(system: System, name: str) -> str:
 NARROW, WIDE = 330.0, 660.0
 """Widths of a drawing, in pixels: of a panel of the explorer, and of a page."""
 
-_SLOT = 58.0, 94.0  # least and largest width between two bodies
+_SLOT = 58.0, 94.0, 150.0  # width between two bodies: the least, that of a contact, the largest (of a long name)
 _WALL, _STUB, _PLACE = 10.0, 12.0, 34.0  # widths
 _BODY = 26.0, 38.0  # least and largest width of a body, the latter of the heaviest
 _MARGIN, _APART = 8.0, 22.0  # round the drawing, and between two rows side by side
@@ -715,8 +715,8 @@ def _slot_width(slot: Slot) -> float:
     elements = [each for link in (*slot.links, *slot.to_base) for each in link.elements]
     room = max([_SLOT[0], *(length_of(each.name) + 16.0 for each in elements)])
     if any(each.contact for each in elements):
-        room = _SLOT[1]
-    return min(_SLOT[1], room) + _LOCAL * bool(slot.to_base)
+        room = max(_SLOT[1], room)
+    return min(_SLOT[2], room) + _LOCAL * bool(slot.to_base)
 
 
 def _slot_height(slot: Slot) -> float:
