@@ -68,6 +68,11 @@ def changed_numbers(printed: gw.System, other: gw.System) -> dict[str, tuple[flo
     return found
 
 
+def in_words(changed: Mapping[str, tuple[float, float]]) -> str:
+    """Name numbers with their other values, such as ``C11 = C21 = 0.025``."""
+    return ", ".join(f"{symbol} = {other:.3g}" for symbol, (_, other) in changed.items())
+
+
 @dataclass(frozen=True)
 class OtherNumber:
     """Numbers of the tables that may be misprints, or other numbers than those of the figure.
@@ -100,7 +105,7 @@ class OtherNumber:
     @property
     def words(self) -> str:
         """The numbers, such as ``C11 = C21 = 0.025``."""
-        return ", ".join(f"{symbol} = {other:.3g}" for symbol, (_, other) in self.changed.items())
+        return in_words(self.changed)
 
     @property
     def printed(self) -> str:

@@ -269,6 +269,9 @@ class Machine(Panel):
     def draw(self, ax: Axes, results: Sequence[gw.Result]) -> None:
         """Draw it from the model."""
         gw.plot.draw_machine(consistent_machine(), ax=ax)
+        for text in ax.texts:  # the widths of the tables are 1; in radians the paper has none
+            if text.get_text().endswith(" rad"):
+                text.set_text("±b0")
 
 
 class Torque(Panel):

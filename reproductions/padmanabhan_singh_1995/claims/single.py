@@ -152,7 +152,10 @@ def _spacing_of(system: gw.System) -> float:
     return high - low
 
 
-@claim("11-spacing", "The resonances of the two sets are 0.6 and 0.8 apart.", "11a", "11b")
+_DAMAGED = "K12 of figure 11 cannot be read"
+
+
+@claim("11-spacing", "The resonances of the two sets are 0.6 and 0.8 apart.", "11a", "11b", lost=_DAMAGED)
 def _spacing(first: gw.Result, second: gw.Result) -> Finding:
     """With the scan as it can be read; with the proportions K12 = 0.6, n2 = 0.6 n1 of all other rows set a fits."""
     apart = [_spacing_of(result.system) for result in (first, second)]
@@ -198,7 +201,7 @@ def _wider_pair(first: gw.Result, second: gw.Result) -> Finding:
     )
 
 
-@claim("11-stable", "In set a period 1 is stable over 0.5 ≤ Ω ≤ 0.7.", "11a")
+@claim("11-stable", "In set a period 1 is stable over 0.5 ≤ Ω ≤ 0.7.", "11a", lost=_DAMAGED)
 def _stable_there(result: gw.Result) -> Finding:
     branch = main_branch(result)
     stable = meeting(ranges(branch, _is_stable), *_BEATS)
@@ -207,7 +210,13 @@ def _stable_there(result: gw.Result) -> Finding:
     return Finding(share > 1.0 - TOLERANCE, f"stable at {words(stable)}, {share:.0%} of it; doubled periods at {flips}")
 
 
-@claim("11-tori", "Integration confirms quasi-periodic motions where set b has the pair.", "11b-0.61", "11b-0.81")
+@claim(
+    "11-tori",
+    "Integration confirms quasi-periodic motions where set b has the pair.",
+    "11b-0.61",
+    "11b-0.81",
+    lost=_DAMAGED,
+)
 def _tori(*results: gw.Result) -> Finding:
     found = [attractor_of(result) for result in results]
     line = ", ".join(f"{each.label} at {each.system.frequency:g}" for each in found)

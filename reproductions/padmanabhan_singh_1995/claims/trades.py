@@ -55,10 +55,11 @@ def decide(
     if len(claims) != len(ALL):
         return checked, ()
     trades = weigh(claims, results, failures)
-    known = {
-        each.candidate.reading.differs: {"costs": each.lost, "at_odds": _at_odds(each, checked)} for each in trades
-    }
-    return [(claim, replace(outcome, **known.get(outcome.by, {}))) for claim, outcome in checked], trades
+    known = {each.candidate.reading: {"costs": each.lost, "at_odds": _at_odds(each, checked)} for each in trades}
+    return [
+        (claim, replace(outcome, **known.get(outcome.reading, {})) if outcome.reading else outcome)
+        for claim, outcome in checked
+    ], trades
 
 
 def _at_odds(trade: Trade, checked: Sequence[tuple[Claim, Outcome]]) -> tuple[str, ...]:
