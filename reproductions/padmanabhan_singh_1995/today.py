@@ -32,8 +32,8 @@ TODAY = (
         "Period 4 is stable in ranges narrower than a thousandth of the frequency. Each point where stability changes "
         "is located to ten digits, so no step jumps over them.",
         (
-            Loops(title="figure 16, period 4 in orange", jobs=("16",), within=(0.4128, 0.4158)),
-            Loops(title="figure 13, beside the jump", jobs=("13",), within=(0.6842, 0.686)),
+            Loops(title="figure 16, period 4 in pink", jobs=("16-doubled",), within=(0.4128, 0.4158)),
+            Loops(title="figure 13, beside the jump", jobs=("13-doubled",), within=(0.6842, 0.686)),
         ),
         kind="Slivers of period 4",
     ),
@@ -53,9 +53,10 @@ class Exponent(NamedTuple):
     error: float
 
     def __str__(self) -> str:
-        """The number; its error too, if it has one."""
-        error = f" ± {self.error:.3f}" if self.error > 5e-4 else ""
-        return f"{self.value:+.3f}".replace("-", "−") + error
+        """The number with its error."""
+        digits = 3 if self.error > 5e-4 else 5
+        error = f"{self.error:.{digits}f}" if self.error >= 5e-6 else f"{self.error:.0e}"
+        return f"{self.value:+.{digits}f} ± {error}".replace("-", "−")
 
 
 def exponents(results: Mapping[str, gw.Result]) -> list[Exponent]:

@@ -75,9 +75,9 @@ _RULES = {
     "of what the statement names has it; the verdict says which, and by how much.",
     Verdict.OTHER_READING: "It holds if a formula is taken as the paper prints it, where the default is not; no number "
     "is changed.",
-    Verdict.OTHER_NUMBER: "It holds if exactly one number of the tables is another, with no more digits than they print "
-    "or by the paper's rule for β; two entries that stand for one damper, spring or clutch, changed by one factor, are "
-    "one number.",
+    Verdict.OTHER_NUMBER: "It holds if exactly one number of the tables is another, with no more digits than they "
+    "print or by the paper's rule for β; two entries that stand for one damper, spring or clutch, changed by one "
+    "factor, are one number.",
     Verdict.OTHER_NUMBERS: "It holds if two or more numbers of the tables are others; the verdict says how many.",
     Verdict.EXPLAINED: "It does not hold, and a check with numbers shows why the paper may have come to it.",
     Verdict.NOT_FOUND: "It does not hold at the printed numbers, in any reading or at any other number that was tried, "
@@ -229,7 +229,7 @@ class Claim:
         return Outcome(Verdict.LETTER, found.line)
 
     def _changed(self, reading: Reading | None, keys: tuple[str, ...] = ()) -> dict[str, tuple[float, float]]:
-        """Return all numbers of the tables that differ in its jobs; the frequency, which no table has, only if apart."""
+        """Return the numbers that differ from print in its jobs; the frequency, which no table has, only if apart."""
         changed: dict[str, tuple[float, float]] = dict(reading.number.changed) if reading and reading.number else {}
         for job in self.jobs_in(reading, keys):
             if job.changes or self.apart:

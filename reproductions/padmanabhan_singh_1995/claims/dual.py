@@ -225,9 +225,7 @@ def _doubled_peaks(single: gw.Result, dual: gw.Result) -> Finding:
 def _heights_near_peaks(branch: gw.Branch) -> dict[int, float]:
     """The peaks about a third and a quarter of the main one's frequency; without a peak the highest amplitude there."""
     main, found = highest(branch).value, _order_peaks(branch)
-    return {
-        order: (found[order] or highest(branch, main / order * 0.9, main / order * 1.1)).height for order in (3, 4)
-    }
+    return {order: (found[order] or highest(branch, main / order * 0.9, main / order * 1.1)).height for order in (3, 4)}
 
 
 @claim("25-lower", "There the second harmonic lowers the amplitude for Ω ≤ 0.25.", "24", "25")
@@ -271,17 +269,22 @@ def _extents(result: gw.Result) -> list[Range]:
     return [extent(member.branch) for member in isolated(result)]
 
 
-@claim("27-islands", "At Ω = 0.25 two isolated branches lie over the amplitude, on both sides of 0.3–0.45.", "27", short=True)
+@claim(
+    "27-islands",
+    "At Ω = 0.25 two isolated branches lie over the amplitude, on both sides of 0.3–0.45.",
+    "27",
+    short=True,
+)
 def _two_isolated(result: gw.Result) -> Finding:
     """The equations are the same for -Te1 half a period later, so a branch away from 0 has a mirror image."""
     positive = [each for each in _extents(result) if each.high > 0.0]
     through = extent(main_branch(result))
-    ends = zip(("the larger ends", "the smaller begins"), _BARE, (positive[0].high, positive[-1].low), strict=True) if positive else ()
+    ends = (positive[0].high, positive[-1].low) if positive else ()
     return Finding(
         len(positive) == 2,
         f"closed branches over Te1 at {words(positive)}",
         f"the mirror image of the smaller at −Te1 is a third; period 1 also runs through {through}",
-        tuple(Against(what, paper, found) for what, paper, found in ends),
+        tuple(map(Against, ("the larger ends", "the smaller begins"), _BARE, ends)),
     )
 
 

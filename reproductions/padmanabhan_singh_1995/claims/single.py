@@ -289,11 +289,10 @@ def _natures(result: gw.Result) -> Finding:
 
 @claim("13-once", "Doubled periods do not double again, neither here nor in figure 14.", "13", "9a")
 def _no_cascade(*results: gw.Result) -> Finding:
-    found = [[extent(member.branch) for member in members(result, 4)] for result in results]
+    found = [sorted(v for each in members(result, 2) for v in values(each.branch, gw.Kind.FLIP)) for result in results]
     return Finding(
         not any(found),
-        f"period 4: {len(found[0])} branches in figure 13, {len(found[1])} in figure 14",
-        f"at {words(found[0])}, and at {words(found[1])}",
+        f"period 2 doubles again: figure 13 at {words(found[0])}; figure 14 at {words(found[1])}",
     )
 
 
@@ -359,7 +358,7 @@ def _parts(*results: gw.Result) -> Finding:
     )
 
 
-@claim("16-cascade", "Period 2 doubles to stable period 4, and that doubles again.", "16")
+@claim("16-cascade", "Period 2 doubles to stable period 4, and that doubles again.", "16-doubled")
 def _cascade(result: gw.Result) -> Finding:
     doubled = members(result, 4)
     stable = [each for member in doubled for each in ranges(member.branch, _is_stable)]
