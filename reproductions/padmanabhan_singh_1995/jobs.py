@@ -337,8 +337,8 @@ def _motion(
     max_periods: int = 4096,
     effort: float = 0.5,
 ) -> Job:
-    """A settled motion. The sign of the largest exponent decides its kind, so errors may be of a quarter."""
-    lyapunov = gw.analysis.LyapunovOptions(max_periods=max_periods, relative=0.25)
+    """A settled motion. The sign of the largest exponent decides its kind, so errors may be of a tenth."""
+    lyapunov = gw.analysis.LyapunovOptions(max_periods=max_periods, relative=0.1)
     options = gw.studies.SettleStudyOptions(max_periods=_TRANSIENT, signal=signal, start=start, lyapunov=lyapunov)
     return Job(case=case, options=options, name=name, changes=changes or {}, effort=effort)
 

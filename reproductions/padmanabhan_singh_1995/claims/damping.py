@@ -113,9 +113,10 @@ def _with_beta(match: Any, beta: float) -> float:
 
 @claim("4-folds", "Both damping models jump at about the same frequencies.", "4a", "4b", short=True)
 def _same_folds(impact: gw.Result, viscous: gw.Result) -> Finding:
-    """Each jump of the viscous model has one of the impact model nearby."""
+    """One after the other; of different numbers, each jump of the viscous model and the nearest of the impact model."""
     one, two = (values(main_branch(each), gw.Kind.FOLD) for each in (impact, viscous))
-    apart = [min(abs(a / b - 1.0) for a in one) for b in two] if one else []
+    near = one if len(one) == len(two) else [min(one, key=lambda a: abs(a - b)) for b in two if one]
+    apart = [abs(a / b - 1.0) for a, b in zip(near, two, strict=False)]
     far = [f"{each:.1%}" for each in apart if each > TOLERANCE]
     return Finding(
         bool(apart) and max(apart) < 2.0 * TOLERANCE,
@@ -220,7 +221,7 @@ def _span_over_force(orbit: gw.Orbit) -> Range:
     name, wanted = "harmonic1.amplitude", force_peaks(orbit)
     ends = []
     for step in (-_REACH, _REACH):
-        points = gw.follow(orbit, name, to=orbit.system[name] + step).points
+        points = gw.follow(orbit, name, to=orbit.system[name] + step, walk=gw.WalkOptions(largest_step=0.1)).points
         alike = [point.stable and force_peaks(point.orbit) == wanted for point in points]
         last = (alike.index(False) if False in alike else len(points)) - 1
         good, bad = points[last].orbit, points[min(last + 1, len(points) - 1)].value

@@ -407,12 +407,12 @@ def _chaos(result: gw.Result) -> Finding:
 
 @claim("29-route", "Chaos comes by doubled periods or by quasi-periodic motions.", "29-doubled", _MODERATE)
 def _route(close: gw.Result, motion: gw.Result) -> Finding:
-    """By doubled periods: the motions of periods 1, 2 and 4 lose their stability at flips, one after the other."""
+    """By doubled periods: the motions of periods 2 and 4 lose their stability at flips, one after the other."""
     place = motion.system["harmonic1.amplitude"]
-    ends = [_last_stable_flip(close, period) for period in (1, 2, 4)]
-    steps = ", ".join(f"period {period} at {end:.4g}" for period, end in zip((1, 2, 4), ends, strict=True))
+    ends = [_last_stable_flip(close, period) for period in (2, 4)]
+    steps = ", ".join(f"period {period} at {end:.4g}" for period, end in zip((2, 4), ends, strict=True))
     return Finding(
-        attractor_of(motion).kind == "chaotic" and 0.0 < ends[0] < ends[1] < ends[2] < place,
+        attractor_of(motion).kind == "chaotic" and 0.0 < ends[0] < ends[1] < place,
         f"with growing Te1 stable motions double: {steps}; then {_labels([motion])[0]}",
     )
 

@@ -1,5 +1,7 @@
 """The second reading: other numbers with what they gain and cost, and explanations, on results that are numbers."""
 
+from typing import Any
+
 import pytest
 
 from reproductions.padmanabhan_singh_1995.claims import (
@@ -66,8 +68,9 @@ def test_a_verdict_is_the_first_that_holds_and_all_evidence_is_kept(results, wor
 @pytest.mark.usefixtures("proposed")
 def test_a_number_is_weighed_by_what_it_gains_and_costs() -> None:
     folds = Claim("12-folds", "Below 5.", ("12",), lambda result: Finding(result < 5, "found"))
-    results = {"12": 1, "12-beta-0": 6, "13": 0, "17": 0}
-    (trade,) = trades.weigh([CLAIM, folds], results, {})  # type: ignore[arg-type]
+    results: Any = {"12": 1, "12-beta-0": 6, "13": 0, "17": 0}
+    checked = [(each, each.outcome(results, {})) for each in (CLAIM, folds)]
+    (trade,) = trades.weigh(checked, results, {})
     assert (trade.gained, trade.kept, trade.lost, trade.missed) == (("12-above",), (), ("12-folds",), ())
     assert trade.words == "β = 0 (printed: 0.05)"
 
