@@ -298,7 +298,9 @@ FIGURES = (
         (
             _response("12"),
             _response("12", "the first resonance", "", (0.55, 0.68)),
-            _response("12", "the first resonance, with the pair", "", (0.55, 0.68), reading=AS_PRINTED),
+            _response(
+                "12", "first resonance, with the pair", "", (0.55, 0.68), reading=AS_PRINTED, heights=(0.0, 20.0)
+            ),
         ),
     ),
     Figure(

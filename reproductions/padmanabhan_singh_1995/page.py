@@ -74,10 +74,11 @@ article > p { margin-top: 0; }
   margin: 0 0 1.2rem; }
 .figures article { margin: 0; padding: .6rem .7rem; } .figures article > details { margin: 0; font-size: 1rem; }
 .figures article:has(> details[open]) { grid-column: 1 / -1; padding: 1.1rem 1.3rem; }
-.figures summary { color: var(--ink); font-size: .95rem; font-weight: 600; list-style-position: inside; }
+.figures article > details > summary { color: var(--ink); font-size: .95rem; font-weight: 600; }
 .figures summary img { display: block; width: 100%; height: auto; aspect-ratio: 5 / 4; object-fit: contain;
   background: #fff; border-radius: 4px; margin: .35rem 0; }
-.figures details[open] > summary img { display: none; } .figures details[open] > summary { font-size: 1.2rem; }
+.figures details[open] > summary img { display: none; }
+.figures article > details[open] > summary { font-size: 1.2rem; }
 .marks { display: flex; gap: 2px; height: 7px; } .marks b { flex: 1; background: var(--own); border-radius: 2px;
   max-width: 1.6rem; } section > details > summary h2 { display: inline; color: var(--ink); }
 section > details { font-size: 1rem; margin: 0; }
@@ -407,7 +408,8 @@ def _card(report: Report, figure: Figure, folder: Path | None, fold: bool) -> st
 
 def _figure(figure: Figure, panel: Panel, name: str, folder: Path | None) -> str:
     letter = f"<b>{panel.letter}</b> " if panel.letter else ""
-    place = f'<span class="at">at {escape(panel.place.removeprefix("at "))}</span>' if panel.place else ""
+    at = panel.place if panel.place.startswith("at ") or "=" not in panel.place else f"at {panel.place}"
+    place = f'<span class="at">{escape(at)}</span>' if at else ""
     text = f"Figure {figure.number}{panel.letter}: {panel.title}"
     return (
         f"<figure><figcaption><span>{letter}{escape(panel.title)}</span>{place}</figcaption>"

@@ -47,12 +47,12 @@ def _balance(*results: gw.Result) -> Finding:
         gw.compare(main_branch(balanced), main_branch(shot))
         for shot, balanced in zip(results[::2], results[1::2], strict=True)
     ]
-    method = results[1].walked.method
-    assert isinstance(method, gw.Balance)
+    methods = [result.walked.method for result in results[1::2]]
+    harmonics = words([method.harmonics for method in methods if isinstance(method, gw.Balance)])
     apart = ", ".join(f"{each.largest:.1e}" for each in found)
     return Finding(
         all(each.within(_CLOSE) for each in found),
-        f"largest distance {apart} of the ranges (κ = 0.1, 0.4), with {method.harmonics} harmonics",
+        f"largest distance {apart} of the ranges (κ = 0.1, 0.4), with {harmonics} harmonics",
         f"special points within {', '.join(f'{each.largest_shift:.1e}' for each in found)}",
     )
 
