@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from typing import Any
 
 import gapwalk as gw
-from reproductions.padmanabhan_singh_1995.jobs import CHANGES, JOBS, USUAL, Job, Reading
+from reproductions.padmanabhan_singh_1995.jobs import AS_PRINTED, CHANGES, JOBS, LITERAL, USUAL, Job, Reading
 from reproductions.padmanabhan_singh_1995.panels import (
     Balance,
     Fact,
@@ -298,7 +298,9 @@ FIGURES = (
         (
             _response("12"),
             _response("12", "the first resonance", "", (0.55, 0.68)),
-            _response("12", "the first resonance", "", (0.55, 0.68), reading=_LESS_DAMPING),
+            _response(
+                "12", "first resonance, with the pair", "", (0.55, 0.68), reading=AS_PRINTED, heights=(0.0, 20.0)
+            ),
         ),
     ),
     Figure(
@@ -317,6 +319,7 @@ FIGURES = (
             _response("9a"),
             _loops("9a", "period 2 about the second resonance", "b", (1.2, 1.36), most=2),
             _loops("9a", "period 2 beside the jump", "", (0.58, 0.84), most=2),
+            _response("9a", "beside the jump period 1 stays stable", "", (0.55, 0.9), reading=LITERAL),
         ),
     ),
     Figure(
@@ -330,7 +333,7 @@ FIGURES = (
         (
             _loops("16-high", "high frequencies", "a", (1.05, 1.25), most=2),
             _loops("16", "low frequencies", "b", (0.38, 0.43), most=2),
-            _loops("16", "b with period 4", "", (0.38, 0.43)),
+            _loops("16-doubled", "b with period 4, closer", "", (0.406, 0.4165)),
         ),
     ),
     Figure(

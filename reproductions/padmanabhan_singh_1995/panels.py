@@ -32,6 +32,8 @@ _PAPER = "#8e3b8e"  # what the paper says, which nothing else has
 _COLOURS = {VISCOUS: "#000000", IMPACT: "#882255"}
 _OTHERS = ("#000000", "#882255", "#17627d")  # of several curves, as in all pictures
 _DASHES = ("-", (0, (9, 2.2)), (0, (9, 2, 1.4, 2)))
+PERIODS = {2: ("#7f4a1e", 1.5), 4: ("#b5824f", 1.5)}
+"""Colours and widths of stable motions of longer periods, as in all pictures."""
 _ROW = 0.13  # height of what the paper says above a picture, as a share of the picture
 _PERIOD = 2.0 * math.pi
 
@@ -177,7 +179,7 @@ class Response(Panel):
 
     def draw(self, ax: Axes, results: Sequence[gw.Result]) -> None:
         """Draw the branches."""
-        gw.plot.draw(_shortest(results[0]), MEASURE, ax=ax, legend=False, within=self.within)
+        gw.plot.draw(_shortest(results[0]), MEASURE, ax=ax, labels=False, legend=False, within=self.within)
 
 
 class Through(Response):
@@ -187,7 +189,7 @@ class Through(Response):
 
     def draw(self, ax: Axes, results: Sequence[gw.Result]) -> None:
         """Draw it."""
-        gw.plot.draw([main_branch(results[0])], MEASURE, ax=ax, legend=False, within=self.within)
+        gw.plot.draw([main_branch(results[0])], MEASURE, ax=ax, labels=False, legend=False, within=self.within)
 
 
 class Isolated(Response):
@@ -226,11 +228,21 @@ class Loops(Panel):
     view: ClassVar[str] = "loops"
 
     def draw(self, ax: Axes, results: Sequence[gw.Result]) -> None:
-        """Draw the states of all branches, and their names."""
+        """Draw the states of all branches; stars are where pairs leave the unit circle."""
         diagram = results[0].diagram
         assert diagram is not None
         shown = replace(diagram, members=tuple(each for each in diagram.members if each.period <= self.most))
         gw.plot.draw(shown, "q1", ax=ax, within=self.within, legend=False, labels=False, instabilities=True)
+        usual = [line for line in ax.lines if line.get_linestyle() == "-"]
+        for rank, (colour, width) in enumerate(PERIODS.values(), start=1):  # those of gapwalk are of instabilities too
+            for line in usual:
+                if line.get_zorder() == 4 - 0.1 * rank:
+                    line.set(color=colour, linewidth=width)
+        stars: Any = {"marker": "*", "markersize": 8.0, "ls": "none", "mfc": "#009E73", "mec": "black", "mew": 0.5}
+        for member in shown.members:
+            for special in member.branch.special(gw.Kind.NEIMARK_SACKER) if member.period > 1 else ():
+                states = [state[0] for state in special.point.orbit.strobes(member.period)]
+                ax.plot([special.value] * len(states), states, zorder=6, scalex=False, scaley=False, **stars)
 
 
 class Overlay(Panel):
@@ -243,6 +255,9 @@ class Overlay(Panel):
         """Draw the branches of each result by a line of its own."""
         branches = {name: _shortest(result) for name, result in zip(self.names, results, strict=True)}
         gw.plot.overlay(branches, MEASURE, ax=ax, within=self.within)
+        if legend := ax.get_legend():  # above the curves, on which it would lie inside
+            shown = [legend.legend_handles, [text.get_text() for text in legend.get_texts()]]
+            ax.legend(*shown, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -270,6 +285,9 @@ class Machine(Panel):
     def draw(self, ax: Axes, results: Sequence[gw.Result]) -> None:
         """Draw it from the model."""
         gw.plot.draw_machine(consistent_machine(), ax=ax)
+        for text in ax.texts:  # the widths of the tables are 1; in radians the paper has none
+            if text.get_text().endswith(" rad"):
+                text.set_text("±b0")
 
 
 class Torque(Panel):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -191,6 +192,14 @@ def force_peaks(orbit: gw.Orbit) -> tuple[int, int]:
     high = (turns > before) & (turns > after) & (turns > clearance)
     low = (turns < before) & (turns < after) & (turns < -clearance)
     return int(high.sum()), int(low.sum())
+
+
+def impact_words(pattern: str) -> str:
+    """Say in words what the pattern of a contact, such as ``2+/1-``, counts in one period."""
+    if pattern.startswith("closed"):
+        return "contact never opens"
+    counts = re.fullmatch(r"(\d+)\+/(\d+)-", pattern)
+    return f"{counts[1]} and {counts[2]} impacts (+, − side)" if counts else pattern
 
 
 def lines(orbit: gw.Orbit, signal: str) -> Array:

@@ -14,7 +14,7 @@ from gapwalk.answers.scan import FAILS, HOLDS, UNKNOWN, Scan, Variations, Varied
 from gapwalk.answers.scan_claims import Settled
 from gapwalk.attractors.regimes import Regime
 from gapwalk.errors import ModelError
-from gapwalk.studies.scan_study import ScanStudy
+from gapwalk.studies.scan_study import ScanStudy, _Scanner
 from tests.studies.jobs import HEAD, SCAN
 
 PERIODIC, TORUS, CHAOS = (int(kind) for kind in (Regime.PERIODIC, Regime.QUASI_PERIODIC, Regime.CHAOTIC))
@@ -314,6 +314,17 @@ def test_a_closed_branch_of_twice_the_period_and_its_pairs() -> None:
     ]
     found = gw.ask.scan(system, claims, ["mean.q1"], factors=(), neighbours=0, workers=1)
     assert found.holds.tolist() == [[HOLDS, FAILS, HOLDS, FAILS, HOLDS]]
+
+
+def test_a_walk_with_longer_periods_serves_claims_about_period_1(monkeypatch) -> None:
+    walked, walk = [], _Scanner._walk
+    monkeypatch.setattr(_Scanner, "_walk", lambda self, *where: walked.append(where[1].doubled) or walk(self, *where))
+    system = gw.paper.case("13").at(frequency=1.45)
+    where: Any = {"parameter": "frequency", "low": 1.3, "high": 1.45}
+    claims = [gw.ask.PointClaim(gw.Kind.FLIP, **where), gw.ask.RangeClaim("pair", **where, period=(1, 2))]
+    found = gw.ask.scan(system, claims, ["mean.q1"], factors=(), neighbours=0, workers=1)
+    assert walked == [True]
+    assert (found.holds[0, 0], found.amounts[0, 0]) == (HOLDS, 1.0)  # the flip at 1.3318
 
 
 def test_patterns_of_impacts_are_those_of_the_motion() -> None:

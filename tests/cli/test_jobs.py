@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import re
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -161,6 +162,16 @@ def test_progress_tells_how_much_is_done(tmp_path, monkeypatch) -> None:
     assert [words[2:] for words in shown] == [(done, 6) for done in range(1, 7)]
     assert shown[-1][0] == "mine"
     assert str(shown[-1][1]) == "6 of 6"
+
+
+def test_progress_says_what_is_done_before_the_first_part(tmp_path, monkeypatch, capsys) -> None:
+    """A scan whose first variation takes long says from the first second what it is about."""
+    monkeypatch.setattr("gapwalk.cli.progress._FIRST", 0.0)
+    (path := tmp_path / "x.toml").write_text(MODELS["scan"])
+    study = gw.read_study(path)
+    with progress_of(study.options, "mine"):
+        time.sleep(0.2)
+    assert f"mine  {study.options.plan}" in capsys.readouterr().err
 
 
 def test_a_time_left_that_has_passed_is_not_told_any_more(monkeypatch) -> None:

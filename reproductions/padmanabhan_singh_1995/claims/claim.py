@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import gapwalk as gw
 from reproductions.padmanabhan_singh_1995.claims.second_reading import EXPLANATIONS, readings_for
-from reproductions.padmanabhan_singh_1995.jobs import AS_PRINTED, JOBS, LITERAL, Job, Reading, changed_numbers
+from reproductions.padmanabhan_singh_1995.jobs import AS_PRINTED, JOBS, LITERAL, Job, Reading, changed_numbers, in_words
 
 BOTH = (LITERAL, AS_PRINTED)
 """The readings that are not the default one."""
@@ -57,7 +57,8 @@ class Verdict(StrEnum):
     OTHER_NUMBER = "one number changed"
     OTHER_NUMBERS = "several numbers changed"
     EXPLAINED = "explained"
-    OPEN = "open"
+    NOT_FOUND = "not found"
+    LOST = "cannot be tested"
     ELSEWHERE = "elsewhere"
 
     @property
@@ -70,15 +71,19 @@ _RULES = {
     Verdict.LETTER: "The statement holds at the printed numbers, and each number that it names is met within "
     f"{TOLERANCE:.0%}.",
     Verdict.KIND: "At the printed numbers the feature is there, but a number that the statement names is off by more "
-    f"than {TOLERANCE:.0%}, a change is smaller than that, or one of several peaks has no part in it; the verdict "
-    "says by how much.",
+    f"than {TOLERANCE:.0%}, two things that are to agree differ by more than that, a change is smaller, or only a part "
+    "of what the statement names has it; the verdict says which, and by how much.",
     Verdict.OTHER_READING: "It holds if a formula is taken as the paper prints it, where the default is not; no number "
     "is changed.",
-    Verdict.OTHER_NUMBER: "It holds if exactly one number of the tables is another; two entries that stand for one "
-    "damper, spring or clutch, changed by one factor, are one number.",
+    Verdict.OTHER_NUMBER: "It holds if exactly one number of the tables is another, with no more digits than they "
+    "print or by the paper's rule for β; two entries that stand for one damper, spring or clutch, changed by one "
+    "factor, are one number.",
     Verdict.OTHER_NUMBERS: "It holds if two or more numbers of the tables are others; the verdict says how many.",
     Verdict.EXPLAINED: "It does not hold, and a check with numbers shows why the paper may have come to it.",
-    Verdict.OPEN: "None of these.",
+    Verdict.NOT_FOUND: "It does not hold at the printed numbers, in any reading or at any other number that was tried, "
+    "and no check explains it.",
+    Verdict.LOST: "What it rests on is lost: a curve that was never printed as numbers, or numbers of the tables that "
+    "cannot be read. As far as they can be read it does not hold.",
     Verdict.ELSEWHERE: "What the paper describes exists at other numbers, found by a search. It is no statement of the "
     "paper, and is never counted.",
 }
@@ -110,6 +115,7 @@ class Outcome:
     costs: tuple[str, ...] = ()  #: Names of claims that hold as printed, and no longer with the change.
     at_odds: tuple[str, ...] = ()  #: Names of claims that need another value of the same number.
     against: tuple[Against, ...] = ()  #: Numbers that the paper names.
+    reading: Reading | None = None  #: The reading, or the other numbers, with which it holds.
 
     @property
     def kind(self) -> str:
@@ -159,6 +165,8 @@ class Claim:
         Whether motions of period 1 are enough for it: in other readings longer ones are then left out.
     apart
         Whether it says where else the described motion is; it is then no statement of the paper.
+    lost
+        What it rests on that is lost, in a few words; empty for most.
     """
 
     name: str
@@ -169,6 +177,7 @@ class Claim:
     short: bool = False
     elsewhere: tuple[str, ...] = ()
     apart: bool = False
+    lost: str = ""
 
     @property
     def figure(self) -> str:
@@ -194,15 +203,16 @@ class Claim:
             also = self.holds(reading, results, failures, keys)
             tried.append(Tried(reading.differs, *also[:3]))
             if also.holds and found is None:
-                changed = reading.number.changed if reading.number else {}
-                found = Outcome(_class_of(changed), also.line, by=reading.differs, changed=changed)
+                changed = self._changed(reading, keys)
+                by = in_words(changed) if reading.number else reading.differs
+                found = Outcome(_class_of(changed), also.line, by=by, changed=changed, reading=reading)
         explanation = EXPLANATIONS.get(self.name)
         if explanation and all(key in results for key in explanation.rests_on):
             also = explanation.check(*(results[key] for key in explanation.rests_on))
             tried.append(Tried(explanation.by, *also[:3]))
             if also.holds and found is None:
                 found = Outcome(Verdict.EXPLAINED, also.line, by=explanation.by)
-        found = found or Outcome(Verdict.OPEN, printed.line)
+        found = found or Outcome(Verdict.LOST if self.lost else Verdict.NOT_FOUND, printed.line, by=self.lost)
         return replace(found, evidence=tuple(tried), against=printed.against)
 
     def _as_printed(self, found: Finding) -> Outcome | None:
@@ -210,16 +220,21 @@ class Claim:
         if not found.holds:
             return None
         if self.apart:
-            changed: dict[str, tuple[float, float]] = {}
-            for job in self.jobs_in(None):
-                changed |= changed_numbers(gw.paper.case(job.case), job.study.system)
-            return Outcome(Verdict.ELSEWHERE, found.line, changed=changed)
+            return Outcome(Verdict.ELSEWHERE, found.line, changed=self._changed(None))
         off = max((each.off for each in found.against), default=0.0)
         if found.short:
             return Outcome(Verdict.KIND, found.line, by=found.short)
         if off > TOLERANCE:
             return Outcome(Verdict.KIND, found.line, by=f"off by {off:.0%}")
         return Outcome(Verdict.LETTER, found.line)
+
+    def _changed(self, reading: Reading | None, keys: tuple[str, ...] = ()) -> dict[str, tuple[float, float]]:
+        """Return the numbers that differ from print in its jobs; the frequency, which no table has, only if apart."""
+        changed: dict[str, tuple[float, float]] = dict(reading.number.changed) if reading and reading.number else {}
+        for job in self.jobs_in(reading, keys):
+            if job.changes or self.apart:
+                changed |= changed_numbers(gw.paper.case(job.case), job.study.system)
+        return changed if self.apart else {name: each for name, each in changed.items() if name != "Ω"}
 
     def holds(
         self,
@@ -262,11 +277,12 @@ def claim(
     short: bool = False,
     elsewhere: tuple[str, ...] = (),
     apart: bool = False,
+    lost: str = "",
 ) -> Callable[[Check], Check]:
     """Make a check the check of a claim; parameters as those of `Claim`."""
 
     def register(check: Check) -> Check:
-        ALL.append(Claim(name, says, rests_on, check, others, short, elsewhere, apart))
+        ALL.append(Claim(name, says, rests_on, check, others, short, elsewhere, apart, lost))
         return check
 
     return register

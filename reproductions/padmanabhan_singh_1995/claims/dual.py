@@ -223,9 +223,9 @@ def _doubled_peaks(single: gw.Result, dual: gw.Result) -> Finding:
 
 
 def _heights_near_peaks(branch: gw.Branch) -> dict[int, float]:
-    """The highest amplitude about a third and a quarter of the main peak's frequency."""
-    main = highest(branch).value
-    return {order: highest(branch, main / order * 0.9, main / order * 1.1).height for order in (3, 4)}
+    """The peaks about a third and a quarter of the main one's frequency; without a peak the highest amplitude there."""
+    main, found = highest(branch).value, _order_peaks(branch)
+    return {order: (found[order] or highest(branch, main / order * 0.9, main / order * 1.1)).height for order in (3, 4)}
 
 
 @claim("25-lower", "There the second harmonic lowers the amplitude for Ω ≤ 0.25.", "24", "25")
@@ -269,11 +269,23 @@ def _extents(result: gw.Result) -> list[Range]:
     return [extent(member.branch) for member in isolated(result)]
 
 
-@claim("27-islands", "At Ω = 0.25 two isolated branches lie over the amplitude.", "27", short=True)
+@claim(
+    "27-islands",
+    "At Ω = 0.25 two isolated branches lie over the amplitude, on both sides of 0.3–0.45.",
+    "27",
+    short=True,
+)
 def _two_isolated(result: gw.Result) -> Finding:
     """The equations are the same for -Te1 half a period later, so a branch away from 0 has a mirror image."""
     positive = [each for each in _extents(result) if each.high > 0.0]
-    return Finding(len(positive) == 2, f"closed branches over Te1 at {words(positive)}")
+    through = extent(main_branch(result))
+    ends = (positive[0].high, positive[-1].low) if positive else ()
+    return Finding(
+        len(positive) == 2,
+        f"closed branches over Te1 at {words(positive)}",
+        f"the mirror image of the smaller at −Te1 is a third; period 1 also runs through {through}",
+        tuple(map(Against, ("the larger ends", "the smaller begins"), _BARE, ends)),
+    )
 
 
 @claim("27-beats", "The larger one has two small ranges of quasi-periodic motions.", "27", short=True)
@@ -393,19 +405,22 @@ def _chaos(result: gw.Result) -> Finding:
     return Finding(attractor_of(result).kind == "chaotic", f"from rest: {_labels([result])[0]}")
 
 
-@claim("29-route", "Chaos comes by doubled periods or by quasi-periodic motions.", "29", _MODERATE)
-def _route(result: gw.Result, motion: gw.Result) -> Finding:
-    """At an amplitude with chaos period 1 has lost its stability in one of these ways."""
+@claim("29-route", "Chaos comes by doubled periods or by quasi-periodic motions.", "29-doubled", _MODERATE)
+def _route(close: gw.Result, motion: gw.Result) -> Finding:
+    """By doubled periods: the motions of periods 2 and 4 lose their stability at flips, one after the other."""
     place = motion.system["harmonic1.amplitude"]
-    lost = {name: meeting(test(main_branch(result)), place, place) for name, test in _WAYS.items()}
-    ways = ", ".join(f"{name} at {words(found)}" for name, found in lost.items() if found)
+    ends = [_last_stable_flip(close, period) for period in (2, 4)]
+    steps = ", ".join(f"period {period} at {end:.4g}" for period, end in zip((2, 4), ends, strict=True))
     return Finding(
-        attractor_of(motion).kind == "chaotic" and bool(ways),
-        f"{_labels([motion])[0]}, where period 1 is unstable by a {ways}",
+        attractor_of(motion).kind == "chaotic" and 0.0 < ends[0] < ends[1] < place,
+        f"with growing Te1 stable motions double: {steps}; then {_labels([motion])[0]}",
     )
 
 
-_WAYS = {"flip": flipped, "pair": with_pair}
+def _last_stable_flip(result: gw.Result, period: int) -> float:
+    """The largest parameter at which stable motions of a period double; 0 if they do not."""
+    flips = [flip for member in members(result, period) for flip in member.branch.special(gw.Kind.FLIP)]
+    return max((flip.value for flip in flips if 0 in (flip.before.total, flip.after.total)), default=0.0)
 
 
 @claim("summary-heavy", "Under a heavy mean load on the clutch no period doubles.", "12", "20a", "4a", short=True)

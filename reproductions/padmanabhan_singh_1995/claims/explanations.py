@@ -12,14 +12,13 @@ from reproductions.padmanabhan_singh_1995.claims.second_reading import explains
 from reproductions.padmanabhan_singh_1995.jobs import MEASURE
 from reproductions.padmanabhan_singh_1995.quantities import (
     Peak,
-    Range,
     attractor_of,
-    extent,
     flipped,
     highest,
     main_branch,
     members,
     peaks,
+    values,
     with_pair,
     words,
 )
@@ -48,17 +47,14 @@ def _begins_so(*results: gw.Result) -> Finding:
 
 @explains("13-once", "period 4 where nothing is drawn", "13", "9a")
 def _not_drawn(*results: gw.Result) -> Finding:
-    found = [extent(member.branch) for result in results for member in members(result, 4)]
-    drawn = [each for each in found if each.low > _DRAWN]
+    found = [v for result in results for each in members(result, 2) for v in values(each.branch, gw.Kind.FLIP)]
+    drawn = sorted(each for each in found if each > _DRAWN)
+    width = max(drawn, default=0.0) - min(drawn, default=0.0)
     return Finding(
-        bool(drawn) and _width(drawn) < _SLIVER,
-        f"period 4 above {_DRAWN} only at {words(drawn)}, {_width(drawn):.1g} wide",
-        f"the other {len(found) - len(drawn)} branches are on a loop of period 2 below {_DRAWN} that is not drawn",
+        bool(drawn) and width < _SLIVER,
+        f"period 4 above {_DRAWN} only between {words(drawn)}, {width:.1g} wide",
+        f"the other {len(found) - len(drawn)} flips are on a loop of period 2 below {_DRAWN} that is not drawn",
     )
-
-
-def _width(found: list[Range]) -> float:
-    return max((each.width for each in found), default=0.0)
 
 
 @explains("23-others", "holds at the phase that is drawn", "9b", "23b")

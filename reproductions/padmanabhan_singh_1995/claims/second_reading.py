@@ -60,7 +60,7 @@ _ROW_12 = (
 _OVER_AMPLITUDE = ("27-islands", "27-flip", "28-grow")
 
 CANDIDATES = (
-    Candidate(CHANGES["matched"], ("4-beyond", "4-beats"), ("4-folds", "4-flips", "4-peak", "10-shrinks", "10-gone")),
+    Candidate(CHANGES["matched"], ("4-beyond", "4-flips"), ("4-folds", "4-beats", "4-peak", "10-shrinks", "10-gone")),
     Candidate(CHANGES["c11-0.025"], ("27-beats", "28-overlap"), ("12-beats", *_ROW_12, *_OVER_AMPLITUDE)),
     Candidate(
         CHANGES["te1-0.37"],

@@ -54,11 +54,12 @@ def decide(
     checked = [(claim, claim.outcome(results, failures)) for claim in claims]
     if len(claims) != len(ALL):
         return checked, ()
-    trades = weigh(claims, results, failures)
-    known = {
-        each.candidate.reading.differs: {"costs": each.lost, "at_odds": _at_odds(each, checked)} for each in trades
-    }
-    return [(claim, replace(outcome, **known.get(outcome.by, {}))) for claim, outcome in checked], trades
+    trades = weigh(checked, results, failures)
+    known = {each.candidate.reading: {"costs": each.lost, "at_odds": _at_odds(each, checked)} for each in trades}
+    return [
+        (claim, replace(outcome, **known.get(outcome.reading, {})) if outcome.reading else outcome)
+        for claim, outcome in checked
+    ], trades
 
 
 def _at_odds(trade: Trade, checked: Sequence[tuple[Claim, Outcome]]) -> tuple[str, ...]:
@@ -73,17 +74,20 @@ def _at_odds(trade: Trade, checked: Sequence[tuple[Claim, Outcome]]) -> tuple[st
     )
 
 
-def weigh(claims: Sequence[Claim], results: Mapping[str, gw.Result], failures: Mapping[str, str]) -> tuple[Trade, ...]:
-    """Return what each candidate gains and costs; all claims must be given."""
-    known = {claim.name: claim for claim in claims}
+def weigh(
+    checked: Sequence[tuple[Claim, Outcome]], results: Mapping[str, gw.Result], failures: Mapping[str, str]
+) -> tuple[Trade, ...]:
+    """Return what each candidate gains and costs; all claims must be given, with what they come to."""
+    known = {claim.name: (claim, {each.where: each.holds for each in outcome.evidence}) for claim, outcome in checked}
     trades = []
     for each in CANDIDATES:
         sides: dict[tuple[bool, bool], list[str]] = {}
         for name in each.claims:
-            claim = known[name]
-            before = claim.holds(None, results, failures)
-            after = claim.holds(each.reading, results, failures, each.jobs_of(name))
-            sides.setdefault((before.holds, after.holds), []).append(name)
+            claim, tried = known[name]
+            after = tried.get(each.reading.differs)
+            if after is None:
+                after = claim.holds(each.reading, results, failures, each.jobs_of(name)).holds
+            sides.setdefault((tried[""], after), []).append(name)
         order = ((False, True), (True, True), (True, False), (False, False))
         trades.append(Trade(each, *(tuple(sides.get(side, ())) for side in order)))
     return tuple(trades)

@@ -23,7 +23,7 @@ from gapwalk.studies.bifurcation_map import Map, MapSection
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.summary import printable
 
-_FIRST, _AGAIN = 10.0, 30.0  # without a terminal: seconds until the first line, and between the following lines
+_FIRST, _AGAIN = 1.0, 30.0  # without a terminal: seconds until the first line, and between the following lines
 
 Words = Callable[..., tuple[Any, ...]]
 """Function that returns the arguments of `ProgressLine.update` for what is reported."""
@@ -145,7 +145,9 @@ def _job_line(options: StudyKind, title: str, show: bool) -> ProgressLine:
     def words(part: object, pace: Pace) -> tuple[str, _Reached, int, int]:
         return title or options.kind, _Reached(pace), pace.done, pace.total
 
-    return ProgressLine(title or options.kind, words, show=show)
+    line = ProgressLine(title or options.kind, words, show=show)
+    line.update(title or options.kind, options.plan)  # until the first part is done
+    return line
 
 
 def _family_line(options: StudyKind, title: str, show: bool) -> ProgressLine:

@@ -109,14 +109,11 @@ class _Scanner:
         amounts = np.full(holds.shape, np.nan)
         settled, error = self.settle(values)
         for index, row in enumerate(values):
-            walks: dict[Course, Sequence[Branch]] = {}
+            walks = self._walks(self._system(row))
             for number, claim in enumerate(self._claims):
                 if isinstance(claim, MotionClaim):
                     found = claim.judge(self._with_patterns(claim, row, *settled[index][self._places.index(claim.at)]))
                 else:
-                    for course in claim.courses:
-                        if course not in walks:
-                            walks[course] = self._walk(self._system(row), course)
                     known = [walks[course] for course in claim.courses]
                     found = claim.judge(*known) if all(known) else (None, np.nan)
                 holds[index, number] = UNKNOWN if found[0] is None else HOLDS if found[0] else FAILS
@@ -200,6 +197,14 @@ class _Scanner:
         if any(claim.matches(Settled(*torus)) for claim in claims):
             for start in np.flatnonzero(np.isin(kinds[:, 0], (Regime.QUASI_PERIODIC, Regime.UNDECIDED))).tolist():
                 kinds[start] = take_another_look(system, states[start])
+
+    def _walks(self, system: System) -> dict[Course, Sequence[Branch]]:
+        """Walk all courses of the claims; a walk with the branches that leave it serves those without them too."""
+        walked = (claim for claim in self._claims if not isinstance(claim, MotionClaim))
+        courses = dict.fromkeys(course for claim in walked for course in claim.courses)
+        wider = {course: course._replace(doubled=True) for course in courses}
+        walks = {c: self._walk(system, c) for c, wide in wider.items() if c == wide or wide not in courses}
+        return walks | {c: walks[wide][:1] for c, wide in wider.items() if c not in walks}
 
     def _walk(self, system: System, course: Course) -> Sequence[Branch]:
         """Walk a branch, and those of twice the period that leave it if they are wanted; none without a first orbit."""

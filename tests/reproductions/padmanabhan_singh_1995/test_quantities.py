@@ -12,6 +12,7 @@ from reproductions.padmanabhan_singh_1995.quantities import (
     LOOPS,
     VISCOUS,
     force_peaks,
+    impact_words,
     lines,
     third_inertia,
 )
@@ -73,3 +74,15 @@ def test_a_distance_is_that_of_the_logarithms() -> None:
     changed = printed.at({"mean.q1": 0.25 * math.exp(0.3), "frequency": 0.17 * math.exp(-0.4)})
     assert distance(changed, printed) == pytest.approx(0.5)
     assert distance(printed, printed) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("pattern", "words"),
+    [
+        ("4+/1-", "4 and 1 impacts (+, − side)"),
+        ("closed+", "contact never opens"),
+        ("open", "open"),
+    ],
+)
+def test_patterns_of_impacts_are_said_in_words(pattern: str, words: str) -> None:
+    assert impact_words(pattern) == words
