@@ -39,6 +39,9 @@ _STUDIES = {
     "idle-tolerance.png": "examples/idle.toml --study scatter",
     "idle-run-ups.png": "examples/idle.toml --study run-ups",
     "idle-friction.png": "examples/idle_friction.toml",
+    "gearbox-rattle.png": "docs/tutorial/gearbox.toml --study rattle",
+    "gearbox-drag.png": "docs/tutorial/gearbox.toml --study drag",
+    "gearbox-damping.png": "docs/tutorial/gearbox.toml --study damping",
     "start-slow.png": "examples/engine_start.toml --study slow",
     "start-fast.png": "examples/engine_start.toml --study fast",
     "start-many.png": "examples/engine_start.toml --study many",
@@ -67,6 +70,7 @@ QUOTES = {
         _STUDIES["start-fast.png"],
         _STUDIES["start-many.png"],
     ),
+    "docs/tutorial/rattle.md": tuple(_STUDIES[f"gearbox-{name}.png"] for name in ("rattle", "drag", "damping")),
 }
 """Pages that quote answers, and the files and studies of the commands, in the order of the page."""
 

@@ -233,11 +233,6 @@ class Loops(Panel):
         assert diagram is not None
         shown = replace(diagram, members=tuple(each for each in diagram.members if each.period <= self.most))
         gw.plot.draw(shown, "q1", ax=ax, within=self.within, legend=False, labels=False, instabilities=True)
-        usual = [line for line in ax.lines if line.get_linestyle() == "-"]
-        for rank, (colour, width) in enumerate(PERIODS.values(), start=1):  # those of gapwalk are of instabilities too
-            for line in usual:
-                if line.get_zorder() == 4 - 0.1 * rank:
-                    line.set(color=colour, linewidth=width)
         stars: Any = {"marker": "*", "markersize": 8.0, "ls": "none", "mfc": "#009E73", "mec": "black", "mew": 0.5}
         for member in shown.members:
             for special in member.branch.special(gw.Kind.NEIMARK_SACKER) if member.period > 1 else ():
