@@ -630,8 +630,8 @@ def _samples(found: RattleBands, moved: str) -> Iterator[Series]:
             ("crosses", [each for each in sweep.samples if not each.motion.orbit]),
         ):
             paths = [each.motion.motion(_WATCHED, _SAMPLED).q[:, place] for each in own]
+            values = [each.value for each in own]
             if own:
-                values = [each.value for each in own]
                 yield Series(values, [0.5 * float(np.ptp(path)) for path in paths], mark, look, axes=axes)
             if own and mark == "crosses":  # from the smallest to the largest of single periods
                 halves = [0.5 * np.ptp(path[: _WATCHED * _SAMPLED].reshape(_WATCHED, -1), axis=1) for path in paths]
