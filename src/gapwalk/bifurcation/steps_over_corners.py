@@ -300,7 +300,7 @@ class _Corner:
             self._at(label)
         graze = self._at(0.0)
         if begin > 0.0 and length_of(self._first.x - graze.x) > 0.5 * _BEYOND:
-            raise ConvergenceError("the graze is behind the walk, and far enough away")
+            raise ConvergenceError("the walk has passed the graze, which is far enough behind")
         label = max(begin, _BLUR)
         while self._is_near(label, graze):
             try:
@@ -325,7 +325,7 @@ class _Corner:
         changes its sign where the branch turns.
         """
         if next(iter(self._held)) >= 0.0:
-            raise ConvergenceError("the graze is behind the walk")
+            raise ConvergenceError("the walk has passed the graze")
         graze, held, before = self._at(0.0), self._held[0.0], last.orbit.instability
         ahead = self._posed.shifted(held, -self._posed.free * self._least * self._unit)
         turns = ahead * float(self._way * self._posed.slope(held)[-1]) < 0.0

@@ -73,7 +73,7 @@ class OrderTable:
         if self.turns not in _TURNS.values() or not np.isfinite(numbers).all():
             raise ValueError("a table of orders needs finite numbers, and a period of one or two turns")
         if orders != sorted({*orders}) or any(order <= 0.0 or order * self.turns % 1.0 for order in orders):
-            raise ValueError("the orders of a table increase, and are multiples of one in its period")
+            raise ValueError("the orders of a table must increase, and repeat a whole number of times in its period")
 
     @property
     def orders(self) -> tuple[float, ...]:
