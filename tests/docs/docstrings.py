@@ -102,7 +102,7 @@ def raises(function: Any) -> bool:
 def shared(name: str) -> Any:
     """Compute a value that examples share, by the statements that define it."""
     code, _, uses = next(each for each in statements() if name in each[1])
-    names = {**modules(), **{each: shared(each) for each in sorted(uses) if lines_for({each})}}
+    names = {**modules(), **{each: shared(each) for each in sorted(uses - modules().keys()) if lines_for({each})}}
     exec(code, names)
     return names[name]
 

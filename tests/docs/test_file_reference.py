@@ -51,7 +51,7 @@ def test_a_key_of_several_kinds_is_described_once() -> None:
     assert text.count("| `segments` |") == 1
     shared, *own = text.split("\n## kind = ")
     assert "| `max_branches` |" not in shared
-    assert len(own) == len(KINDS)
+    assert [each.split('"')[1] for each in own if each.split('"')[1] in KINDS] == list(KINDS)  # others may have toys
     for key in KEY_PAGES["study-file"]:
         assert f"`{key.name}`" in text
 

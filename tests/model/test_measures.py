@@ -76,11 +76,11 @@ def test_peak_to_peak_is_twice_half() -> None:
     ("name", "words"),
     [
         ("half.shaft", "amplitude of shaft (half the peak to peak) [deg]"),
-        ("order2.gear.acceleration", "amplitude of order 2 of gear.acceleration [m/s^2]"),
+        ("order2.gear.acceleration", "amplitude of order 2 of the acceleration of gear [m/s^2]"),
         ("h1/2.shaft", "amplitude of order 1/2 of shaft [deg]"),
         ("order2+4.drive''", "amplitude of orders 2, 4 of drive'' (root of the sum of squares) [rad/s^2]"),
         ("order2.gear.speed/drive.speed", "amplitude of order 2 of gear.speed over that of drive.speed"),
-        ("db.rms.gear.acceleration", "level of root mean square of gear.acceleration [dB re 1e-6 m/s^2]"),
+        ("db.rms.gear.acceleration", "level of root mean square of the acceleration of gear [dB re 1e-6 m/s^2]"),
         ("db.order2.drive''", "level of order 2 of drive'' [dB re 1 rad/s^2]"),
         ("db.rms.gear.speed/drive.speed", "level of root mean square of gear.speed over that of drive.speed [dB]"),
         ("max.gear''/rms.shaft", "maximum of gear'' over root mean square of shaft [(rad/s^2)/(deg)]"),

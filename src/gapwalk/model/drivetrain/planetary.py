@@ -9,7 +9,7 @@ With ``a = z_p / z_s``, ``b = z_r / z_s``, all angles in the same sense, the def
 bearings; `radial` is its way out over the radius of the circle, and `alpha` the pressure angle. Their sum is that of a
 set without planets' inertia, and of a differential: ``sun + b ring - (1 + b) carrier``.
 
-Method: docs/numerics/drive-trains.md; Lin and Parker (1999), Journal of Vibration and Acoustics 121, 316-321.
+Method: docs/numerics/notes/models.md; Lin and Parker (1999), Journal of Vibration and Acoustics 121, 316-321.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Bodies of a train without inertia: nodes between shafts, whose equations are of first order.
 
 With the deflections w of the coordinates as a node turns by itself as columns of W, ``x = y + g W (W^T W)^-1 W^T y'``.
-Method: docs/numerics/states.md
+Method: docs/numerics/notes/models.md
 """
 
 from __future__ import annotations

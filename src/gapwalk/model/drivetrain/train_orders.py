@@ -342,7 +342,7 @@ def phased_loads(train: Train) -> Iterator[Load | Counted]:
 
 
 # Numbers of a train that its loads vary: stiffnesses of links, transmission errors, prescribed motions of inertias.
-# See "What varies" in docs/numerics/drive-trains.md.
+# See "Drive trains" in docs/numerics/notes/models.md.
 
 _DISPLACED = ("deflection", "clearance", "angle")
 _SPRINGS = ("stiffness", "stage1.stiffness")

@@ -338,7 +338,7 @@ class Gear(Link):
 
 
 # Loads that a train makes of those that it is given: displacements of its links, and reactions to their means.
-# See "What varies" and "Rigid-body rotation" in docs/numerics/drive-trains.md.
+# See "Drive trains" in docs/numerics/notes/models.md.
 
 _DAMPING = Parameter("damping", QuantityKind.DAMPING, "it is the damper that acts always", 0.0, 0.0)
 
