@@ -350,9 +350,10 @@ export class Diagram {
       if (words) this.showTip(words, event.clientX - box.left, event.clientY - box.top);
     });
     this.place.on("plotly_unhover", () => { this.tip.hidden = true; this.isOver = false; });
-    this.place.on("plotly_relayouting", () => this.paint(true));
+    this.place.on("plotly_relayouting", () => { this.tip.hidden = this.dot.hidden = true; this.paint(true); });
     this.place.on("plotly_relayout", () => {
       if (this.programmatic) return;
+      this.tip.hidden = this.dot.hidden = true; // what they were at has moved
       const { xaxis, yaxis } = this.place._fullLayout;
       this.range = { x: [...xaxis.range], y: [...yaxis.range] };
       this.paint(true);

@@ -73,7 +73,7 @@ export class Heard {
     this.found = found;
     fill($("heard-map"), found.maps.map(({ text }, k) => [k, text]));
     fill($("heard-order"), found.tracks.map(({ title }, k) => [k, title.split(" of ")[0]]));
-    $("heard-scale").textContent = found.maps.length ? `to ${short(found.top)} ${found.unit}, over ${found.depth} dB` : found.why;
+    $("heard-scale").textContent = found.maps.length ? `to ${`${short(found.top)} ${found.unit}`.trim()}, over ${found.depth} dB` : found.why;
     this.changed();
     this.draw();
     if (playing) await this.toggle();
@@ -177,7 +177,7 @@ export class Heard {
     if (!this.content) return;
     const [speed, rises] = this.speedAt(this.at), unit = /\[(.*)\]/.exec($("x").selectedOptions[0]?.title ?? "")?.[1] ?? "";
     const way = rises ? "rising" : "falling", level = this.level();
-    $("heard-now").textContent = `${this.at.toFixed(1)} s of ${this.lasts.toFixed(1)} · ${Number(speed.toPrecision(4))} ${this.isOver ? unit : ""}, ${way}${level}`;
+    $("heard-now").textContent = `${this.at.toFixed(1)} s of ${this.lasts.toFixed(1)} · ${`${Number(speed.toPrecision(4))} ${this.isOver ? unit : ""}`.trim()}, ${way}${level}`;
     $("heard-at").setAttribute("aria-valuetext", $("heard-now").textContent);
     const line = $("heard-line"), dot = $("heard-dot"), { axes } = this;
     const left = this.isOver ? axes.xaxis._offset + axes.xaxis.l2p(speed) : -1, inside = left >= axes?.xaxis._offset && left <= axes.xaxis._offset + axes.xaxis._length;

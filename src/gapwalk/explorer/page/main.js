@@ -236,7 +236,7 @@ function whyEmpty() {
   const bold = (word) => Object.assign(document.createElement("b"), { textContent: word });
   if (curves.quick) return ["Nothing is computed yet. Pale: a quick response, to one hundredth. ", pressed("Compute", "compute"), " walks it exactly, with its special points.", quick.note ? ` (${quick.note})` : ""];
   if (!over.length && storedBeside().length) return ["A run has stored ", ...storedBeside().flatMap(openLink), ". ", bold("Compute"), " computes here."];
-  if (!over.length) return ["Nothing is computed yet. ", bold("Compute"), " begins; the diagram grows while it is walked."];
+  if (!over.length) return ["Nothing is computed yet. ", bold("Compute"), " begins; the diagram grows while it is walked.", quick.isAwaited ? " A quick response is on its way; the first one of an installation takes up to a minute longer." : quick.note ? ` (${quick.note})` : ""];
   if (over.some(({ settled }) => settled)) return ["A motion that does not repeat itself has no place in the diagram. ", bold("Show"), ", in the list of results, shows it."];
   return ["Nothing of what was computed has a place over these axes; the list of results says what was found."];
 }

@@ -98,7 +98,8 @@ export class Movers {
     for (const text of ["parameter", "% per %", `${signed(percent)} % moves it by${found.unit ? ` [${found.unit}]` : ""}`]) head.append(Object.assign(document.createElement("th"), { textContent: text }));
     const largest = Math.abs(found.rows[0]?.share ?? 0) || 1;
     for (const row of this.all ? found.rows : found.rows.slice(0, LISTED)) {
-      const line = body.insertRow(), pick = Object.assign(document.createElement("button"), { type: "button", className: "quiet", textContent: row.name });
+      const line = body.insertRow(), pick = Object.assign(document.createElement("button"), { type: "button", className: "quiet" });
+      pick.append(...row.name.split(/(?<=[._])/).flatMap((part) => [part, document.createElement("wbr")]));
       line.dataset.name = row.name;
       line.className = row.name === this.name ? "chosen" : "";
       pick.setAttribute("aria-pressed", row.name === this.name);
@@ -137,9 +138,14 @@ export class Movers {
     const moving = found.rows.filter(({ share }) => share), shown = moving.filter((row, k) => k < ARROWS || row.name === this.name);
     return shown.map((row) => {
       const shift = this.shift(row), to = [x, y].map((name, k) => at[k] + (name === found.parameter ? shift : 0));
-      return { from: at, to, text: `${row.name} ${signed(this.percent)} %`, chosen: row.name === this.name };
+      return { from: at, to, text: `${clipped(row.name)} ${signed(this.percent)} %`, chosen: row.name === this.name };
     });
   }
+}
+
+/** A long name with its parts cut short, for a label in the diagram; the table has all of it. */
+function clipped(name) {
+  return name.length > 24 ? name.split(".").map((part) => (part.length > 11 ? `${part.slice(0, 10)}…` : part)).join(".") : name;
 }
 
 function signed(value, digits = 4) {

@@ -14,6 +14,7 @@ export class Quick {
   async show(file) {
     this.clear();
     const request = (this.request = new AbortController());
+    this.changed();
     try {
       const { text } = await post("/api/edit/open", { file });
       if (request.signal.aborted) return;
@@ -23,8 +24,15 @@ export class Quick {
         else if (news.x || news.end) this.add(news);
       }
     } catch (error) {
-      if (error.name !== "AbortError") this.note = error.message; // the diagram then says how to begin
+      if (error.name === "AbortError") return;
+      this.note = error.message; // the diagram then says how to begin
+      this.changed();
     }
+  }
+
+  /** It is asked for, and has neither a point nor an end: the first on a machine also compiles the code. */
+  get isAwaited() {
+    return Boolean(this.request) && !this.curve && !this.note;
   }
 
   async begin({ axes }) {
