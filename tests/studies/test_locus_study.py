@@ -230,3 +230,11 @@ def test_a_log_has_a_line_now_and_then(monkeypatch, capsys) -> None:
     with lines.progress_of(study_of().options, "mine", show=False):
         time.sleep(0.2)
     assert not capsys.readouterr().err
+
+
+def test_a_long_part_shows_its_share() -> None:
+    reached = lines._Reached(lines.ProgressLine("rattle", str, total=1.0, show=False))
+    reached.begin(lines.Pace(1, 4, 1), lambda: 0.5)
+    assert str(reached).startswith("1 of 4  38 %  about ")
+    reached.note(lines.Pace(4, 4, 1))
+    assert str(reached) == "4 of 4  100 %"

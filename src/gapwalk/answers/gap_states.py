@@ -12,7 +12,7 @@ is smooth where the gap would rattle, so that its response shows how far a desig
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import pairwise
@@ -45,6 +45,7 @@ from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit, describe_switch, is_same
+from gapwalk.pieces import tell
 
 # Settled motions met by a slow sweep of one parameter, followed as branches where they are periodic.
 #
@@ -190,12 +191,18 @@ def settled_sweep(
 
 
 def stable_stretch(
-    orbit: Orbit, parameter: str, to: float, options: WalkOptions, begin: float | None = None
+    orbit: Orbit,
+    parameter: str,
+    to: float,
+    options: WalkOptions,
+    begin: float | None = None,
+    passed: Callable[[float], object] = float,
 ) -> tuple[Stretch, NDArray[np.float64]]:
     """Follow a stable orbit until it loses its stability or reaches a value of the parameter."""
     steps = walk(orbit, parameter, to, walk=options)
     lost: SpecialPoint | None = None
     for point in steps:
+        passed(point.value)
         lost = next((each for each in steps.special_points if not each.before.total and each.after.total), None)
         if lost is not None or not point.stable:
             break
@@ -248,6 +255,7 @@ class _SlowSweep:
             if self._is_past(value) or self._is_past(ahead):
                 return
             value = ahead
+            self._tell(value)
             try:
                 settled = self._settled(self.system.at({self.parameter: value}), state)
             except FlowError as error:
@@ -276,6 +284,9 @@ class _SlowSweep:
                 return Settled(system, states, length, False, None, float("inf"), (why,))
             length = min(length + length // 2, self.options.patience)
 
+    def _tell(self, value: float) -> None:
+        tell((value - self.begin) / (self.end - self.begin))
+
     def _is_past(self, value: float) -> bool:
         return (value - self.end) * self.sign >= 0.0
 
@@ -291,7 +302,7 @@ class _SlowSweep:
         previous = self.stretches[-1].end if self.stretches else value
         begin = previous if abs(value - previous) <= 1.5 * _BEYOND * self.step else value
         try:
-            stretch, state = stable_stretch(orbit, self.parameter, self.end, self.options.walk, begin)
+            stretch, state = stable_stretch(orbit, self.parameter, self.end, self.options.walk, begin, self._tell)
         except NumericalError as error:
             self.notes.append(f"{self.parameter} = {value:.8g}: {error}")
             return None

@@ -23,6 +23,7 @@ from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.ramp import Ramped
 from gapwalk.model.system import System
+from gapwalk.pieces import tell
 
 _OF_ONE = ("up", "down", "peak", "approach", "side", GRIP)
 _OF_MANY = ("least", "most", "up", "down", "peak", "side", GRIP)
@@ -92,6 +93,7 @@ def run_by_steps(
         own = turned.samples[:, rows, 0]
         found[done : done + len(own)] = own
         done += len(own)
+        tell(done / len(theta))
         notes.append(turned.notes[:, :, 0])
         times.append(turned.times[:-1, 0])
         if not np.isfinite(own[-1]).all():

@@ -47,6 +47,7 @@ from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System, check_system
 from gapwalk.model.words import parameter_symbol, parameter_words, value_words
 from gapwalk.notebook import Shown
+from gapwalk.pieces import tell
 from gapwalk.summary import SummaryParts, Table, summarizes
 
 # Jumps of a run-up beside the folds of the response, at which a slow sweep would jump.
@@ -474,6 +475,7 @@ def run_up(
     now: NDArray[np.float64] = np.asarray(begun, dtype=float)
     rows, times, events, intervals = [now], [0.0], [], []
     for piece in pieces_of(system, speed, thetas):
+        tell(times[-1] / float(speed.time[-1] - speed.time[0]))
         found = ramped.sample(now, piece.angles, piece.speed, piece.acceleration)
         now = found.states[-1]
         rows += list(found.states[1:])

@@ -27,6 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         warnings.formatwarning = lambda message, *_, **__: f"gapwalk: warning: {message}\n"
     words = sys.argv[1:] if arguments is None else list(arguments)
+    words = [*words[1:], "--help"] if words[:1] == ["help"] else words
     sys.stdout, sys.stderr = (stream or open(os.devnull, "w") for stream in (sys.stdout, sys.stderr))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):

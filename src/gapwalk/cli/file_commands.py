@@ -30,7 +30,7 @@ def new_file(file: Path | None, table: Path | None) -> int:
         width = max(map(len, known))
         print("machines to begin with:")
         for name, title in known.items():
-            print(f"    gapwalk new {name:{width}}  {title}")
+            show([f"    gapwalk new {name:{width}}  {title}"])
         return DONE
     text = "" if table is None else text_of_sheet(table)
     if table is None and file.name and not file.suffix and len(file.parts) == 1:

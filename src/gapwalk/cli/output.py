@@ -112,6 +112,6 @@ def print_json(document: object) -> None:
 
 
 def _tell(text: str, document: dict[str, Any], *, json: bool) -> None:
-    print(f"gapwalk: {printable(text)}", file=sys.stderr)
+    show([f"gapwalk: {text}"], console(stderr=True))
     if json:
         print_json({"error": document})

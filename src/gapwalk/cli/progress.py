@@ -8,9 +8,11 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any, Self
 
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Column
 
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.bifurcation.loci import Locus
@@ -18,12 +20,12 @@ from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.cli.output import console
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.model.words import parameter_symbol
-from gapwalk.parallel.workers import Pace
+from gapwalk.parallel.workers import Pace, duration
 from gapwalk.studies.bifurcation_map import Map, MapSection
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.summary import printable
 
-_FIRST, _AGAIN = 1.0, 30.0  # without a terminal: seconds until the first line, and between the following lines
+_FIRST, _AGAIN = 1.0, 10.0  # without a terminal: seconds until the first line, and between the following lines
 
 Words = Callable[..., tuple[Any, ...]]
 """Function that returns the arguments of `ProgressLine.update` for what is reported."""
@@ -36,17 +38,24 @@ class ProgressLine:
     """
 
     def __init__(
-        self, first: str, words: Words, *, bar: bool = True, total: float | None = None, show: bool = True
+        self,
+        first: str,
+        words: Words,
+        *,
+        bar: bool = True,
+        total: float | None = None,
+        show: bool = True,
     ) -> None:
         screen = console(stderr=True)
         self._words, self._text = words, (first, "")
+        self.begin: Callable[[Pace, Callable[[], float]], None] | None = None  # of a job: called before its first part
         self._is_logged = show and not screen.is_terminal
         self._progress = Progress(
             SpinnerColumn(),
-            TextColumn("{task.description}"),
-            *([BarColumn(bar_width=24)] if bar else []),
-            TextColumn("{task.fields[reached]}"),
-            TimeElapsedColumn(),
+            TextColumn("{task.description}", table_column=Column(no_wrap=True)),
+            *([BarColumn(bar_width=16)] if bar else []),
+            TextColumn("{task.fields[reached]}", table_column=Column(no_wrap=True)),
+            TimeElapsedColumn(table_column=Column(no_wrap=True, min_width=7)),
             console=screen,
             transient=True,
             disable=not (show and screen.is_terminal),
@@ -65,6 +74,10 @@ class ProgressLine:
         """Show a description, and the progress in words and as a number out of a total."""
         self._text = description, reached
         self._progress.update(self._task, description=description, completed=completed, total=total, reached=reached)
+
+    def complete(self, share: float) -> None:
+        """Draw the bar up to a share."""
+        self._progress.update(self._task, completed=share)
 
     def __enter__(self) -> Self:
         self._progress.start()
@@ -131,22 +144,47 @@ def _map_line(options: Any, title: str, show: bool) -> ProgressLine:
 
 
 class _Reached:
-    """The parts of a job that are done, and the time left; not once this has passed, as when all workers have gone."""
+    """The share of a job that is done, by its parts and by what those in progress tell, and the time left.
 
-    def __init__(self, pace: Pace) -> None:
+    Where they tell nothing, no time is shown once the time that was expected has passed.
+    """
+
+    def __init__(self, line: ProgressLine) -> None:
+        self._line, self._begun, self._since, self._most = line, time.monotonic(), 0.0, 0.0
+        self._pace, self._within = Pace(0, 0), float
+
+    def begin(self, pace: Pace, within: Callable[[], float]) -> None:
+        """Note what is done before this run, and where the shares of parts in progress are read."""
+        self._begun, self._within = time.monotonic(), within
+        self.note(pace)
+
+    def note(self, pace: Pace) -> None:
+        """Note the progress after a part."""
         self._pace, self._since = pace, time.monotonic()
 
     def __str__(self) -> str:
-        left = 0.0 if self._pace.left is None else self._pace.left - (time.monotonic() - self._since)
-        return f"{self._pace.done} of {self._pace.total}" + f"  about {left:.0f} s left" * (left > 0.0)
+        now, within = time.monotonic(), self._within()
+        pace = replace(self._pace, within=within, seconds=now - self._begun) if within else self._pace
+        self._most = max(self._most, pace.share)
+        self._line.complete(self._most)
+        left = (pace.left or 0.0) - (0.0 if within else now - self._since)
+        told = f"{pace.done} of {pace.total}  {100 * self._most:.0f} %"
+        return told + f"  about {duration(left)} left" * (left > 0.0 and self._most >= 0.01)
 
 
 def _job_line(options: StudyKind, title: str, show: bool) -> ProgressLine:
-    def words(part: object, pace: Pace) -> tuple[str, _Reached, int, int]:
-        return title or options.kind, _Reached(pace), pace.done, pace.total
+    name = title or options.kind
 
-    line = ProgressLine(title or options.kind, words, show=show)
-    line.update(title or options.kind, options.plan)  # until the first part is done
+    def words(part: object, pace: Pace) -> tuple[str, _Reached]:
+        reached.note(pace)
+        return name, reached
+
+    def begin(pace: Pace, within: Callable[[], float]) -> None:
+        reached.begin(pace, within)
+        line.update(name, reached)
+
+    line = ProgressLine(name, words, total=1.0, show=show)
+    line.begin, reached = begin, _Reached(line)
     return line
 
 

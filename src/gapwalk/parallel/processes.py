@@ -14,6 +14,7 @@ from multiprocessing import get_context
 from types import ModuleType
 from typing import Any
 
+from gapwalk import pieces
 from gapwalk.parallel.shared import Shared, do_shared
 from gapwalk.parallel.threads import THREAD_VARIABLES, children_in_one_thread
 
@@ -49,7 +50,8 @@ class Processes:
         self.size = count
         self._context = get_context(METHOD)
         self._held, self._control = self._context.Pipe(duplex=False)
-        self._pools = [self._pool() for _ in range(count)]
+        self._shares = self._context.RawArray("d", count)
+        self._pools = [self._pool(place) for place in range(count)]
         self._last: list[Future[Any] | None] = [None] * count
         self._has = [b""] * count  # the function that each process was sent last
 
@@ -68,7 +70,7 @@ class Processes:
             future = self._submit(place, function, piece)
         except BrokenProcessPool:  # it has died: with its last piece, or while it had none
             self._pools[place].shutdown(wait=False)
-            self._pools[place], self._has[place] = self._pool(), b""
+            self._pools[place], self._has[place] = self._pool(place), b""
             future = self._submit(place, function, piece)
         self._last[place] = future
         return future
@@ -89,8 +91,14 @@ class Processes:
         self._control.close()
         self._held.close()
 
-    def _pool(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(1, self._context, initializer=_begin, initargs=(self._held, dict(os.environ)))
+    @property
+    def in_progress(self) -> float:
+        """Number of pieces of which the shares that are done would make up."""
+        return sum(self._shares)
+
+    def _pool(self, place: int) -> ProcessPoolExecutor:
+        about = self._held, dict(os.environ), self._shares, place
+        return ProcessPoolExecutor(1, self._context, initializer=_begin, initargs=about)
 
     def _submit(self, place: int, function: Shared, piece: Any) -> Future[Any]:
         packed = None if self._has[place] == function.key else function.packed
@@ -103,15 +111,17 @@ class Processes:
 def start_server(modules: Sequence[str]) -> None:
     """Begin to start the server from which processes are forked, unless there is one; on Linux."""
     if METHOD == "forkserver":
-        from multiprocessing import forkserver
+        from multiprocessing import forkserver, resource_tracker
 
+        resource_tracker.ensure_running()  # where it is started first, it lets Ctrl-C through to what starts next
         get_context("forkserver").set_forkserver_preload([*modules, "gapwalk.parallel.in_use"])
         with undisturbed():
             forkserver.ensure_running()
 
 
-def _begin(held: Any, environment: Mapping[str, str]) -> None:
+def _begin(held: Any, environment: Mapping[str, str], shares: Any, place: int) -> None:
     """Begin a process: with the environment of its holder, whose server may have an older one; it ends with it."""
+    pieces.shares, pieces.place = shares, place
     kept = {name: value for name, value in os.environ.items() if name in THREAD_VARIABLES}
     os.environ.clear()
     os.environ.update({**kept, **environment})

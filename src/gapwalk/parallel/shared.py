@@ -9,6 +9,7 @@ from hashlib import sha256
 from typing import Any
 
 from gapwalk.errors import WorkError
+from gapwalk.pieces import tell
 
 _held: dict[bytes, Callable[[Any], Any]] = {}  # in a worker: the function that came last
 
@@ -39,4 +40,7 @@ def do_shared(key: bytes, packed: bytes | None, piece: Any) -> Any:
         function = pickle.loads(packed)
         _held.clear()  # one is enough, for pieces of two functions are hardly ever under way at once
         _held[key] = function
-    return function(piece)
+    try:
+        return function(piece)
+    finally:
+        tell(0.0)

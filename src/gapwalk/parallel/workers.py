@@ -17,6 +17,7 @@ from importlib import import_module
 from typing import Any, NamedTuple, Protocol, TypeVar
 from warnings import warn
 
+from gapwalk import pieces as pieces_of_work
 from gapwalk.errors import WorkError
 from gapwalk.model.registry import extensions
 from gapwalk.parallel.processes import Processes, local_cores
@@ -35,28 +36,35 @@ class Pace:
     total: int
     before: int = 0  #: Parts that an earlier run had done; `done` includes them.
     seconds: float = 0.0  #: Time since this run began.
+    within: float = 0.0  #: Sum of the shares that are done of the parts in progress.
+
+    @property
+    def share(self) -> float:
+        """Share of the work that is done, from 0 to 1."""
+        return min((self.done + self.within) / self.total, 1.0) if self.total else 0.0
 
     @property
     def rate(self) -> float | None:
         """Parts that are done in a second; None before the first."""
-        new = self.done - self.before
+        new = self.done + self.within - self.before
         return new / self.seconds if new > 0 and self.seconds > 0.0 else None
 
     @property
     def left(self) -> float | None:
         """Seconds until the end at the present rate; None while the rate is not known."""
         rate = self.rate
-        return None if rate is None else (self.total - self.done) / rate
+        return None if rate is None else max(self.total - self.done - self.within, 0.0) / rate
 
     def __str__(self) -> str:
         text = f"{self.done} of {self.total}"
         if self.rate is None or self.left is None:
             return text
         speed = f"{self.rate:.3g} a second" if self.rate >= 1.0 else f"{1.0 / self.rate:.3g} s each"
-        return f"{text}, {speed}, {_duration(self.left)} left"
+        return f"{text}, {speed}, {duration(self.left)} left"
 
 
-def _duration(seconds: float) -> str:
+def duration(seconds: float) -> str:
+    """Return a time in words."""
     whole = round(seconds)
     if whole < 60:
         return f"{whole} s"
@@ -128,6 +136,11 @@ class Workers(Here):
     def count(self) -> int:
         """Number of pieces that are worked on at the same time."""
         return 1 if self.executor is None else max(1, self.executor.size)
+
+    @property
+    def in_progress(self) -> float:
+        """Sum of the shares that are done of the pieces in progress, as far as they tell it."""
+        return sum(pieces_of_work.shares) + getattr(self.executor, "in_progress", 0.0)
 
     def prepare(self) -> None:
         """Begin to start other processes while this one prepares the pieces; `each` does so too, but later."""

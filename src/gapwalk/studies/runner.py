@@ -14,6 +14,7 @@ from gapwalk.model.system import System
 from gapwalk.notebook import shows_progress
 from gapwalk.parallel.processes import local_cores
 from gapwalk.parallel.workers import Pace, Workers, for_all, local_workers
+from gapwalk.pieces import tell
 from gapwalk.results.result_file import Parts, lock, reading, undamaged, versions
 from gapwalk.studies.result import (
     Call,
@@ -127,7 +128,10 @@ def _carry_out(
                 count = min(local_cores() if count is None else count, most)
             with local_workers(count) as executor, for_all(executor), closing(work.parts(executor)) as parts:
                 executor.prepare()
+                if begins := getattr(report, "begin", None):
+                    begins(Pace(work.done, work.total, work.done), lambda: executor.in_progress)
                 for found in parts:
+                    tell(0.0)
                     file = file or stack.enter_context(opened())
                     if found.entries:
                         file.write(*found.entries)
