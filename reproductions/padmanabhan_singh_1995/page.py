@@ -325,14 +325,14 @@ HOLDS = (Verdict.LETTER, Verdict.KIND, Verdict.ELSEWHERE)
 FAILING = (
     (
         "<b>Figures 4 and 10:</b> with the printed β = 0.075 the two models differ beyond the first resonance, and "
-        "the flips of 10b stay. The paper's own rule gives β = 0.049, and figure 4 holds; figure 10 wants 0.1.",
+        "the flips of 10b stay. With β = 0.049, which the paper's own rule gives, figure 4 holds; figure 10 needs 0.1.",
         "4-flips",
         "4-beyond",
         "10-gone",
     ),
     (
         "<b>Figures 5 to 7:</b> at the printed loads the contact never opens at Ω = 0.17. With Te1 = 0.37 in place of "
-        "0.25 it does; four impacts and then one are a sliver of Te1, and no broad band is there.",
+        "0.25 it does; four impacts and then one occur only in a very narrow range of Te1, and no broad band is found.",
         "5-double",
         "5-harmonics",
         "6-single",
@@ -347,8 +347,8 @@ FAILING = (
         "17-sequence",
     ),
     (
-        "<b>Figure 27, 0.3 ≤ Te1 ≤ 0.45:</b> not empty. A branch of period 1 runs through, stable over most of it; "
-        "Newton's method seldom converges there.",
+        "<b>Figure 27, 0.3 ≤ Te1 ≤ 0.45:</b> this range is not empty. A branch of period 1 runs through it, stable "
+        "over most of it; Newton's method seldom converges there.",
         "27-nothing",
         "27-aperiodic",
     ),
@@ -374,8 +374,9 @@ FAILING = (
         "11-tori",
     ),
     (
-        "<b>Said too widely:</b> true of a start (3), of what is drawn (13) or of one phase (23); period 1 has a pair "
-        "at high Te1, but the motions are others (29); and figure 4 has flips under a heavy load.",
+        "<b>Too general:</b> some statements are true only of the start of a motion (figure 3), of what is drawn (13) "
+        "or of one phase (23); at high Te1 period 1 has a complex pair, but the motions are not quasi-periodic (29); "
+        "and figure 4 has flips under a heavy load.",
         "3-impacts",
         "13-once",
         "23-others",
@@ -569,9 +570,11 @@ paper says drawn in, each statement with its verdict and one line of numbers, an
 |---|---|---|
 {classes}
 
-What is found at other places than the paper has it ({apart} motions) is apart, and never counted. The parameters are
-those of the tables. Nothing printed is changed in silence: each picture and each verdict says at which numbers it
-holds, and what another number gains and costs is in a table of its own.
+Motions that are found, but not where the paper has them ({apart}), are listed apart and never counted. The parameters
+are those of the tables. Each change of a printed number is stated: pictures and verdicts say at which numbers they
+hold, and a table says which statements another number gains and loses.
+
+In brackets below are the names of the statements on that page (figure and keyword), each with its class.
 
 ## What does not hold as printed, and why
 

@@ -347,7 +347,7 @@ def test_patterns_of_impacts_are_those_of_the_motion() -> None:
         ('{ alike = "half.q1", from = 0.4, to = 0.5 }', "names no other model"),
         ("{ loop = 3, from = 0.4, to = 0.5 }", "write an even period"),
         ('{ motion = "chaotic", hits = "1+/0-" }', "no pattern that repeats"),
-        ('{ point = "flip", from = 0.4, to = 0.5, least = 1.0 }', "least says nothing of a claim about point"),
+        ('{ point = "flip", from = 0.4, to = 0.5, least = 1.0 }', "least has no meaning in a claim about point"),
         ('{ peak = "half.q1", width = "pair", from = 0.4, to = 0.5 }', "a claim names width and peak"),
         ('{ range = "pair" }', "a claim about a branch has no range"),
         ('{ range = "pair", from = 0.4, to = 0.5, period = [1, 3] }', r"period is .1, 3.; write a number"),

@@ -228,5 +228,5 @@ def test_another_method_is_refused():
     class Guess(Method):
         name = "guess"
 
-    with pytest.raises(ModelError, match=r"no locus is followed by the method guess; write Shooting\(\)"):
+    with pytest.raises(ModelError, match=r"a locus cannot be followed by the method guess; write Shooting\(\)"):
         follow_locus(response().special(Kind.FLIP)[0], "frequency", "mean.q1", WIDE, method=Guess())  # pyright: ignore

@@ -349,5 +349,5 @@ def test_pictures_are_drawn_when_the_page_asks_for_them(folder, client) -> None:
     assert (drawn["form"], drawn["content"][:5]) == ("svg", "<?xml")
     missing = client.get("/api/picture", params={**asked, "number": 1})
     assert missing.status_code == 400
-    assert "the answer has 1 pictures, none of the number 1" in missing.json()["error"]
+    assert "the answer has 1 pictures, but none with the number 1" in missing.json()["error"]
     assert answer(client, "rattle")["pictures"] == []

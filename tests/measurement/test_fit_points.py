@@ -126,7 +126,7 @@ def test_a_bound_is_kept_and_a_misfit_is_said(guess, exact) -> None:
         ([("fold", 0.63, 0.001)], NAMES, r"may be that at 0\.63959899 or at 0\.61909755; say which, as in which = 2"),
         ([("fold", 0.619, 1e-3), ("fold", 0.6195, 1e-3)], NAMES, "are both nearest to that at 0.61909755; say which"),
         ([("fold", 0.619, 0.001, 3)], NAMES, "is number 3, but the branch has 2"),
-        ([("grazing", 0.8, 0.001, "stage2")], NAMES, r"is that of stage2; the branch has 1: at 0\.8228"),
+        ([("grazing", 0.8, 0.001, "stage2")], NAMES, r"has which = stage2, but the branch has 1: at 0\.8228"),
         ([("neimark-sacker", 0.6, 0.001)], NAMES, "but the branch has none; it has grazing, flip, fold"),
         ([("folt", 0.6, 0.001)], NAMES, "kind is 'folt'; .*fold"),
         ([("fold", 0.6, 0.0)], NAMES, "error of the .* is .*; it must be a number > 0"),

@@ -121,7 +121,7 @@ def test_a_doubled_branch_leaves_its_flip(branch):
 
 def test_a_flip_is_followed_in_two_parameters_only_by_who_has_a_plane(branch):
     flip, plane = branch.special("flip")[0], ("frequency", "stage2.impact_damping")
-    with pytest.raises(ModelError, match=r"no locus is followed by the method relay; write Shooting\(\)"):
+    with pytest.raises(ModelError, match=r"a locus cannot be followed by the method relay; write Shooting\(\)"):
         gw.follow_locus(flip, *plane, ((0.6, 0.85), (0.04, 0.06)), method=Relay())
     assert len(gw.follow_locus(flip, *plane, ((0.6, 0.85), (0.04, 0.06))).points) > 2
 

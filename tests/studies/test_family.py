@@ -262,6 +262,6 @@ def test_a_stopped_family_goes_on_to_the_same_result(family, tmp_path) -> None:
 def test_a_family_can_be_asked(family) -> None:
     assert repr(family) == "Family(frequency over mean.q3: 3 members; point_paths: 2 of flip, 2 of grazing)"
     assert family["flip-2"].places[0] == Place(0, 0, 2)
-    with pytest.raises(KeyError, match="there is no point_path fold-1; there are grazing-1, flip-1"):
+    with pytest.raises(KeyError, match="there is no special point fold-1; there are grazing-1, flip-1"):
         family["fold-1"]
     assert repr(family.members[0]) == "Member(0.25, 1 branches)"

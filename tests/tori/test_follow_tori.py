@@ -136,5 +136,5 @@ def test_tori_of_a_kept_rotation_number_shrink_to_an_orbit_whose_critical_multip
     assert abs(np.angle(point.multiplier)) / (2.0 * np.pi) == pytest.approx(torus.rotation, abs=1e-6)
     with pytest.raises(ModelError, match="which is the first one"):
         gw.tori.follow_tori(torus, "frequency", 0.673, second=("frequency", (0.6, 0.7)))
-    with pytest.raises(ModelError, match="from a torus on"):
+    with pytest.raises(ModelError, match="only if the walk starts from a torus"):
         gw.tori.follow_tori(point, "frequency", 0.673, second=("harmonic1.amplitude", (0.2, 0.3)))

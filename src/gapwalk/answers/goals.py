@@ -322,7 +322,7 @@ class NoPoint(Goal):
     def __post_init__(self) -> None:
         known = [str(each) for each in Kind.known() if not each.no_locus]
         if str(self.kind) not in known:
-            raise ModelError(f"a goal is without {str(self.kind)!r}; {did_you_mean(str(self.kind), known)}")
+            raise ModelError(f"a goal has no = {str(self.kind)!r}; {did_you_mean(str(self.kind), known)}")
         object.__setattr__(self, "kind", next(each for each in Kind.known() if str(each) == str(self.kind)))
         low, high = self.within
         if not low < high:
@@ -613,7 +613,7 @@ class Resonance(Goal):
             raise ModelError("a goal names a resonance, but no limit; write below = ... or above = ...")
         check_fields(self, " of a resonance")
         if self.at not in _STATES:
-            raise ModelError(f"a resonance is taken at {self.at!r}; {did_you_mean(str(self.at), _STATES)}")
+            raise ModelError(f"at of a resonance is {self.at!r}; {did_you_mean(str(self.at), _STATES)}")
 
     def words(self, system: System, parameter: str) -> str:
         """Describe the goal."""

@@ -34,7 +34,7 @@ def is_by_steps(system: System, by: SweepBy) -> bool:
     if by is SweepBy.STEPS:
         refuse(system.structure.equations)
     if by is SweepBy.CURVES and is_dry:
-        raise ModelError('the exact run-up has no dry friction; write by = "steps", or leave the friction out')
+        raise ModelError('the exact run-up cannot include dry friction; write by = "steps", or leave the friction out')
     return by is SweepBy.STEPS or (by is SweepBy.CHOSEN and (is_dry or is_many(system, usual_gaps(system))))
 
 

@@ -94,7 +94,7 @@ def match_points(specials: Sequence[SpecialPoint], measured: Sequence[MeasuredPo
         listed = _listed(alike, each.value)
         if not alike:
             known = ", ".join(dict.fromkeys(str(special.kind) for special in specials))
-            raise ModelError(f"a {each.words}, but the branch has none; it has {known}")
+            raise ModelError(f"a {each.words} was measured, but the branch has none; it has {known}")
         if isinstance(each.which, int):
             if not 1 <= each.which <= len(alike):
                 raise ModelError(f"a {each.words} is number {each.which}, but the branch has {len(alike)} ({listed})")
@@ -102,7 +102,7 @@ def match_points(specials: Sequence[SpecialPoint], measured: Sequence[MeasuredPo
             continue
         near = [special for special in alike if each.which in ("", special.contact)]
         if not near:
-            raise ModelError(f"a {each.words} is that of {each.which}; the branch has {listed}")
+            raise ModelError(f"a {each.words} has which = {each.which}, but the branch has {listed}")
         near.sort(key=lambda special: abs(special.value - each.value))
         distances = [abs(special.value - each.value) for special in near]
         if len(near) > 1 and distances[1] < _CLEAR * distances[0]:

@@ -439,7 +439,7 @@ class Chance(NamedTuple):
 def chance_of(count: int, samples: int) -> Chance:
     """Return the probability of something that happened `count` times in independent samples."""
     if not 0 <= count <= samples or not samples:
-        raise ModelError(f"count is {count} of {samples} samples; it must be between 0 and their number, above 0")
+        raise ModelError(f"count is {count} of {samples} samples; write samples > 0, and a count from 0 to samples")
     beyond = 0.5 * (1.0 - _CONFIDENCE)  # on either side of the exact interval (Clopper and Pearson 1934)
     low = float(special_functions.betaincinv(count, samples - count + 1, beyond)) if count else 0.0
     high = float(special_functions.betaincinv(count + 1, samples - count, 1.0 - beyond)) if count < samples else 1.0

@@ -463,9 +463,9 @@ class Basins(Shown):
         """Raise a ValueError if its parts do not fit together."""
         labels, count = self.labels, len(self.attractors)
         if labels.ndim != 2 or not labels.size or labels.min() < IMPOSSIBLE or labels.max() >= count:
-            raise ValueError(f"its labels are none of {count} attractors")
+            raise ValueError(f"some of its labels belong to none of its {count} attractors")
         if not np.isfinite(self.axes[0]).all():
-            raise ValueError("its axes are no numbers")
+            raise ValueError("its axes hold values that are not finite")
 
     @property
     def resolution(self) -> tuple[int, int]:

@@ -37,7 +37,7 @@ class Band:
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""
         if self.extremes.ndim != 2 or len(self.extremes) != 3 or self.state.ndim != 1 or self.separations.ndim != 1:
-            raise ValueError("a settled motion has arrays of other shapes")
+            raise ValueError("the arrays of a settled motion have wrong shapes")
 
     @property
     def total(self) -> float:

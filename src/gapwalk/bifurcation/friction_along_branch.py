@@ -973,6 +973,6 @@ def located_again(orbit: Orbit, change: Change) -> Callable[[BranchPoint], float
         try:
             return margin(point.orbit, change, change.theta)[1]
         except LookupError:
-            raise NumericalError("the motion has no phase of friction of the kind there") from None
+            raise NumericalError("the motion has no such phase of slip or stick there") from None
 
     return function

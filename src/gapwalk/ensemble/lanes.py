@@ -67,7 +67,7 @@ class Lanes:
         self._state = aligned((blocks, 2 * n + 2 * len(self.code.dry), WIDTH))
         self._scratch = aligned((4 * n, WIDTH))
         self._notes = aligned((blocks, max(len(self.code.notes), 1), WIDTH))
-        self._kept = len(self.code.begin) - sum(kind == "side" for kind, _ in self.code.notes)  # notes that begin anew
+        self._kept = len(self.code.begin) - sum(kind == "side" for kind, _ in self.code.notes)  # notes that begin again
         arrays = self._numbers, self._state, self._notes
         places = [tuple(each[block].ctypes.data for each in arrays) for block in range(blocks)]
         self._places = [(numbers, state, self._scratch.ctypes.data, notes) for numbers, state, notes in places]

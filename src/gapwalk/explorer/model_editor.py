@@ -208,7 +208,7 @@ def save_text(workspace: Workspace, name: str, text: str, stamp: str) -> dict[st
         new.write_bytes(mark + content.encode("utf-8"))
         os.replace(new, path)
     except UnicodeEncodeError:
-        raise ModelError("the text holds half of a letter, which no file can; delete it") from None
+        raise ModelError("the text contains half of a character, which cannot be saved in a file; delete it") from None
     except OSError as error:
         raise StoreError(f"{name} cannot be written: {error.strerror}") from None
     return {"stamp": _stamp(path)}
@@ -251,7 +251,7 @@ async def edit(session: Session, word: str, body: dict[str, Any]) -> dict[str, A
         found = await asyncio.to_thread(save_text, workspace, name, text, stamp)
         session.events.changed()
         return found
-    raise ModelError(f"{word[:40]!r} is nothing to do with a text; there are {', '.join(WORDS)} and check")
+    raise ModelError(f"{word[:40]!r} is not an action on a text; the actions are {', '.join(WORDS)} and check")
 
 
 async def checks(session: Session, body: dict[str, Any]) -> AsyncIterator[dict[str, Any]]:

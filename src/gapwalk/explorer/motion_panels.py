@@ -271,7 +271,7 @@ def energy_table(motion: Orbit | Settled) -> dict[str, Any]:
     orbit = motion if isinstance(motion, Orbit) else motion.orbit
     try:
         if orbit is None:
-            raise ModelError("this motion does not repeat itself, so its energy does not return")
+            raise ModelError("this motion does not repeat itself, so there is no balance of energy over a period")
         book = energy(_of_small(orbit))
     except GapwalkError as error:
         return {"work": [], "losses": [], "unit": "", "imbalance": 0.0, "reason": str(error)}
@@ -288,7 +288,7 @@ def _of_small(orbit: Orbit) -> Orbit:
     size = orbit.system.size
     if size > _BOOKED:
         raise ModelError(
-            f"the page computes the energy of at most {_BOOKED} coordinates, and here are {size}; in Python: "
+            f"the page computes the energy of at most {_BOOKED} coordinates, and this model has {size}; in Python: "
             "gw.analysis.energy(orbit)"
         )
     return orbit

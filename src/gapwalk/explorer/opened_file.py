@@ -387,7 +387,7 @@ def change_look(exploration: Exploration, key: str, changes: dict[str, Any]) -> 
     except ValidationError as error:
         wrong = "; ".join(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()[:3])
         allowed = f"name (a text), drawn (full, pale, hidden), colour ({', '.join(COLOURS)} or empty), deleted"
-        raise ModelError(f"a result cannot be changed so: {wrong}. What can be changed: {allowed}") from None
+        raise ModelError(f"a result cannot be changed in this way: {wrong}. What can be changed: {allowed}") from None
     look = look.model_copy(update={"name": " ".join(look.name.split())})
     before = {name: getattr(entry.look, name) for name in changes}
     if entry.action is not None:

@@ -53,7 +53,10 @@ class _Script:
         if entry.key in self.names:
             return self.names[entry.key]
         if len(self.names) >= _MOST:
-            raise ModelError(f"this result starts from a chain of more than {_MOST} others; export one of those first")
+            raise ModelError(
+                f"this result was computed from another one, that from a third, and so on: more than {_MOST} results; "
+                "export an earlier one"
+            )
         do = "compute" if entry.action is None else entry.action.do
         number = entry.key.partition("-")[0]
         name = _WORDS.get(do, "branches") + (number if number.isdigit() else "")

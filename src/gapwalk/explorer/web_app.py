@@ -357,7 +357,9 @@ class _Api:
         """Return a picture of an answer by its number; a click on a point waits for one picture at most."""
         wholes, number = self._answer_of(request).picture.wholes, _count(request, "number")
         if number >= len(wholes):
-            raise ModelError(f"the answer has {len(wholes)} pictures, none of the number {number}; reload the page")
+            raise ModelError(
+                f"the answer has {len(wholes)} pictures, but none with the number {number}; reload the page"
+            )
         found: list[dict[str, str]] = []
         await self.session.flows.do_behind([lambda: found.append(drawn_on_paper(wholes[number]))])
         return _Json(found[0])
@@ -426,7 +428,7 @@ class _Api:
             return _Json({"before": await asyncio.to_thread(self.session.change, name, key, body)})
         if word == "clean":
             return _Json({"removed": await asyncio.to_thread(self.session.clean, name)})
-        raise ModelError(f"{word[:40]!r} is nothing to do with a result; there are change and clean")
+        raise ModelError(f"{word[:40]!r} is not an action on a result; the actions are change and clean")
 
     async def edit(self, request: Request) -> Response:
         """Answer the model editor; a check is a stream of lines of JSON, because the response of the text grows."""
@@ -457,7 +459,7 @@ class _Api:
             return _file(text, f"{stem}.csv", "text/csv")
         if what == "result":
             return FileResponse(entry.path, filename=entry.path.name, media_type="application/vnd.sqlite3")
-        raise ModelError(f"there is no {what[:40]!r} to export; there are table, script, model and result")
+        raise ModelError(f"there is no {what[:40]!r} to export; write table, script, model or result")
 
     async def _model(self, request: Request, stem: str) -> Response:
         exploration, place, _ = self._asked(request)
@@ -516,7 +518,7 @@ async def _body(request: Request) -> dict[str, Any]:
     try:
         body = json.loads(await request.body())
     except (ValueError, RecursionError):
-        raise ModelError("the request is no JSON") from None
+        raise ModelError("the request is not JSON") from None
     if not isinstance(body, dict):
         raise ModelError("the request must be a JSON object")
     return body

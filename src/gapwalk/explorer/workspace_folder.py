@@ -230,7 +230,7 @@ def read_record(output: Path) -> dict[str, Any]:
     except (OSError, ValueError, RecursionError) as error:
         raise StoreError(f"{path} cannot be read: {error}") from None
     if not isinstance(record, dict):
-        raise StoreError(f"{path} is no record of a request")
+        raise StoreError(f"{path} is not a record of a request")
     return record
 
 

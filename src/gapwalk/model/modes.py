@@ -115,8 +115,8 @@ def mass_of_energy(system: System, *, strict: bool = False) -> Array:
     """
     if states := states_of(system):
         raise ModelError(
-            f"no energy is known of a system with states without inertia ({', '.join(states)}): its springs and "
-            "dampers in series are not told apart; leave them out, or look at the motion and its multipliers"
+            f"the energy is not known of a system with states without inertia ({', '.join(states)}): its springs and "
+            "dampers in series are not separated; leave them out, or look at the motion and its multipliers"
         )
     n, mass, stiffness = system.size, system.matrix("mass"), system.matrix("stiffness")
     forms = _single(system)

@@ -46,9 +46,9 @@ class PacedMatrices:
         """Raise a ValueError if its parts are inconsistent."""
         prefixes = {block.prefix for block in self.inner.names.blocks}
         if not all(0 <= place < self.inner.size for place in self.massless) or not self.lag >= 0.0:
-            raise ValueError("a coordinate without inertia is none of the coordinates")
+            raise ValueError("the system has no such coordinate without inertia")
         if not {name for name, _ in self.copies} <= prefixes:
-            raise ValueError("a copy is that of no number")
+            raise ValueError("a copied number or vector does not exist in the system")
 
     @property
     def names(self) -> ParameterNames:

@@ -111,7 +111,7 @@ class Energy(Shown):
         own = [each.energy for each in self.losses if each.element == element]
         if not own:
             known = ", ".join(dict.fromkeys(each.element for each in self.losses)) or "there are none"
-            raise ModelError(f"nothing named {element!r} takes energy; elements with losses: {known}")
+            raise ModelError(f"no element named {element!r} loses energy; elements with losses: {known}")
         return sum(own)
 
     @summarizes
@@ -158,7 +158,7 @@ def energy(orbit: Moving) -> Energy:
     0.885799
     """
     if not orbit.period:
-        raise ModelError("a motion without a period has no energy in a period; its stored energy does not return")
+        raise ModelError("a motion that does not repeat has no balance of energy over a period")
     if not getattr(orbit, "is_exact", True):
         raise ModelError(
             "an orbit of harmonic balance neglects higher harmonics, and its energy is not exact; refine it "

@@ -67,7 +67,7 @@ class Method(Bounded):
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> OrbitEquation:
         """Pose the orbits of a system over `period` forcing periods as an equation, optionally along a parameter."""
-        raise NotImplementedError(f"the method {self.name} poses no equation")
+        raise NotImplementedError(f"the method {self.name} has no equation for orbits; its class must define pose()")
 
     def for_loci(self) -> Method:
         """Return the method by which loci are followed from one of its orbits."""

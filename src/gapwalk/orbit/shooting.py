@@ -614,7 +614,7 @@ class TouchEquation:
     def shifted(self, start: Held, depth: float) -> float:
         """Return by how much touches of a depth move the parameter, to first order; for a force that jumps."""
         if not self._jumps:
-            raise ConvergenceError("a force that begins at zero does not move an orbit by its root of a depth")
+            raise ConvergenceError("the contact force begins at zero, so the root of the depth does not move the orbit")
         unknowns = np.append(start.states.ravel(), start.value)
         matrix = self._bordered(start.evaluation, self._depths(unknowns)[1])
         right = -np.append(self._impulses(start, depth), np.zeros(len(self._gauges))) * self._weights

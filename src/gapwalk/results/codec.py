@@ -400,7 +400,7 @@ class OneOf(Column):
                 raise ValueError(f"there is no {tag:.60} here") from None
             found[tag] = iter(column.read(node[tag], tags.count(tag), reader))
         if set(node) - {"is"} != set(found) - {_NONE}:
-            raise ValueError("there is more than is named")
+            raise ValueError("there are more fields than the table names")
         return [next(found[tag]) for tag in tags]
 
     def _tag(self, value: Any) -> str | None:

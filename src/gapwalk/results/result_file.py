@@ -162,8 +162,8 @@ def check_not_newer(path: str | os.PathLike[str], writers: str) -> None:
     newest = max(writers.split(", "), key=_numbers)
     if _numbers(newest) > _numbers(__version__):
         raise StoreError(
-            f"{os.fspath(path)} was written by gapwalk {newest}, and holds what gapwalk {__version__} does not know: "
-            "update gapwalk"
+            f"{os.fspath(path)} was written by gapwalk {newest}, and has contents that "
+            f"gapwalk {__version__} does not know: update gapwalk"
         )
 
 

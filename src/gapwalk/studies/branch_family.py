@@ -423,7 +423,7 @@ class Family(Shown):
             if point_path.name == name:
                 return point_path
         raise KeyError(
-            f"there is no point_path {name}; there are {', '.join(each.name for each in self.point_paths) or 'none'}"
+            f"there is no special point {name}; there are {', '.join(each.name for each in self.point_paths) or 'none'}"
         )
 
     def __repr__(self) -> str:
@@ -526,7 +526,7 @@ class FamilyWork(Work):
         self.members, self.connections = dict(known.all(MEMBER)), dict(known.all(JOINTS))
         for number, member in self.members.items():
             if member.number != number or not 0 <= number < self.count:
-                raise ValueError(f"member {number} calls itself {member.number}")
+                raise ValueError(f"member {number} has the number {member.number}")
         if any(not 0 <= number < self.count - 1 for number in self.connections):
             raise ValueError("the file has connections of members that it does not contain")
 

@@ -76,7 +76,7 @@ class CellWork(Work):
             for _, chunk in known.all(self.chunk_part):
                 self._add(chunk)
         elif self._whole.resolution != self.resolution:
-            raise ValueError(f"its resolution is {self._whole.resolution}")
+            raise ValueError(f"its resolution is {self._whole.resolution}, not that of the study")
 
     def parts(self, workers: Workers) -> Generator[Found]:
         """Do the remaining chunks; then check the results with the exact flow."""

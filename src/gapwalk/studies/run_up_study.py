@@ -370,7 +370,7 @@ class RunUpStudy(StudyKind):
         ramp = [key for key in ("begin", "end", "rate") if values.get(key) in (None, ())]
         if trace is not None:
             if len(ramp) < 3 or values.get("hold") or values.get("steps"):
-                raise ModelError("trace gives the speed already; leave from, to, rate, steps and hold out")
+                raise ModelError("trace already gives the speed; leave out from, to, rate, steps and hold")
             values |= {"times": tuple(trace.time.tolist()), "speeds": tuple(trace.speed.tolist())}
         elif ramp:
             names = {"begin": "from", "end": "to", "rate": "rate"}

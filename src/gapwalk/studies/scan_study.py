@@ -330,7 +330,7 @@ class ClaimTable:
         useful |= dict.fromkeys(("least", "most", "larger_than", "smaller_than"), ("width", "peak", "place"))
         for key, users in useful.items():
             if getattr(self, key) not in (None, "", 0.0) and name not in users:
-                raise ModelError(f"{key} says nothing of a claim about {name}; it belongs to {' or '.join(users)}")
+                raise ModelError(f"{key} has no meaning in a claim about {name}; it belongs to {' or '.join(users)}")
 
     def claim(self, system: System) -> AnyClaim:
         """Return the claim that it describes."""

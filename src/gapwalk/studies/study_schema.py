@@ -404,7 +404,7 @@ def _union(arguments: tuple[Any, ...]) -> Any:
             by_shape(list=list, one=object),
         ]
     elif len(rest) > 1:
-        raise TypeError(f"{arguments} has no type in a table; give one in table_types")
+        raise TypeError(f"{arguments} needs a type for the table of the study; add one to table_types")
     return Optional[found] if len(rest) < len(arguments) else found  # noqa: UP045 (what | does not take)
 
 

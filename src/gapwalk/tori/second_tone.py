@@ -76,7 +76,8 @@ class Tone:
         old = system.structure
         if old.assembly is not None:
             raise ModelError(
-                "a tone acts on the equations of motion of a drive train; write tone.onto(system.equations)"
+                "a tone cannot act on a drive train itself, but on its equations of motion; write "
+                "tone.onto(system.equations)"
             )
         load = f"{self.name}_load"
         taken = {*system.coordinates, *(each.name for each in (*old.contacts, *old.harmonics))} & {self.name, load}

@@ -155,7 +155,9 @@ def starts_at(
 ) -> list[TorusStart]:
     """Return the beginnings of the family of a torus in each direction, or of the tori next to a special point."""
     if not isinstance(start, Torus) and second is not None:
-        raise ModelError("a rotation number can be kept from a torus on; give one of the tori of a family")
+        raise ModelError(
+            "a rotation number can be kept only if the walk starts from a torus; give one of the tori of a family"
+        )
     if isinstance(start, TorusEvent):
         return [_doubled(start, parameter, within, options, walk)]
     if isinstance(start, SpecialPoint):

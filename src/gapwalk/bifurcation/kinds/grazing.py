@@ -261,7 +261,7 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, switc
     point = interval.at(root)
     if _is_torn(interval, richer, point, switch):
         raise NumericalError(
-            "the orbits on both sides of a graze are no neighbours: the branch turns back between them"
+            "the orbits on both sides of a graze are not neighbours: the branch turns back between them"
         )
     return Graze(point, switch, tracked[root][0], 1e-12)
 

@@ -406,7 +406,7 @@ def _started(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Rang
 @singledispatch
 def plane_of(method: Method, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane:
     """Return the plane of orbits of two parameters that contains an orbit, with the discretisation of a method."""
-    raise ModelError(f"no locus is followed by the method {method.name}; write Shooting() or Balance()")
+    raise ModelError(f"a locus cannot be followed by the method {method.name}; write Shooting() or Balance()")
 
 
 @plane_of.register(Shooting)

@@ -553,7 +553,7 @@ class Train:
             if name not in form.names or last in ("inertia", "ratio", "frequency", "clearance", "phase"):
                 known = [each for each in form.names if each.rpartition(".")[2] in ("stiffness", "damping", "limit")]
                 hint = did_you_mean(name, known)
-                raise ModelError(f"over_speed names {name!r}, which is no number that can vary; {hint}")
+                raise ModelError(f"over_speed names {name!r}, which is not a number that can vary; {hint}")
             factor = FactorOverSpeed(text)
             yield name, factor.in_train(self.units) if self.units else factor
 

@@ -95,11 +95,11 @@ class TrainForm:
         ends = [end for link in self.links for end in link.ends]
         inertias = [number for torque in self.torques for number in torque.acts_on]
         if not all(0 <= end <= self.ground for end in ends):
-            raise ValueError("a link of the train ends nowhere")
+            raise ValueError("a link of the train has an end that is not a part")
         if not all(0 <= number < self.ground for number in (*inertias, self.reaction or 0)):
             raise ValueError("a torque acts on no inertia")
         if not all(0 <= link < len(self.links) for torque in self.torques for link, _ in torque.displaces):
-            raise ValueError("a displacement is that of no link")
+            raise ValueError("a displacement belongs to none of the links")
 
     @property
     def ground(self) -> int:

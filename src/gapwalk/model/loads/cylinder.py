@@ -300,6 +300,6 @@ def _check_size(curves: CurveMap, scale: float, is_relative: bool, heads: Sequen
     if peak > _HIGHEST or (peak < _LOWEST and not is_relative):
         units = sorted({head.unit for head in heads if head.is_of(QuantityKind.PRESSURE)})
         raise ModelError(
-            f"its pressure reaches {peak:.4g} Pa, that of no cylinder; its unit {', '.join(units)} may be wrong: name "
-            "the column pressure (bar), (MPa) or (Pa)"
+            f"its pressure reaches {peak:.4g} Pa, which no cylinder has; its unit {', '.join(units)} may be wrong: "
+            "name the column pressure (bar), (MPa) or (Pa)"
         )

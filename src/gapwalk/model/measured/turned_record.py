@@ -81,7 +81,9 @@ class TurnedRecord:
         smooth = self._smooth(at_ends, ends)
         steady = smooth(self.time)
         if np.any(np.diff(steady) <= 0.0):
-            raise ModelError("the mean speed of its periods changes so fast that they are none; cut the record")
+            raise ModelError(
+                "the mean speed changes so fast from period to period that the record has no orders; cut it"
+            )
         values = _spline(steady, self.angle - steady if signal is None else signal)
         within = int(max(np.count_nonzero((steady >= ends[k]) & (steady < ends[k + 1])) for k in chosen))
         count = min(max(2 ** math.ceil(math.log2(within)), 16), _FINEST)
@@ -123,8 +125,8 @@ class TurnedRecord:
         if np.ptp(speeds) > _STEADY * np.mean(speeds):
             ends = f"{_said(speeds.min(), self.unit)} to {_said(speeds.max(), self.unit)}"
             raise ModelError(
-                f"its speed goes from {ends}, so its orders are not one set; say at which speed they are wanted, as in "
-                f"speed = {_key(float(np.median(speeds)), self.unit)}"
+                f"its speed goes from {ends}, so its orders differ from speed to speed; say at which speed they are "
+                f"wanted, as in speed = {_key(float(np.median(speeds)), self.unit)}"
             )
         return np.arange(len(speeds))
 

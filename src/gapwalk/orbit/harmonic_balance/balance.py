@@ -112,9 +112,9 @@ class BalancedOrbit(Orbit):
         series = (self.series, self.deflections)
         rows, widths = zip(*(each.lines.shape for each in series), strict=True)
         if rows != (self.system.size, deflections_in(self.system.structure)) or not 0 < min(widths) == max(widths):
-            raise ValueError("the lines of an orbit are not those of its coordinates and contacts")
+            raise ValueError("the Fourier series of an orbit do not fit its coordinates and contacts")
         if any(each.period != self.period for each in series):
-            raise ValueError("the lines of an orbit are those of another period")
+            raise ValueError("the Fourier series of an orbit have another period than the orbit")
 
     @property
     def harmonics(self) -> int:
