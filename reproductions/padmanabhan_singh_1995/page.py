@@ -34,8 +34,9 @@ from reproductions.padmanabhan_singh_1995.today import CHECKED, EXPONENTS, FIFTY
 
 _DEMANDS = (
     "Equations 10 and 11 of the paper make the eight numbers K and C of each row from few: three inertias, two "
-    "stiffnesses, two dampers and the ratio of the widths bc; equation 14 makes both mean loads from one torque. So some ratios are the same in every row, whatever the machine is. The printed rows do not keep them. No "
-    "one machine has all rows, and where a figure needs numbers of another row, the method need not be at fault."
+    "stiffnesses, two dampers and the ratio of the widths bc; equation 14 makes both mean loads from one torque. So "
+    "some ratios are the same in every row, whatever the machine is. The printed rows do not keep them. No one machine "
+    "has all rows, and where a figure needs numbers of another row, the method need not be at fault."
 )
 
 _MACHINE = (
@@ -443,7 +444,7 @@ FAILING = (
     ),
     (
         "<b>Too general:</b> some statements are true only of the start of a motion (figure 3), of what is drawn (13) "
-        "or of one phase (23); at high Te1 period 1 is past a Hopf (complex pair), but the motions are not quasi-periodic (29); "
+        "or of one phase (23); at high Te1 period 1 is past a Hopf (complex pair), but no torus is found (29); "
         "and figure 4 has flips under a heavy load.",
         "3-impacts",
         "13-once",

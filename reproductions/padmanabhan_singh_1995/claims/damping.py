@@ -363,8 +363,8 @@ def _broader(viscous: gw.Result, impact: gw.Result) -> Finding:
         shares.append(float(np.linalg.norm(heights[_HIGH - 1 :]) / np.linalg.norm(heights)))
     return Finding(
         min(counts) >= 10 and shares[0] > shares[1],
-        f"viscous {counted(counts[0], 'line')} above {_NOTABLE:.0%}, share from harmonic {_HIGH} on {shares[0]:.2f}; impact "
-        f"{counts[1]}, {shares[1]:.2f}",
+        f"viscous {counted(counts[0], 'line')} above {_NOTABLE:.0%}, share from harmonic {_HIGH} on {shares[0]:.2f}; "
+        f"impact {counts[1]}, {shares[1]:.2f}",
     )
 
 

@@ -414,7 +414,8 @@ def _cascade(result: gw.Result, close: gw.Result) -> Finding:
     first = max(stages, key=lambda each: each.width, default="none")
     return Finding(
         bool(stable and four) and on_four > 0,
-        f"{counted(len(twice), 'branch')} of period 2 (stable at {first}), {len(four)} of period 4 with {counted(on_four, 'flip')}",
+        f"{counted(len(twice), 'branch')} of period 2 (stable at {first}), {len(four)} of period 4 with "
+        f"{counted(on_four, 'flip')}",
         f"period 1 is unstable by a flip at {words(flipped(main_branch(result)))}; stable period 2: {words(stable)}",
     )
 

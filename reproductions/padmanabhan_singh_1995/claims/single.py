@@ -365,7 +365,8 @@ def _parts(*results: gw.Result) -> Finding:
     widest = [max(found, key=lambda each: each.width) for found in (pairs, flips) if found]
     return Finding(
         bool(pairs and flips and folds),
-        f"{counted(len(pairs), 'range')} with a pair, {len(flips)} beyond −1, {counted(len(folds), 'fold')}; widest {words(widest)}",
+        f"{counted(len(pairs), 'range')} with a pair, {len(flips)} beyond −1, {counted(len(folds), 'fold')}; "
+        f"widest {words(widest)}",
         f"pairs {words(sorted(pairs))}; doubled {words(sorted(flips))}; folds {words(folds)}",
     )
 
@@ -377,7 +378,8 @@ def _cascade(result: gw.Result) -> Finding:
     further = sum(len(values(member.branch, gw.Kind.FLIP)) for member in doubled)
     return Finding(
         bool(stable) and further > 0,
-        f"{counted(len(doubled), 'branch')} of period 4, stable over {_sum(stable):.2g} in all, with {counted(further, 'flip')}",
+        f"{counted(len(doubled), 'branch')} of period 4, stable over {_sum(stable):.2g} in all, with "
+        f"{counted(further, 'flip')}",
         f"stable at {words(sorted(stable))}",
     )
 
