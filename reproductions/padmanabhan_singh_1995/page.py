@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import gapwalk as gw
-from reproductions.padmanabhan_singh_1995.claims import Claim, Outcome, Trade, Verdict, counts
+from reproductions.padmanabhan_singh_1995.claims import CLAIMS, Claim, Outcome, Trade, Verdict, counts
 from reproductions.padmanabhan_singh_1995.figures import Figure
 from reproductions.padmanabhan_singh_1995.jobs import CHANGES
 from reproductions.padmanabhan_singh_1995.panels import (
@@ -122,7 +122,8 @@ td::before { display: none; }
 @media (max-width: 62rem) { .card { grid-template-columns: minmax(0, 1fr); }
   .card > div + div { order: -1; } }
 @media (max-width: 34rem) { body { padding: .9rem .7rem 2rem; } section, article { padding: .9rem .85rem; }
-  h1 { font-size: 1.35rem; } .lead { font-size: 1rem; } .failing { columns: 1; }
+  h1 { font-size: 1.35rem; } .lead { font-size: .95rem; line-height: 1.35; }
+  .bar { margin: .6rem 0 .4rem; } .failing { columns: 1; font-size: .88rem; } .failing .numbers { display: inline; }
   .figures { grid-template-columns: repeat(2, 1fr); gap: .5rem; } .figures article { padding: .45rem .5rem; }
   .figures article:has(> details[open]) { padding: .7rem .6rem; }
   .classes { grid-template-columns: 1fr; } figcaption { min-height: 0; }
@@ -314,7 +315,7 @@ def _head(report: Report) -> str:
         rules += f'<li class="{_COLOUR[Verdict.ELSEWHERE]}">{words}</li>'
     return (
         f'<section id="summary-of-all"><p class="lead">{_lead(found)}</p><div class="bar">{bar}</div>'
-        f'<p class="soft">{names}</p>{_agree(report)}{_failing(report.checked)}'
+        f'<p class="soft">{names}</p>{_failing(report.checked)}{_agree(report)}'
         f'<details><summary>What the classes mean</summary><ul class="classes">{rules}</ul></details>'
         f"<details><summary>What the words mean</summary>{_WORDS}</details></section>"
     )
@@ -344,10 +345,9 @@ def _lead(found: Any) -> str:
     changed = number[Verdict.OTHER_NUMBER] + number[Verdict.OTHER_NUMBERS]
     return (
         f"Of {found.statements} statements of the paper, <b>{number[Verdict.LETTER]} hold</b> at the printed numbers "
-        f"and <b>{number[Verdict.KIND]} partly</b> (in kind: the feature is there, a number is off); "
-        f"{number[Verdict.OTHER_READING]} hold with a formula as printed and <b>{changed}</b> once numbers of the "
-        f"tables are changed. <b>{number[Verdict.EXPLAINED]}</b> do not hold, and one can see why; "
-        f"<b>{number[Verdict.NOT_FOUND]}</b> were not found, and {number[Verdict.LOST]} cannot be tested."
+        f"and <b>{number[Verdict.KIND]} partly</b>, {number[Verdict.OTHER_READING]} with a formula as printed, "
+        f"<b>{changed}</b> with other numbers in the tables. <b>{number[Verdict.EXPLAINED]}</b> do not hold, and one "
+        f"can see why; <b>{number[Verdict.NOT_FOUND]}</b> were not found; {number[Verdict.LOST]} cannot be tested."
     )
 
 
@@ -588,7 +588,9 @@ _RUN_AWAY = (
 def _cells(trade: Trade) -> tuple[str, ...]:
     number = trade.candidate.reading.number
     names = (", ".join(each) or "–" for each in (trade.gained, trade.lost, trade.kept, trade.missed))
-    return ", ".join(number.cases) if number else "all, as a formula is read otherwise", *names
+    reading, known = trade.candidate.reading, [claim for claim in CLAIMS if claim.name in trade.candidate.claims]
+    weighed = [job.case for claim in known for job in claim.jobs_in(reading) if job.reading == reading]
+    return ", ".join(number.cases if number else dict.fromkeys(weighed)), *names
 
 
 def _today(report: Report, folder: Path | None) -> str:

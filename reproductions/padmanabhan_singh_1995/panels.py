@@ -203,12 +203,13 @@ class Isolated(Response):
         for name, branch in zip(("larger loop", "smaller loop"), loops, strict=False):
             heights, middle = branch.measure(MEASURE), 0.5 * float(branch.values.min() + branch.values.max())
             if name == "larger loop":  # inside, where no other curve is
-                _write(ax, name, (middle, float(np.median(heights))), "center", 0.0)
+                inside = heights[np.abs(branch.values - middle) < 0.2 * float(np.ptp(branch.values))]
+                _write(ax, name, (middle, 0.5 * float(inside.min() + inside.max())), "center", -5.0)
                 continue
             arrow: Any = {"arrowstyle": "-", "color": _PAPER, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 0.0}
             low = float(heights.min())
-            style: Any = {"color": _PAPER, "fontsize": "small", "ha": "center", "va": "top", "arrowprops": arrow}
-            ax.annotate(name, (middle, low), xytext=(0.68, 0.55 * low), **style)
+            style: Any = {"color": _PAPER, "fontsize": "small", "ha": "right", "va": "top", "arrowprops": arrow}
+            ax.annotate(name, (middle, low), xytext=(0.8, 0.55 * low), **style)
 
 
 class Balance(Response):
@@ -220,7 +221,7 @@ class Balance(Response):
         """Draw the branches of the first result, and points of the second, spread evenly along the branch."""
         gw.plot.draw(_shortest(results[0]), MEASURE, ax=ax, labels=False, legend=False)
         other = results[1].branches[0]
-        style: Any = {"ls": "none", "marker": "x", "markersize": 4.2, "mec": _BALANCED, "zorder": 6}
+        style: Any = {"ls": "none", "marker": "x", "markersize": 3.0, "mec": _BALANCED, "zorder": 6}
         ax.plot(other.values, other.measure(MEASURE), markevery=0.03, label="harmonic balance", **style)
         ax.legend(loc="upper right")
 

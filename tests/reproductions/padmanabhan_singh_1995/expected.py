@@ -13,8 +13,8 @@ def verdict_of(text: str) -> Verdict:
 EXPECTED = {
     "1-viscous": "to the letter",
     "1-impact": "to the letter",
-    "3-acceleration": "in kind (5.1% apart, 30% over the start)",
-    "3-force": "in kind (15.6% apart, 25% over the start)",
+    "3-acceleration": "in kind (5.1% apart, 29% over the start)",
+    "3-force": "in kind (15.6% apart, 28% over the start)",
     "3-impacts": "explained (the figure shows a start)",
     "4-matched": "in kind (off by 35%)",
     "4-folds": "in kind (2 of 4 folds are 5.3% and 6.4% apart)",
