@@ -58,7 +58,8 @@ def test_its_figures_are_those_that_the_tests_measure() -> None:
         ("one number changed", "at one other number"),
         ("several numbers changed", "at several"),
         ("explained", "do not, which is explained"),
-        ("open", "are open"),
+        ("not found", "were not found"),
+        ("cannot be tested", "cannot be tested"),
     ):
         assert f"{rows[name]} {words}" in said
     for figure in ("2e-12 compared with the closed form", "1e-12 in the parameter", "1,449 special points"):
