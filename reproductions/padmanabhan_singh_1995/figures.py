@@ -8,7 +8,17 @@ from difflib import get_close_matches
 from typing import Any
 
 import gapwalk as gw
-from reproductions.padmanabhan_singh_1995.jobs import AS_PRINTED, CHANGES, JOBS, LITERAL, USUAL, Job, Reading
+from reproductions.padmanabhan_singh_1995.jobs import (
+    AS_PRINTED,
+    CHANGES,
+    JOBS,
+    LITERAL,
+    USUAL,
+    Job,
+    Reading,
+    changed_numbers,
+    in_words,
+)
 from reproductions.padmanabhan_singh_1995.panels import (
     Balance,
     Fact,
@@ -26,7 +36,7 @@ from reproductions.padmanabhan_singh_1995.panels import (
     Torque,
     Within,
 )
-from reproductions.padmanabhan_singh_1995.quantities import IMPACT, VISCOUS
+from reproductions.padmanabhan_singh_1995.quantities import IMPACT, START, VISCOUS
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,17 +145,22 @@ _TENTH = CHANGES["beta-0.1"]
 _EXCHANGED = CHANGES["exchanged"]
 _ALONE = CHANGES["k11-0"]
 
-_HALF = Fact("paper: half the main peak", 0.5, of_peak="share")
+_HALF = Fact("paper: half the main peak's frequency", 0.5, of_peak="share")
 _PARTS = tuple(Fact(f"1/{part}", 1.0 / part, of_peak="share") for part in (4, 3, 2))
 _SMALL = (0.15, 0.35)
 _NOTHING = Fact("paper: nothing found", 0.3, 0.45)
-_SCALE: Any = {"heights": (0.1, 50.0), "log": True}
+_SCALE: Any = {"heights": (0.02, 50.0), "log": True}
 _LAWS = {VISCOUS: "4b", IMPACT: "4a"}
+_STATES = (-2.0, 2.0)
 _BEYOND = (0.75, 1.8)
 _SUPERHARMONIC = ("about the superharmonic resonance", (0.24, 0.36))
 _RAISED = ("7-viscous-raised", "7-impact-raised")
 _VERY_LOW = "Tm1 = Tm2 = 0.05, Ω = 0.35"
-_BOTH: Any = {"jobs": _RAISED, "names": (VISCOUS, IMPACT), "reading": _MORE}
+_DAMPERS = {
+    name: in_words(changed_numbers(gw.paper.case(JOBS[name].case), JOBS[name].study.system)) for name in _RAISED
+}
+_CHOSEN = f"{_MORE.differs}, {', '.join(_DAMPERS.values())}"
+_BOTH: Any = {"jobs": _RAISED, "names": (VISCOUS, IMPACT), "reading": _MORE, "at": _CHOSEN}
 _LOW = ("low frequencies", (0.15, 0.42))
 
 FIGURES = (
@@ -175,7 +190,7 @@ FIGURES = (
                 names=(VISCOUS, IMPACT),
                 letter=letter,
                 signal=signal,
-                periods=16,
+                periods=START,
                 from_rest=True,
                 facts=facts,
             )
@@ -195,8 +210,8 @@ FIGURES = (
             _response("4a", "impact damping, β by the paper's rule", "", reading=_RULE, **_SCALE),
             _overlay("", "beyond the first resonance, β = 0.075", _BEYOND, _LAWS),
             _overlay("", "beyond the first resonance, β by the paper's rule", _BEYOND, _LAWS, reading=_RULE),
-            _loops("4a", "period 2, β by the paper's rule", "", (0.58, 0.76), reading=_RULE, most=2),
-            _loops("4b", "period 2, viscous damping", "", (0.58, 0.76), most=2),
+            _loops("4a", "period 2, β by the paper's rule", "", (0.58, 0.76), reading=_RULE, most=2, heights=_STATES),
+            _loops("4b", "period 2, viscous damping", "", (0.58, 0.76), most=2, heights=_STATES),
         ),
     ),
     Figure(
@@ -205,7 +220,11 @@ FIGURES = (
         _impacts(
             "5",
             History(
-                title="four peaks, then a touch on the other side", jobs=("5-start",), signal="stage2", reading=_FOUR
+                title="four peaks, then a touch on the other side",
+                jobs=("5-start",),
+                signal="stage2",
+                reading=_FOUR,
+                lowest=True,
             ),
         ),
         kind="settled motion",
@@ -229,6 +248,7 @@ FIGURES = (
                     jobs=(job,),
                     names=(name,),
                     reading=_MORE,
+                    at=f"{_MORE.differs}, {_DAMPERS[job]}",
                     periods=2,
                     signal="q1''",
                 )
@@ -367,7 +387,11 @@ FIGURES = (
     Figure(
         "20",
         "A second harmonic of the excitation, in phase and 120 degrees ahead.",
-        (_response("20a", "φ = 0", "a", facts=(_HALF,)), _response("20b", "φ = 120°", "b", facts=(_HALF,))),
+        (
+            _response("20a", "φ = 0", "a", facts=(_HALF,)),
+            _response("20b", "φ = 120°", "b", facts=(_HALF,)),
+            _response("20b", f"φ = 120°, {_SUPERHARMONIC[0]}", "", _SUPERHARMONIC[1]),
+        ),
     ),
     Figure(
         "21",

@@ -407,15 +407,23 @@ _SHOWN = (  # in figures
 
 _RAISED = {"7-viscous": dict(_c11(0.08)), "7-impact": {_BETA: 0.40}}  # not printed: chosen so that the forces match
 
+TORI = (0.58, 0.6, 0.61, 0.62, 0.81)
+"""Frequencies at which the claim on the tori of figure 11b integrates."""
+
 _CHECKED = (  # in claims only
     _motion("5", signal="stage2"),
     _motion("6", "6-near-rest", _NEAR),
     _motion("6", signal="stage2"),
     *(_branches(case, f"{case}-response") for case in ("5", "6")),
     *(_motion(case, f"{case}-raised", changes) for case, changes in _RAISED.items()),
-    *(_motion("11b", f"11b-{value}", {"frequency": value}, effort=1.5) for value in (0.61, 0.81)),
+    *(_motion("11b", f"11b-{value}", {"frequency": value}, effort=1.5) for value in TORI),
     # The sets of figures 27 and 13 have the same numbers but for the second harmonic.
     _branches("27", "13-dual", changes={_AMPLITUDE: 0.25}),
+    *(
+        _branches("27", f"13-dual-{turn}", changes={_AMPLITUDE: 0.25, "harmonic2.phase": math.radians(turn)})
+        for turn in (120, 180)
+    ),
+    _branches("27", "15-dual", changes={_AMPLITUDE: 0.5}, effort=4.0),
     _motion("15", "15-0.4", {"frequency": 0.4}, effort=2.0),
     _motion("17"),
     _motion("18"),

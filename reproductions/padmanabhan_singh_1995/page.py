@@ -5,26 +5,38 @@ from __future__ import annotations
 import base64
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import gapwalk as gw
-from reproductions.padmanabhan_singh_1995.claims import Claim, Outcome, Trade, Verdict, counts
+from reproductions.padmanabhan_singh_1995.claims import CLAIMS, Claim, Outcome, Trade, Verdict, counts
 from reproductions.padmanabhan_singh_1995.figures import Figure
 from reproductions.padmanabhan_singh_1995.jobs import CHANGES
-from reproductions.padmanabhan_singh_1995.panels import PERIODS, Hysteresis, Loops, Panel, Response
-from reproductions.padmanabhan_singh_1995.quantities import LOOPS
+from reproductions.padmanabhan_singh_1995.panels import (
+    PERIODS,
+    ForceLoop,
+    History,
+    Hysteresis,
+    Loops,
+    Panel,
+    Response,
+    Torque,
+)
+from reproductions.padmanabhan_singh_1995.quantities import LOOPS, counted
 from reproductions.padmanabhan_singh_1995.report import Report
 from reproductions.padmanabhan_singh_1995.tables import demands
 from reproductions.padmanabhan_singh_1995.today import CHECKED, EXPONENTS, FIFTY, exponents
 
 _DEMANDS = (
-    "Equations 10 and 11 of the paper make ten numbers of each row from few: three inertias, two stiffnesses, two "
-    "dampers. So some ratios are the same in every row, whatever the machine is. The printed rows do not keep them. No "
-    "one machine has all rows, and where a figure needs numbers of another row, the method need not be at fault."
+    "Equations 10 and 11 of the paper make the eight numbers K and C of each row from few: three inertias, two "
+    "stiffnesses, two dampers and the ratio of the widths bc; equation 14 makes both mean loads from one torque. So "
+    "some ratios are the same in every row, whatever the machine is. The printed rows do not keep them. No one machine "
+    "has all rows, and where a figure needs numbers of another row, the method need not be at fault."
 )
 
 _MACHINE = (
@@ -44,7 +56,7 @@ _STYLE = """
 @media (prefers-color-scheme: dark) { :root { --ink: #e7e6e1; --page: #131416; --soft: #a3a5a8; --line: #34363a;
   --card: #1c1e21; --fact: #dd9be0; --link: #7db9f3; --c0: #3ec296; --c1: #93cf6c; --c2: #74b4f2; --c3: #b9a0f0;
   --c4: #ea97d5; --c5: #dfb74c; --c6: #f58b6a; --c7: #b8babd; --c8: #a3a5a8; }
-  img { filter: invert(0.9) hue-rotate(180deg); } }
+  img, .legend svg { filter: invert(0.9) hue-rotate(180deg); } }
 * { box-sizing: border-box; } html { scroll-behavior: smooth; }
 body { margin: 0 auto; max-width: 80rem; padding: 1.6rem 1.5rem 3rem; color: var(--ink); background: var(--page);
   font: 16px/1.5 system-ui, "Segoe UI", "Helvetica Neue", Arial, sans-serif; overflow-wrap: break-word; }
@@ -56,7 +68,7 @@ code { font: .86em ui-monospace, Menlo, Consolas, monospace; background: var(--p
   padding: .1em .35em; overflow-wrap: anywhere; }
 .name { color: var(--own); } .lead { font-size: 1.1rem; } .soft { color: var(--soft); font-size: .88rem; }
 section, article { background: var(--card); border: 1px solid var(--line); border-radius: 10px;
-  padding: 1.1rem 1.3rem; margin: 0 0 1.2rem; scroll-margin-top: .6rem; }
+  padding: 1.1rem 1.3rem; margin: 0 0 1.2rem; } [id] { scroll-margin-top: 4rem; }
 article > p { margin-top: 0; }
 .c0 { --own: var(--c0); } .c1 { --own: var(--c1); } .c2 { --own: var(--c2); } .c3 { --own: var(--c3); }
 .c4 { --own: var(--c4); } .c5 { --own: var(--c5); } .c6 { --own: var(--c6); } .c7 { --own: var(--c7); }
@@ -78,7 +90,8 @@ article > p { margin-top: 0; }
 .figures summary img { display: block; width: 100%; height: auto; aspect-ratio: 5 / 4; object-fit: contain;
   background: #fff; border-radius: 4px; margin: .35rem 0; }
 .figures details[open] > summary img { display: none; }
-.figures article > details[open] > summary { font-size: 1.2rem; }
+.figures article > details[open] > summary { font-size: 1.2rem; position: sticky; top: 0; z-index: 2;
+  background: var(--card); padding: .5rem 0; }
 .marks { display: flex; gap: 2px; height: 7px; } .marks b { flex: 1; background: var(--own); border-radius: 2px;
   max-width: 1.6rem; } section > details > summary h2 { display: inline; color: var(--ink); }
 section > details { font-size: 1rem; margin: 0; }
@@ -93,7 +106,7 @@ figcaption .at { border: 1px solid currentColor; border-radius: 20px; padding: 0
   color: var(--c3); white-space: normal; }
 .legend { display: flex; flex-wrap: wrap; gap: .1rem 1rem; font-size: .78rem; color: var(--soft); margin: .6rem 0 0; }
 .legend span { display: inline-flex; align-items: center; gap: .35rem; }
-.legend svg { width: 30px; height: 10px; flex: none; overflow: visible; fill: none; } .open { fill: var(--card); }
+.legend svg { width: 30px; height: 10px; flex: none; overflow: visible; fill: none; color: #000; } .open { fill: #fff; }
 .fact { color: var(--fact); }
 ul.claims { list-style: none; margin: 0; padding: 0; font-size: .92rem; line-height: 1.42; }
 ul.claims li { border-left: 4px solid var(--own); padding: 0 0 0 .75rem; margin: 0 0 1rem; }
@@ -109,7 +122,8 @@ td::before { display: none; }
 @media (max-width: 62rem) { .card { grid-template-columns: minmax(0, 1fr); }
   .card > div + div { order: -1; } }
 @media (max-width: 34rem) { body { padding: .9rem .7rem 2rem; } section, article { padding: .9rem .85rem; }
-  h1 { font-size: 1.35rem; } .lead { font-size: 1rem; } .failing { columns: 1; }
+  h1 { font-size: 1.35rem; } .lead { font-size: .95rem; line-height: 1.35; }
+  .bar { margin: .6rem 0 .4rem; } .failing { columns: 1; font-size: .88rem; } .failing .numbers { display: inline; }
   .figures { grid-template-columns: repeat(2, 1fr); gap: .5rem; } .figures article { padding: .45rem .5rem; }
   .figures article:has(> details[open]) { padding: .7rem .6rem; }
   .classes { grid-template-columns: 1fr; } figcaption { min-height: 0; }
@@ -141,7 +155,7 @@ _HTML = """<!doctype html>
 """
 
 _SAMPLES = {
-    "stable": ("stable", '<path d="M0 5H30" stroke="var(--ink)" stroke-width="2.2"/>'),
+    "stable": ("stable", '<path d="M0 5H30" stroke="#000" stroke-width="2.2"/>'),
     "flip": (
         "unstable, a multiplier beyond −1 (open triangles on it)",
         '<path d="M0 5H30" stroke="#D55E00" stroke-width="1.6" stroke-dasharray="6 2"/>'
@@ -158,7 +172,7 @@ _SAMPLES = {
         '<circle cx="15" cy="5" r="3.2" stroke="#009E73" class="open"/>',
     ),
     "special": (
-        "fold, flip, pair: where stability changes",
+        "fold, flip, Hopf (complex pair): where stability changes",
         '<circle cx="4" cy="5" r="3.4" fill="#0072B2"/><path d="M15 1L19 5L15 9L11 5Z" fill="#D55E00"/>'
         '<path d="M26 .5L27.2 3.8H30L27.8 5.8L28.6 9.2L26 7.2L23.4 9.2L24.2 5.8L22 3.8H24.8Z" fill="#009E73"/>',
     ),
@@ -170,27 +184,30 @@ _SAMPLES = {
     "tick": ("a contact is just touched", '<path d="M13 9L17 1" stroke="#6f6f6f" stroke-width="1.4"/>'),
     2: ("stable, period 2", f'<path d="M0 5H30" stroke="{PERIODS[2][0]}" stroke-width="2.2"/>'),
     4: ("stable, period 4", f'<path d="M0 5H30" stroke="{PERIODS[4][0]}" stroke-width="2.2"/>'),
+    "gap": ("the ends of the gap, q1 = ±1", '<path d="M0 5H30" stroke="#6f6f6f" stroke-dasharray="4 2"/>'),
     "birth": (
         "a longer period begins",
         '<path d="M15 1L19 5L15 9L11 5Z" stroke="currentColor" class="open"/>',
     ),
     "star": (
-        "on a longer period, a pair leaves the unit circle",
+        "on a longer period, a complex pair leaves the unit circle",
         '<path d="M15 .5L16.2 3.8H19L16.8 5.8L17.6 9.2L15 7.2L12.4 9.2L13.2 5.8L11 3.8H13.8Z" fill="#009E73"/>',
     ),
 }
 """Entries of legends: the words, and a sample 30 wide and 10 high."""
 
 
-def _legend(panels: Sequence[Panel]) -> str:
-    """The lines and symbols of the pictures of branches, once for each card; empty for other pictures."""
+def _legend(figure: Figure, known: Mapping[str, gw.Result]) -> str:
+    """The lines and symbols that the pictures have, once for each card."""
+    panels, kinds = figure.panels, _kinds_of(figure, known)
     longest = max((panel.most for panel in panels if isinstance(panel, Loops)), default=1)
     has_response = any(isinstance(panel, Response) for panel in panels)
     names: list[str | int] = []
     if has_response or longest > 1:
-        names = ["stable", *(period for period in PERIODS if period <= longest), "flip", "fold", "pair"]
+        names = ["stable", *(period for period in PERIODS if period <= longest), *kinds]
     names += ["special", "number", "tick"] if has_response else []
     names += ["birth", "star"] if longest > 1 else []
+    names += ["gap"] if any(isinstance(panel, ForceLoop | Torque) or _shows_gap(panel) for panel in panels) else []
     shown = [
         f'<span><svg viewBox="0 0 30 10" aria-hidden="true">{_SAMPLES[name][1]}</svg>{_SAMPLES[name][0]}</span>'
         for name in names
@@ -198,6 +215,35 @@ def _legend(panels: Sequence[Panel]) -> str:
     if any(panel.facts for panel in panels):
         shown.append('<span class="fact">▬ what the paper says</span>')
     return f'<div class="legend">{"".join(shown)}</div>' if shown else ""
+
+
+def _shows_gap(panel: Panel) -> bool:
+    return isinstance(panel, History) and panel.signal == "q1"
+
+
+def _kinds_of(figure: Figure, known: Mapping[str, gw.Result]) -> list[str]:
+    """The kinds of instability that the pictures of branches have; all of them where results are missing."""
+    found = set[str]()
+    for panel in (each for each in figure.panels if isinstance(each, Response | Loops)):
+        for job in figure.jobs_of(panel):
+            if job.key not in known:
+                return ["flip", "fold", "pair"]
+            longest = panel.most if isinstance(panel, Loops) else 1
+            low, high = panel.within or (-np.inf, np.inf)
+            found |= {
+                kind
+                for branch in known[job.key].branches
+                if branch.period <= longest
+                for point in branch.points
+                if low <= point.value <= high
+                for kind, count in zip(("flip", "fold", "pair"), _counts_of(point.instability), strict=True)
+                if count
+            }
+    return [kind for kind in ("flip", "fold", "pair") if kind in found]
+
+
+def _counts_of(instability: Any) -> tuple[int, int, int]:
+    return instability.below, instability.above, instability.pairs
 
 
 _COLOUR = {verdict: f"c{place}" for place, verdict in enumerate(Verdict)}
@@ -269,9 +315,28 @@ def _head(report: Report) -> str:
         rules += f'<li class="{_COLOUR[Verdict.ELSEWHERE]}">{words}</li>'
     return (
         f'<section id="summary-of-all"><p class="lead">{_lead(found)}</p><div class="bar">{bar}</div>'
-        f'<p class="soft">{names}</p>{_agree(report)}{_failing(report.checked)}'
-        f'<details><summary>What the classes mean</summary><ul class="classes">{rules}</ul></details></section>'
+        f'<p class="soft">{names}</p>{_failing(report.checked)}{_agree(report)}'
+        f'<details><summary>What the classes mean</summary><ul class="classes">{rules}</ul></details>'
+        f"<details><summary>What the words mean</summary>{_WORDS}</details></section>"
     )
+
+
+_WORDS = "".join(
+    f"<p><b>{word}</b> {meaning}</p>"
+    for word, meaning in (
+        ("P1, P3", "motions that repeat after 1, 3 periods of the excitation."),
+        ("torus, 3 × torus", "a quasi-periodic motion: its section is one closed curve, or 3 of them."),
+        ("flip, fold, Hopf", "a multiplier leaves the unit circle through −1, through +1, or as a complex pair."),
+        ("κ", "stiffness of the clutch's first stage over that of its second, K1/Kb; K11 in the tables."),
+        (
+            "4+/1−, (+, − side)",
+            "counts on the side where q1 &gt; 1, and where q1 &lt; −1, in one period of the motion.",
+        ),
+        ("slope literal", "the second stage has the slope 1 − κ, as the formula is printed; by default 1."),
+        ("damping as printed", "f = g (1 + β q1'), as printed; by default g + β |g| q1'."),
+        ("set of figure 9a, row of figure 5", "the numbers of the tables for that figure; figure 14 has those of 9a."),
+    )
+)
 
 
 def _lead(found: Any) -> str:
@@ -280,10 +345,9 @@ def _lead(found: Any) -> str:
     changed = number[Verdict.OTHER_NUMBER] + number[Verdict.OTHER_NUMBERS]
     return (
         f"Of {found.statements} statements of the paper, <b>{number[Verdict.LETTER]} hold</b> at the printed numbers "
-        f"and <b>{number[Verdict.KIND]} partly</b> (in kind: the feature is there, a number is off); "
-        f"{number[Verdict.OTHER_READING]} hold with a formula as printed and <b>{changed}</b> once numbers of the "
-        f"tables are changed. <b>{number[Verdict.EXPLAINED]}</b> do not hold, and one can see why; "
-        f"<b>{number[Verdict.NOT_FOUND]}</b> were not found, and {number[Verdict.LOST]} cannot be tested."
+        f"and <b>{number[Verdict.KIND]} partly</b>, {number[Verdict.OTHER_READING]} with a formula as printed, "
+        f"<b>{changed}</b> with other numbers in the tables. <b>{number[Verdict.EXPLAINED]}</b> do not hold, and one "
+        f"can see why; <b>{number[Verdict.NOT_FOUND]}</b> were not found; {number[Verdict.LOST]} cannot be tested."
     )
 
 
@@ -294,10 +358,12 @@ def _agree(report: Report) -> str:
         for figure in report.figures
         if (about := report.about(figure)) and all(outcome.verdict in HOLDS for _, outcome in about)
     ]
-    return (
-        f"<p><b>All statements hold, to the letter or in kind,</b> about figures {', '.join(whole)}.</p>"
-        if whole
-        else ""
+    if not whole:
+        return ""
+    alone = [figure for figure in report.figures if figure.number and not report.about(figure)]
+    links = ", ".join(f'<a href="#figure-{figure.name}">{figure.name}</a>' for figure in alone)
+    return f"<p><b>All statements hold, to the letter or in kind,</b> about figures {', '.join(whole)}." + (
+        f" No statement is about figures {links} alone.</p>" if alone else "</p>"
     )
 
 
@@ -319,6 +385,9 @@ def _failing(checked: Checked) -> str:
     )
 
 
+SHARED = {"18": ("17-sequence", "17-elsewhere"), "19": ("17-sequence", "17-elsewhere"), "24": ("25-peaks", "25-lower")}
+"""Statements on several figures, by the figures whose cards have none of their own."""
+
 HOLDS = (Verdict.LETTER, Verdict.KIND, Verdict.ELSEWHERE)
 """Classes of what holds at the printed numbers, and of what is no statement of the paper."""
 
@@ -332,7 +401,7 @@ FAILING = (
     ),
     (
         "<b>Figures 5 to 7:</b> at the printed loads the contact never opens at Ω = 0.17. With Te1 = 0.37 in place of "
-        "0.25 it does; four impacts and then one occur only in a very narrow range of Te1, and no broad band is found.",
+        "0.25 it does; four impacts and then one occur only about 0.338; no broad band is found.",
         "5-double",
         "5-harmonics",
         "6-single",
@@ -365,7 +434,7 @@ FAILING = (
     ),
     (
         "<b>Figures 8 and 11:</b> the measured curve of 8 is not printed as numbers, and K12 of 11 cannot be read in "
-        "our copy. With other numbers in its row two statements about 11 hold.",
+        "our copy. With three other numbers in its row three statements about 11 hold, one partly.",
         "8-record",
         "11-spacing",
         "11-second",
@@ -375,7 +444,7 @@ FAILING = (
     ),
     (
         "<b>Too general:</b> some statements are true only of the start of a motion (figure 3), of what is drawn (13) "
-        "or of one phase (23); at high Te1 period 1 has a complex pair, but the motions are not quasi-periodic (29); "
+        "or of one phase (23); at high Te1 period 1 is past a Hopf (complex pair), but no torus is found (29); "
         "and figure 4 has flips under a heavy load.",
         "3-impacts",
         "13-once",
@@ -395,10 +464,12 @@ def _card(report: Report, figure: Figure, folder: Path | None, fold: bool) -> st
     files = report.pictures.get(figure.name, ())
     if files:
         drawn = "".join(_figure(figure, panel, name, folder) for panel, name in zip(figure.panels, files, strict=True))
-        shown.append(f'<div class="pictures">{drawn}</div>{_legend(figure.panels)}')
+        shown.append(f'<div class="pictures">{drawn}</div>{_legend(figure, report.results)}')
     shown.append(_more(figure, results))
     about = report.about(figure)
     said, alone = (f"<div>{_claims(about)}</div>", "") if about else ("", " alone")
+    if names := SHARED.get(figure.name):
+        shown.insert(0, f"<p>What the paper says of it is judged in {_links(names)}.</p>")
     small = f'<img src="{_source(files[0], folder, small=True)}" alt="">' if files and fold and folder else ""
     return (
         f'<article><details{"" if fold else " open"}><summary title="{escape(figure.caption)}">Figure {figure.name}'
@@ -437,7 +508,10 @@ def _source(name: str, folder: Path | None, *, small: bool = False) -> str:
 def _more(figure: Figure, results: dict[str, gw.Result]) -> str:
     """Numbers of the sets, the special points, and how to open the results in the explorer; folded away."""
     branches = {key: result for key, result in results.items() if result.branches}
-    parts = [f"<p>Set {escape(name)}: {escape(note)}</p>" for name, note in figure.notes.items()]
+    parts = [
+        f"<p>Set of figure {escape(name)}: {escape(note.replace('GUESS:', 'assumed:'))}</p>"
+        for name, note in figure.notes.items()
+    ]
     if results:
         lines = "".join(f"<p><code>gapwalk explore out/paper/results/{key}.gapwalk</code></p>" for key in results)
         parts.append(
@@ -460,7 +534,7 @@ def _claim(claim: Claim, outcome: Outcome) -> str:
         costs += f'<div class="numbers">another value of this number is needed by {_links(outcome.at_odds)}</div>'
     pairs = (f"{each.what}: {each.paper:g} and {each.found:.4g}, {each.off:.1%} off" for each in outcome.against)
     against = f'<div class="numbers fact">paper and here: {escape("; ".join(pairs))}</div>' if outcome.against else ""
-    place = "at other numbers" if claim.apart else "printed numbers"
+    place = "at other numbers" if claim.apart else claim.place
     tried = "".join(f"<p>{_tried(each, place)}</p>" for each in outcome.evidence)
     known = len(outcome.evidence) == 1 and not outcome.evidence[0].details
     more = "" if known else f"<details><summary>evidence</summary>{tried}</details>"
@@ -502,13 +576,21 @@ def _links(names: Sequence[str]) -> str:
 def _numbers(trades: Sequence[Trade]) -> str:
     """What other numbers gain and cost."""
     headings = ("number", "rows", "then also holds", "ceases to hold", "still holds", "neither")
-    return _rows(headings, [(trade.words, *_cells(trade)) for trade in trades])
+    return _rows(headings, [(trade.words, *_cells(trade)) for trade in trades]) + _RUN_AWAY
+
+
+_RUN_AWAY = (
+    '<p class="soft">Only statements that a change may touch are weighed. Damping as printed feeds energy in where the '
+    "force is negative: motions with impacts on both sides then run away, whatever else holds.</p>"
+)
 
 
 def _cells(trade: Trade) -> tuple[str, ...]:
     number = trade.candidate.reading.number
     names = (", ".join(each) or "–" for each in (trade.gained, trade.lost, trade.kept, trade.missed))
-    return ", ".join(number.cases) if number else "all", *names
+    reading, known = trade.candidate.reading, [claim for claim in CLAIMS if claim.name in trade.candidate.claims]
+    weighed = [job.case for claim in known for job in claim.jobs_in(reading) if job.reading == reading]
+    return ", ".join(number.cases if number else dict.fromkeys(weighed)), *names
 
 
 def _today(report: Report, folder: Path | None) -> str:
@@ -517,7 +599,7 @@ def _today(report: Report, folder: Path | None) -> str:
     for figure in (each for each in report.figures if not each.number):
         files = report.pictures.get(figure.name, ())
         drawn = "".join(_figure(figure, *each, folder) for each in zip(figure.panels, files, strict=False))
-        pictures = f'<div class="pictures">{drawn}</div>{_legend(figure.panels)}' if drawn else ""
+        pictures = f'<div class="pictures">{drawn}</div>{_legend(figure, report.results)}' if drawn else ""
         parts.append(f"<h3>{escape(figure.kind)}</h3><p>{escape(figure.caption)}</p>{pictures}")
     cells = [(each.place, each.label, str(each)) for each in exponents(report.results)]
     parts.append(f"<h3>Exponents instead of the look of a section</h3><p>{EXPONENTS}</p>")
@@ -539,6 +621,9 @@ def _row(headings: Sequence[str], cells: Sequence[str]) -> str:
     return "<tr>" + "".join(f'<td data-label="{head}">{cell}</td>' for head, cell in pairs) + "</tr>"
 
 
+_KINDS = {gw.Kind.NEIMARK_SACKER: "Hopf (Neimark-Sacker)"}
+
+
 def _special_points(key: str, result: gw.Result) -> str:
     """The special points of all branches but for grazing points, folded away."""
     rows, count = [], 0
@@ -547,9 +632,9 @@ def _special_points(key: str, result: gw.Result) -> str:
             found = branch.special(kind)
             if found and kind is not gw.Kind.GRAZING:
                 values = ",<wbr> ".join(f"{special.value:.6f}" for special in found)
-                rows.append(_row(("branch", "kind", "at"), (name, kind.value, values)))
+                rows.append(_row(("branch", "kind", "at"), (name, _KINDS.get(kind, kind.value), values)))
                 count += len(found)
-    summary = f"{escape(key)}: {len(result.branches)} branches, {count} special points"
+    summary = f"{escape(key)}: {counted(len(result.branches), 'branch')}, {counted(count, 'special point')}"
     table = f'<div class="wide"><table><tr><th>branch</th><th>kind</th><th>at</th></tr>{"".join(rows)}</table></div>'
     return f"<details><summary>{summary}</summary>{table}</details>"
 

@@ -34,6 +34,7 @@ _OTHERS = ("#000000", "#882255", "#17627d")  # of several curves, as in all pict
 _DASHES = ("-", (0, (9, 2.2)), (0, (9, 2, 1.4, 2)))
 PERIODS = {2: ("#7f4a1e", 1.5), 4: ("#b5824f", 1.5)}
 """Colours and widths of stable motions of longer periods, as in all pictures."""
+_BALANCED = "#c0006a"  # points by harmonic balance: no colour of stability
 _ROW = 0.13  # height of what the paper says above a picture, as a share of the picture
 _PERIOD = 2.0 * math.pi
 
@@ -200,9 +201,15 @@ class Isolated(Response):
         super().draw(ax, results)
         loops = sorted(_shortest(results[0])[1:], key=lambda branch: -float(np.ptp(branch.values)))
         for name, branch in zip(("larger loop", "smaller loop"), loops, strict=False):
-            heights = branch.measure(MEASURE)
-            place = (0.5 * float(branch.values.min() + branch.values.max()), float(heights.max()))
-            _write(ax, name, place, "center", 6.0)
+            heights, middle = branch.measure(MEASURE), 0.5 * float(branch.values.min() + branch.values.max())
+            if name == "larger loop":  # inside, where no other curve is
+                inside = heights[np.abs(branch.values - middle) < 0.2 * float(np.ptp(branch.values))]
+                _write(ax, name, (middle, 0.5 * float(inside.min() + inside.max())), "center", -5.0)
+                continue
+            arrow: Any = {"arrowstyle": "-", "color": _PAPER, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 0.0}
+            low = float(heights.min())
+            style: Any = {"color": _PAPER, "fontsize": "small", "ha": "right", "va": "top", "arrowprops": arrow}
+            ax.annotate(name, (middle, low), xytext=(0.8, 0.55 * low), **style)
 
 
 class Balance(Response):
@@ -214,7 +221,7 @@ class Balance(Response):
         """Draw the branches of the first result, and points of the second, spread evenly along the branch."""
         gw.plot.draw(_shortest(results[0]), MEASURE, ax=ax, labels=False, legend=False)
         other = results[1].branches[0]
-        style: Any = {"ls": "none", "marker": "o", "markersize": 4.2, "mfc": "none", "mec": "#3aa6d6", "zorder": 6}
+        style: Any = {"ls": "none", "marker": "x", "markersize": 3.0, "mec": _BALANCED, "zorder": 6}
         ax.plot(other.values, other.measure(MEASURE), markevery=0.03, label="harmonic balance", **style)
         ax.legend(loc="upper right")
 
@@ -336,6 +343,7 @@ class History(Motion):
 
     periods: int = 2
     from_rest: bool = False  #: Whether it shows the start; dots mark where the contact closes.
+    lowest: bool = False  #: Whether an inset magnifies its lowest values.
 
     view: ClassVar[str] = "history"
 
@@ -353,6 +361,14 @@ class History(Motion):
             for level in (-1.0, 1.0):
                 ax.axhline(level, color="#6f6f6f", linewidth=0.7, linestyle=(0, (4, 2)), zorder=1)
         ax.set(xlim=(0.0, self.periods), xlabel="forcing periods", ylabel=self.signal)
+        if self.lowest:
+            place, depth = motion.theta[np.argmin(values)] / _PERIOD, float(values.min())
+            ax.set_ylim(top=1.9 * float(values.max()))
+            inset = ax.inset_axes((0.58, 0.66, 0.4, 0.31))
+            inset.plot(motion.theta / _PERIOD, values, linewidth=1.1, color=options["color"])
+            inset.set(xlim=(place - 0.06, place + 0.06), ylim=(1.3 * depth, -0.8 * depth))
+            inset.tick_params(labelsize="x-small")
+            ax.indicate_inset_zoom(inset, edgecolor="#6f6f6f")
 
 
 class Spectrum(Motion):

@@ -33,7 +33,9 @@ class Range(NamedTuple):
         return self.low <= high and low <= self.high
 
     def __str__(self) -> str:
-        return f"{self.low:.4g}–{self.high:.4g}"
+        digits = next((n for n in range(4, 9) if f"{self.low:.{n}g}" != f"{self.high:.{n}g}"), 4)
+        low, high = (f"{each:.{digits}g}".replace("-", "−") for each in self)
+        return f"{low}{' to ' if high.startswith('−') else '–'}{high}"
 
 
 class Peak(NamedTuple):
@@ -152,6 +154,13 @@ def words(found: Sequence[object]) -> str:
     """List things in words; ``none`` if there are none."""
     return ", ".join(f"{each:.4g}" if isinstance(each, float) else str(each) for each in found) or "none"
 
+
+def counted(count: int, name: str) -> str:
+    """Return a number with its noun: ``1 branch``, ``2 branches``."""
+    return f"{count} {name}{'' if count == 1 else 'es' if name.endswith('ch') else 's'}"
+
+
+START = 20  # forcing periods of a start from rest that are shown and compared
 
 # Settled motions: histories, force peaks, lines of spectra.
 

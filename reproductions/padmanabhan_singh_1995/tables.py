@@ -76,7 +76,7 @@ class Demand:
 
 
 def demands() -> tuple[Demand, ...]:
-    """Return the relations between numbers of the tables that the paper's equations 10 and 11 demand.
+    """Return the relations between numbers of the tables that the paper's equations 10, 11 and 14 demand.
 
     K11 = K1/Ia and K21 = K1/I2 bc1/bc3 have the ratio of C11 and C21; K12 = K2/I2 bc3/bc1 and K22 = K2/Ib that of C12
     and C22. With n2/n1 = Ia/(I2 r) and r = bc3/bc1, Tm1/Tm2 = r I3/I1 = (1 - n r)/(r K22/K12 - 1)/n, n = n2/n1, so each

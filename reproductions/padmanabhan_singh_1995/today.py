@@ -30,9 +30,9 @@ TODAY = (
     Figure(
         "slivers",
         "Period 4 is stable in ranges narrower than a thousandth of the frequency. Each point where stability changes "
-        "is located to ten digits, so no step jumps over them.",
+        "is located to ten digits, far more finely than these ranges.",
         (
-            Loops(title="figure 16, period 4 in pink", jobs=("16-doubled",), within=(0.4128, 0.4158)),
+            Loops(title="figure 16", jobs=("16-doubled",), within=(0.4128, 0.4158)),
             Loops(title="figure 13, beside the jump", jobs=("13-doubled",), within=(0.6842, 0.686)),
         ),
         kind="Slivers of period 4",

@@ -75,9 +75,9 @@ _RULES = {
     "of what the statement names has it; the verdict says which, and by how much.",
     Verdict.OTHER_READING: "It holds if a formula is taken as the paper prints it, where the default is not; no number "
     "is changed.",
-    Verdict.OTHER_NUMBER: "It holds if exactly one number of the tables is another, with no more digits than they "
-    "print or by the paper's rule for β; two entries that stand for one damper, spring or clutch, changed by one "
-    "factor, are one number.",
+    Verdict.OTHER_NUMBER: "It holds if exactly one number of the tables is another; the verdict says where that "
+    "number needs more digits than they print. Two entries that stand for one damper, spring or clutch, changed by one "
+    "factor, are one number, and what the paper changes without printing it is none.",
     Verdict.OTHER_NUMBERS: "It holds if two or more numbers of the tables are others; the verdict says how many.",
     Verdict.EXPLAINED: "It does not hold, and a check with numbers shows why the paper may have come to it.",
     Verdict.NOT_FOUND: "It does not hold at the printed numbers, in any reading or at any other number that was tried, "
@@ -167,6 +167,8 @@ class Claim:
         Whether it says where else the described motion is; it is then no statement of the paper.
     lost
         What it rests on that is lost, in a few words; empty for most.
+    place
+        Where it is checked first, in a few words.
     """
 
     name: str
@@ -178,6 +180,7 @@ class Claim:
     elsewhere: tuple[str, ...] = ()
     apart: bool = False
     lost: str = ""
+    place: str = "printed numbers"
 
     @property
     def figure(self) -> str:
@@ -204,7 +207,7 @@ class Claim:
             tried.append(Tried(reading.differs, *also[:3]))
             if also.holds and found is None:
                 changed = self._changed(reading, keys)
-                by = in_words(changed) if reading.number else reading.differs
+                by = ", ".join(filter(None, (in_words(changed) if reading.number else reading.differs, also.short)))
                 found = Outcome(_class_of(changed), also.line, by=by, changed=changed, reading=reading)
         explanation = EXPLANATIONS.get(self.name)
         if explanation and all(key in results for key in explanation.rests_on):
@@ -229,12 +232,11 @@ class Claim:
         return Outcome(Verdict.LETTER, found.line)
 
     def _changed(self, reading: Reading | None, keys: tuple[str, ...] = ()) -> dict[str, tuple[float, float]]:
-        """Return the numbers that differ from print in its jobs; the frequency, which no table has, only if apart."""
+        """Return the numbers that differ from print; what the statement itself varies differs only if it is apart."""
         changed: dict[str, tuple[float, float]] = dict(reading.number.changed) if reading and reading.number else {}
-        for job in self.jobs_in(reading, keys):
-            if job.changes or self.apart:
-                changed |= changed_numbers(gw.paper.case(job.case), job.study.system)
-        return changed if self.apart else {name: each for name, each in changed.items() if name != "Ω"}
+        for job in self.jobs_in(reading, keys) if self.apart else ():
+            changed |= changed_numbers(gw.paper.case(job.case), job.study.system)
+        return changed
 
     def holds(
         self,
@@ -278,11 +280,12 @@ def claim(
     elsewhere: tuple[str, ...] = (),
     apart: bool = False,
     lost: str = "",
+    place: str = "printed numbers",
 ) -> Callable[[Check], Check]:
     """Make a check the check of a claim; parameters as those of `Claim`."""
 
     def register(check: Check) -> Check:
-        ALL.append(Claim(name, says, rests_on, check, others, short, elsewhere, apart, lost))
+        ALL.append(Claim(name, says, rests_on, check, others, short, elsewhere, apart, lost, place))
         return check
 
     return register

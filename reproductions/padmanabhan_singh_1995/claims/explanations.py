@@ -45,14 +45,14 @@ def _begins_so(*results: gw.Result) -> Finding:
     return Finding(fits, f"from rest it closes after these periods: {'; '.join(parts)}", f"{_START} periods looked at")
 
 
-@explains("13-once", "period 4 where nothing is drawn", "13", "9a")
+@explains("13-once", "period 4 where the paper draws nothing", "13", "9a")
 def _not_drawn(*results: gw.Result) -> Finding:
     found = [v for result in results for each in members(result, 2) for v in values(each.branch, gw.Kind.FLIP)]
     drawn = sorted(each for each in found if each > _DRAWN)
     width = max(drawn, default=0.0) - min(drawn, default=0.0)
     return Finding(
         bool(drawn) and width < _SLIVER,
-        f"period 4 above {_DRAWN} only between {words(drawn)}, {width:.1g} wide",
+        f"period 4 above {_DRAWN} only between {' and '.join(f'{each:.5f}' for each in drawn)}, {width:.1g} wide",
         f"the other {len(found) - len(drawn)} flips are on a loop of period 2 below {_DRAWN} that is not drawn",
     )
 
@@ -63,7 +63,8 @@ def _at_the_drawn_phase(single: gw.Result, dual: gw.Result) -> Finding:
     before, after = (_prominences(main_branch(each)) for each in (single, dual))
     return Finding(
         min(before.values()) > 0.1 and max(after.values()) < _FLAT,
-        f"in phase {_shares(after)} of their heights (one harmonic {_shares(before)}); not at 180°",
+        f"prominence, as a share of the height, in phase: {_shares(after)}; with one harmonic: {_shares(before)}; they "
+        "do not vanish at 180°",
     )
 
 

@@ -35,7 +35,7 @@ def _quasi_newton(result: gw.Result) -> Finding:
         bool(wrong),
         f"stability wrong at {len(wrong)} of {len(apart)} orbits ({', '.join(wrong)}), median error "
         f"{np.median(apart):.2g}",
-        f"it does not converge at {failed} more",
+        f"it does not converge at {failed} more" if failed else "",
         short=f"wrong at {len(wrong)} of {len(apart)}" if len(wrong) < 0.5 * len(apart) else "",
     )
 

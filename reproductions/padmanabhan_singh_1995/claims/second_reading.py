@@ -73,7 +73,7 @@ CANDIDATES = (
         ("5-harmonics", "6-single"),
         {"5-double": ("5-start",), "5-harmonics": ("5-start",)},
     ),
-    Candidate(CHANGES["beta-0.1"], ("10-gone",), ("10-shrinks",)),
+    Candidate(CHANGES["beta-0.1"], ("10-gone",), ("10-shrinks", "4-flips", "4-beyond")),
     Candidate(CHANGES["exchanged"], ("11-second", "11-beats", "11-tori"), ("11-spacing", "11-stable")),
     Candidate(LITERAL, (), ("14-jump", "14-second", "13-flips", "13-natures", "22-flips")),
     Candidate(AS_PRINTED, (), ("12-folds", "12-beats", "13-flips", "13-natures")),

@@ -27,18 +27,16 @@ LONGEST = 200  # letters of a line of numbers
 NEW = (
     *("4-matched", "6-apart", "6-broadband", "7-spectra", "9-harmonics", "9-integration", "10-doubled", "11-stable"),
     *("11-tori", "13-parts", "16-parts", "16-chaos", "22-additional", "27-aperiodic", "29-route", "summary-second"),
-    *("summary-wider", "summary-phase", "summary-newton", "summary-dimension"),
+    *("summary-wider", "summary-phase", "summary-newton", "summary-dimension", "21-earlier"),
 )
-"""The statements of section 2e of the third reading."""
+"""The statements of section 2e of the third reading, and one that it has not."""
 
 LOWER = {
-    "in kind": ("3-acceleration", "4-folds", "4-beats", "27-islands"),
+    "in kind": ("3-acceleration", "3-force", "4-folds", "4-beats", "27-islands"),
     "one number changed": ("4-flips",),
-    "3 numbers changed": ("7-differ",),
-    "not found": ("5-double",),
 }
-"""What is judged more strictly than in its section 2d: things that agree within 5 % only are to the letter, numbers
-have as many digits as the tables, chosen dampers are counted. 4-beats holds in kind as printed, which is better."""
+"""What is judged more strictly than in its section 2d: only things that agree within 5 % are to the letter.
+4-beats holds in kind as printed, which is better."""
 
 WALKED = ("12-folds", "22-flips")  # whose walks are short; the others rest on settled motions alone
 QUICK = [claim for claim in CLAIMS if claim.name in WALKED or all(job.effort < 1.0 for job in claim.jobs)]
@@ -81,17 +79,17 @@ def test_the_counts_are_those_of_the_third_reading() -> None:
     """Its section 2d, for the 59 statements that it has counted, but for those judged more strictly here."""
     found = {name: verdict_of(text) for name, text in EXPECTED.items()}
     assert counts([Outcome(verdict, "") for verdict in found.values()]) == COUNTS
-    assert COUNTS.statements == len(CLAIMS) - COUNTS.elsewhere == 79
+    assert COUNTS.statements == len(CLAIMS) - COUNTS.elsewhere == 80
     old = [verdict for name, verdict in found.items() if name not in NEW and verdict is not Verdict.ELSEWHERE]
     assert len(old) == 59
     assert {verdict: old.count(verdict) for verdict in set(old)} == {
-        Verdict.LETTER: 30 - 3 - 1,  # three are in kind; 4-flips needs the rule for β
-        Verdict.KIND: 6 + 3 + 1,  # and 4-beats
+        Verdict.LETTER: 30 - 4 - 1,  # four are in kind; 4-flips needs the rule for β
+        Verdict.KIND: 6 + 4 + 1,  # and 4-beats
         Verdict.OTHER_READING: 2,
-        Verdict.OTHER_NUMBER: 10 + 1 - 3,  # 4-flips; 4-beats, 5-double, 7-differ
-        Verdict.OTHER_NUMBERS: 2 + 1,
+        Verdict.OTHER_NUMBER: 10 + 1 - 1,  # 4-flips; 4-beats
+        Verdict.OTHER_NUMBERS: 2,
         Verdict.EXPLAINED: 6,
-        Verdict.NOT_FOUND: 1 + 1,  # 17-sequence
+        Verdict.NOT_FOUND: 1,  # 17-sequence
         Verdict.LOST: 2,  # 8-record, 11-spacing
     }
     for words, names in LOWER.items():

@@ -1,16 +1,18 @@
 """The page, and its summary in the docs: what a browser would make of them."""
 
 import re
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
 import pytest
 
+import gapwalk as gw
 from reproductions.padmanabhan_singh_1995.claims import CLAIMS, Claim, Finding, Outcome, Trade, Verdict, counts
 from reproductions.padmanabhan_singh_1995.claims.second_reading import CANDIDATES
 from reproductions.padmanabhan_singh_1995.figures import FIGURES, find_figure
-from reproductions.padmanabhan_singh_1995.jobs import LITERAL, USUAL
-from reproductions.padmanabhan_singh_1995.page import FAILING, HOLDS, html_page, with_counts
+from reproductions.padmanabhan_singh_1995.jobs import AS_PRINTED, JOBS, LITERAL, USUAL
+from reproductions.padmanabhan_singh_1995.page import FAILING, HOLDS, SHARED, html_page, with_counts
 from reproductions.padmanabhan_singh_1995.report import Report
 from reproductions.padmanabhan_singh_1995.tables import demands
 from tests.reproductions.padmanabhan_singh_1995.expected import EXPECTED, verdict_of
@@ -117,6 +119,34 @@ def test_the_legend_names_all_that_the_pictures_of_branches_have() -> None:
     for words in ("open triangles", "open squares", "open circles", "so many of these points", "period 2", "touched"):
         assert words in legend
     assert "period 4" not in legend  # figure 13 shows periods 1 and 2
+
+
+def test_the_legend_leaves_out_instabilities_that_no_picture_has(tmp_path) -> None:
+    """Figure 12 has folds only; without its results all kinds are named."""
+    figure = find_figure("12")
+    part = replace(figure, panels=figure.panels[:1])
+    files = {"12": tuple(part.file_name(panel) for panel in part.panels)}
+    result = gw.run(JOBS["12"].study, tmp_path / "12.gapwalk")
+    legends = [
+        html_page(Report((part,), USUAL, pictures=files, results=known)).partition('<div class="legend">')[2]
+        for known in ({}, {"12": result})
+    ]
+    assert all("open triangles" in legend or known for legend, known in zip(legends, (False, True), strict=True))
+    assert "open squares" in legends[1]
+    assert "open triangles" not in legends[1]
+    assert "open circles" not in legends[1]
+
+
+def test_statements_on_several_figures_are_linked_where_a_card_has_none() -> None:
+    figures = {figure.name for figure in FIGURES if figure.name != "2"} - {claim.figure for claim in CLAIMS}
+    assert figures == set(SHARED)
+    assert {name for names in SHARED.values() for name in names} <= {claim.name for claim in CLAIMS}
+
+
+def test_a_reading_is_weighed_in_the_rows_of_its_statements() -> None:
+    """Damping as printed: figures 12 and 13, not all rows."""
+    candidate = next(each for each in CANDIDATES if each.reading == AS_PRINTED)
+    assert '<td data-label="rows">12, 13</td>' in page_of("12", "13", trades=(Trade(candidate, (), (), (), ()),))
 
 
 def test_each_picture_says_at_which_numbers_it_is_drawn() -> None:

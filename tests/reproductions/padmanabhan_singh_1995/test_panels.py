@@ -199,7 +199,7 @@ def test_figure_3_begins_at_rest(motions) -> None:
     assert texts(acceleration) == [VISCOUS, IMPACT]
     for line in force.lines[:3:2]:
         assert line.get_ydata()[0] == 0.0  # at rest in the gap
-        assert line.get_xdata()[-1] == 16.0
+        assert line.get_xdata()[-1] == 20.0
     triangles = [line.get_xdata() for line in force.lines if line.get_marker() == "^"]
     # an independent program: .41 2.63 4.99 7.11 with impact damping
     assert triangles[1] == pytest.approx([0.41, 2.63, 4.99, 7.11], abs=6e-3)

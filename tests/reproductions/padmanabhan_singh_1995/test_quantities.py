@@ -11,6 +11,8 @@ from reproductions.padmanabhan_singh_1995.quantities import (
     IMPACT,
     LOOPS,
     VISCOUS,
+    Range,
+    counted,
     force_peaks,
     impact_words,
     lines,
@@ -86,3 +88,21 @@ def test_a_distance_is_that_of_the_logarithms() -> None:
 )
 def test_patterns_of_impacts_are_said_in_words(pattern: str, words: str) -> None:
     assert impact_words(pattern) == words
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [
+        (0.62, 0.85, "0.62–0.85"),
+        (-0.30012, -0.28812, "−0.3001 to −0.2881"),
+        (-0.3, 0.3, "−0.3–0.3"),
+        (0.408201, 0.408234, "0.4082–0.40823"),  # never of no width
+    ],
+)
+def test_ranges_in_words(low: float, high: float, words: str) -> None:
+    assert str(Range(low, high)) == words
+
+
+def test_numbers_with_their_nouns() -> None:
+    assert [counted(n, "branch") for n in (0, 1, 2)] == ["0 branches", "1 branch", "2 branches"]
+    assert counted(1, "fold") == "1 fold"

@@ -1,5 +1,6 @@
 """The second reading: other numbers with what they gain and cost, and explanations, on results that are numbers."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -111,12 +112,20 @@ def test_candidates_name_claims_jobs_and_parameters_that_exist() -> None:
     assert readings_for("12-folds") == []
 
 
-def test_numbers_that_were_chosen_are_counted_too() -> None:
-    """The dampers of 7-differ are not those of the tables either."""
+def test_what_the_paper_changes_without_printing_it_is_no_changed_number() -> None:
+    """The dampers of 7-differ are raised by the paper itself, to values that it does not print."""
     claim = next(each for each in CLAIMS if each.name == "7-differ")
     ((reading, keys),) = readings_for(claim.name)
     changed = claim._changed(reading, keys)
-    assert changed == {"Te1": (0.25, 0.37), "C11 = C21": (0.04, 0.08), "β": (0.1, 0.4)}
+    assert changed == {"Te1": (0.25, 0.37)}
+    assert "does not print" in claim.place
+
+
+@pytest.mark.usefixtures("proposed")
+def test_what_is_missing_at_another_number_is_in_the_verdict(monkeypatch) -> None:
+    check = lambda *results: Finding(max(results) > 3, "found", short="in a sliver")  # noqa: E731
+    found = replace(CLAIM, check=check).outcome({"12": 0, "12-beta-0": 4, "13": 0, "17": 0}, {})  # type: ignore[dict-item]
+    assert str(found) == "one number changed (β = 0, in a sliver)"
 
 
 def test_a_walk_of_more_periods_serves_statements_on_period_1() -> None:
