@@ -15,26 +15,26 @@ IMPORTS = {"gw": "import gapwalk as gw", "np": "import numpy as np"}
 def names_in(code: str) -> tuple[set[str], set[str]]:
     """Return the names that some code defines, and those that it takes from outside."""
     tree = ast.parse(code)
-    inner: set[int] = set()
-    own: set[str] = set()
+    inner: set[int] = set()  # names that are bound where they stand: by a function, a comprehension, an error
     defines: set[str] = set()
     for node in ast.walk(tree):
-        if isinstance(node, ast.comprehension):
-            bound = [name for name in ast.walk(node.target) if isinstance(name, ast.Name)]
-            inner |= {id(name) for name in bound}
-            own |= {name.id for name in bound}
-        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
-            defines.add(node.name)
-        elif isinstance(node, ast.arg):
-            own.add(node.arg)
+        bound: set[str] = set()
+        if isinstance(node, ast.ListComp | ast.SetComp | ast.DictComp | ast.GeneratorExp):
+            targets = [each.target for each in node.generators]
+            bound = {name.id for each in targets for name in ast.walk(each) if isinstance(name, ast.Name)}
+        elif isinstance(node, ast.Lambda | ast.FunctionDef):
+            bound = {each.arg for each in ast.walk(node.args) if isinstance(each, ast.arg)}
+        elif isinstance(node, ast.ExceptHandler) and node.name:
+            bound = {node.name}
         elif isinstance(node, ast.alias):
             defines.add((node.asname or node.name).partition(".")[0])
-        elif isinstance(node, ast.ExceptHandler) and node.name:
-            own.add(node.name)
-    names = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
-    defines |= {name.id for name in names if isinstance(name.ctx, ast.Store) and id(name) not in inner}
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            defines.add(node.name)
+        inner |= {id(name) for name in ast.walk(node) if isinstance(name, ast.Name) and name.id in bound}
+    names = [node for node in ast.walk(tree) if isinstance(node, ast.Name) and id(node) not in inner]
+    defines |= {name.id for name in names if isinstance(name.ctx, ast.Store)}
     used = {name.id for name in names if isinstance(name.ctx, ast.Load)}
-    return defines, used - own - set(dir(builtins)) - {"__name__"}
+    return defines, used - set(dir(builtins)) - {"__name__"}
 
 
 @cache

@@ -157,11 +157,12 @@ def test_progress_tells_how_much_is_done(tmp_path, monkeypatch) -> None:
     path.write_text(MODELS["sweep"])
     study, shown = gw.read_study(path), []
     progress = progress_of(study.options, "mine", show=False)
-    monkeypatch.setattr(progress, "update", lambda *words: shown.append(words))
+    monkeypatch.setattr(progress, "update", lambda *words: shown.append(tuple(map(str, words))))
     gw.run(study, report=progress)
-    assert [words[2:] for words in shown] == [(done, 6) for done in range(1, 7)]
-    assert shown[-1][0] == "mine"
-    assert str(shown[-1][1]) == "6 of 6"
+    assert shown[0] == ("mine", study.options.plan)
+    assert [text.split("  ")[:2] for _, text in shown[1:]] == [
+        [f"{done} of 6", f"{100 * done / 6:.0f} %"] for done in range(1, 7)
+    ]
 
 
 def test_progress_says_what_is_done_before_the_first_part(tmp_path, monkeypatch, capsys) -> None:
@@ -180,12 +181,15 @@ def test_a_time_left_that_has_passed_is_not_told_any_more(monkeypatch) -> None:
 
     now = [100.0]
     monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now[0]))
-    reached = module._Reached(Pace(done=3, total=9, seconds=1.0))
-    assert str(reached) == "3 of 9  about 2 s left"
+    reached = module._Reached(SimpleNamespace(complete=lambda share: None), "nine parts")
+    reached.begin(Pace(done=0, total=9), float)
+    assert str(reached) == "nine parts"
+    reached.note(Pace(done=3, total=9, seconds=1.0))
+    assert str(reached) == "3 of 9  33 %  about 2 s left"
     now[0] += 1.0
-    assert str(reached) == "3 of 9  about 1 s left"
+    assert str(reached) == "3 of 9  33 %  about 1 s left"
     now[0] += 1.5
-    assert str(reached) == "3 of 9"
+    assert str(reached) == "3 of 9  33 %"
 
 
 @pytest.mark.slow

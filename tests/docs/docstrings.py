@@ -98,8 +98,20 @@ def raises(function: Any) -> bool:
     return any("NotImplementedError" not in error for error in errors)
 
 
-@once
 def shared(name: str) -> Any:
+    """Return a value that examples share; modules are imported, since they cannot be stored."""
+    code, *_ = next(each for each in statements() if name in each[1])
+    return _computed(name) if "import " not in code.partition("\n")[0] else _imported(name, code)
+
+
+def _imported(name: str, code: str) -> Any:
+    names: dict[str, Any] = {}
+    exec(code, names)
+    return names[name]
+
+
+@once
+def _computed(name: str) -> Any:
     """Compute a value that examples share, by the statements that define it."""
     code, _, uses = next(each for each in statements() if name in each[1])
     names = {**modules(), **{each: shared(each) for each in sorted(uses - modules().keys()) if lines_for({each})}}

@@ -245,8 +245,8 @@ def test_the_tree_of_the_editor_names_all_that_can_be_reached(stop) -> None:
     assert {("textbox", "File"), ("figure", "Values"), ("status", "")} <= set(nodes)
     names = {role: {name for each, name in reached if each == role} for role in ("button", "slider", "spinbutton")}
     assert {"New model", "Save", "Save and compute", "Export", "Back to the results"} <= names["button"]
-    assert {"clearance of stop, slider", "stop.stiffness, slider"} <= names["slider"]
-    assert {"clearance of stop", "stop.stiffness"} <= names["spinbutton"]
+    assert {"clearance of stop, slider", "stiffness of stop, slider"} <= names["slider"]
+    assert {"clearance of stop", "stiffness of stop"} <= names["spinbutton"]
     assert any(name.startswith("stop: spring with a gap") for name in names["button"])  # of the drawing
 
 
@@ -289,7 +289,7 @@ def test_units_stand_at_the_numbers_of_a_train(page, folder) -> None:
     opened(page, "train.toml")
     edited(page)
     names = page.locator("#edit-values .parameter span").all_inner_texts()
-    assert {"speed [rpm]", "stiffness of clutch [N m/deg]", "stiffness of input [N m/rad]"} <= set(names)  # as written
-    assert [name for name in names if not name.endswith("]") and not name.endswith(" on flywheel")] == []
+    assert {"speed [rpm]", "clutch.stiffness [N m/deg]", "input.stiffness [N m/rad]"} <= set(names)  # as written
+    assert [name for name in names if not name.endswith("]") and not name.endswith(".flywheel")] == []
     titles = page.locator("#edit-response .title").all_text_contents()
     assert titles == ["speed [rpm]", "amplitude of clutch (half the peak to peak) [deg]"]

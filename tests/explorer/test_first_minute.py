@@ -64,6 +64,7 @@ def test_it_opens_with_a_response_on_which_the_exact_one_lies(page) -> None:
     assert "Pale: a quick response" in page.inner_text("#empty")
     page.click("#empty button")
     until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size === 1")
+    until(page, f"{CURVE}.x.length > 100")  # the last points come after the state
     assert page.locator("#empty").is_hidden()
     x, y = np.array(page.evaluate(f"[[...{CURVE}.x], [...{CURVE}.y]]"))
     order = np.argsort(x)

@@ -149,8 +149,8 @@ class _Reached:
     Where they tell nothing, no time is shown once the time that was expected has passed.
     """
 
-    def __init__(self, line: ProgressLine) -> None:
-        self._line, self._begun, self._since, self._most = line, time.monotonic(), 0.0, 0.0
+    def __init__(self, line: ProgressLine, plan: str) -> None:
+        self._line, self._plan, self._begun, self._since, self._most = line, plan, time.monotonic(), 0.0, 0.0
         self._pace, self._within = Pace(0, 0), float
 
     def begin(self, pace: Pace, within: Callable[[], float]) -> None:
@@ -168,6 +168,8 @@ class _Reached:
         self._most = max(self._most, pace.share)
         self._line.complete(self._most)
         left = (pace.left or 0.0) - (0.0 if within else now - self._since)
+        if self._most < 0.005:
+            return self._plan
         told = f"{pace.done} of {pace.total}  {100 * self._most:.0f} %"
         return told + f"  about {duration(left)} left" * (left > 0.0 and self._most >= 0.01)
 
@@ -184,7 +186,8 @@ def _job_line(options: StudyKind, title: str, show: bool) -> ProgressLine:
         line.update(name, reached)
 
     line = ProgressLine(name, words, total=1.0, show=show)
-    line.begin, reached = begin, _Reached(line)
+    line.begin, reached = begin, _Reached(line, options.plan)
+    line.update(name, options.plan)
     return line
 
 
