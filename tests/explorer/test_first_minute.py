@@ -117,6 +117,7 @@ def test_what_moves_a_point_is_switched_on_and_names_no_direction(page) -> None:
     page.keyboard.press("Home")
     page.keyboard.press("s")
     until(page, "Boolean(gapwalk.motion.details)")
+    page.wait_for_load_state("networkidle")  # what stands above them has come
     places = "['machine', 'history'].map((id) => document.getElementById(id).getBoundingClientRect().top)"
     before = page.evaluate(places)
     assert page.evaluate("[gapwalk.movers.found, gapwalk.diagram.arrows.length]") == [None, 0]
