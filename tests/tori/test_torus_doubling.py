@@ -88,5 +88,5 @@ def test_other_events_bear_no_tori():
     torus, event = before_doubling(0.01)
     family = gw.tori.follow_tori(torus, LOADS, 0.31)
     assert not [each for each in family.events if each.torus is not None]
-    with pytest.raises(ModelError, match="can be kept from a torus"):
+    with pytest.raises(ModelError, match="can be kept only if the walk starts from a torus"):
         gw.tori.follow_tori(event, LOADS, 0.33, second=("between.k", (0.0, 0.1)))
