@@ -86,7 +86,7 @@ _SMALL = (200, 200)
 
 @dataclass(frozen=True)
 class Quote:
-    """What a page says a command answers: a sentence, or the numbers of a row of a table."""
+    """An answer of a command that a page quotes: a sentence, or the numbers of a row of a table."""
 
     page: str
     words: str  #: File and study of the command.

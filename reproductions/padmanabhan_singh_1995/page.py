@@ -298,7 +298,7 @@ def _marks(about: Checked) -> str:
 
 
 def _head(report: Report) -> str:
-    """What agrees at a glance: a sentence, a bar of the classes, what does not hold and why, and the rules, folded."""
+    """Give the first screen: counts in a sentence and a bar, failing statements with reasons, and the folded rules."""
     found = counts([outcome for _, outcome in report.checked])
     classes = [(verdict, count) for verdict, count in found.classes.items() if count]
     bar = "".join(
@@ -453,7 +453,7 @@ FAILING = (
         "summary-heavy",
     ),
 )
-"""What does not hold as printed: a sentence or two, and the statements; each is in one group."""
+"""Groups of statements that do not hold as printed, with the reason; each statement is in one group."""
 
 
 def _card(report: Report, figure: Figure, folder: Path | None, fold: bool) -> str:

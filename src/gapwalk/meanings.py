@@ -1,4 +1,4 @@
-"""What each colour, dash and marker means, said once: paper, the explorer's page and the documentation read it."""
+"""Meanings of colours, dashes and markers, which pictures, the explorer's page and the documentation read."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def _size(loop: Any) -> str:
 
 @claim("3-acceleration", "At Ω = 1.5 the accelerations of both damping models agree.", "3-impact", "3-viscous")
 def _accelerations(impact: gw.Result, viscous: gw.Result) -> Finding:
-    """Of the settled motions, and of the start, which the figure may show; also with beta by the paper's rule."""
+    """Compare settled motions, and starts, which the figure may show; also with beta by the paper's rule."""
     settled, start = _apart(impact, viscous, "q1''"), _apart_at_first(impact, viscous, "q1''")
     match = matched_damping("3-viscous", "3-impact")
     beta = float(match.impact_damping)

@@ -35,7 +35,7 @@ LOWER = {
     "in kind": ("3-acceleration", "3-force", "4-folds", "4-beats", "27-islands"),
     "one number changed": ("4-flips",),
 }
-"""What is judged more strictly than in its section 2d: only things that agree within 5 % are to the letter.
+"""Statements that are judged more strictly than in section 2d: only things that agree within 5 % are to the letter.
 4-beats holds in kind as printed, which is better."""
 
 WALKED = ("12-folds", "22-flips")  # whose walks are short; the others rest on settled motions alone

@@ -124,7 +124,7 @@ class ChannelFile(ABC):
     module: ClassVar[str] = ""
     """The library that reads it, in a process of its own; empty if gapwalk does."""
     file: Any = None
-    """What is to be closed."""
+    """An open file."""
 
     def __init__(self, path: str) -> None:
         self.heads: list[ColumnHead] = []  #: Its channels.
