@@ -194,7 +194,7 @@ def test_content_that_a_newer_gapwalk_wrote_is_not_called_damaged(path, monkeypa
         file.write(NUMBERS.entry((1.0,), 1))
     monkeypatch.undo()
     change_sealed(path, "UPDATE part SET head = replace(head, 'values', 'values2') WHERE name = 'request'")
-    with pytest.raises(StoreError, match=r"was written by gapwalk 99\.0\.0, and holds what .* update gapwalk"):
+    with pytest.raises(StoreError, match=r"was written by gapwalk 99\.0\.0, and has contents that .* update gapwalk"):
         gw.open_result(path)
 
 
