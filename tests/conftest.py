@@ -17,7 +17,7 @@ from gapwalk.errors import Interrupted
 from gapwalk.parallel import workers
 from gapwalk.parallel.processes import Processes
 from tests import computed
-from tests.tiers import is_quick
+from tests.tiers import is_quick, leave_to_campaign
 
 # the same examples each time: a check that fails once in a hundred runs says nothing to whoever broke it
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -88,8 +88,9 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return True if config.option.markexpr == "quick" and is_other else None
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the quick tests."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark the slow and the quick tests."""
+    leave_to_campaign(items, whole=not any("::" in each for each in config.args))
     for item in items:
         if is_quick(item.path) and not item.get_closest_marker("slow"):
             item.add_marker(pytest.mark.quick)

@@ -66,3 +66,26 @@ def some_of(cases: Iterable[str | float], *kept: str | float) -> list[Any]:
     cases = list(cases)
     assert set(kept) <= set(cases)
     return [pytest.param(case, marks=() if case in kept else pytest.mark.slow) for case in cases]
+
+
+def keeps(*cases: str) -> pytest.MarkDecorator:
+    """The cases, by the names that pytest prints, of a broad test that stay in `make test`; `make campaign` runs the others."""
+    return pytest.mark.keeps(*cases)
+
+
+def leaves(*cases: str) -> pytest.MarkDecorator:
+    """The cases, by the names that pytest prints, of a broad test that `make test` leaves to `make campaign`."""
+    return pytest.mark.leaves(*cases)
+
+
+def leave_to_campaign(items: list[pytest.Item], *, whole: bool) -> None:
+    """Mark what `keeps` and `leaves` leave out as slow; where tests are collected `whole`, refuse names of no case."""
+    found: dict[tuple[Path, str], set[str]] = {}
+    for item in items:
+        name = item.name.partition("[")[2][:-1]
+        for mark in (*item.iter_markers("keeps"), *item.iter_markers("leaves")):
+            found.setdefault((item.path, item.name.partition("[")[0]), set(mark.args)).discard(name)
+            if (name in mark.args) == (mark.name == "leaves"):
+                item.add_marker(pytest.mark.slow)
+    if whole and (strange := {f"{path.name}::{test}": names for (path, test), names in found.items() if names}):
+        raise pytest.UsageError(f"keeps or leaves names cases that are not there: {strange}")

@@ -79,6 +79,7 @@ def sprung() -> System:
     return System(["x"], [[1.0]], damping=[[0.1]], contacts=[spring], frequency=0.8, **loads)
 
 
+@pytest.mark.slow
 def test_the_least_change_for_a_peak_is_that_of_a_closed_form():
     def margin(u):  # the contact carries a third of the mean load, and half of the displacement
         damping = 0.1 * (1.0 + u[1])
@@ -156,6 +157,7 @@ def test_an_isolated_branch_refuses_a_design():
     assert found.sentence.startswith("not proved: ")
 
 
+@pytest.mark.slow
 def test_folds_leave_a_band_by_the_least_change():
     system = gw.paper.case("13").at(frequency=0.71)
     lead = gw.find_orbit(system)

@@ -280,6 +280,7 @@ def test_responses_are_alike_within_their_largest_difference() -> None:
         assert (holds, off) == (expected, pytest.approx(0.04, abs=1e-3))  # lines between points
 
 
+@pytest.mark.slow
 def test_figure_4_with_the_matched_impact_damping() -> None:
     """Against the walks of an independent program: flips .131 and .119 wide, pairs on P2, second resonance alike."""
     system = gw.paper.case("4a").at({"frequency": 2.0, "stage2.impact_damping": 0.05})

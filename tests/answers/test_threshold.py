@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 import gapwalk as gw
 from gapwalk.answers.threshold import Confirmation, Threshold, ThresholdOptions
+from tests.tiers import keeps
 
 DAMPING, STIFFNESS, LOAD, GAP = 0.4, 1.3, 0.2, 0.5
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -162,6 +163,7 @@ def stopped(damping: float, clearance: float, unit: float = 1.0) -> gw.System:
     )
 
 
+@keeps("0.13-1.0")
 @pytest.mark.parametrize(("damping", "unit"), [(0.3, 1e-9), (0.13, 1.0)])
 def test_the_stated_error_holds(damping: float, unit: float) -> None:
     """A graze is computed a little off the breakpoint: the threshold is that of the touch itself."""
@@ -173,6 +175,7 @@ def test_the_stated_error_holds(damping: float, unit: float) -> None:
     assert abs(found.value - exact) <= found.uncertainty
 
 
+@pytest.mark.slow
 def test_a_transient_is_no_rattle_and_a_narrow_resonance_is_found() -> None:
     """At a damping ratio of 0.11 % transients rattle for thousands of periods, and tries miss the resonance."""
     exact = 0.5288 * 0.0022 * math.sqrt(1.0 - 0.0011**2)

@@ -111,6 +111,7 @@ def test_a_stopped_study_continues_to_the_same_bits(found, tmp_path):
     assert gw.open_result(file).values.tobytes() == found.values.tobytes()
 
 
+@pytest.mark.slow
 def test_samples_without_points_that_all_walks_have_are_walked(tmp_path):
     weak = (Spread("harmonic1.amplitude", "uniform", low=0.098, high=0.14), Spread("stop.clearance", sd=0.003))
     options, file = {**OPTIONS, "seed": 10, "check": 0}, tmp_path / "weak.gapwalk"
@@ -128,6 +129,7 @@ def test_samples_without_points_that_all_walks_have_are_walked(tmp_path):
     assert np.all(np.abs(few.values[np.ix_(touching, grazing)] - exact) <= few.errors[np.ix_(touching, grazing)] + 1e-9)
 
 
+@pytest.mark.slow
 def test_points_are_noticed_that_no_walk_has():
     """A second stop, which the motion reaches only in parts in which it is near enough."""
     branch = gw.follow(gw.find_orbit(stopped()), "frequency", 1.5)

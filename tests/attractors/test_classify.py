@@ -87,6 +87,7 @@ def test_figure_15_period_three(frequency):
     assert found.lyapunov.exponents[0] < 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("frequency", "curves"), [in_campaign(0.855, 3), (1.12, 2)])
 def test_figure_15_tori_agree_with_scipy(frequency, curves):
     found = from_rest(frequency)

@@ -12,7 +12,7 @@ from gapwalk.model import Harmonic, System
 from gapwalk.orbit.orbit import stroboscopic
 from tests.attractors.references import figure15, strobes
 from tests.systems import clutch, linear
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, keeps
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +41,7 @@ def test_periodic_motions_of_figure_15_agree_with_scipy(fig15, frequency, period
     assert again == pytest.approx(stroboscopic(found.orbit)[[*range(1, period), 0]], abs=2e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["15", in_campaign("29")])
 def test_what_is_recognised_early_is_what_a_long_wait_gives(case):
     # 300 periods were once too few at W = 0.45, and 1,500 enough
@@ -59,6 +60,7 @@ def test_what_is_recognised_early_is_what_a_long_wait_gives(case):
     assert np.median(early) < 150
 
 
+@keeps("0.001")
 @pytest.mark.parametrize("distance", [1e-3, 1e-5, 1e-6])
 def test_slow_transients_at_a_flip_are_told_apart(distance):
     # figure 13 flips at 1.331838029; period 2 lies below. A multiplier of 0.99999 would need a million periods
@@ -80,6 +82,7 @@ def test_a_start_on_an_unstable_motion_is_left():
     assert "was displaced from an unstable motion" in found.evidence[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("frequency", "few", "many", "kept"), [(0.858, 2000, 40_000, 12_000), in_campaign(0.8588, 4000, 100_000, 40_000)]
 )

@@ -10,6 +10,7 @@ from gapwalk.orbit.orbit import stroboscopic
 from gapwalk.paper import case
 from tests.independent import integrate
 from tests.systems import linear
+from tests.tiers import keeps
 
 SET_15 = case("15").at(frequency=0.45)
 STARTS = {1: (3.76, 1.98, -0.056, 0.314), 3: (2.697, 1.655, -0.735, -0.205)}
@@ -27,6 +28,7 @@ def surface(region, phase, count, seed):
     return region.strobes[phase] + np.linalg.solve(region.shapes[phase], directions.T).T
 
 
+@keeps("1")
 def test_all_that_is_in_a_trap_comes_to_the_orbit(orbit):
     region = trapping_region_of(orbit)
     assert region.strobes == pytest.approx(stroboscopic(orbit))

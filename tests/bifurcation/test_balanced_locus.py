@@ -20,7 +20,7 @@ from tests.bifurcation.test_locus import WIDE, assert_derivatives_agree, islands
 from tests.bifurcation.test_many_degrees import rod
 from tests.computed import once
 from tests.systems import viscous_stop
-from tests.tiers import in_campaign, some_of
+from tests.tiers import in_campaign, keeps, some_of
 
 NEAR = ((0.15, 2.0), (0.24, 0.26))
 KINDS = (Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING)
@@ -48,6 +48,7 @@ def apart(one: Locus, other: Locus) -> float:
     )
 
 
+@keeps("grazing")
 @pytest.mark.parametrize("kind", some_of(KINDS, Kind.FOLD, Kind.GRAZING))
 def test_balanced_loci_are_those_of_shooting_but_for_the_truncation(kind):
     special = response().special(kind)[0]
@@ -67,6 +68,7 @@ def test_balanced_loci_are_those_of_shooting_but_for_the_truncation(kind):
     assert errors[0] > 2.0 * errors[1] > 4.0 * errors[2]
 
 
+@keeps("neimark-sacker")
 @pytest.mark.parametrize("kind", some_of(KINDS, Kind.FLIP, Kind.NEIMARK_SACKER))
 def test_balanced_loci_pass_through_the_special_points_of_balanced_branches(kind):
     special = balanced().special(kind)[0]
@@ -107,6 +109,7 @@ def test_the_islands_of_figures_27_and_28_lie_on_one_balanced_fold_locus():
     assert [len(specials) for specials in islands().values()] == [2, 2]
 
 
+@pytest.mark.slow
 def test_a_neimark_sacker_locus_has_the_resonances_of_shooting():
     special, exact = response().special(Kind.NEIMARK_SACKER)[0], locus(Kind.NEIMARK_SACKER, 0)
     found = follow_locus(special, "frequency", "mean.q1", WIDE, walk=COARSE, method=balance(20))
@@ -117,6 +120,7 @@ def test_a_neimark_sacker_locus_has_the_resonances_of_shooting():
         assert np.abs(point.orbit.multipliers - np.exp(2j * np.pi / 3)).min() < 1e-9
 
 
+@pytest.mark.slow
 def test_a_grazing_locus_has_the_points_of_shooting_and_no_echo_of_its_own_touch():
     special, exact = response().special(Kind.GRAZING)[4], locus(Kind.GRAZING, 4)
     found = follow_locus(special, "frequency", "mean.q1", WIDE, walk=COARSE, method=balance(20))
@@ -155,6 +159,7 @@ def test_a_viscous_stop_has_corners_too():
     assert {beginning.first.orbit.harmonics for beginning in beginnings} == {22}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ends", [1, in_campaign(2)])
 def test_many_degrees_of_freedom_and_several_contacts(ends: int):
     """A Neimark-Sacker point whose multipliers come from eigenvectors: on the locus, and on branches beside it."""
@@ -208,6 +213,7 @@ def test_too_few_harmonics_end_a_locus_with_what_to_change():
         growing(Balance(10, error=1e-6))
 
 
+@pytest.mark.slow
 def test_a_tracer_goes_on_bit_for_bit_from_its_state():
     special = response().special(Kind.FLIP)[2]
     beginning = start_locus(special, "frequency", "mean.q1", GROWING, Balance(error=7.5e-5))[GROWS]

@@ -17,7 +17,7 @@ from gapwalk.orbit import Shooting, find_orbit
 from gapwalk.paper import case
 from tests.computed import paper_response
 from tests.independent import integrate
-from tests.tiers import in_campaign, some_of
+from tests.tiers import in_campaign, keeps, some_of
 
 RANGES = {"13": (0.15, 2.0), "15": (0.15, 2.0), "29": (0.02, 1.0)}
 
@@ -70,6 +70,7 @@ def test_no_branch_contradicts_the_label_of_the_flip_that_it_leaves(figure):
             check_label(flip, response(figure).parameter)
 
 
+@keeps("15-0.2445147-0.228975795-supercritical")
 @pytest.mark.parametrize(
     ("figure", "parent", "value", "nature"),
     [
@@ -100,6 +101,7 @@ def test_a_graze_that_the_doubled_branch_only_passes_does_not_end_the_side_of_it
     assert {np.sign(each.tangent[-1]) for each in judged} == {np.sign(judged[0].tangent[-1])}
 
 
+@pytest.mark.slow
 def test_doubled_motions_found_with_scipy_lie_where_a_subcritical_flip_has_them():
     flip = flip_near(response("15"), 0.680789217)
     motion = beside(flip, "frequency", 5e-4)

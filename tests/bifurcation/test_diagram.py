@@ -94,6 +94,7 @@ def cascades_from(main: Branch, value: float, generations: int):
     return tree.cascades
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("generations", [4, in_campaign(5)])
 def test_ratios_of_figure_29_come_near_feigenbaums_number(main, generations):
     (cascade,) = cascades_from(main, 0.34223, generations)

@@ -10,6 +10,7 @@ import gapwalk as gw
 from gapwalk.errors import ConvergenceError
 from gapwalk.flow.symmetry import Symmetry, symmetries_of
 from tests.bifurcation.equal_parts import equal_parts, ring
+from tests.tiers import keeps
 
 
 def edge(square: float, low: float, high: float, damping: float = 0.02, depth: float = 0.3) -> float:
@@ -23,6 +24,7 @@ def edge(square: float, low: float, high: float, damping: float = 0.02, depth: f
     return brentq(distance, low, high, xtol=1e-14)
 
 
+@keeps("3-double flip")
 @pytest.mark.parametrize(("count", "words"), [(3, "double flip"), (4, "triple flip")])
 def test_a_flip_of_equal_modes_is_found_located_and_named(count, words):
     system = ring(count)
@@ -116,6 +118,7 @@ def alone(count: int) -> gw.System:
     )
 
 
+@keeps("2-double fold-1.4")
 @pytest.mark.parametrize(("count", "words", "to"), [(2, "double fold", 1.4), (3, "triple fold", 1.8)])
 def test_equal_parts_that_turn_back_together_have_a_multiple_fold_where_one_part_alone_has_its_fold(count, words, to):
     single = gw.follow(gw.find_orbit(alone(1)), "frequency", to).special("fold")
@@ -130,6 +133,7 @@ def test_equal_parts_that_turn_back_together_have_a_multiple_fold_where_one_part
         found[0].gradient("damping.x0.x0")
 
 
+@pytest.mark.slow
 def test_a_diagram_has_the_branches_of_parts_that_are_on_different_motions_between_two_double_folds():
     found = gw.diagram(alone(2), "frequency", (0.7, 1.4))
     first, *others = found.members

@@ -16,7 +16,7 @@ from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.orbit_equation import places_beside, roundings
 from gapwalk.orbit.shooting import ShootingEquation
 from tests.orbit.test_edges import oscillator
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, keeps
 
 
 def two_stages() -> System:
@@ -52,6 +52,7 @@ def bifurcations(branch: Branch):
     return [special for special in branch.special_points if special.kind is not Kind.GRAZING]
 
 
+@keeps("two_stages-0.6-5")
 @pytest.mark.parametrize(
     ("make", "to", "count"), [(two_stages, 0.6, 5), in_campaign(two_stages, 6.0, 2), (preloaded_stop, 1.3, 2)]
 )
@@ -94,6 +95,7 @@ def beside_a_stiff_stop(first: float, to: float) -> Branch:
     return follow(find_orbit(system), "frequency", to)
 
 
+@keeps("1.6-0.3")
 @pytest.mark.parametrize(("first", "to"), [(1.6, 0.3), (0.3, 1.6)])
 def test_no_fold_is_invented_where_the_branch_turns_within_rounding(first, to):
     """Beside a stop of stiffness 1e5 the branch turns within 1e-13; walked downwards two of the folds came twice."""

@@ -7,6 +7,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.continuation.walk import EndReason
+from tests.tiers import keeps
 
 
 def pressed(load: float, side: int = 1, unit: float = 1.0, phase: float = 0.0, restitution: float = 0.3) -> gw.System:
@@ -19,6 +20,7 @@ def pressed(load: float, side: int = 1, unit: float = 1.0, phase: float = 0.0, r
     )  # fmt: skip
 
 
+@keeps("1-1.0-0.0-ends1")
 @pytest.mark.parametrize("ends", [(0.3, 0.405), (0.402, 0.39)])
 @pytest.mark.parametrize(("side", "unit", "phase"), [(1, 1.0, 0.0), (-1, 1e9, 2.1)])
 def test_it_lifts_off_where_the_load_is_its_weight(ends: tuple[float, float], side: int, unit: float, phase: float):

@@ -132,6 +132,7 @@ def shaken(frequency: float = 0.8, *, relative: bool) -> gw.System:
     return gw.System(["x"], [[0.0]], contacts=[spring, stop], harmonics=[base], frequency=frequency)
 
 
+@pytest.mark.slow
 def test_the_acceleration_of_a_base_is_its_motion_in_other_coordinates() -> None:
     """In all of a branch: multipliers and special points; and the folds of a family with their locus."""
     trees = [

@@ -20,7 +20,7 @@ from gapwalk.paper import case
 from tests.bifurcation.test_special_points import lowest_deflection, preloaded, symmetric
 from tests.computed import once
 from tests.systems import viscous_stop
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, keeps
 
 WIDE = ((0.15, 2.0), (0.0, 1.0))
 
@@ -41,6 +41,7 @@ def nearest(branch, kind: Kind, value: float):
     return min(branch.special(kind), key=lambda special: abs(special.value - value))
 
 
+@keeps("grazing")
 @pytest.mark.parametrize("kind", [in_campaign(Kind.FOLD), in_campaign(Kind.FLIP), Kind.NEIMARK_SACKER, Kind.GRAZING])
 def test_loci_pass_through_the_special_points_of_branches_at_other_loads(kind):
     specials, met = response().special(kind), 0
@@ -71,6 +72,7 @@ def branch_beside(orbit):
     raise AssertionError("no orbit on either side of the fold")
 
 
+@keeps("neimark-sacker-0", "grazing-4")
 @pytest.mark.parametrize(
     ("kind", "index"),
     [(Kind.FOLD, 4), (Kind.FLIP, 0), in_campaign(Kind.FLIP, 4), (Kind.NEIMARK_SACKER, 0), (Kind.GRAZING, 4)],
@@ -119,6 +121,7 @@ def beside_a_sharp_cusp():
     return follow(find_orbit(case("13").at({"mean.q3": 0.395, "frequency": 0.66}), start="settle"), "frequency", 0.61)
 
 
+@keeps("within0-walk1-1", "within0-walk1-2", "within1-walk1-2", "within0-walk0-2", "within1-walk1-1")
 @pytest.mark.parametrize("number", [1, 2])
 @pytest.mark.parametrize("walk", [WalkOptions(), WalkOptions(initial_step=0.02, largest_step=0.1)])
 @pytest.mark.parametrize("within", [(0.35, 0.4), (0.385, 0.395)])
@@ -275,6 +278,7 @@ def scipy_fold(frequency: float, guess):
     return found.x
 
 
+@pytest.mark.slow
 def test_the_folds_of_the_duffing_oscillator_agree_with_scipy():
     branch = follow(find_orbit(duffing(0.9)), "frequency", (0.9, 2.5))
     found = follow_locus(branch.special(Kind.FOLD)[0], "frequency", "harmonic1.amplitude", ((1.0, 2.5), (0.05, 0.6)))
@@ -291,6 +295,7 @@ def test_the_folds_of_the_duffing_oscillator_agree_with_scipy():
         assert (x, v) == pytest.approx(point.orbit.state, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_viscous_stop_has_corners_too():
     # the force jumps at contact, so do the sensitivities
     branch = follow(find_orbit(viscous_stop(1.0)), "frequency", (0.3, 1.0))

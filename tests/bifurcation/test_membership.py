@@ -12,6 +12,7 @@ from gapwalk.orbit import Shooting, find_orbit
 from gapwalk.orbit.orbit import stroboscopic
 from gapwalk.paper import case
 from tests.bifurcation.test_special_points import symmetric
+from tests.tiers import keeps
 
 FINER = WalkOptions(initial_step=0.001, largest_step=0.004)
 AMPLITUDE = "harmonic1.amplitude"
@@ -69,6 +70,7 @@ def test_doubled_branches_and_their_parents(response):
         assert all(curve.holds(replace(orbit, period=4)) for orbit in later[::10])
 
 
+@keeps("1e-14")
 @pytest.mark.parametrize("size", [1e-14, 1e-12, 1e-10, 1e-8])
 def test_where_branches_meet_they_hold_the_orbit_however_it_is_rounded(response, size):
     rng = np.random.default_rng(1)
@@ -109,6 +111,7 @@ def test_the_branch_from_its_other_end_is_the_same(response):
     assert all(curve.holds(point.orbit) for point in second.points)
 
 
+@pytest.mark.slow
 def test_a_closed_loop_and_the_branch_that_passes_it_by(loop):
     assert loop.ends[-1].reason is EndReason.CLOSED
     main = follow(find_orbit(case("27")), AMPLITUDE, to=(-1.0, 1.0))

@@ -15,7 +15,7 @@ from gapwalk.verification.verify_special_points import Track
 from tests.bifurcation.alike.comparison import compare_ways, differences, ways
 from tests.bifurcation.alike.kinds import machine_of
 from tests.computed import once
-from tests.tiers import in_campaign, some_of
+from tests.tiers import in_campaign, keeps, some_of
 
 B, K, P, C, F = 1.1008242922933908, 1.107877872602049, 0.03230478179428088, 0.20880532034255395, 0.511866097372504
 
@@ -104,6 +104,7 @@ def test_verification_refuses_stable_motions_on_both_sides_of_such_a_graze():
     assert not gw.verify(missed).ok
 
 
+@keeps("4.0")
 @pytest.mark.parametrize("phase", [0.0, *some_of([1.0, 2.0, 3.0, 4.0, 5.0], 4.0)])
 def test_a_walk_goes_on_beyond_the_first_touch_from_any_phase(phase):
     stage = gw.Stage(1.0, 3.0, side="positive", numbers={"preload": 0.05})
@@ -205,6 +206,7 @@ def test_what_begins_with_the_speed_of_a_touch_or_is_slight_does_not_jump():
         assert not jumps(gw.Contact("s", {"x": 1.0}, [gw.Stage(1.0, 3.0)], law=law, **{damping: 0.5}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "walk"),
     [(16, gw.WalkOptions(largest_step=0.08)), *map(in_campaign, [12, 16, 18, 21, 25, 31, 33], repeat(SHORTER))],
@@ -216,6 +218,7 @@ def test_random_machines_have_one_list_of_special_points(seed, walk):
     assert comparison.shared > 2
 
 
+@pytest.mark.slow
 def test_stated_errors_do_not_depend_on_the_units():
     machine = machine_of("preload 12")
     here = {way.name: way for way in ways(machine, gw.find_orbit(machine.system))}
@@ -241,6 +244,7 @@ def test_verification_accepts_a_fold_or_a_flip_close_to_a_graze(seed):
     assert gw.verify(next(ways(machine, gw.find_orbit(machine.system))).walked()).breaches == ()
 
 
+@pytest.mark.slow
 def test_a_comparison_names_what_only_one_walk_has():
     machine = machine_of("preload 12")
     plain = next(ways(machine, gw.find_orbit(machine.system)))

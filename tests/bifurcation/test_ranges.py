@@ -27,6 +27,7 @@ BY_HAND = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "system"), [("first", FIRST), in_campaign("second", SECOND)])
 def test_a_wide_range_has_the_special_points_of_a_narrow_one(name, system):
     start = find_orbit(system)

@@ -77,6 +77,7 @@ def figure_27():
     return searched(*FEW)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("values", "most"), [(FEW, 7_000), in_campaign(ALL, 15_000)])
 def test_the_work_for_figure_27_does_not_grow(values, most):
     """With the default options, from nothing but the model: some seconds, counted in flow calls and not by a clock."""
@@ -165,6 +166,7 @@ def test_the_motions_of_period_3_of_figure_15(figure_15):
     assert span(upper) == pytest.approx([0.7724, 0.9042], abs=2e-4)
 
 
+@pytest.mark.slow
 def test_settling_agrees_with_a_basin_that_another_code_has_drawn():
     """1,500 periods of a hand-written fixed-step integrator: 123 cells of 32 x 32 lead to period 1, the rest to 3."""
     system = case("15").at(frequency=0.45)

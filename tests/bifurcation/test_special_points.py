@@ -17,7 +17,7 @@ from gapwalk.orbit import Orbit, find_orbit
 from gapwalk.paper import case, frequency_responses
 from tests.computed import paper_response
 from tests.independent import integrate
-from tests.tiers import in_campaign, some_of
+from tests.tiers import in_campaign, keeps, some_of
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "special_points.json").read_text())["figures"]
 
@@ -41,6 +41,7 @@ def test_special_points_that_two_other_codes_agree_on(figure):
         assert special.uncertainty < 1e-10
 
 
+@keeps("12", "13", "15", "9b")
 @pytest.mark.parametrize("figure", some_of(frequency_responses(), "9b", "12", "13", "15", "23b", "25"))
 def test_every_frequency_response_of_the_paper_runs_through(figure):
     branch = paper_response(figure)
@@ -219,6 +220,7 @@ def lowest_deflection(system: System, frequency: float) -> float:
     return static[0] - abs(np.linalg.solve(dynamic, [0.25, 0.0])[0])
 
 
+@keeps("0.25")
 @pytest.mark.parametrize("mean", [0.25, 0.5])
 def test_linear_motion_first_grazes_where_its_amplitude_uses_up_the_preload(mean):
     system = preloaded(mean)

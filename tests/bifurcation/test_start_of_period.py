@@ -10,6 +10,7 @@ from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.continuation.walk import EndReason
 from gapwalk.flow.flow import Flow
 from gapwalk.orbit.orbit import _more_flights
+from tests.tiers import keeps
 
 
 def teeth(amplitude: float, phase: float = 0.0, unit: float = 1.0) -> gw.System:
@@ -19,6 +20,7 @@ def teeth(amplitude: float, phase: float = 0.0, unit: float = 1.0) -> gw.System:
     return gw.System(["x"], [[0.0]], [[0.6]], contacts=[stop], mean={"x": 0.4 * unit}, harmonics=[load], frequency=1.0)
 
 
+@keeps("1000000000.0")
 @pytest.mark.parametrize("unit", [1.0, 1e9])
 def test_many_impacts_pass_the_start_in_one_step(unit: float) -> None:
     first = gw.settle(teeth(0.4385, unit=unit)).orbit

@@ -17,7 +17,7 @@ from gapwalk.model.contact import rigid_stop
 from gapwalk.orbit import find_orbit
 from gapwalk.studies.verify import verify
 from tests.sampled_verification import SAMPLED, verified
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, keeps
 
 DAMPING, FORCE = 0.1, 0.3
 LONG = np.longdouble
@@ -111,6 +111,7 @@ def grazing_frequencies():
     return math.sqrt(middle - root), math.sqrt(middle + root)
 
 
+@keeps("viscous-10.0-positive-1000000.0")
 @pytest.mark.parametrize("stiffness", [in_campaign(1e4), 1e6])
 @pytest.mark.parametrize(
     ("law", "damping", "side"),
@@ -138,6 +139,7 @@ def test_special_points_beyond_grazes_are_those_of_the_closed_form_from_both_sid
             assert abs(special.value - exact.special(special.kind, special.orbit)) < special.uncertainty + 1e-14
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [3, in_campaign(6)])
 def test_stated_errors_hold_however_the_last_digits_are_rounded(count):
     """Rounding moves the fold far beyond the graze by 1e-12, and the difference of two computations by as much."""
@@ -163,6 +165,7 @@ def test_beyond_what_numbers_can_resolve_special_points_stand_at_the_graze():
         assert special.value == pytest.approx(exact.special(special.kind, special.orbit), abs=1e-10)
 
 
+@keeps("positive")
 @pytest.mark.parametrize("side", [Side.POSITIVE, Side.BOTH])
 def test_the_number_of_unstable_multipliers_is_explained_past_a_graze(side):
     branch = walk(oscillator(1e6, side, "hunt-crossley", 0.1), 0.3)
@@ -173,6 +176,7 @@ def test_the_number_of_unstable_multipliers_is_explained_past_a_graze(side):
     assert branch.points[-1].instability.total == count
 
 
+@pytest.mark.slow
 def test_a_walk_over_a_graze_can_be_stopped_and_resumed_before_and_after_it():
     orbit, options = find_orbit(oscillator(1e6)), WalkOptions()
     whole = list(BranchTracer(start_branch(orbit, "frequency", 0.3, -1), options))
@@ -192,6 +196,7 @@ def test_a_branch_that_begins_within_rounding_of_a_graze_is_not_said_to_join_its
     assert "grazes" in child.ends[-1].detail
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("deflection", "last"),
     [({"a": 1.0, "b": -1.0}, 1.5), in_campaign({"a": 1.0, "b": -1.0}, 4.0), in_campaign({"a": 1.0}, 4.0)],
@@ -262,6 +267,7 @@ def symmetric_force(speed, frequency=0.7, damping=0.1, restitution=0.8):
     return math.hypot(p, q) * abs(complex(1.0 - frequency**2, damping * frequency))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampled", SAMPLED)
 def test_a_symmetric_motion_begins_to_meet_both_rigid_walls_at_once(sampled):
     walls = rigid_stop("walls", {"x": 1.0}, 1.0, restitution=0.8, side=Side.BOTH)
@@ -329,6 +335,7 @@ def grazing_period(n, spare):
     return orbit, force
 
 
+@pytest.mark.slow
 def test_a_graze_beyond_which_touches_are_rounding_is_named_where_the_walk_ends():
     """Touches of 1.5e-13 at most follow the graze of period 6, where the branch turns back."""
     orbit, force = grazing_period(6, 1.25e-6)

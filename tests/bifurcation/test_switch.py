@@ -131,6 +131,7 @@ def test_a_branch_that_turns_within_a_millionth_of_its_beginning_has_its_fold(gr
     assert stable == {False, True}
 
 
+@pytest.mark.slow
 def test_both_arms_of_a_vertex_have_the_fold_that_is_close_to_it(grazed_flip):
     """Beyond the vertex all comes again in reverse, as the same motions a forcing period later."""
     (beginning,) = switch(grazed_flip, "frequency", (0.15, 1.9))

@@ -74,6 +74,7 @@ def test_a_branch_that_leaves_a_special_point_is_walked_too():
     assert steps.branch.ends[0].reason is EndReason.BRANCHED
 
 
+@pytest.mark.slow
 def test_an_isolated_branch_is_walked_once():
     """Newton's method failed from the chord that passes the start, and the branch was walked 92 times."""
     start = [1.7393025818988646, -0.1308810692485267, -0.5480666393837627, 0.00721262586600034]
@@ -88,6 +89,7 @@ def test_an_isolated_branch_is_walked_once():
 FIVE, SEVEN = (5, 0.5967, [1.0193, 0.6277, 0.0993, 0.0138]), (7, 0.5936, [0.8277, 0.5533, 0.3139, 0.1769])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("period", "frequency", "start", "sampled"), [(*FIVE, 4), in_campaign(*FIVE, 0), in_campaign(*SEVEN, 0)]
 )
@@ -128,6 +130,7 @@ def unstable_branch() -> gw.Branch:
     return gw.follow(gw.find_orbit(mass, frequency=0.3), "frequency", to=2.0)
 
 
+@pytest.mark.slow
 def test_strongly_unstable_motions_are_followed_in_segments():
     branch = unstable_branch()
     assert branch.ends[1].reason is EndReason.TURNED_BACK
@@ -155,6 +158,7 @@ def test_measures_of_a_strongly_unstable_motion_follow_it_to_the_end_of_its_peri
     assert gw.analysis.energy(orbit).imbalance < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [4, in_campaign(12)])
 def test_verify_accepts_strongly_unstable_motions_and_finds_a_false_state(count):
     branch = unstable_branch()

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from gapwalk.cli import main
+from tests.tiers import keeps
 
 MODEL = """
 title = "Two masses"
@@ -117,6 +118,13 @@ def test_what_the_work_of_a_study_refuses_is_said_before_any_is_done(said) -> No
     assert not list(Path().glob("*.gapwalk"))
 
 
+@keeps(
+    'side = "positive"-half.b-',
+    'side = "positive"-min.b-',
+    'side = "positive"-max.a-',
+    'side = "negative"-min.b-min.b is the clearance of wall wherever it is struck, .* "half.b"',
+    'side = "positive"-max.b-max.b is the clearance of wall wherever it is struck, .* "half.b"',
+)
 @pytest.mark.parametrize(
     ("side", "measure", "says"),
     [

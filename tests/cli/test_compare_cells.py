@@ -16,6 +16,7 @@ from gapwalk.errors import ModelError
 from gapwalk.studies.compare import compare_cells
 from gapwalk.studies.export import save_tables
 from tests import models
+from tests.tiers import keeps
 
 PLANE = 'second = { parameter = "harmonic1.amplitude", from = 0.05, to = 0.4 }\nresolution = [4, 3]\n'
 ALONG = 'parameter = "frequency"\nfrom = 0.6\nto = 1.4\n'
@@ -53,6 +54,7 @@ def labels(path: Path, column: str) -> dict[tuple[str, str], str]:
     return {tuple(list(row.values())[:2]): row[column] for row in rows}
 
 
+@keeps("regimes", "basins")
 @pytest.mark.parametrize("kind", STUDIES)
 def test_cells_that_differ_are_counted_and_named(kind, made, capsys) -> None:
     a, b = (made(kind, name) for name in "ab")

@@ -11,6 +11,7 @@ import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.studies.set_values import parse_changes
 from tests.cli.conftest import MODEL
+from tests.tiers import keeps
 
 BALANCED = ("--set", "study.method=harmonic-balance", "--set", "study.balance.error=1e-3")
 
@@ -65,6 +66,7 @@ def test_json_is_one_document(results, capsys) -> None:
     assert len(document["pairs"][0]["special_points"]) == 4
 
 
+@keeps("png")
 @pytest.mark.parametrize("ending", ["png", "svg"])
 def test_both_are_drawn_over_one_another(results, ending, capsys) -> None:
     assert main(["compare", *results, "--output", f"both.{ending}", "--measure", "max.x"]) == 0

@@ -102,6 +102,7 @@ def test_what_is_complete_is_not_computed_again_and_nothing_is_lost(clutch, undi
     assert "stage2.clearance is 0.9, and was 1.0" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_one_study_may_have_a_name_of_its_own_for_the_result(clutch, capsys) -> None:
     few = ["--set", "study.loop.max_period=1", "--quiet"]
     assert main(["run", str(clutch), "--study", "loop", "--output", "x.gapwalk", *few]) == 0

@@ -62,6 +62,7 @@ def test_it_is_told_where_two_special_points_meet(capsys) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_ctrl_c_says_what_is_stored_and_how_to_go_on(monkeypatch, capsys) -> None:
     with monkeypatch.context() as patch:
 

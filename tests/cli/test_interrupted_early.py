@@ -8,6 +8,7 @@ import pytest
 from gapwalk.cli import main, run_command
 from gapwalk.errors import WorkError
 from tests import models
+from tests.tiers import keeps
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "idle.toml"
 
@@ -60,6 +61,7 @@ def test_what_is_stored_is_to_be_resumed(tmp_path, monkeypatch, capsys):
     assert f"--output {file} --resume" in capsys.readouterr().err
 
 
+@keeps("error0-130")
 @pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt(), 130), (WorkError("all workers have gone"), 3)])
 def test_the_command_to_resume_names_the_scheduler(error, code, tmp_path, monkeypatch, capsys):
     """Without it, the rest of the work would be done on this machine."""

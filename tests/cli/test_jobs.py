@@ -17,6 +17,7 @@ from gapwalk.cli import main
 from gapwalk.cli.progress import ProgressLine, progress_of
 from gapwalk.parallel.workers import Pace
 from tests.studies.jobs import MODELS
+from tests.tiers import keeps
 
 ENDINGS = {
     "settle": ("section", "lines", "sides", "contacts", "signals", "work", "losses"),
@@ -46,6 +47,7 @@ def kind(request, tmp_path, monkeypatch) -> str:
     return request.param
 
 
+@keeps("regimes", "sweep", "basins")
 def test_a_study_is_checked_run_shown_and_exported(kind, capsys) -> None:
     assert main(["check", "x.toml"]) == 0
     assert PLANS[kind] in capsys.readouterr().out
@@ -87,6 +89,7 @@ def test_a_study_is_checked_run_shown_and_exported(kind, capsys) -> None:
         assert float(rows[13]["q3'"]) == record.sections[0, 1, 0, 3]
 
 
+@keeps("settle", "sweep", "regimes")
 def test_ctrl_c_says_what_is_stored_and_how_to_go_on(kind, monkeypatch, capsys) -> None:
     if kind == "settle":
         pytest.skip("has one part")

@@ -94,6 +94,7 @@ def test_check_tells_the_plane(clutch, capsys) -> None:
     assert "study.workers is 0" in err
 
 
+@pytest.mark.slow
 def test_show_has_ends_with_their_reasons_and_on_request_the_points(result, capsys) -> None:
     assert main(["show", "x.gapwalk"]) == 0
     text = capsys.readouterr().out

@@ -89,6 +89,7 @@ def undisturbed(tmp_path_factory) -> gw.Result:
     return gw.run(gw.read_study(path, parse_changes(SLOWLY[1::2])))
 
 
+@pytest.mark.slow
 def test_ctrl_c_then_resume_equals_an_undisturbed_run(model, command, undisturbed) -> None:
     first = command("run", str(model), *SLOWLY, "--output", "a.gapwalk", "--json")
     until(lambda: points_in("a.gapwalk") >= 60, "60 points are stored")

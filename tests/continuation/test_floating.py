@@ -111,6 +111,7 @@ def there_and_back() -> tuple[gw.Branch, gw.Branch]:
     return down, gw.follow(down.points[-1].orbit, "speed", 1100.0)
 
 
+@pytest.mark.slow
 def test_a_walk_passes_a_graze_beyond_which_vanishing_impacts_hold_the_gear_both_ways(
     there_and_back: tuple[gw.Branch, gw.Branch],
 ):

@@ -11,6 +11,7 @@ from gapwalk.bifurcation.isolated.search_starts import state_box
 from gapwalk.continuation.corrector import Range, linear_growth
 from gapwalk.continuation.walk import EndReason
 from gapwalk.model.contact import force, stop
+from tests.tiers import keeps
 
 PARAMETRIC = gw.Harmonic(0.2, varies={"spring.k": 1.0}, name="parametric", order=2)
 
@@ -64,6 +65,7 @@ CASES = {
 }
 
 
+@keeps("van der Pol", "pendulum", "coupled", "Mathieu with a stop")
 @pytest.mark.parametrize("name", CASES)
 def test_branches_of_formulas_reach_the_ends_of_their_range(name: str) -> None:
     """At the ends and in the middle, SciPy's motion over one period of the equations by hand repeats."""

@@ -17,6 +17,7 @@ from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation
 from gapwalk.paper import case
 from tests.orbit.test_orbit import linear_response
 from tests.systems import clutch, linear
+from tests.tiers import keeps
 
 
 def test_every_point_of_a_linear_resonance_is_the_closed_form():
@@ -83,6 +84,7 @@ def test_both_directions_from_a_start_give_the_branch_from_end_to_end():
     assert np.all(np.diff([point.arclength for point in both.points]) > 0)
 
 
+@keeps("1", "60")
 @pytest.mark.parametrize("stop", [1, 2, 17, 60])
 def test_a_stopped_walk_resumes_as_if_never_stopped(stop):
     orbit = find_orbit(clutch(), frequency=1.9)

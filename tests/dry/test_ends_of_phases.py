@@ -19,7 +19,7 @@ from gapwalk.model.system import System
 from gapwalk.verification.friction_dop853 import carry
 from tests.dry.trials.random_systems import random_system
 from tests.sampled_verification import verified
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, keeps
 
 LEAVES = math.sqrt(1.0 + math.pi**2)  # load over weight at which a plastic body is thrown for just one period
 
@@ -40,6 +40,7 @@ def flying(amplitude: float) -> list[float]:
     return [0.5 + fall, rate]
 
 
+@keeps("amplitudes1")
 @pytest.mark.parametrize("amplitudes", [(2.6, 3.5), (3.5, 2.6)])
 def test_a_stop_ceases_to_be_held_where_the_flight_takes_a_period(amplitudes: tuple[float, float]) -> None:
     orbit = gw.find_orbit(thrown(2.6), start=flying(2.6))
@@ -110,6 +111,7 @@ def test_a_motion_that_begins_at_rest_leaves_a_stop_that_held_it() -> None:
     assert around.closure < 1e-9
 
 
+@pytest.mark.slow
 def test_a_walk_that_two_coinciding_events_stop_names_them() -> None:
     """A stage closes, and friction of the contact turns round 2e-12 rad beside it."""
     system = random_system(92)
@@ -119,6 +121,7 @@ def test_a_walk_that_two_coinciding_events_stop_names_them() -> None:
     assert "stages0.one - and stages0dry change at once at theta = 2.68635" in branch.ends[-1].detail
 
 
+@pytest.mark.slow
 def test_slip_ends_in_both_directions_at_the_place_where_the_second_begins() -> None:
     """Also where both bounds are nearly reached, so that guesses from farther away slip."""
     system = random_system(166)

@@ -22,7 +22,7 @@ from gapwalk.model.system import System
 from gapwalk.orbit.sticking import FrictionGauge
 from tests.dry import closed_forms
 from tests.dry.event_reference import Reference
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, keeps
 
 START = [0.31, 0.17, 0.23, -0.11]
 LOAD = Harmonic(1.0, {"x": 1.0}, name="load")
@@ -138,6 +138,7 @@ def test_den_hartogs_amplitudes(ratio: float, amplitude: float) -> None:
     assert [orbit.measure("max.x"), -orbit.measure("min.x")] == pytest.approx([amplitude] * 2, abs=1e-11)
 
 
+@keeps("0.3-0.8-0")
 @pytest.mark.parametrize(
     ("limit", "frequency", "stops"),
     [(0.3, 0.8, 0), (0.5, 0.4, 1), in_campaign(0.2, 0.2, 1), (0.2, 0.12, 2), in_campaign(0.25, 0.12, 2)],

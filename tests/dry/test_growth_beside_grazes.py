@@ -15,6 +15,7 @@ from tests.tiers import in_campaign
 pytestmark = pytest.mark.skipif(bool(np.finfo(np.longdouble).eps > 1e-18), reason="needs numbers of 80 bits")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "sampled"), [(1.005, 2), in_campaign(1.3, 0)])
 def test_multipliers_beside_a_graze_are_those_in_extended_precision(factor: float, sampled: int) -> None:
     """The other integrator needs smaller steps: its error grows along the period, and decides on the touch."""

@@ -31,6 +31,7 @@ def program(kind: str, path: Path) -> str:
     return f"from tests.dry.dry_jobs import main; main({kind!r}, {str(path)!r})"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", some_of(STUDIES, "response"))
 def test_a_study_that_is_killed_goes_on_to_the_same_result(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "a.gapwalk"

@@ -13,6 +13,7 @@ from gapwalk.model.system import System
 from tests.dry import closed_forms
 from tests.dry.event_reference import Reference
 from tests.flow.dry_systems import clutch
+from tests.tiers import keeps
 
 TURN = 2.0 * math.pi
 
@@ -50,6 +51,7 @@ def periodic(reference: Reference, state, tries: int = 12):
     raise AssertionError("Newton's method does not converge")
 
 
+@keeps("0.8-2.626104875724-guess0")
 @pytest.mark.parametrize(
     ("ratio", "amplitude", "guess"),
     [(0.8, 2.626104875724, [2.46031289, 0.78374321]), (1.2, 2.072384268013, [-1.90460778, 0.94718247])],
@@ -78,6 +80,7 @@ def test_an_impact_oscillator() -> None:
     assert min(abs(found.state[1] - each) for each in (motion.velocity, -motion.velocity / 0.8)) < 1e-11
 
 
+@keeps("1")
 @pytest.mark.parametrize("periods", [1, 2])
 def test_budd_and_dux(periods: int) -> None:
     frequency, r = 2.0 * periods, 0.7
@@ -194,6 +197,7 @@ def test_the_work_of_loads_is_dissipated() -> None:
     assert balance == pytest.approx(0.0, abs=1e-11)
 
 
+@keeps("1.2315204596-guess1")
 @pytest.mark.parametrize(
     ("frequency", "guess"),
     [

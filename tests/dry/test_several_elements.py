@@ -54,6 +54,7 @@ def test_elements_that_never_slip_are_pushed_along_together_whatever_the_steps(f
     assert least[3] == pytest.approx(largest[2] - 2.0 * reach["c"], abs=1e-7)  # c has kept its place since b slips
 
 
+@pytest.mark.slow
 def test_positions_are_those_of_a_slow_sweep(first):
     """The limit of a frequency that changes ever more slowly; steps of .001 overshoot by about that."""
     branch, state, sliders = gw.follow(first, "frequency", 1.01), first.state.copy(), {}
@@ -93,6 +94,7 @@ def test_beyond_the_end_of_slip_an_element_is_pushed_along(angle):
     assert last.state == pytest.approx(state, abs=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ends", [(1.544, 1.5455), in_campaign((1.5, 1.546))])
 def test_elements_that_turn_back_at_a_corner_keep_the_positions_that_they_have_there(ends):
     """An onset of slip beyond it was off by a hundred times its stated error, by another step over the corner."""

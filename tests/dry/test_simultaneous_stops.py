@@ -17,12 +17,13 @@ from gapwalk.verification.friction_dop853 import DryRound, carry
 from tests.bifurcation.alike.kinds import friction as friction_machine
 from tests.dry.event_reference import Reference
 from tests.sampled_verification import verified
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, keeps
 
 TURN = 2.0 * math.pi
 PARTS = [friction("joint", {"x": 1.0}, 0.2, stiffness=3.0), friction("brake", {"x": 1.0}, 0.1)]
 
 
+@keeps("spring first")
 @pytest.mark.parametrize("contacts", [PARTS, PARTS[::-1]], ids=["spring first", "rigid first"])
 def test_both_turn_round_whichever_event_comes_first(contacts) -> None:
     load = gw.Harmonic(1.0, {"x": 1.0})
@@ -77,6 +78,7 @@ def test_turning_points_beside_an_event_that_changes_nothing(phase: float) -> No
         np.testing.assert_allclose([max(own), min(own)], [abs(settled), -abs(settled)], rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_a_stop_stays_held_where_friction_beside_it_turns_round() -> None:
     contacts = [
         friction("ground", {"a": 1.0}, 0.2),

@@ -18,6 +18,7 @@ from gapwalk.model.system import System
 from gapwalk.verification.verification import Check, Ledger
 from gapwalk.verification.verify_branch import _verify_gaps
 from gapwalk.verification.verify_special_points import Track
+from tests.tiers import keeps
 
 RANGE = (0.65, 1.0)
 
@@ -133,6 +134,7 @@ def test_gaps_are_measured_in_the_section_in_which_they_were_walked() -> None:
     assert gw.verify(branch).worst(Check.GAPS).size < 0.1
 
 
+@keeps("ends0")
 @pytest.mark.parametrize("ends", [(0.9735, 0.9745), (0.9745, 0.9735)])
 def test_a_stop_that_never_pushes_is_not_held_where_its_plastic_impact_is_just_before_the_start(
     ends: tuple[float, float],

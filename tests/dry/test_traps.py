@@ -17,7 +17,7 @@ from gapwalk.model.laws.friction import Hysteretic
 from gapwalk.orbit.orbit import sensitivity, signal_along
 from tests.dry.event_reference import Reference
 from tests.results.again import again
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, keeps
 
 TURN = 2.0 * math.pi
 DAMPING, SPRING = 0.05, 5.0
@@ -69,6 +69,7 @@ def sums(multipliers: np.ndarray) -> list[complex]:
     return [complex(np.sum(multipliers**k)) for k in (1, 2, 3)]
 
 
+@keeps("system1")
 @pytest.mark.parametrize(
     "system", [jenkins(0.3), coulomb(0.8, frequency=0.3), *map(in_campaign, [chain(0.1, 2.0), chain(0.1, None)])]
 )
@@ -125,6 +126,7 @@ def onsets(limit: float) -> list[float]:
     return sorted(math.sqrt(w) for w in np.roots([1.0, DAMPING**2 - 2.0 * stiffness, stiffness**2 - most**2]) if w > 0)
 
 
+@keeps("ends0")
 @pytest.mark.parametrize("ends", [(0.5, 4.0), (4.0, 0.5)])
 def test_a_walk_through_onset_and_end_of_slip_has_no_false_points(ends: tuple[float, float]):
     first, second = onsets(1.5)

@@ -13,9 +13,10 @@ from gapwalk.errors import Interrupted
 from tests.dry.trials.__main__ import apart, table
 from tests.dry.trials.random_systems import random_system
 from tests.dry.trials.trial import Trial, _differences, attempt
-from tests.tiers import some_of
+from tests.tiers import keeps, some_of
 
 
+@keeps("52")
 @pytest.mark.parametrize("seed", some_of(range(100), 51, 52))
 def test_each_ends_with_a_result_or_a_reason(seed: int) -> None:
     trial = attempt(f"random {seed}", random_system(seed), factor=1.02, sampled=2)
@@ -23,6 +24,7 @@ def test_each_ends_with_a_result_or_a_reason(seed: int) -> None:
     assert {"orbit", "motion", "sweep"} <= trial.ends.keys()
 
 
+@pytest.mark.slow
 def test_a_way_back_that_ends_early_is_compared_as_far_as_it_leads() -> None:
     system = random_system(145)
     there = gw.follow(gw.find_orbit(system), "frequency", 1.3 * system["frequency"])

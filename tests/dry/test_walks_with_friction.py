@@ -22,7 +22,7 @@ from gapwalk.model.loads import Harmonic
 from gapwalk.model.system import System
 from tests.dry import closed_forms
 from tests.flow.dry_systems import clutch
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, keeps
 
 # folds and flips of period 1 with friction .005, located by single shooting on another integrator (ten digits)
 CLUTCH = {
@@ -139,6 +139,7 @@ def test_a_doubled_branch_ends_where_a_multiplier_of_its_parent_jumps_across_min
         assert not unexplained_of(each)
 
 
+@keeps("amplitudes1")
 @pytest.mark.parametrize("amplitudes", [(0.05, 0.11), (0.11, 0.05)])
 def test_a_walk_passes_the_graze_of_a_rigid_stop(amplitudes: tuple[float, float]) -> None:
     first, last = amplitudes
@@ -148,6 +149,7 @@ def test_a_walk_passes_the_graze_of_a_rigid_stop(amplitudes: tuple[float, float]
     assert places(branch, "fold") == pytest.approx([closed_forms.one_impact_fold()], abs=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("amplitude", "damping"), [in_campaign(1.0, 0.2), (0.2, 0.02)])
 def test_a_walk_passes_the_graze_of_a_rigid_stop_in_both_directions(amplitude: float, damping: float) -> None:
     """Towards the graze the impacts become ever softer; the motion beyond is the linear one, whose amplitude is 1."""
@@ -165,6 +167,7 @@ def test_a_walk_passes_the_graze_of_a_rigid_stop_in_both_directions(amplitude: f
     assert max(grazes) == pytest.approx(math.sqrt(b + math.sqrt(b**2 - 1.0 + amplitude**2)), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_graze_beside_which_motions_grow_fast_is_verified() -> None:
     """At 3e-9 beside it, where the motion has an impact, a change of the state grows by the inverse of its velocity."""
     wall = Contact("wall", {"x": 1.0}, [Stage(1.0, side=Side.POSITIVE)], law="rigid", restitution=0.8)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.explorer.conftest import STOP
+from tests.tiers import keeps
 from tests.waiting import until
 
 SERVER = """
@@ -38,6 +39,7 @@ def is_alive(pid: int) -> bool:
         return False
 
 
+@keeps("held")
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="processes are looked up in /proc")
 @pytest.mark.parametrize("way", ["running", "held"])
 def test_the_engine_of_a_killed_server_ends(tmp_path, way) -> None:

@@ -96,6 +96,7 @@ def test_an_edit_is_noticed_a_broken_model_is_told_whole_and_results_stay(page, 
     until(page, "document.getElementById('error').hidden && !document.getElementById('compute').disabled")
 
 
+@pytest.mark.slow
 def test_after_a_kill_and_a_restart_the_page_goes_on_by_itself(chrome, folder) -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))

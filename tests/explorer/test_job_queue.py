@@ -73,6 +73,7 @@ def test_a_waiting_job_can_be_stopped_before_it_begins(client, long) -> None:
     assert result_of(client, long, second)["branches"] == []
 
 
+@pytest.mark.slow
 def test_the_death_of_the_process_costs_one_job(client, session, long) -> None:
     key = begin(client, long)
     growing(client, long, key)

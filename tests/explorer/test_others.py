@@ -112,6 +112,7 @@ def folds(client, query) -> list[float]:
     return sorted(each["value"] for each in special if each["kind"] == "fold")
 
 
+@pytest.mark.slow
 def test_a_locus_is_followed_shown_and_repeated(client, do, session, hard) -> None:
     file, first = hard
     query = {"file": file, "result": first, "x": "frequency", "y": "half.x"}

@@ -173,6 +173,7 @@ def test_the_focus_goes_through_the_page_in_the_order_in_which_it_is_read(page) 
     assert order[:4] == ["HEADER", "controls", "picture", "motion"]
 
 
+@pytest.mark.slow
 def test_news_of_a_growing_branch_come_at_most_four_times_a_second(page) -> None:
     opened(page, "chain.toml")
     page.evaluate(

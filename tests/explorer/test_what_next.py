@@ -13,6 +13,7 @@ from gapwalk.explorer.motion_panels import special_words
 from gapwalk.explorer.what_next import Stretch, at_point, at_special
 from tests import models
 from tests.explorer.conftest import CLUTCH
+from tests.tiers import keeps
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +34,7 @@ def said(special: gw.SpecialPoint, branch: gw.Branch, measure: str) -> dict:
     return at_special(special, measure, [Stretch(branch.parameter, branch.points)])
 
 
+@keeps("1")
 @pytest.mark.parametrize("number", [0, 1])
 def test_at_a_fold_the_machine_jumps_where_the_sentence_says(hard, number) -> None:
     special = [each for each in hard.special_points if each.kind == "fold"][number]

@@ -85,6 +85,7 @@ def fill(filler: Path) -> None:
             file.write(b"x" * 4096)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("mount") is None or os.geteuid() != 0, reason="only root mounts disks")
 def test_a_real_full_disk(tmp_path) -> None:
     study, elsewhere = stop_study(), tmp_path / "elsewhere.gapwalk"

@@ -14,6 +14,7 @@ from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow import PERIOD, Flow
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from tests.systems import clutch, viscous_stop
+from tests.tiers import keeps
 
 FREQUENCIES = np.linspace(0.36, 1.3, 24).tolist()
 
@@ -38,6 +39,7 @@ def alone() -> list[bytes]:
     return [seen(frequency) for frequency in FREQUENCIES]
 
 
+@keeps("5")
 @pytest.mark.parametrize("threads", [2, 5])
 def test_threads_get_bitwise_what_one_thread_gets(alone: list[bytes], threads: int) -> None:
     with ThreadPoolExecutor(threads) as pool:

@@ -13,6 +13,7 @@ from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from tests.independent import integrate as reference
 from tests.systems import OWN_LAWS, backlash_oscillator, clutch, linear, random_systems, viscous_stop
+from tests.tiers import keeps
 
 STATE = np.array([1.5, 0.3, -0.4, 0.2])
 DAMPED = {"elastic": {}, "viscous": {"viscous_damping": 0.1}, "hunt-crossley": {"impact_damping": 0.2}}
@@ -49,6 +50,7 @@ def test_linear_motion_agrees_with_the_matrix_exponential():
     assert arc.contacts == []
 
 
+@keeps("elastic", "pushing", "hunt-crossley", "piecewise", "viscous")
 @pytest.mark.parametrize("law", OWN_LAWS)
 def test_state_agrees_with_an_independent_integrator(law):
     viscous = {"viscous_damping": 0.3}

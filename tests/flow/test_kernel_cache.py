@@ -11,6 +11,7 @@ from gapwalk.ensemble import BatchOptions, batch_flow_of
 from gapwalk.ensemble import kernel_source as kernel
 from gapwalk.ensemble.kernel_source import kernel_file
 from tests.systems import clutch
+from tests.tiers import keeps
 
 STATES = np.array([[0.5, 0.1, 1.0, -0.2], [-2.0, 0.0, 0.3, 0.4]])
 
@@ -57,6 +58,7 @@ def test_the_next_process_loads_what_the_first_one_compiled(folder: Path, compil
     np.testing.assert_array_equal(again, compiled[1])
 
 
+@keeps("text", "cut", "index")
 @pytest.mark.parametrize("damage", ["cut", "flipped", "index", "text", "seal"])
 def test_damaged_files_are_made_again(folder: Path, compiled: tuple[Path, np.ndarray], damage: str) -> None:
     suffix = {"cut": ".nbc", "flipped": ".nbc", "index": ".nbi", "text": ".py", "seal": ".sha256"}[damage]

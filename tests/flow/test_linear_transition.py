@@ -146,6 +146,7 @@ def test_what_is_not_linear_keeps_its_series() -> None:
     assert flow_of(linear, "frequency", transition=True).is_linear
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("walk", "sampled"), [(gw.WalkOptions(largest_step=0.1), 2), in_campaign(gw.WalkOptions(), 0)])
 def test_a_branch_of_a_long_chain_is_verified(walk: gw.WalkOptions, sampled: int) -> None:
     system = chain(10, 1)

@@ -21,6 +21,7 @@ from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.model.coefficients import coefficients_of
 from tests.independent import integrate as reference
 from tests.systems import backlash_oscillator, clutch, linear, random_systems, viscous_stop
+from tests.tiers import keeps
 
 
 def draw(system, count=40, size=1.0, seed=0):
@@ -46,6 +47,7 @@ def chain(masses=5):
     )
 
 
+@keeps("40")
 @pytest.mark.parametrize("steps", [8, 40])
 def test_linear_motion_is_exact_whatever_the_steps(steps):
     system, states = linear(), draw(linear())
@@ -245,6 +247,7 @@ def test_a_survey_is_what_the_exact_motions_do():
         assert (2 * survey.impacts[lane, 0]).tolist() == [closing.count(1), closing.count(-1)]
 
 
+@pytest.mark.slow
 def test_basins_of_figure_15():
     # 32 x 32 points of the square from -4 to 4, its edges among them; the exact flow gives the same for every one
     grid = np.linspace(-4.0, 4.0, 32)

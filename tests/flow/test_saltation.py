@@ -137,6 +137,7 @@ def test_a_continuous_force_costs_nothing() -> None:
     assert board._rebounds == [False, False]
 
 
+@pytest.mark.slow
 def test_the_motion_with_a_preload_is_that_of_another_integrator() -> None:
     system, state = jumping(Preloaded()), np.array([0.7, -0.4, 0.3, 0.5])
 

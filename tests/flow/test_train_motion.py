@@ -26,6 +26,7 @@ from tests.model.drivetrain.trains import (
     by_hand,
     physical,
 )
+from tests.tiers import keeps
 
 INERTIAS = np.array([FLYWHEEL, HUB, BOX])
 
@@ -41,6 +42,7 @@ def absolute(time: float, state: np.ndarray, frequency: float, last: float = -ME
     return np.concatenate((rates, np.array(torques) / INERTIAS))
 
 
+@keeps("12.0-False")
 @pytest.mark.parametrize("with_units", [False, True])
 @pytest.mark.parametrize("last", [-MEAN, 12.0])
 def test_inertias_accelerate_as_the_absolute_equations_say(with_units: bool, last: float) -> None:

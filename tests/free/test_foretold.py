@@ -11,7 +11,7 @@ import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.free import island_births as work_balance
 from gapwalk.free.island_births import IslandBirth
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, keeps
 
 STIFFNESS, DAMPING = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.array([[0.02, -0.01], [-0.01, 0.02]])
 CUBIC = gw.force("spring", {"x": 1.0}, "x*x*x")
@@ -63,6 +63,7 @@ def test_the_work_over_duffings_motions():
         assert 2.0 * np.pi / point.value == pytest.approx(period, rel=1e-10)
 
 
+@keeps("0.005-0.0002")
 @pytest.mark.parametrize(("damping", "error"), [(0.005, 2e-4), (0.02, 5e-3)])
 def test_the_subharmonic_island_of_duffing(damping, error):
     """It is foretold the better, the lighter the damping: the error falls with its square."""
@@ -76,6 +77,7 @@ def test_the_subharmonic_island_of_duffing(damping, error):
     assert birth.amplitude == pytest.approx(lowest_amplitude(orbit, birth), rel=error)
 
 
+@keeps("duffing-1")
 @pytest.mark.parametrize(
     ("contact", "harmonic", "mode"),
     [
@@ -154,6 +156,7 @@ def test_what_cannot_be_foretold_is_refused():
     assert len([*found.tables()["amplitudes"]()]) == len(line.points) + 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("starts", [16, in_campaign(64)])
 def test_the_island_of_an_internal_resonance(starts):
     """The main resonance of two masses: where modes 1 and 2 exchange energy, a closed branch lies beside it."""

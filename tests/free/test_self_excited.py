@@ -15,7 +15,7 @@ from gapwalk.free.free_shooting import FreeOrbit
 from gapwalk.free.self_excitation import SelfExcited, _exact, _shortest
 from gapwalk.orbit.orbit import sensitivity
 from gapwalk.verification import Ledger, verify_branches
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, keeps
 
 VAN_DER_POL = 6.6632868593231301896996820305  # its period at mu = 1
 
@@ -80,6 +80,7 @@ def test_verification_passes_and_finds_a_fault(found):
     assert not gw.verify(moved_rest).ok
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_verified", [False, in_campaign(True)])
 def test_motions_end_at_the_second_hopf_point(is_verified):
     """Damping ``x^2 - p (1 - p)``: motions of amplitude ``2 sqrt(p (1 - p))`` at first order, between p = 0 and 1."""
@@ -140,6 +141,7 @@ def test_a_rotor_whirls_on_a_circle():
     assert gw.verify(branch).ok
 
 
+@pytest.mark.slow
 def test_a_mass_on_a_belt_grows_until_it_sticks():
     """Hopf point at ``c = k1 - 3 k3 V^2``; stick begins where the mass first reaches the speed of the belt."""
     found = gw.free.self_excited(belt(0.3), "damping.x.x", 0.0)
@@ -194,6 +196,7 @@ def test_a_motion_is_found_from_a_state():
         gw.free.find_self_excited(van_der_pol(-0.5))
 
 
+@keeps("1e-06")
 @pytest.mark.parametrize("unit", [1e-6, 1e3])
 def test_the_unit_of_length_does_not_matter(unit):
     damper = gw.force("damper", {"x": 1.0}, "(g*x*x - mu)*v", g=unit**-2, mu=-0.5)
@@ -209,6 +212,7 @@ def test_the_unit_of_length_does_not_matter(unit):
         gw.free.find_self_excited(system, [0.5 * unit, 0.0])
 
 
+@pytest.mark.slow
 def test_hysteresis_and_impacts_take_part():
     """A spring that slips takes energy: over a period its work is that of the self-excitation, by quadrature."""
     damper = gw.force("damper", {"x": 1.0}, "(x*x - mu)*v", mu=1.0)
@@ -228,6 +232,7 @@ def test_hysteresis_and_impacts_take_part():
     assert gw.verify(branch).ok
 
 
+@pytest.mark.slow
 def test_a_doubled_motion_leaves_a_flip():
     """Two masses of which one excites itself and the other meets a stop: a motion of twice the period branches off."""
     damper = gw.force("damper", {"a": 1.0}, "(x*x - mu)*v", mu=0.2)
@@ -311,6 +316,7 @@ def _leaving(cubic: float) -> float:
     return float(brentq(work, 0.5, 4.0, xtol=1e-13))
 
 
+@keeps("0.0-1.0")
 @pytest.mark.parametrize(("cubic", "unit"), [(0.0, 1.0), in_campaign(1.0, 1.0), (0.3, 1e3), in_campaign(0.0, 1e-6)])
 def test_motions_leave_a_centre_where_small_damping_does_no_work(cubic: float, unit: float) -> None:
     law = "mu*((x/u)**2 - 1)*v + c*(x/u)**2*x"

@@ -8,6 +8,7 @@ import gapwalk as gw
 from gapwalk.errors import ModelError
 from tests.bifurcation.alike.kinds import rotor as rotor_machine
 from tests.gyroscopic import eigenvalues, gyroscopic_system
+from tests.tiers import keeps
 
 STIFFNESS, DAMPING = np.diag([2.0, 3.0]), np.array([[0.02, 1.0], [-1.0, 0.02]])
 
@@ -18,6 +19,7 @@ def rotor(clearance: float = 2.0) -> gw.System:
     return gw.System(["x", "y"], STIFFNESS, DAMPING, contacts=[stop], harmonics=load, frequency=0.5)
 
 
+@keeps("2")
 @pytest.mark.parametrize("mode", [1, 2])
 def test_it_begins_at_the_mode_and_repeats(mode: int) -> None:
     system = rotor()

@@ -47,6 +47,7 @@ def test_transmission_error_and_its_inertia_load_give_one_motion():
         assert error["multipliers"] == pytest.approx(np.array(load["multipliers"]), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_sensitivity_to_the_frequency_equals_central_differences():
     machine, orbit, step = MACHINES["gear_rectangle"], ORBITS["gear_rectangle"][1], 1e-3
     shifts = np.array([-2, -1, 1, 2])

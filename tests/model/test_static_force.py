@@ -15,6 +15,7 @@ from gapwalk.model.contact import force, stop
 from gapwalk.model.equilibria import real_roots
 from gapwalk.model.modes import find_modes
 from gapwalk.model.static_force import StaticForce, formulas_of
+from tests.tiers import keeps
 
 MICRO = 1e-6  # another unit of length
 
@@ -191,6 +192,7 @@ def _random(seed: int) -> tuple[gw.System, float]:
     return gw.System(names, stiffness, 0.1 * stiffness, contacts=contacts, mean=mean), unit
 
 
+@keeps("7", "3")
 @pytest.mark.parametrize("seed", range(8))
 def test_random_systems_rest_where_scipy_finds_it(seed: int) -> None:
     """Every rest is one by the forces of the flow; SciPy finds few others; slopes and stability by differences."""

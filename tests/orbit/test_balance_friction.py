@@ -17,7 +17,7 @@ from gapwalk.orbit.harmonic_balance.kernels import real_form
 from gapwalk.orbit.harmonic_balance.linear_part import deflections_in, waves
 from tests.dry.event_reference import Reference
 from tests.orbit.two_masses import two_masses
-from tests.tiers import in_campaign, some_of
+from tests.tiers import in_campaign, keeps, some_of
 
 STAGES = (
     gw.Stage(0.3, 2.0, 0.5, gw.Side.BOTH, "soft", {"hysteresis": 0.15}),
@@ -142,6 +142,7 @@ def test_the_force_is_that_of_a_slider_dragged_along_a_fine_sample(name):
             assert np.abs(spectrum - each.lines).max() < 2.0 * on_average * np.abs(force).max()
 
 
+@keeps("7-belt", "7-limit", "7-displaced", "7-Iwan", "7-stages", "7-damped stages")
 @pytest.mark.parametrize("name", SYSTEMS)
 @pytest.mark.parametrize("seed", some_of([7, 8], 7))
 def test_the_derivatives_are_those_of_central_differences(name, seed):
@@ -198,6 +199,7 @@ def test_the_amplitude_converges_to_that_of_an_event_driven_integration():
     assert errors[2] < 2e-6
 
 
+@keeps("belt-80-1e-05-2e-06", "limit-80-3e-05-2e-06", "displaced-80-3e-05-5e-06", "stages-80-5e-05-0.004")
 @pytest.mark.parametrize(
     ("name", "harmonics", "near", "alike"),
     [

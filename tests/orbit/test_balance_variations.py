@@ -25,7 +25,7 @@ from gapwalk.orbit.harmonic_balance.kernels import real_form
 from gapwalk.orbit.harmonic_balance.linear_part import deflections_in, linear_of, waves
 from gapwalk.verification.verify_orbits import imbalance
 from tests.orbit.two_masses import two_masses
-from tests.tiers import in_campaign, some_of
+from tests.tiers import in_campaign, keeps, some_of
 
 MACHINES = Path(__file__).parents[1] / "machines"
 REFERENCES = json.loads((MACHINES / "references.json").read_text(encoding="utf-8"))["orbits"]
@@ -156,6 +156,7 @@ def unknowns_of(system: gw.System, count: int, seed: int = 3) -> np.ndarray:
     return lines
 
 
+@keeps("displacements", "growth")
 @pytest.mark.parametrize(
     "name", some_of(SYSTEMS, "displacements", "growth", "levels of the damping", "levels of a formula")
 )
@@ -220,6 +221,7 @@ def test_the_balanced_motion_tends_to_the_one_of_shooting(name):
     assert all(later < earlier for earlier, later in pairwise(bounds))
 
 
+@keeps("products", "levels")
 @pytest.mark.parametrize(
     "name",
     some_of(
@@ -308,6 +310,7 @@ def test_a_balanced_branch_has_the_special_points_of_shooting(name, to, count):
         assert np.array(ends[1]) == pytest.approx(np.array(ends[0]), abs=2e-5)
 
 
+@pytest.mark.slow
 def test_a_gear_pair_with_transmission_error_and_mesh_stiffness_of_8_harmonics():
     """Backlash on both sides; teeth part near the resonance, by balance as by shooting."""
     loads = [wave(0.2 / order**1.5, "mesh.stiffness", order, 0.7 * order, f"mesh{order}") for order in range(1, 9)]

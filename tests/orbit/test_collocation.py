@@ -173,6 +173,7 @@ def test_special_points_are_those_of_shooting_but_for_the_truncation(branch):
         assert one.nature == other.nature
 
 
+@pytest.mark.slow
 def test_it_verifies_beside_exact_motions(branch):
     found = gw.verify(branch)
     assert found.ok, found.words

@@ -13,6 +13,7 @@ from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.flow import flow_of
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.orbit import Orbit
+from tests.tiers import keeps
 
 ENDS = ((100.0, 0.01), (0.01, 100.0))
 
@@ -104,6 +105,7 @@ def enlarged(factor: float) -> System:
     return oscillator(gap=0.5 * factor, size=0.5 * factor, mean=0.1 * factor, impact=0.2 / factor, frequency=0.9)
 
 
+@keeps("1e-09")
 @pytest.mark.parametrize("factor", [1e6, 1e-9])
 def test_motions_of_any_size_have_the_special_points_of_ordinary_ones(factor):
     ordinary, other = (follow(find_orbit(enlarged(each)), "frequency", to=0.4) for each in (1.0, factor))
@@ -261,6 +263,7 @@ def test_a_walk_beside_a_stop_a_million_times_stiffer_beside_closed_forms():
         assert by_pieces(point.orbit.system, point.orbit.state) == pytest.approx(point.orbit.state, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_corner_too_sharp_for_rounding_is_passed_by_the_depth_of_the_touch():
     stiff, rigid = (follow(find_orbit(oscillator(stiff=k, frequency=1.6)), "frequency", to=0.8) for k in (1e5, 1e6))
     for branch in (stiff, rigid):

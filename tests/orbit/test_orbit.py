@@ -19,6 +19,7 @@ from gapwalk.model.contact import force
 from gapwalk.orbit import Newton, Shooting, find_orbit
 from tests.independent import integrate as reference
 from tests.systems import clutch, linear, random_systems, viscous_stop
+from tests.tiers import keeps
 
 
 def linear_response(system: System, order: int) -> np.ndarray:
@@ -63,6 +64,7 @@ def test_linear_multipliers_are_the_closed_form():
     )
 
 
+@keeps("system2-0.9", "system3-0.7")
 @pytest.mark.parametrize(
     ("system", "frequency"),
     [(clutch(), 0.5), (clutch(), 0.3), (clutch(**{"harmonic1.amplitude": 0.5}), 0.9), (viscous_stop(), 0.7)],

@@ -12,6 +12,7 @@ from gapwalk.bifurcation.special_point import Kind
 from gapwalk.plot.picture import picture_of
 from gapwalk.plot.style import sized
 from tests.systems import clutch
+from tests.tiers import keeps
 
 SYMBOLS = ("o", "D", "*")  # of folds and clusters, flips, and Neimark-Sacker points
 KINDS = (Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER)
@@ -63,6 +64,7 @@ def test_no_mark_hides_another(size) -> None:
     assert {"fold (LP)", "flip (PD)", "Neimark\N{EN DASH}Sacker (NS)", "number of points there"} <= set(texts)
 
 
+@keeps("column", "screen", "slide")
 @pytest.mark.parametrize("size", ["screen", "page", "column", "slide"])
 def test_the_label_of_the_axis_and_the_legend_stay_on_the_sheet(size) -> None:
     with sized(size):

@@ -13,6 +13,7 @@ from gapwalk.attractors import LyapunovOptions, SpectrumOptions, classify, settl
 from gapwalk.errors import ModelError
 from gapwalk.plot import draw
 from tests.systems import clutch, far_and_near, linear
+from tests.tiers import keeps
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +65,7 @@ def test_without_contacts_there_is_no_loop():
     rendered(figure)
 
 
+@keeps("options0-near", "options1-near", "options4-far")
 @pytest.mark.parametrize(
     ("options", "shown"),
     [

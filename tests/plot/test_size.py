@@ -9,6 +9,7 @@ from gapwalk import plot
 from gapwalk.errors import ModelError
 from gapwalk.plot.picture import picture_of
 from gapwalk.plot.style import SIZES, broken, points, sheet_size, sized
+from tests.tiers import keeps
 
 _INCH = 25.4
 
@@ -26,6 +27,7 @@ def branch() -> gw.Branch:
     return gw.follow(gw.find_orbit(system), "frequency", to=1.6)
 
 
+@keeps("page-175.0-8.5", "slide-250.0-16.0")
 @pytest.mark.parametrize(
     ("size", "width", "letters"), [("column", 85.0, 8.0), ("page", 175.0, 8.5), ("slide", 250.0, 16.0)]
 )

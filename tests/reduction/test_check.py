@@ -111,6 +111,7 @@ def test_the_estimate_holds_for_shooting_too() -> None:
     assert 1e-3 < np.abs(x - y).max() / size <= check.error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("walk", [WALK, in_campaign(WalkOptions())])
 def test_a_branch_by_shooting_along_a_load_is_checked(walk: WalkOptions) -> None:
     """The fold over the amplitude; the reduced system is walked by shooting, the full one by balance."""

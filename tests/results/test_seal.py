@@ -88,6 +88,7 @@ def test_a_part_with_a_right_checksum_of_its_own_is_sealed_too(diagram, tmp_path
     assert "taken away, added or exchanged" in seal_fault(path)
 
 
+@pytest.mark.slow
 def test_verification_continues_where_only_the_seal_is_broken(response, tmp_path, capsys) -> None:
     path = tmp_path / "changed.gapwalk"
     shutil.copy(response, path)

@@ -126,6 +126,7 @@ def test_what_is_loaded_is_what_was_walked(growing, tmp_path) -> None:
     assert point.orbit.motion().q == pytest.approx(growing.branches[0].points[-1].orbit.motion().q, abs=0.0)
 
 
+@pytest.mark.slow
 def test_it_is_resumed_wherever_the_number_of_harmonics_has_grown(growing, tmp_path, monkeypatch) -> None:
     """The walk goes on from two points, one of which may be from before the refinement."""
     monkeypatch.setattr(response, "_SECONDS", 0.0)
@@ -242,6 +243,7 @@ def test_the_smallest_loop_is_found_with_few_harmonics(shot_diagram) -> None:
     assert max(point.orbit.harmonics for branch in result.branches for point in branch.points) <= 15
 
 
+@pytest.mark.slow
 def test_a_diagram_that_is_interrupted_comes_to_the_same_result(tmp_path) -> None:
     study, path = balanced(clutch_diagram(), gw.Balance(error=1e-3)), tmp_path / "loop.gapwalk"
 
@@ -262,6 +264,7 @@ def shot(tmp_path) -> gw.Result:
     return gw.open_result(path)
 
 
+@pytest.mark.slow
 def test_a_search_leads_to_balanced_branches_each_of_them_once(tmp_path, shot) -> None:
     study, path = balanced(islands(), gw.Balance(error=3e-3)), tmp_path / "islands.gapwalk"
     result = gw.run(study, path)

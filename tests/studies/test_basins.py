@@ -157,6 +157,7 @@ def test_shares_have_the_limits_of_clopper_and_pearson():
     assert "period 1a 0." in repr(found)
 
 
+@pytest.mark.slow
 def test_starts_beside_others_of_another_label_are_found_with_the_exact_flow():
     """Two of these starts were called period 3 by the fast flow, whose error is 1e-4; at 1e-7 it calls none wrongly."""
     found = basin_shares(

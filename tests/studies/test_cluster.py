@@ -25,7 +25,7 @@ from tests.studies.diagrams import clutch_diagram
 from tests.studies.pieces import die_at_three, fail_at_three, slow_double, slow_pid
 from tests.studies.same import assert_same_result
 from tests.studies.sweeps import FOLDS, options
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, keeps
 from tests.waiting import PATIENCE, until
 
 distributed = pytest.importorskip("distributed", reason="needs the extra gapwalk[cluster]")
@@ -46,6 +46,7 @@ def workers(cluster):
     executor.close(at_once=False)
 
 
+@keeps("False")
 @pytest.mark.parametrize("in_order", [True, False])
 def test_results_are_those_of_one_process(workers, in_order) -> None:
     accepted = []

@@ -165,6 +165,7 @@ def test_the_picture_has_a_band_and_its_mean() -> None:
     assert "mean, settled" in [text.get_text() for text in axes.figure.legends[0].get_texts()]
 
 
+@pytest.mark.slow
 def test_what_is_stored_goes_on_to_the_same_response(tmp_path: Path) -> None:
     path, whole = tmp_path / "response.gapwalk", response()
 

@@ -93,6 +93,7 @@ def test_what_was_reported_is_in_the_file(path) -> None:
     gw.run(clutch_diagram(), path, report=report)
 
 
+@pytest.mark.slow
 def test_ctrl_c_just_after_the_file_was_made_keeps_its_branch(path, monkeypatch, undisturbed) -> None:
     replace_file = os.replace
 

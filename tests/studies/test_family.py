@@ -43,6 +43,7 @@ def test_each_member_is_the_response_of_its_system(family) -> None:
         assert_same_branch(branch, response(clutch().at({"mean.q3": load}), 1.4, 1.1))
 
 
+@pytest.mark.slow
 def test_special_points_are_joined_as_the_loci_through_all_members_say(family) -> None:
     assert [point_path.name for point_path in family.point_paths] == ["grazing-1", "flip-1", "flip-2", "grazing-2"]
     for point_path in family.point_paths:

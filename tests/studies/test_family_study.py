@@ -173,6 +173,7 @@ def test_a_family_over_the_frequency_needs_none_in_the_file() -> None:
     assert study.system.frequency == 1.2
 
 
+@pytest.mark.slow
 def test_members_on_which_nothing_happens_are_read_again(tmp_path) -> None:
     text = MODEL.replace("to = 1.1", "to = 1.39")
     result = gw.run(study_of(text), tmp_path / "r.gapwalk")

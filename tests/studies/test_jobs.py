@@ -34,6 +34,7 @@ def assert_same_record(kind: str, one, other) -> None:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_comes_to_the_same_result(tmp_path) -> None:
     """Of basins; more kinds are killed more often in tests/faults/test_kills.py."""
     kind = "basins"

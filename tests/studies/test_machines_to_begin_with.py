@@ -7,6 +7,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.studies.study_file import machine_text, machines
+from tests.tiers import keeps
 
 
 @pytest.mark.parametrize("name", machines())
@@ -27,6 +28,7 @@ LONG = {
 }
 
 
+@keeps("freewheel-True", "planetary-set-True", "two-stage-clutch-True", "dual-mass-flywheel-True")
 @pytest.mark.parametrize(
     ("name", "short"),
     [*((name, True) for name in machines()), *(pytest.param(name, False, marks=pytest.mark.slow) for name in LONG)],

@@ -16,6 +16,7 @@ from gapwalk.plot import draw
 from gapwalk.studies import rattle_chance
 from gapwalk.studies.study_file import check_study
 from tests.interruption import until_ctrl_c
+from tests.tiers import keeps
 
 LAW = {"m": 1.0, "c": 0.4, "k": 1.0, "kc": 3.0, "a": 0.2, "w": 1.2}
 MEAN, SD = 0.35, 0.1
@@ -95,6 +96,7 @@ def test_the_answer_names_what_matters_and_is_drawn() -> None:
         assert ax.lines
 
 
+@keeps("2")
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_stopped_run_continues_to_the_same_bytes(tmp_path, monkeypatch, workers) -> None:
     monkeypatch.setattr(rattle_chance, "CHUNK", 8)

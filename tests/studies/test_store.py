@@ -21,7 +21,7 @@ from tests.results.tampering import change, change_sealed
 from tests.studies.killing import killed_after
 from tests.studies.same import assert_same_branch, assert_same_orbit, assert_same_point, assert_same_result
 from tests.studies.studies import long_result, long_study, stop_study
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, keeps
 
 
 @pytest.fixture
@@ -128,6 +128,7 @@ def test_what_was_reported_is_in_the_file_even_while_it_is_written(path) -> None
     assert all(seen)
 
 
+@keeps("1", "90")
 @pytest.mark.usefixtures("at_once")
 @pytest.mark.parametrize("after", [1, 2, 3, 50, 90, 91])
 def test_an_interrupted_run_goes_on_as_if_never_stopped(path, after) -> None:

@@ -25,6 +25,7 @@ from tests.results.tampering import change_sealed
 from tests.studies.sweeps import FOLDS, options
 from tests.studies.test_transient import steady_state
 from tests.systems import clutch, linear
+from tests.tiers import keeps
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
 
@@ -122,6 +123,7 @@ def test_the_seed_makes_a_difference_of_the_size_of_the_kicks(hysteresis) -> Non
     np.testing.assert_allclose(other.sections, hysteresis.sections, atol=3e-5)
 
 
+@keeps("1", "3")
 @pytest.mark.parametrize("after", [1, 3, 5])
 def test_ctrl_c_keeps_what_there_is_and_is_resumed(after, hysteresis, tmp_path) -> None:
     path, done, paces = tmp_path / "up.sweep", [], []
@@ -343,6 +345,7 @@ def test_a_mass_that_rests_on_a_rigid_stop_is_not_kicked_through_it():
     assert lifts.states[:, 0].min() < -0.1 * unit
 
 
+@pytest.mark.slow
 def test_a_sweep_begins_within_rigid_stops_that_are_carried_away():
     """A prescribed displacement carries the position 0 beyond both stops, at each value by another way."""
     gap = gw.rigid_stop("gap", {"x": 1.0}, 0.01, restitution=0.3, side="both")

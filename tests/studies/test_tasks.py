@@ -16,7 +16,7 @@ from tests.studies import jobs
 from tests.studies.counting import counting
 from tests.studies.pieces import fail_at_three, slow_double, slow_pid
 from tests.studies.same import assert_same_result
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, keeps
 
 MAP = jobs.GEAR + (
     'kind = "rattle"\nparameter = "frequency"\nfrom = 0.9\nto = 1.5\nresolution = [8, 6]\ncheck = 4\n'
@@ -44,6 +44,7 @@ def study(name: str) -> Study:
     return check_study(parse_source(MODELS[name].replace("workers = 1\n", "")))
 
 
+@keeps("self-excited", "run-up")
 @pytest.mark.parametrize("name", list(SENT))
 def test_what_is_independent_is_sent_and_the_result_is_that_of_one_process(name) -> None:
     workers, executor = counting(4)
@@ -54,6 +55,7 @@ def test_what_is_independent_is_sent_and_the_result_is_that_of_one_process(name)
         assert_same_result(shared, gw.run(study(name)))
 
 
+@keeps("backbone")
 @pytest.mark.parametrize("name", ["backbone", "threshold", *map(in_campaign, ("design", "run-up", "rattle map"))])
 def test_processes_come_to_the_result_of_one(name) -> None:
     with on_cores(2):

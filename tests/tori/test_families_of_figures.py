@@ -18,6 +18,7 @@ VALUES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "curves", "frequency"), VALUES)
 def test_rotation_numbers_as_by_long_simulation(name, curves, frequency):
     case = gw.paper.case(name)

@@ -16,6 +16,7 @@ def settled(system):
     return gw.tori.find_torus(gw.settle(system, [1.5, 0.2, 0.1, 0.0]))
 
 
+@pytest.mark.slow
 def test_rotation_numbers_of_circles_in_closed_form():
     system = one_circle(math.sqrt(8.7))
     family = gw.tori.follow_tori(settled(system), "frequency", (2.93, 3.05))
@@ -113,6 +114,7 @@ def kept():
     return torus, family
 
 
+@pytest.mark.slow
 def test_a_kept_rotation_number_as_by_families_in_which_it_varies(kept):
     case, (torus, curve) = gw.paper.case("13"), kept
     first, second = curve.points[0], curve.second_values[0]

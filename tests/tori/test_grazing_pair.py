@@ -64,6 +64,7 @@ def test_beside_the_resonance_1_4_tori_end_on_the_locked_motion():
     assert repeats(simulated(end.value - 1e-7, last), 4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("long", [(2_000, 2_000), in_campaign((12_000, 6_000))])
 def test_beside_a_graze_tori_are_followed_from_the_smallest(long):
     start = point(0.5819)

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.tori.torus_family import TorusEndReason
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, keeps
 
 FILE = """
 coordinates = ["x"]
@@ -52,6 +52,7 @@ def response(amplitude, frequency):
     return amplitude / (1.0 - frequency**2 + 0.2j * frequency)
 
 
+@keeps("1e-05")
 @pytest.mark.parametrize("scale", [1.0, 1e-5])
 def test_a_linear_oscillator_in_closed_form(scale):
     w, second = 1.3, 1.3 * GOLDEN
@@ -116,6 +117,7 @@ def test_a_motion_of_twice_the_period_has_two_curves():
     assert (torus.curves, torus.rotation, torus.stable) == (2, pytest.approx(2.0 * ratio % 1.0, abs=1e-10), True)
 
 
+@pytest.mark.slow
 def test_a_mass_that_hits_a_stop_as_simulated():
     """SciPy integrates the equations with both loads in time, written down here; its motion lies on the torus."""
     w, second = 0.9, 0.9 * math.sqrt(2.0)

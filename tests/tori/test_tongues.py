@@ -12,7 +12,7 @@ from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.tori.tongue import Tongue, TongueTipKind
 from tests.computed import once
 from tests.results.again import again
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, keeps
 
 RANGES = ((2.9, 3.1), (0.0, 0.5))
 
@@ -55,6 +55,7 @@ def test_without_a_force_both_sides_meet_at_three_times_the_natural_frequency() 
     assert np.isnan(tongue.width(0.6))
 
 
+@keeps("0.9-True")
 @pytest.mark.parametrize(
     ("share", "locks"), [in_campaign(-0.1, False), in_campaign(0.1, True), (0.9, True), (1.1, False)]
 )
@@ -78,6 +79,7 @@ def test_both_sides_are_verified_by_another_integrator() -> None:
     assert gw.verify(third(0.1)).ok
 
 
+@pytest.mark.slow
 def test_a_window_that_is_narrower_than_a_guess_is_found() -> None:
     """The rotation number of the torus is far from 2/7, and the window is 3e-4 wide, 2e-3 from the guess."""
     torus = gw.tori.find_torus(gw.settle(ring(0.5, 0.5, 1.45)), gw.tori.TorusOptions(accuracy=1e-6))

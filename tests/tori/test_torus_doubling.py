@@ -71,6 +71,7 @@ def test_apart_the_torus_doubles_where_the_orbit_does():
     assert last.rotation == pytest.approx(turns, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_together_motions_settle_on_the_doubled_torus():
     _, event = before_doubling(0.01)
     doubled = gw.tori.follow_tori(event, LOADS, 0.325)

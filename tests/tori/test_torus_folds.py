@@ -31,6 +31,7 @@ def folds():
     return [each.value for each in family().events if each.kind is TorusEventKind.FOLD]
 
 
+@pytest.mark.slow
 def test_folds_of_tori_are_at_both_ends_of_the_hysteresis():
     assert folds() == pytest.approx([0.112988, 0.080943], abs=1e-6)
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gapwalk as gw
-from tests.tiers import in_campaign
+from tests.tiers import in_campaign, keeps
 from tests.tori.closed_forms import nlvib_pair
 
 STIFFNESS = np.array([[1.0, -1.0], [-1.0, 2.0]])
@@ -49,6 +49,7 @@ def simulated(frequency: float, state, count: int) -> np.ndarray:
     return np.array(strobes)
 
 
+@keeps("0.618-4", "0.588-7")
 @pytest.mark.parametrize(
     ("frequency", "period"),
     [
@@ -67,6 +68,7 @@ def test_periodic_motions_repeat_in_another_simulation(frequency: float, period:
     assert min(apart[:-1]) > 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("blocks", [8, in_campaign(24)])
 def test_chaotic_motions_part_in_another_simulation(blocks: int) -> None:
     """Neighbours part by the largest exponent, which is per unit of time."""
@@ -112,6 +114,7 @@ def test_the_periods_4_to_16_are_on_branches() -> None:
     assert max(stable[7]) > 0.5955
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("frequency", "start", "folds", "stable"),
     [

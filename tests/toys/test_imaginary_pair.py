@@ -106,6 +106,7 @@ def test_it_is_followed_in_two_parameters(folder: Path) -> None:
         assert abs(float(row["frequency"]) - exact(value, 3)) < 1e-9
 
 
+@pytest.mark.slow
 def test_it_is_verified_and_drawn(folder: Path) -> None:
     names = ("toy-response", "toy-locus")
     commands(
@@ -130,6 +131,7 @@ def test_a_process_that_does_not_know_it_says_so(folder: Path) -> None:
     assert "Import the module" in done.stderr
 
 
+@pytest.mark.slow
 def test_it_may_be_registered_after_all_of_gapwalk_is_loaded(folder: Path) -> None:
     (folder / "map.toml").write_text(MODEL.replace("imaginary-pair", "fold"))
     late = (
@@ -142,6 +144,7 @@ def test_it_may_be_registered_after_all_of_gapwalk_is_loaded(folder: Path) -> No
     assert (folder / "late.png").stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_a_kind_of_the_script_itself_is_not_lost_in_other_processes(folder: Path) -> None:
     toy = (Path(__file__).with_name("imaginary_pair.py")).read_text(encoding="utf-8")
     (folder / "own.py").write_text(

@@ -16,6 +16,7 @@ from gapwalk.verification import Check, confirm, verify_orbits
 from gapwalk.verification.friction_dop853 import DryRound, _Motion, brackets, carry
 from gapwalk.verification.friction_equations import Change, Key, mismatch
 from tests.dry.trials.random_systems import random_system
+from tests.tiers import keeps
 
 PASSES = ("contact", 0)
 LOAD = [gw.Harmonic(1.0, {"x": 1.0})]
@@ -109,6 +110,7 @@ def test_a_branch_with_friction_is_verified() -> None:
     confirm(gw.follow(orbit, "frequency", 0.81, walk=gw.WalkOptions(largest_step=0.2)))
 
 
+@keeps("1e-08", "3e-05")
 @pytest.mark.parametrize("depth", [3e-5, 1e-7, 1e-8])
 def test_a_touch_that_is_much_shorter_than_a_step_is_seen(depth: float) -> None:
     brake = friction("f", {"x": 1.0}, 0.3)

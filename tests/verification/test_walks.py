@@ -24,6 +24,7 @@ def steel(side: Side, law: str, damping: float) -> System:
     return System(["x"], [[1.0]], [[0.1]], contacts=[stop], harmonics=[Harmonic(0.3, {"x": 1.0})], frequency=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("side", "law", "damping"),
     [in_campaign(Side.POSITIVE, "elastic", 0.0), (Side.POSITIVE, "hunt-crossley", 0.1), (Side.BOTH, "viscous", 10.0)],
@@ -78,6 +79,7 @@ def over_its_range(seed: int) -> gw.Branch:
     return gw.follow(gw.find_orbit(system), "frequency", 1.3 * system.frequency)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampled", SAMPLED)
 def test_a_walk_that_turns_sharply_where_a_rigid_stop_is_grazed_passes(sampled: int) -> None:
     branch = over_its_range(15)

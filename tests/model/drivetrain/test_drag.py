@@ -17,6 +17,7 @@ from gapwalk.model import System
 from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
 from gapwalk.train import Drag, Force, Friction, Gear, Inertia, Shaft, Train
 from tests.model.drivetrain.trains import check_slopes
+from tests.tiers import keeps
 
 W, MEAN = 100.0, 20.0
 BODIES = {"flywheel": 0.15, "input": 0.005, "gear": 0.003, "output": 0.01, "vehicle": 2.5}
@@ -309,6 +310,7 @@ def test_the_equations_are_those_in_absolute_angles(seed: int) -> None:
     assert coefficients_of(equations) == pytest.approx(coefficients, rel=1e-9, abs=1e-9)
 
 
+@keeps("9", "1")
 @pytest.mark.parametrize("seed", range(10))
 def test_derivatives_by_each_number_and_by_the_speed_are_exact(seed: int) -> None:
     check_slopes(random_train(seed).system())

@@ -401,6 +401,7 @@ def test_the_non_dimensional_form_is_exact(prescribed: bool) -> None:
     assert form.physical_value("seal.a", form.value("seal.a", 0.3)) == pytest.approx(0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("prescribed", [False, in_campaign(True)])
 def test_a_walk_with_displacements_is_verified(prescribed: bool) -> None:
     load = ("motor.angle", "1 deg") if prescribed else ("mesh.deflection", "0.03 deg")

@@ -48,6 +48,7 @@ def written(ax) -> list[str]:
     return [text.get_text() for text in ax.texts]
 
 
+@pytest.mark.slow
 def test_figure_13_has_the_paper_s_panels(results) -> None:
     response, loops, jump = (drawn(panel, results) for panel in find_figure("13").panels)
     assert loops.get_xlim() == (1.14, 1.36)
