@@ -69,7 +69,7 @@ def some_of(cases: Iterable[str | float], *kept: str | float) -> list[Any]:
 
 
 def keeps(*cases: str) -> pytest.MarkDecorator:
-    """The cases, by the names that pytest prints, of a broad test that stay in `make test`; `make campaign` runs the others."""
+    """The cases of a broad test, by the names that pytest prints, that stay in `make test`; the campaign runs the others."""
     return pytest.mark.keeps(*cases)
 
 

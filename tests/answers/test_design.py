@@ -173,6 +173,7 @@ def test_folds_leave_a_band_by_the_least_change():
     assert np.abs(u @ slopes) == pytest.approx(np.linalg.norm(u) * np.linalg.norm(slopes), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_slopes_of_a_vanishing_fold_are_those_of_designs_walked_again():
     lead = gw.find_orbit(gw.paper.case("13").at(frequency=0.71))
     goal = gw.ask.NoPoint("fold", (0.60, 0.66))

@@ -119,6 +119,7 @@ def test_a_picture_without_a_threshold_says_why(gear: gw.System) -> None:
     assert any("widen the range" in " ".join(text.get_text().split()) for text in figure.axes[0].texts)
 
 
+@pytest.mark.slow
 def test_the_loci_of_a_threshold_are_verified(gear: gw.System) -> None:
     found = gw.ask.threshold(gear, "mean.x", (0.1, 1.2), {"frequency": (1.4, 2.0)}, **FEW)
     assert gw.verify(found).ok
@@ -140,6 +141,7 @@ def test_texts_of_a_threshold_have_units() -> None:
     assert "confirmed at mean.gear = -3 N m: none of 40" in str(none.summary())
 
 
+@pytest.mark.slow
 def test_what_moves_it_names_no_factor_that_repeats_an_amplitude(gear: gw.System) -> None:
     system = gear.at(frequency=0.9)
     found = gw.ask.threshold(system, "mean.x", (0.05, 1.2), {"frequency": (1.4, 2.0)}, **FEW)

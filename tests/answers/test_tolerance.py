@@ -226,6 +226,7 @@ def clutch():
     return work, gw.follow(gw.find_orbit(work.system), "frequency", 0.6)
 
 
+@pytest.mark.slow
 def test_a_walk_finds_the_counterparts_of_nominal_points_in_other_forms():
     samples, walked = campaign()
     work, branch = clutch()

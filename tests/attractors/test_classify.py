@@ -131,6 +131,7 @@ def test_a_young_torus_turns_with_the_angle_of_its_pair(fig15):
     assert found.rotation.number == pytest.approx(np.angle(pair) / (2 * np.pi), abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [0.2, in_campaign(0.4)])
 def test_figure_15_chaos(frequency):
     found = from_rest(frequency)

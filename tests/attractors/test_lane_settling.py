@@ -221,6 +221,7 @@ def test_motions_of_a_train_by_equal_steps_agree_with_the_exact_flow() -> None:
 FIRST = next(iter(trains()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [FIRST, *(in_campaign(name) for name in [*trains()][1:4])])
 def test_labels_are_those_of_runs_of_four_times_the_length_and_a_quarter_of_the_step(name: str) -> None:
     labels, different = compare(name, 8 if name == FIRST else 60, seed=1)

@@ -112,6 +112,7 @@ def test_flips_are_located_with_their_nature(by_shooting) -> None:
     assert comparison.within(1e-4)
 
 
+@pytest.mark.slow
 def test_natures_are_right_with_few_harmonics() -> None:
     """They are read off the doubled branch, which the truncated equation has leave at a place of its own."""
     shot = follow(find_orbit(case("13"), frequency=1.4), "frequency", to=0.38)

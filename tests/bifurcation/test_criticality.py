@@ -60,6 +60,7 @@ def check_label(flip: SpecialPoint, parameter: str) -> None:
     assert motions[0].instability.total == unstable  # farther off another multiplier may have left the circle
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("figure", some_of(RANGES, "29"))
 def test_no_branch_contradicts_the_label_of_the_flip_that_it_leaves(figure):
     flips = response(figure).special(Kind.FLIP)

@@ -33,6 +33,7 @@ def amplitude(w: float) -> float:
 LIMIT = gw.Event("amplitude 0.5", lambda orbit: orbit.measure("half.a") - 0.5)
 
 
+@pytest.mark.slow
 def test_an_event_is_located_where_its_function_vanishes():
     branch = gw.follow(gw.find_orbit(oscillator()), "frequency", 2.0, events=[LIMIT])
     up, down = branch.special("amplitude 0.5")

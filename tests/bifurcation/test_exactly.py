@@ -42,6 +42,7 @@ def rubbed(share: float, first: float, to: float) -> Branch:
     return gw.follow(gw.find_orbit(system, start="settle", frequency=first), "frequency", to)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("first", "to"), [(0.6, 0.47), in_campaign(0.6, 0.42), in_campaign(0.42, 0.55)])
 def test_where_the_motions_are_nearly_a_continuum_errors_say_so_and_each_point_is_listed_once(first: float, to: float):
     """Slip lasts half a natural period there, and a multiplier is 1; four points were listed, each "+- 2e-12"."""

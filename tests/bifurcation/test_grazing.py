@@ -52,6 +52,7 @@ def test_two_sides_of_different_stiffness_meet_where_a_motion_can_touch():
     assert graze.value == pytest.approx(0.125 / linear, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_gap_that_opens_grazes_nothing_as_it_opens():
     branch = follow(find_orbit(sprung(Stage(0.0, 2.0))), "spring.clearance", to=0.01)
     assert not branch.special(Kind.GRAZING)

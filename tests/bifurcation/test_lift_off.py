@@ -41,6 +41,7 @@ def test_it_lifts_off_where_the_load_is_its_weight(ends: tuple[float, float], si
         assert point.orbit.stable
 
 
+@pytest.mark.slow
 def test_it_comes_to_rest_where_it_lifts_off_at_the_start_of_the_period():
     """The last Newton step lets a motion rest whose impacts, all slower than that step, were those before it."""
     orbit = gw.find_orbit(pressed(0.401, phase=np.pi, restitution=0.5))

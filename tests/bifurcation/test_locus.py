@@ -134,6 +134,7 @@ def test_a_sharp_cusp_is_found_from_either_side_whatever_the_steps(number, walk,
     assert cusp.values[1] <= locus.values[:, 1].min() + 1e-12  # nothing is beyond it
 
 
+@pytest.mark.slow
 def test_a_closed_locus_is_the_same_from_wherever_it_is_begun():
     one, other = locus(Kind.FOLD, 4), locus(Kind.FOLD, 5)
     for found in (one, other):

@@ -40,6 +40,7 @@ def test_every_orbit_of_a_finer_walk_lies_on_the_branch(response):
     assert lies_on(response, finer.points[100].orbit)
 
 
+@pytest.mark.slow
 def test_both_orbits_by_a_fold_are_found_and_lie_on_the_branch_however_near(response):
     curve = Curve(response)
     folds = response.special(Kind.FOLD)
@@ -145,6 +146,7 @@ def test_branches_walked_with_several_segments(response):
     assert all(single.holds(point.orbit) for point in several.points)
 
 
+@pytest.mark.slow
 def test_branches_are_told_apart_close_to_where_they_cross():
     branch = follow(find_orbit(symmetric(3.0)), "frequency", to=0.6)
     breaking = branch.special(Kind.BRANCH_POINT)[0]

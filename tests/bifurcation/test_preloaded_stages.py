@@ -92,6 +92,7 @@ def test_a_fold_beside_a_graze_is_found():
     assert fold.value == pytest.approx(-largest.fun, abs=1e-11)
 
 
+@pytest.mark.slow
 def test_verification_refuses_stable_motions_on_both_sides_of_such_a_graze():
     branch = beside_a_fold()
     assert gw.verify(branch).ok

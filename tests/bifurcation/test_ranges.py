@@ -70,6 +70,7 @@ def test_what_special_points_do_not_explain_is_recorded():
     assert low - 1e-3 < fold.value < high + 1e-3
 
 
+@pytest.mark.slow
 def test_no_multiplier_turns_far_in_one_step():
     branch = follow(find_orbit(SECOND), "frequency", 300.0)
     steps = zip(branch.points[:-1], branch.points[1:], strict=True)
@@ -101,6 +102,7 @@ def test_both_sides_of_a_symmetric_motion_graze_past_a_stiff_graze():
         assert [value for value, contact in found if contact == side] == pytest.approx(mirrored, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "to", "near"), [(56, 30.0, 1.184836983), in_campaign(158, 4.0, 0.389621311)])
 def test_the_error_of_a_branch_point_next_to_a_graze_is_known(seed: int, to: float, near: float):
     branch = follow(find_orbit(random_system(seed)), "frequency", to)

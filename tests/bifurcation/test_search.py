@@ -100,6 +100,7 @@ def test_both_isolated_loops_of_figure_27(values):
     assert ("2+/2-" if values == ALL else "2+/1-") in patterns
 
 
+@pytest.mark.slow
 def test_what_lies_on_a_known_branch_is_not_new(figure_27):
     main, result, islands, _ = figure_27
     known = Curve(main)
@@ -153,6 +154,7 @@ def figure_15():
     return search(case("15"), "frequency", [0.45, 0.8], options=QUICK)
 
 
+@pytest.mark.slow
 def test_the_motions_of_period_3_of_figure_15(figure_15):
     result = figure_15
     threes = [found for found in result.found if found.orbit.period == 3]

@@ -71,6 +71,7 @@ def changes_are_explained(branch):
             assert abs(special.multiplier) == pytest.approx(1.0, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("figure", some_of(["13", "15", "23b", "26b"], "13"))
 def test_nothing_is_missed_or_invented_beside_a_walk_with_ten_times_smaller_steps(figure):
     coarse = paper_response(figure)
@@ -177,6 +178,7 @@ def mirrored(orbit: Orbit) -> Orbit:
     return find_orbit(orbit.system.at({AMPLITUDE: -orbit.system[AMPLITUDE]}), orbit.period, later)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("value", "longest"), [in_campaign(0.383, 0.01), (0.3882, 0.02), in_campaign(0.4025, 0.003)])
 def test_mirror_images_have_mirrored_special_points_wherever_they_are_entered(value, longest):
     # over the amplitude of one load the system is its own mirror image, with the other sign, half a period later

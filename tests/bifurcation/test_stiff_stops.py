@@ -234,6 +234,7 @@ def places(points):
     return found
 
 
+@pytest.mark.slow
 def test_an_impact_that_passes_the_beginning_of_the_period_leaves_no_trace():
     """Where a viscous force sets in just as the period begins, the state there has a bend, but the motion has none."""
     stage = Stage(1.0, 1e6, side=Side.POSITIVE)

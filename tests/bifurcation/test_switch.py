@@ -52,6 +52,7 @@ def test_the_direction_that_rounding_leaves_where_a_branch_joins_its_parent_hide
     assert ending(-3e-3 * way, EndReason.JOINED) == turned
 
 
+@pytest.mark.slow
 def test_every_flip_of_figure_13_leads_along_a_loop_to_another_flip(parent):
     flips = parent.special(Kind.FLIP)
     reached = {}
@@ -112,6 +113,7 @@ def grazed_flip():
     return flip
 
 
+@pytest.mark.slow
 def test_a_branch_that_turns_within_a_millionth_of_its_beginning_has_its_fold(grazed_flip):
     branch = follow(grazed_flip, "frequency", to=(0.15, 1.9))
     graze, fold, *_ = branch.special_points
@@ -231,6 +233,7 @@ def test_identity_of_orbits_up_to_a_shift():
     assert true_period(orbit) == 2
 
 
+@pytest.mark.slow
 def test_a_doubled_motion_of_any_size_has_no_folds_where_it_only_grows():
     """While teeth stay in contact the mesh is linear: at the flip the doubled motion has any size, and no fold."""
     pair = System(

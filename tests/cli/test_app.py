@@ -39,6 +39,7 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
     subprocess.run([sys.executable, "-c", program], check=True)
 
 
+@pytest.mark.slow
 def test_the_first_point_of_a_run_needs_little() -> None:
     """Loading modules is most of what a user waits for."""
     program = (

@@ -78,6 +78,7 @@ def test_both_are_drawn_over_one_another(results, ending, capsys) -> None:
         assert "<svg" in text
 
 
+@pytest.mark.slow
 def test_model_files_are_run(model, results, capsys) -> None:
     text = model.read_text()
     study = text[text.index("[study]") :].replace("[study]", "")

@@ -113,6 +113,7 @@ def test_one_study_may_have_a_name_of_its_own_for_the_result(clutch, capsys) -> 
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.slow
 def test_one_study_that_fails_does_not_stop_the_others(clutch, capsys) -> None:
     words = ["--set", "study.curve.start=[1e9, 0, 0, 0]", "--set", "study.loop.max_period=1"]
     assert main(["run", str(clutch), *words, "--json"]) == 3

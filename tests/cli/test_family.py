@@ -50,6 +50,7 @@ def test_a_family_is_checked_run_shown_and_exported(capsys) -> None:
     assert [row["joined"] for row in rows[:3]] == ["", "joined", "joined"]
 
 
+@pytest.mark.slow
 def test_it_is_told_where_two_special_points_meet(capsys) -> None:
     Path("x.toml").write_text(MEETING)
     assert main(["run", "x.toml"]) == 0

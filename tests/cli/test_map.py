@@ -193,6 +193,7 @@ def test_a_locus_that_cannot_be_followed_is_told_and_is_3(clutch, monkeypatch, c
     assert capsys.readouterr().out.count("failed: the locus of the fold") == 2
 
 
+@pytest.mark.slow
 def test_a_branch_that_cannot_be_walked_is_told_and_is_3(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     Path("clutch.toml").write_text(SEVERAL)
@@ -232,6 +233,7 @@ def test_the_coverage_of_a_search_is_shown_and_exported(tmp_path, monkeypatch, c
     assert json.loads(capsys.readouterr().out)["search"]["values"][0]["starts"] == 3
 
 
+@pytest.mark.slow
 def test_the_line_of_progress_counts(clutch, monkeypatch) -> None:
     shown = []
     study = gw.read_study(clutch)

@@ -60,6 +60,7 @@ def reach(system: gw.System, speed: float) -> float:
     return float(system.vector("mesh.deflection") @ mean) + swing(system, speed)
 
 
+@pytest.mark.slow
 def test_a_walk_passes_the_graze_of_a_gear_that_hardly_anything_holds():
     system = train(8.0).system()
     branch = gw.follow(gw.find_orbit(system, speed=990.0), "speed", 880.0)
@@ -69,6 +70,7 @@ def test_a_walk_passes_the_graze_of_a_gear_that_hardly_anything_holds():
     assert abs(graze.value - brentq(lambda speed: reach(system, speed), 900.0, 990.0, xtol=1e-9)) < 1e-5
 
 
+@pytest.mark.slow
 def test_a_five_inertia_train_walks_from_1100_to_700_rpm():
     branch = gw.follow(gw.find_orbit(train(9.7).system()), "speed", 700.0)
     assert branch.ends[-1].reason is EndReason.RANGE

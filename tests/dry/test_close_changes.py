@@ -39,6 +39,7 @@ def test_a_spring_that_slips_at_the_start_of_the_period_is_not_taken_to_stick_th
     assert nearly.reach == 0.0
 
 
+@pytest.mark.slow
 def test_the_error_of_a_change_includes_what_the_flow_leaves_out() -> None:
     """Springs in parallel with rigid friction slip with it, and not before: all of them change at one place.
 

@@ -63,6 +63,7 @@ def test_a_stop_ceases_to_be_held_where_the_flight_takes_a_period(amplitudes: tu
         assert gw.verify(branch).breaches == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("start", "sampled"), [(1.0, 4), in_campaign(0.3, 0)])
 def test_a_branch_ends_where_a_stage_with_hysteresis_opens_in_a_touch(start: float, sampled: int) -> None:
     # the motion turns at its least deflection, where the spring with friction is strained to the limit of both stages

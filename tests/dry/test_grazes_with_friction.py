@@ -77,6 +77,7 @@ def test_a_graze_at_which_the_motion_jumps_is_not_counted() -> None:
     assert branch.unexplained == ()
 
 
+@pytest.mark.slow
 def test_a_graze_at_which_a_multiplier_jumps_across_minus_one_is_passed_in_either_direction() -> None:
     system = random_system(39)
     walk = gw.WalkOptions(largest_step=0.1)

@@ -197,6 +197,7 @@ def test_the_work_of_loads_is_dissipated() -> None:
     assert balance == pytest.approx(0.0, abs=1e-11)
 
 
+@pytest.mark.slow
 @keeps("1.2315204596-guess1")
 @pytest.mark.parametrize(
     ("frequency", "guess"),

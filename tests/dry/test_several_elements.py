@@ -68,6 +68,7 @@ def test_positions_are_those_of_a_slow_sweep(first):
     assert sliders[0.999][1] > 0.15 + first.state[0] - first.state[4]  # c has been pushed far
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [in_campaign(0.0), 1.0, in_campaign(4.0)])
 def test_beyond_the_end_of_slip_an_element_is_pushed_along(angle):
     """Right: it ends where the motion is as wide as both bounds; then the force stays at the upper one, as in a sweep.
@@ -120,6 +121,7 @@ def test_a_walk_down_goes_on_from_the_onset_at_which_slip_ends_on_the_way_up():
     assert abs(up.value - down.value) <= up.uncertainty + down.uncertainty < 1e-9
 
 
+@pytest.mark.slow
 def test_where_friction_creeps_the_first_orbit_is_beyond_the_edge_of_the_continuum():
     """Right: the largest force that sticking needs is a little less than its bound, and nothing moves.
 

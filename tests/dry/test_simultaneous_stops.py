@@ -156,6 +156,7 @@ def _linear(frequency: float, phase: float, theta: np.ndarray) -> np.ndarray:
     return np.array([sum(((1j * order) ** power * wave).real for order, wave in lines) for power in range(3)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("phase", "sampled"), [(2.0, 4), *(in_campaign(phase, 0) for phase in (0.5, 2.0, 4.0))])
 def test_a_branch_goes_on_where_both_sides_of_a_stop_graze_at_once(phase: float, sampled: int) -> None:
     """The linear response touches both sides of a rigid stop at once; beyond, it strikes both of them."""
@@ -224,6 +225,7 @@ def test_an_impulse_on_a_stop_that_is_held(
     )
 
 
+@pytest.mark.slow
 def test_a_spring_at_its_limit_goes_back_when_the_friction_that_kept_it_lets_go() -> None:
     """All that moves is one mass: at this instant its acceleration is rounding, of either sign."""
     contacts = [friction("brake", {"x": 1.0}, 0.5), friction("joint", {"x": 1.0}, 0.2, stiffness=2.0)]

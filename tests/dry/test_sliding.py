@@ -136,6 +136,7 @@ def test_crossing_sliding_is_where_den_hartogs_oscillator_begins_to_stop():
     assert branch.points[-1].orbit.pattern == "pad 2 sticks"
 
 
+@pytest.mark.slow
 def test_the_clutch_has_all_its_points_of_sliding(walked):
     found = sliding(walked)
     kinds = [each.kind.value.removesuffix("-sliding") for each in found]
@@ -160,6 +161,7 @@ def test_on_both_sides_of_a_point_the_sequences_differ_by_its_phase(walked):
         assert len(texts[0]) != len(texts[1]), special
 
 
+@pytest.mark.slow
 def test_a_walk_with_shorter_steps_has_the_same_points_of_sliding(walked):
     values = [each.value for each in sliding(walked)]
     finer = gw.follow(walked.points[0].orbit, "frequency", 0.2, walk=gw.WalkOptions(largest_step=0.01))
@@ -199,6 +201,7 @@ def test_den_hartogs_boundary_is_a_locus_of_crossing_sliding():
         assert point.values[1] == pytest.approx(den_hartog(point.values[0]), abs=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind", some_of([Kind.GRAZING_SLIDING, Kind.SWITCHING_SLIDING, Kind.ADDING_SLIDING], Kind.SWITCHING_SLIDING)
 )
@@ -310,6 +313,7 @@ def test_rigid_friction_begins_and_ceases_to_slip_where_the_reaction_in_stick_ha
             assert abs(each.value - exact) <= each.uncertainty < 1e-7  # positions that are kept are on a grid
 
 
+@pytest.mark.slow
 def test_on_the_way_back_slip_ends_where_it_began_in_the_second_direction() -> None:
     """It ends in both at once, and the position at which it does is kept from there on: nothing is found beyond."""
     load, size = 0.1, abs(K + SPRING - W**2 + 1j * C * W)
@@ -327,6 +331,7 @@ def test_on_the_way_back_slip_ends_where_it_began_in_the_second_direction() -> N
     assert gw.verify(back).breaches == ()
 
 
+@pytest.mark.slow
 def test_friction_whose_normal_force_vanishes_may_slip_in_one_direction_only() -> None:
     """It is let go of where the contact that presses opens, so it need not slip back to end where it began."""
     system = random_system(38)

@@ -44,6 +44,7 @@ def jump(branch: gw.Branch) -> int:
     return int(np.argmax(jumps))
 
 
+@pytest.mark.slow
 def test_the_branch_has_the_special_points_and_ends_of_one_with_shifted_excitation(
     branches: tuple[gw.Branch, gw.Branch],
 ) -> None:

@@ -16,6 +16,7 @@ from tests.dry.trials.trial import Trial, _differences, attempt
 from tests.tiers import keeps, some_of
 
 
+@pytest.mark.slow
 @keeps("52")
 @pytest.mark.parametrize("seed", some_of(range(100), 51, 52))
 def test_each_ends_with_a_result_or_a_reason(seed: int) -> None:

@@ -50,6 +50,7 @@ def test_the_clutch_with_friction_has_the_points_of_another_program() -> None:
     assert not places(branch, "neimark-sacker")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("phase", "first"), [(1.0, 0.7), in_campaign(2.5, 2.0)])
 def test_the_points_do_not_depend_on_where_the_section_is(phase: float, first: float) -> None:
     """At the first phase a corner of grazing-sliding ends the steps; at the second the section falls into stick."""
@@ -119,6 +120,7 @@ def test_the_diagram_of_the_clutch_with_friction_is_closed(stiffness: float | No
         assert EndReason.STEP not in [end.reason for end in each.ends], each
 
 
+@pytest.mark.slow
 def test_a_doubled_branch_ends_where_a_multiplier_of_its_parent_jumps_across_minus_one() -> None:
     """The parent loses a stick there: its multiplier jumps from -1.017, and there is no flip.
 

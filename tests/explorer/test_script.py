@@ -31,6 +31,7 @@ def run(session, monkeypatch) -> Callable[[str], dict[str, Any]]:
     return names_of
 
 
+@pytest.mark.slow
 def test_the_script_gives_the_same_points(client, do, run, session, clutch) -> None:
     first = do(clutch, do="compute", values={"harmonic1.amplitude": 0.24})
     query = {"file": clutch, "result": first["key"], "branch": 0, "x": "frequency", "y": "half.q1"}

@@ -61,6 +61,7 @@ def test_state_agrees_with_an_independent_integrator(law):
     assert advance(system, STATE).state == pytest.approx(reference(system, STATE, max_step=0.005), abs=2e-7)
 
 
+@pytest.mark.slow
 @settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(system=random_systems(), seed=st.integers(0, 1000))
 def test_random_systems_agree_with_an_independent_integrator(system, seed):

@@ -12,6 +12,7 @@ from tests.systems import clutch, linear, viscous_stop
 STATE = [1.5, 0.3, -0.4, 0.2]
 
 
+@pytest.mark.slow
 def test_samples_agree_with_an_independent_integrator():
     system = clutch()
     motion = integrate(system, STATE, periods=2, samples=32)

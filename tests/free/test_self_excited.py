@@ -316,6 +316,7 @@ def _leaving(cubic: float) -> float:
     return float(brentq(work, 0.5, 4.0, xtol=1e-13))
 
 
+@pytest.mark.slow
 @keeps("0.0-1.0")
 @pytest.mark.parametrize(("cubic", "unit"), [(0.0, 1.0), in_campaign(1.0, 1.0), (0.3, 1e3), in_campaign(0.0, 1e-6)])
 def test_motions_leave_a_centre_where_small_damping_does_no_work(cubic: float, unit: float) -> None:

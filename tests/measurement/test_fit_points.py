@@ -57,6 +57,7 @@ def test_exact_points_give_the_parameters_back(guess, exact) -> None:
     assert {name: found.system[name] for name in NAMES} == {each.name: each.value for each in found.estimates}
 
 
+@pytest.mark.slow
 def test_estimates_scatter_as_their_standard_errors_say(guess, exact) -> None:
     draws, random = 30, np.random.default_rng(19)
     misfits, squares = 0.0, 0.0

@@ -247,6 +247,7 @@ def test_a_load_that_grows_by_a_factor_of_a_thousand_million():
     assert max(linear_error(point.orbit, 1.0, 0.1) for point in branch.points) < 1e-9
 
 
+@pytest.mark.slow
 def test_walks_go_round_the_corners_at_a_stop_10000_times_stiffer():
     # past a graze the branch turns within a depth of some 1 / stiff^2 of the gap, and there is a fold in that
     ends = ((1.6, 0.8), (0.8, 1.6))

@@ -112,6 +112,7 @@ def test_orbits_are_looked_up_on_its_branches(branch, shot):
     assert {type(orbit) for orbit in curve.orbits_at(0.7)} == {RelayOrbit}
 
 
+@pytest.mark.slow
 def test_a_doubled_branch_leaves_its_flip(branch):
     flip = branch.special("flip")[0]
     doubled = gw.follow(flip, "frequency", to=(0.6, 0.85), method=Relay())

@@ -222,6 +222,7 @@ def shot_diagram() -> gw.Result:
     return clutch_loop()
 
 
+@pytest.mark.slow
 def test_a_diagram_has_the_same_tree_by_both_methods(shot_diagram) -> None:
     result = gw.run(balanced(clutch_diagram(), gw.Balance(20, error=1e-2)))
     assert [(member.name, member.begins, member.joins) for member in result.diagram.members] == [
@@ -277,6 +278,7 @@ def test_a_search_leads_to_balanced_branches_each_of_them_once(tmp_path, shot) -
     assert_same_result(gw.open_result(path), result)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("figure", some_of(["9a", "9b"], "9a"))
 def test_figure_9_is_the_same_by_both_methods(figure) -> None:
     """What the paper validates its method with: the whole range, all special points."""

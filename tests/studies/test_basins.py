@@ -120,6 +120,7 @@ def test_a_linear_system_has_one_basin():
     assert found.check.limit == 0.0  # no cell is left that was not checked
 
 
+@pytest.mark.slow
 def test_two_wells_are_told_apart_as_scipy_tells_them(wells):
     assert wells.names == ("period 1a", "period 1b")
     assert sum(wells.cells.values()) == 1600
@@ -242,6 +243,7 @@ def test_labels_that_rounding_decides_are_counted():
     assert job.checked.text.endswith("elsewhere 0 of 100 cells differed from the exact flow; rounding decides 3 of 100")
 
 
+@pytest.mark.slow
 def test_basins_finer_than_rounding_say_so():
     """x'' + 0.15 x' - x + x^3 = 0.2 cos(t): a fractal border, to which motions stay near for many periods."""
     cubic = Contact("spring", {"x": 1.0}, (Stage(0.0, 0.0, 1.0),))

@@ -61,6 +61,7 @@ def test_superfluous_pieces_are_left_out(workers) -> None:
     assert accepted == [0, 1, 2, 4, 5]
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_costs_nothing_but_time(workers) -> None:
     pids = {}
 
@@ -187,6 +188,7 @@ def foreign_worker(address: str, folder: Path) -> Iterator[None]:
             worker.kill()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_late", [in_campaign(False), True])
 def test_a_worker_with_other_code_is_named_and_left_out(cluster, tmp_path, is_late, monkeypatch) -> None:
     monkeypatch.setattr(module, "_LOOK", 0.1)
@@ -235,6 +237,7 @@ def test_a_worker_that_was_replaced_at_its_address_refuses_and_the_piece_is_done
     assert accepted == [0, 2, 4, 6]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("comes_back", [True, in_campaign(False)])
 def test_if_all_workers_go_it_is_told_and_others_are_waited_for(comes_back, monkeypatch) -> None:
     monkeypatch.setattr(module, "_LOOK", 0.1)

@@ -85,6 +85,7 @@ def reached(result: Result) -> list[tuple[float, float]]:
     return found + [(band.value, band.value) for band in result.branches[0].bands]
 
 
+@pytest.mark.slow
 def test_nothing_of_the_range_is_missing() -> None:
     result = response()
     first = result.branches[0]

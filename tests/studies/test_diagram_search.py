@@ -63,6 +63,7 @@ def test_what_several_processes_store_is_what_one_found(path, undisturbed) -> No
     assert coverage(loaded) == undisturbed.diagram.notes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("after", some_of([1, 2, 3, 4, 5], 4))
 def test_ctrl_c_then_resume_gives_the_same_names_in_the_same_order(path, after, undisturbed) -> None:
     """Between the roots that a search finds, nothing must grow from those that are stored already."""

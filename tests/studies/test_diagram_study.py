@@ -144,6 +144,7 @@ def test_ctrl_c_before_the_first_branch_leaves_nothing(path, monkeypatch) -> Non
     assert not list(path.parent.iterdir())
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_full_loses_nothing_that_was_reported(path, monkeypatch, undisturbed) -> None:
     insert, count = file._insert, 0
 

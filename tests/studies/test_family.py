@@ -56,6 +56,7 @@ def test_special_points_are_joined_as_the_loci_through_all_members_say(family) -
             assert min(abs(end[0] - special.value) for end in ends if end[1] == load) < 1e-9
 
 
+@pytest.mark.slow
 def test_two_flips_that_meet_are_gone_beyond_and_there_before() -> None:
     """Of the clutch under growing mean load: from 0.437 on nothing doubles its period about the second resonance."""
     found = gw.family(clutch(), "frequency", (1.4, 1.15), {"mean.q1": (0.43, 0.44)}, **ONE)
@@ -74,6 +75,7 @@ def test_two_flips_that_meet_are_gone_beyond_and_there_before() -> None:
     assert count("flip", clutch().at({"mean.q1": load + 1e-5}), 1.4, 1.15) == 0
 
 
+@pytest.mark.slow
 def test_folds_that_meet_in_a_cusp_are_there_on_one_side_of_it() -> None:
     """Two folds are born beside the jump of figure 13 before the load of figure 14 is reached, one by one."""
     found = gw.family(clutch(), "frequency", (0.66, 0.61), {"mean.q3": (0.385, 0.395)}, **ONE)
@@ -135,6 +137,7 @@ def test_a_family_over_the_frequency() -> None:
     assert all(point_path.exact for point_path in found.point_paths)
 
 
+@pytest.mark.slow
 def test_longer_periods_are_members_too() -> None:
     options = {"max_period": 2, "workers": 1}
     found = second_resonance((0.45, 0.5), **options)
@@ -160,6 +163,7 @@ def test_a_member_that_fails_costs_only_itself() -> None:
     assert flip.exact
 
 
+@pytest.mark.slow
 def test_by_nearness_the_same_are_joined_where_they_are_near_and_it_is_said_to_be_a_guess(family) -> None:
     guess = second_resonance((0.25, 0.3), **dict(ONE, exact=False))
     exact = second_resonance((0.25, 0.3))
@@ -194,6 +198,7 @@ def test_the_result_does_not_depend_on_the_number_of_processes(family) -> None:
         assert_same_branch(one, other)
 
 
+@pytest.mark.slow
 def test_balanced_members_are_joined_by_exact_loci_too() -> None:
     found = second_resonance((0.25, 0.3), method=gw.Balance(harmonics=20))
     exact = second_resonance((0.25, 0.3))

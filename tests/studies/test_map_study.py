@@ -66,6 +66,7 @@ def crossing(locus, load: float) -> np.ndarray:
     return a[hit, 0] + share * (b[hit, 0] - a[hit, 0])
 
 
+@pytest.mark.slow
 def test_what_was_reported_is_in_the_file(path) -> None:
     def report(chart, addition) -> None:
         stored = gw.open_result(path).map
@@ -107,6 +108,7 @@ def test_ctrl_c_just_before_a_part_is_written_keeps_it(path, count, monkeypatch,
     assert reported == ["MapSection"] * 2 + ["Locus"] * 5
 
 
+@pytest.mark.slow
 def test_ctrl_c_in_a_section_leaves_out_that_section(path, monkeypatch, undisturbed) -> None:
     """The branches of half a section would begin other loci than those of the whole."""
     diagram, calls = charting.diagram_from, []
@@ -220,6 +222,7 @@ def test_a_special_point_just_beyond_the_edge_begins_no_locus(monkeypatch, undis
     assert "flip-2" not in result.map.names
 
 
+@pytest.mark.slow
 def test_sections_may_stand_anywhere_and_be_searched(undisturbed) -> None:
     search = gw.SearchOptions(starts=2, newton_starts=0, patience=64)
     result = gw.run(clutch_map(sections=(0.27, 0.21), kinds=(gw.Kind.FLIP,), search_values=(1.3,), search=search))

@@ -27,6 +27,7 @@ def torus() -> Torus:
     return gw.tori.find_torus(gw.settle(gw.paper.case("13"), frequency=0.672))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "frequency", "curves", "rotation"), TORI)
 def test_tori_of_the_paper(name, frequency, curves, rotation):
     torus = gw.tori.find_torus(gw.settle(gw.paper.case(name), frequency=frequency))

@@ -76,6 +76,7 @@ def test_a_linear_oscillator_in_closed_form(scale):
     assert gw.verify(torus).ok
 
 
+@pytest.mark.slow
 def test_its_amplitude_and_frequency_are_parameters():
     torus = gw.tori.two_tones(oscillator(), gw.tori.Tone(0.3, {"x": 1.0}, 1.3 * GOLDEN))
     family = gw.tori.follow_tori(torus, "tone_load.amplitude", 0.5)

@@ -34,6 +34,7 @@ def third(mu: float) -> Tongue:
     return gw.tori.follow_tongue(window, "frequency", "harmonic1.amplitude", RANGES)
 
 
+@pytest.mark.slow
 def test_the_width_of_a_tongue_is_that_of_averaging() -> None:
     """x = r cos(t + phi) + b cos 3t with b = -F/8 gives phi' = -s - mu r b sin 3 phi, and r^2 = 1 - 14 b^2.
 

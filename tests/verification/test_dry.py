@@ -176,6 +176,7 @@ def test_a_dip_that_the_interpolation_hides_is_found() -> None:
     assert 0.4298 < before <= 0.4299 < after[0] < 0.4301
 
 
+@pytest.mark.slow
 def test_motions_that_are_followed_together_are_those_that_are_followed_alone() -> None:
     """They fall into modes of their own, and one of them fails."""
     orbits = [gw.find_orbit(SYSTEMS["jenkins"].at(frequency=value), start="settle") for value in (1.0, 0.3, 1.7)]

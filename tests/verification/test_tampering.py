@@ -73,6 +73,7 @@ def test_what_was_not_changed_passes(branch, tree) -> None:
         assert {"order", "ends", "nature", "residual"} <= {each.check.word for each in found.summaries}
 
 
+@pytest.mark.slow
 def test_a_symmetric_gap_passes(backlash) -> None:
     found = gw.verify(backlash)
     assert found.ok, found.words
@@ -90,6 +91,7 @@ def test_one_of_two_sides_that_graze_at_once_is_missed(backlash) -> None:
     assert "counts" in failed(at_special_points(with_specials(backlash, rest)))
 
 
+@pytest.mark.slow
 def test_events_of_a_point_aside_do_not_cost_digits_of_its_closure() -> None:
     """Its last Newton step moves an orbit by some 1e-7, and its stored events are those from before."""
     orbit = gw.find_orbit(clutch(frequency=0.6))
@@ -234,6 +236,7 @@ def test_a_missing_name_is_found(tree) -> None:
     assert failed(gw.verify(replace(tree, members=(*tree.members[:-1], renamed)))) == {"tree"}
 
 
+@pytest.mark.slow
 def test_another_range_is_found() -> None:
     options = ResponseOptions("frequency", 0.85, 0.8, "half.q1")
     result = gw.run(gw.Study(clutch(frequency=0.85), options))

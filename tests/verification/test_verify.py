@@ -166,6 +166,7 @@ def test_a_special_point_that_was_moved_is_found(branch):
     assert "1e-06 away" in found.breaches[0].detail
 
 
+@pytest.mark.slow
 def test_what_could_not_be_located_a_second_time_is_told(branch):
     index = place(branch, "flip")
     unknown = replace(branch.special_points[index], uncertainty=math.inf)
@@ -373,6 +374,7 @@ def test_scipy_needs_no_other_events():
     assert found.t_events[0] * 0.9 == pytest.approx([event.theta for event in orbit.events], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_resumed_map_is_verified_if_the_study_now_wants_it(tmp_path, monkeypatch):
     second = gw.studies.ParameterRange("mean.q1", 0.25, 0.26)
     options = MapStudyOptions(

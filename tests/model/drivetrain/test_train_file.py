@@ -139,6 +139,7 @@ def test_parts_can_be_set_walked_and_refused_by_name() -> None:
         gw.studies.read_studies(EXAMPLE, {"third.clearence": 0.003})
 
 
+@pytest.mark.slow
 def test_the_walk_of_the_example_over_its_load_finds_both_flips(tmp_path: Path) -> None:
     study = gw.read_study(EXAMPLE, {"study.load.from": 9.5, "study.load.to": 7.0}, "load")
     result = gw.run(study, tmp_path / "train.gapwalk")

@@ -97,6 +97,7 @@ def test_within_its_table_a_walk_ends_as_any_other() -> None:
     assert along.ends[1].reason is EndReason.RANGE
 
 
+@pytest.mark.slow
 def test_a_locus_ends_there_too() -> None:
     branch = gw.follow(gw.find_orbit(system_of(amplitude=0.2)), "frequency", (0.5, 1.5))
     grazing = branch.special(gw.Kind.GRAZING)[-1]
