@@ -69,7 +69,7 @@ def some_of(cases: Iterable[str | float], *kept: str | float) -> list[Any]:
 
 
 def keeps(*cases: str) -> pytest.MarkDecorator:
-    """The cases of a broad test, by the names that pytest prints, that stay in `make test`; the campaign runs the others."""
+    """The cases of a broad test, by the names that pytest prints, that `make test` keeps; `make campaign` runs all."""
     return pytest.mark.keeps(*cases)
 
 
