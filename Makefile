@@ -14,7 +14,7 @@ CANDIDATES = $(or $(PYTHON),python3.11 python3 python3.14 python3.13 python3.12 
 TESTS = MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE= $(PY) -m pytest -p no:cacheprovider
 
 .DEFAULT_GOAL := help
-.PHONY: help demo paper docs keys pictures screenshots explore browser quick test tests kernels check lint types platforms bench campaign slow \
+.PHONY: help demo paper docs keys pictures screenshots explore browser quick test tests costly kernels check lint types platforms bench campaign slow \
   dense ranges alike exactly trials fuzz pythons lock clean
 
 help:  ## show this list
@@ -41,6 +41,9 @@ test: lint browser  ## lint, types and all tests that are not slow (WORKERS=4: t
 
 tests: kernels
 	$(TESTS) --numprocesses=$(WORKERS) --dist=worksteal
+
+costly: kernels  ## run the tests of make test, and print those that take over 3 s of CPU time
+	$(TESTS) --numprocesses=$(WORKERS) --dist=worksteal --costly=3
 
 # The kernels are compiled before: each process of the tests would compile them again.
 kernels: $(STAMP)

@@ -17,6 +17,7 @@ from gapwalk.errors import Interrupted
 from gapwalk.parallel import workers
 from gapwalk.parallel.processes import Processes
 from tests import computed
+from tests.cpu_times import CpuTimes
 from tests.tiers import is_quick, leave_to_campaign
 
 # the same examples each time: a check that fails once in a hundred runs says nothing to whoever broke it
@@ -80,6 +81,19 @@ def hire() -> Iterator[Callable[[int], Processes]]:
 def kept_processes(hire, monkeypatch) -> None:
     """For tests of work by several processes in which it does not matter that they have worked before."""
     monkeypatch.setattr(workers, "Processes", hire)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let one ask for the tests that cost most."""
+    parser.addoption(
+        "--costly", type=float, metavar="SECONDS", help="print the tests that take more CPU time than this"
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Measure what each test takes, where that is asked for."""
+    if config.option.costly is not None:
+        config.pluginmanager.register(CpuTimes(config.option.costly))
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

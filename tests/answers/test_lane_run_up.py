@@ -155,6 +155,10 @@ def check_orders(run, names: tuple[str, ...], *, peaks: bool = False) -> None:
 def test_train_a_runs_up_as_the_reference() -> None:
     run = train_a(1060.0, 1.0)
     check_orders(run, ("flywheel", "input", "gear1"))
+
+
+@pytest.mark.slow
+def test_teeth_of_train_a_separate_where_the_reference_has_them() -> None:
     found = separations(train_a(1060.0, 1.0, 2048))  # some are shorter than 60 us
     wanted = {"mesh1": 984.8, "mesh2": 943.0, "mesh4": 750.3}
     assert {name: found[name] for name in wanted} == pytest.approx(wanted, abs=0.1)

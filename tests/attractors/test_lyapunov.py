@@ -68,6 +68,15 @@ def test_the_sum_where_the_force_jumps():
     assert found.exponents.sum() == pytest.approx(-0.08 - 0.4 * share, abs=1e-10)
 
 
+def test_chaos_of_the_duffing_oscillator_has_a_positive_exponent_and_its_constant_divergence():
+    system = ueda_system()
+    found = lyapunov(system, settle(system).state, LyapunovOptions(max_periods=1024))
+    assert found.exponents[0] > 5 * found.errors[0]
+    assert found.exponents.sum() == pytest.approx(-0.05, abs=1e-12)
+    assert not found.regular
+
+
+@pytest.mark.slow
 def test_chaos_of_the_duffing_oscillator_agrees_with_scipy():
     system = ueda_system()
     state = settle(system).state
@@ -94,6 +103,7 @@ def test_chaos_of_figure_15_agrees_with_scipy():
     assert found.converged
 
 
+@pytest.mark.slow
 def test_a_shorter_average_has_an_error_that_holds():
     system = ueda_system()
     state = settle(system).state

@@ -77,7 +77,10 @@ def test_a_map_is_run_and_told(clutch, capsys) -> None:
     capsys.readouterr()
     assert main(["run", str(clutch), "--resume", "--set", "study.second.to=0.25"]) == 2
     assert "second.end is 0.25, and was 0.3" in capsys.readouterr().err
-    assert main(["run", str(clutch), "--force", "--set", "study.sections=[0.2]", "--set", 'study.kinds=["flip"]']) == 0
+
+
+def test_sections_and_kinds_are_chosen_in_the_command(clutch) -> None:
+    assert main(["run", str(clutch), "--set", "study.sections=[0.2]", "--set", 'study.kinds=["flip"]']) == 0
     assert gw.open_result("clutch.gapwalk").map.names == ("flip-1", "flip-2")
 
 

@@ -77,7 +77,8 @@ def test_a_folder_that_others_can_write_to_is_not_trusted(folder: Path) -> None:
     for each in (folder / "__pycache__", folder):
         each.chmod(0o777)
         assert kernel_file("text", folder=folder) is None
-        assert run()[1] == 0
+        if each is folder:
+            assert run()[1] == 0
         each.chmod(0o700)
     assert run()[1] == 1
 

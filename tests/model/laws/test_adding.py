@@ -219,6 +219,7 @@ def test_equilibria_and_modes_know_the_law() -> None:
 YIELDING = MODEL.replace("quadratic", "yielding").replace("bend = 3.0\ndrag", "fading")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [MODEL, in_campaign(YIELDING)])
 def test_a_study_runs_is_kept_and_drawn(tmp_path: Path, text: str) -> None:
     """In a process of its own, as a user would who imports the law and the load and then calls the command line."""

@@ -135,6 +135,7 @@ def test_all_figures_make_a_page_that_opens_offline(capsys) -> None:
     assert "to the letter" in text
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few")
 def test_all_as_json(capsys) -> None:
     assert main(["--json"]) == 0
@@ -148,6 +149,7 @@ def test_all_as_json(capsys) -> None:
     assert document["figures"][2]["results"]["17"]["attractor"]["label"] == "P1"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few")
 def test_the_documentation_gets_the_page_its_summary_and_the_counts(monkeypatch) -> None:
     monkeypatch.setattr(command, "_ROOT", Path())
