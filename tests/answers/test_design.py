@@ -145,6 +145,7 @@ def test_a_resonance_is_that_about_rest():
     assert goal.value(found.system) == pytest.approx(600.0, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_an_isolated_branch_refuses_a_design():
     # the response of figure 27 has no fold below an amplitude of 0.43, but an isolated branch ends at 0.2614
     system, goal = gw.paper.case("27").at({"harmonic1.amplitude": 0.35}), gw.ask.NoPoint("fold", (0.2, 0.3))

@@ -121,6 +121,7 @@ def test_both_pictures_are_drawn() -> None:
         assert mesh.norm.vmax - mesh.norm.vmin == pytest.approx(60.0)
 
 
+@pytest.mark.slow
 def test_the_map_of_a_branch_has_exact_lines() -> None:
     system, _ = mapped()
     branch = gw.follow(gw.find_orbit(system.at(speed=1000.0)), "speed", 1004.0)

@@ -67,6 +67,7 @@ def opens(frequency: float, mean: float) -> bool:
     return bool(last.min() < GAP)
 
 
+@pytest.mark.slow
 def test_a_limit_at_the_end_of_the_range_is_told(gear: gw.System) -> None:
     found = gw.ask.threshold(gear, "mean.x", (0.05, 1.2), {"frequency": (1.4, 2.0)}, **FEW)
     assert found.is_edge

@@ -175,6 +175,7 @@ def test_a_period_of_256_is_that_of_a_doubling():
     assert 1e-5 < apart.max() < 0.01  # two motions that were one, not a torus that happens to return
 
 
+@pytest.mark.slow
 def test_what_is_too_short_to_tell_is_undecided(fig15):
     options = ClassifyOptions(lyapunov=LyapunovOptions(max_periods=256), errors=1e6)
     found = classify(fig15, "rest", options, frequency=0.4)

@@ -70,6 +70,7 @@ def test_a_zero_at_an_end_is_returned():
     assert zero_between(lambda x: x, 0.0, 1.0) == (0.0, True)
 
 
+@pytest.mark.slow
 def test_special_points_are_located_without_loading_scipy_optimize():
     """It takes longer to load than a whole walk."""
     lines = (

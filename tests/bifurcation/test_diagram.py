@@ -105,6 +105,7 @@ def test_ratios_of_figure_29_come_near_feigenbaums_number(main, generations):
     assert generations < 5 or distances[-1] < 0.7 * distances[0]
 
 
+@pytest.mark.slow
 def test_the_child_of_figure_29_that_turns_round_is_in_no_cascade_with_its_parent(main):
     # the ratios were -543, 4.6, 3.2: the child of the flip at 0.3849 goes up to 0.57 before it doubles, on its way back
     (cascade,) = cascades_from(main, 0.38486, 5)

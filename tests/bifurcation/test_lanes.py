@@ -45,6 +45,7 @@ def both(values, **options):
     return found
 
 
+@pytest.mark.slow
 def test_lanes_find_what_is_found_one_after_the_other_with_a_tenth_of_the_work():
     (lanes, few), (alone, many) = both([0.45, 0.62, 0.8], starts=24, newton_starts=24)
     for value in alone.values:

@@ -54,6 +54,7 @@ def test_both_orbits_by_a_fold_are_found_and_lie_on_the_branch_however_near(resp
             assert len(curve.orbits_at(fold.value - inside * distance)) == 1
 
 
+@pytest.mark.slow
 def test_doubled_branches_and_their_parents(response):
     parent = Curve(response)
     for flip in response.special(Kind.FLIP)[:3]:

@@ -229,6 +229,7 @@ def test_stated_errors_do_not_depend_on_the_units():
         assert b.uncertainty / b.value == pytest.approx(a.uncertainty / a.value, rel=3.0)
 
 
+@pytest.mark.slow
 def test_two_folds_within_one_step_are_found():
     """In these units a step begins before both and ends beyond both, and the slopes at its ends tell nothing."""
     machine = machine_of("preload 59")

@@ -82,6 +82,7 @@ def grazes(branch: Branch) -> list[tuple[float, str]]:
     return [(special.value, special.contact) for special in branch.special("grazing")]
 
 
+@pytest.mark.slow
 def test_grazing_points_of_extremes_born_in_the_step_of_another_are_found():
     """In one step of the narrow walk two extremes are born and pass the breakpoint, while a third point grazes."""
     orbit = find_orbit(random_system(86))

@@ -47,6 +47,7 @@ def settled(frequency: float, state: np.ndarray, periods: int) -> np.ndarray:
     return solve_ivp(rates, (0.0, ends[-1]), state, "DOP853", t_eval=ends, rtol=1e-12, atol=1e-13, max_step=0.02).y.T
 
 
+@pytest.mark.slow
 def test_a_doubled_branch_that_begins_beside_a_graze_is_walked_to_its_other_end() -> None:
     flips = parents()[1].special("flip")
     branch = gw.follow(flips[0], "frequency", RANGE)

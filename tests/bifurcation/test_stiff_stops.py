@@ -357,6 +357,7 @@ def test_a_graze_beyond_which_touches_are_rounding_is_named_where_the_walk_ends(
     assert all(each.check.word == "extremes" and each.size < 1e-4 for each in found.breaches)
 
 
+@pytest.mark.slow
 def test_a_graze_whose_impacts_grow_by_a_million_in_a_segment_is_passed():
     """Beyond the graze of period 5 the branch turns back, and the parameter shows it from the first touch on."""
     orbit, force = grazing_period(5, 2.7e-5)

@@ -160,6 +160,7 @@ def test_export_writes_tables_and_pictures(result, tmp_path, capsys) -> None:
         assert capsys.readouterr().err.startswith("gapwalk: ")
 
 
+@pytest.mark.slow
 def test_a_reader_that_has_seen_enough_is_no_error(result, command) -> None:
     program = command("show", result)
     program.stdout.close()

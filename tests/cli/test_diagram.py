@@ -88,6 +88,7 @@ def test_all_studies_of_a_file_are_run(clutch, capsys, monkeypatch) -> None:
     assert loop.names == ("P1-1", "P2-1", "P4-1")
 
 
+@pytest.mark.slow
 def test_what_is_complete_is_not_computed_again_and_nothing_is_lost(clutch, undisturbed, capsys) -> None:
     shutil.copy(undisturbed, "clutch-loop.gapwalk")
     content = Path("clutch-loop.gapwalk").read_bytes()
@@ -252,6 +253,7 @@ def test_an_incomplete_diagram_says_so(clutch, capsys) -> None:
     assert json.loads(capsys.readouterr().out)["complete"] is True
 
 
+@pytest.mark.slow
 def test_the_line_of_progress_counts(clutch, monkeypatch) -> None:
     shown = []
     progress = progress_of(clutch_diagram().options, "loop", show=False)

@@ -178,6 +178,7 @@ def test_ctrl_c_then_resume_equals_an_undisturbed_run(clutch, command, undisturb
     assert_same_result(gw.open_result("a.gapwalk"), undisturbed[0])
 
 
+@pytest.mark.slow
 def test_a_locus_that_cannot_be_followed_is_told_and_is_3(clutch, monkeypatch, capsys) -> None:
     follow = charting.follow_locus
 

@@ -60,6 +60,7 @@ def test_json_is_one_document_and_nothing_else(model, capsys) -> None:
     assert "exists already" in json.loads(capsys.readouterr().out)["error"]["message"]
 
 
+@pytest.mark.slow
 def test_quiet_says_nothing(model, capsys) -> None:
     assert main(["run", str(model), "--quiet"]) == 0
     assert main(["run", str(model), "--quiet", "--force"]) == 0
@@ -133,6 +134,7 @@ def resume_and_compare(model: Path, stopped: gw.Result, undisturbed: gw.Result) 
     assert_same_result(resumed, undisturbed)
 
 
+@pytest.mark.slow
 def test_the_result_of_another_text_gets_a_number_and_that_of_the_same_is_kept(model, capsys) -> None:
     assert main(["run", str(model), "--quiet"]) == 0
     assert main(["run", str(model), "--quiet"]) == 2

@@ -53,6 +53,7 @@ def test_the_error_of_a_change_includes_what_the_flow_leaves_out() -> None:
     assert all(1e-12 < abs(each.value - rigid.value) < each.uncertainty < 1e-8 for each in springs)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", [1, in_campaign(-1)])
 def test_stick_that_ends_in_slip_either_way_is_located_where_the_contact_that_presses_opens(way: int) -> None:
     """The bounds vanish there: the direction of slip changes where stick ends at the opening itself."""

@@ -138,6 +138,7 @@ def test_slip_ends_in_both_directions_at_the_place_where_the_second_begins() -> 
     assert all(abs(each.value - second.value) < second.uncertainty + each.uncertainty < 2e-9 for each in ends)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("longest", "sampled"), [(0.3, 3), in_campaign(0.01, 0)])
 def test_an_onset_is_verified_where_friction_is_pushed_along_without_net_slip(longest, sampled) -> None:
     """Beyond it the walk may be a little within the edge of the continuum, where its force does not reach its bound."""

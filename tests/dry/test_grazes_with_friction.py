@@ -92,6 +92,7 @@ def test_a_graze_at_which_a_multiplier_jumps_across_minus_one_is_passed_in_eithe
     assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty < 1e-8
 
 
+@pytest.mark.slow
 def test_a_stage_that_opens_as_its_friction_reverses_is_passed() -> None:
     """The acceleration of the deflection jumps where it turns, just where the stage opens."""
     system = random_system(132)

@@ -55,6 +55,7 @@ def test_ctrl_c_within_a_walk_leaves_the_flow_usable() -> None:
     np.testing.assert_allclose(state, orbit.state, rtol=0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("kept_processes")
 def test_two_processes_find_the_same_as_one() -> None:
     up = undisturbed("sweep").finding

@@ -175,6 +175,7 @@ def everything() -> System:
     )
 
 
+@pytest.mark.slow
 def test_the_work_of_loads_is_dissipated() -> None:
     system = everything()
     reference = Reference(system)

@@ -109,6 +109,7 @@ def test_elements_that_turn_back_at_a_corner_keep_the_positions_that_they_have_t
     assert abs(ours.value - theirs.value) <= ours.uncertainty + theirs.uncertainty < 1e-9
 
 
+@pytest.mark.slow
 def test_a_walk_down_goes_on_from_the_onset_at_which_slip_ends_on_the_way_up():
     """The branch has so sharp a corner there that it was lost, and the walk crept on by 1e-9 for ever."""
     system, values = several_elements(np.random.default_rng(200)), []

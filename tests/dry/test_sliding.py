@@ -91,6 +91,7 @@ def test_friction_off_its_middle_begins_to_slip_earlier_and_keeps_no_position_fr
     assert not branch.unexplained
 
 
+@pytest.mark.slow
 def test_a_branch_ends_where_rigid_friction_gives_way_to_one_side():
     system = oscillator(damping=0.05)
     branch = gw.follow(gw.find_orbit(system, start=np.array([0.1, 0.0])), "harmonic1.amplitude", 0.5)
@@ -249,6 +250,7 @@ BESIDE = [0.278, -0.847, -0.513, 1.044, 0.078, 0.454, 0.578, -0.249]
 """One of three motions, next to the change."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ends", "near", "walk", "sampled"),
     [

@@ -105,6 +105,7 @@ def test_the_other_section_has_the_same_orbits_and_multipliers(branches: tuple[g
     assert np.linalg.norm(points[1].x - points[0].x) == pytest.approx(step, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_a_walk_stopped_behind_the_jump_resumes_to_the_bit(branches: tuple[gw.Branch, gw.Branch]) -> None:
     whole = branches[0]
     orbit = gw.find_orbit(impacts(0.0), frequency=0.95)

@@ -179,6 +179,7 @@ def test_a_response_is_no_run_up(client, do, model) -> None:
     assert "is no run-up" in answer.json()["error"]
 
 
+@pytest.mark.slow
 def test_the_script_of_a_run_up_gives_the_same_states(client, do, session, model) -> None:
     found = do(model, do="runup", low=0.6, high=1.2, seconds=0.1, values={"stop.clearance": 0.9})
     script = client.get("/api/export/script", params={"file": model, "result": found["key"]}).text

@@ -132,6 +132,7 @@ def test_a_cluster_opens_and_what_it_says_covers_neither_pointer_nor_curve(page)
     assert page.evaluate("gapwalk.diagram.place._fullLayout.xaxis.range") == before
 
 
+@pytest.mark.slow
 def test_the_drawing_of_a_machine_does_not_depend_on_its_pace() -> None:
     """All points of a branch over the frequency share one drawing, which is computed once."""
     for name in ("clutch", "train", "drivetrain", "idle", "engine", "reducer", "belt", "rub", "mesh", "bearing"):

@@ -47,6 +47,7 @@ def test_the_script_gives_the_same_points(client, do, run, session, clutch) -> N
     assert_same_branch(run(script)["branch"], branch)
 
 
+@pytest.mark.slow
 def test_a_script_settles_too(client, do, session, model) -> None:
     settled = do(model, do="settle", values={"frequency": 0.6})
     script = client.get("/api/export/script", params={"file": model, "result": settled["key"]}).text
@@ -57,6 +58,7 @@ def test_a_script_settles_too(client, do, session, model) -> None:
     assert "Settled(period 1, settled" in run.stdout
 
 
+@pytest.mark.slow
 def test_a_script_goes_on_from_a_motion_without_period(client, do, run, session, model) -> None:
     undamped = STOP.replace("damping = [0.05]", "damping = [0.0]").replace("clearance = 1.0", "clearance = 9.0")
     (session.workspace.root / model).write_text(undamped, encoding="utf-8")  # its free vibration never ends

@@ -142,6 +142,7 @@ def test_a_motion_settles_from_a_point_at_other_values(client, do, model) -> Non
     assert walked["state"] == "done"
 
 
+@pytest.mark.slow
 def test_a_motion_without_period_is_shown_too(client, do, session) -> None:
     name = "torus.toml"
     (session.workspace.root / name).write_text(CLUTCH.read_text(encoding="utf-8"), encoding="utf-8")
@@ -161,6 +162,7 @@ def test_a_motion_without_period_is_shown_too(client, do, session) -> None:
     assert "not periodic" in refused.json()["error"]
 
 
+@pytest.mark.slow
 def test_what_was_done_is_there_when_the_file_is_opened_again(client, do, session, model) -> None:
     first = do(model, do="compute")
     do(model, do="walk", start={"result": first["key"], "point": 0}, parameter="frequency", to=0.6)

@@ -46,6 +46,7 @@ except StoreError as error:
 """
 
 
+@pytest.mark.slow
 def test_a_walk_whose_disk_is_full_keeps_what_it_reported_and_goes_on(tmp_path) -> None:
     """A file that may not grow is what a full disk is; the next test has a real one."""
     path = tmp_path / "long.gapwalk"

@@ -83,6 +83,7 @@ def test_a_folder_that_others_can_write_to_is_not_trusted(folder: Path) -> None:
     assert run()[1] == 1
 
 
+@pytest.mark.slow
 def test_a_folder_that_cannot_be_made_is_done_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))

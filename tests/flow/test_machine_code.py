@@ -132,6 +132,7 @@ def test_where_nothing_can_be_written_code_is_compiled(folder: Path, monkeypatch
     assert not [*folder.iterdir()]
 
 
+@pytest.mark.slow
 def test_several_processes_may_compile_at_once(folder: Path) -> None:
     code = "from tests.flow.test_machine_code import compiles; compiles()"
     programs = [subprocess.Popen([sys.executable, "-c", code]) for _ in range(3)]

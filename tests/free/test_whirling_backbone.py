@@ -66,6 +66,7 @@ def test_rotors_drawn_at_random(seed: int) -> None:
     assert motion.q[-1] == pytest.approx(motion.q[0], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_it_goes_on_beyond_a_touch_that_turns_it_sharply() -> None:
     """Where a mode is 28 times slower than another one, the first touch turns the branch by 1 rad within 1e-5."""
     system = rotor_machine(3).system

@@ -113,6 +113,7 @@ def test_a_guess_or_a_phase_of_zero_is_no_hindrance(rattle) -> None:
     assert (found.failures, found["mean.q1"].value) == ((), pytest.approx(0.05, abs=1e-7))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("records", [15, in_campaign(30)])
 def test_standard_errors_are_those_of_repeated_measurements(rattle, records) -> None:
     """Deviations from the truth in units of the stated errors: the mean square of all of them must be near 1."""

@@ -85,6 +85,7 @@ def test_a_table_of_numpy_is_read(tmp_path: Path) -> None:
     assert np.array_equal(read(tmp_path, "K.CSV").matrix("stiffness"), matrix)
 
 
+@pytest.mark.slow
 def test_the_largest_table_is_read_and_one_row_more_is_not(tmp_path: Path) -> None:
     row = b",".join([b"-1.2345678901234567e-100"] * 1000) + b"\n"
     (tmp_path / "k.csv").write_bytes(row * 1000)

@@ -75,6 +75,7 @@ def test_orbits_close_under_an_independent_integrator(system, frequency):
     assert reference(orbit.system, orbit.state, max_step=0.003) == pytest.approx(orbit.state, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_multipliers_of_an_impacting_orbit_by_differences_of_an_independent_integrator():
     orbit = find_orbit(clutch(), frequency=0.5)
     h = 1e-4

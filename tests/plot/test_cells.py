@@ -127,6 +127,7 @@ def test_the_forces_are_those_of_the_contact_that_is_hit_hardest_unless_another_
         picture_of(both, contact="wall")
 
 
+@pytest.mark.slow
 def test_loci_are_drawn_over_the_regimes(chart):
     system = clutch(frequency=0.9)
     branch = follow(find_orbit(system), "frequency", to=(0.5, 1.0))

@@ -166,6 +166,7 @@ def test_a_diagram_has_question_marks_where_something_was_missed() -> None:
     assert "not explained" in [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
 
 
+@pytest.mark.slow
 def test_a_map_has_question_marks_on_its_sections() -> None:
     chart = resonance().map
     first, *others = chart.sections

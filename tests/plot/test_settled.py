@@ -140,6 +140,7 @@ def test_a_section_says_where_it_is_taken(three, ax):
     assert len(ax.lines[0].get_xdata()) == 3
 
 
+@pytest.mark.slow
 def test_the_waterfall_goes_round_its_folds():
     branch = gw.follow(gw.find_orbit(clutch(frequency=0.9)), "frequency", to=0.6)
     found = waterfall(branch, "q1", 5)

@@ -110,6 +110,7 @@ def at_once(monkeypatch) -> None:
     monkeypatch.setattr(response_study, "_SECONDS", 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("at_once")
 def test_a_killed_run_leaves_a_seal_that_holds(tmp_path) -> None:
     path, count = tmp_path / "stop.gapwalk", 0

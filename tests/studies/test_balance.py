@@ -235,6 +235,7 @@ def test_a_diagram_has_the_same_tree_by_both_methods(shot_diagram) -> None:
     assert comparison.largest_shift < 1e-4
 
 
+@pytest.mark.slow
 def test_the_smallest_loop_is_found_with_few_harmonics(shot_diagram) -> None:
     """Two flips 2.6e-4 apart: their multipliers and the truncated equation have them at places 1e-5 apart."""
     result = gw.run(balanced(clutch_diagram(), gw.Balance(error=1e-3)))

@@ -79,6 +79,7 @@ def test_ctrl_c_then_resume_gives_the_same_names_in_the_same_order(path, after, 
     assert_same_result(gw.open_result(path), undisturbed)
 
 
+@pytest.mark.slow
 def test_a_search_that_is_stopped_keeps_what_it_has_and_is_resumed(path, monkeypatch, undisturbed) -> None:
     search = growing.search
 

@@ -111,6 +111,7 @@ def test_ctrl_c_just_after_the_file_was_made_keeps_its_branch(path, monkeypatch,
     assert reported == list(undisturbed.names)
 
 
+@pytest.mark.slow
 def test_ctrl_c_just_before_a_branch_is_written_keeps_it(path, monkeypatch, undisturbed) -> None:
     write = file.ResultFile.write
 
@@ -163,6 +164,7 @@ def test_a_disk_that_is_full_loses_nothing_that_was_reported(path, monkeypatch, 
     assert_same_result(gw.run(clutch_diagram(), path, resume=True), undisturbed)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_walked_is_noted_once(path, monkeypatch) -> None:
     walk = growing.walk_out
 
@@ -199,6 +201,7 @@ def replace_period(period: int):
     return BranchStart
 
 
+@pytest.mark.slow
 def test_a_limit_of_branches_is_an_end_and_is_noted(path) -> None:
     result = gw.run(clutch_diagram(max_branches=2), path)
     assert result.complete  # nothing is left to do

@@ -99,6 +99,7 @@ def test_what_splits_off_is_told() -> None:
     assert "no known branch" in text
 
 
+@pytest.mark.slow
 def test_a_special_point_that_leaves_the_range_is_told() -> None:
     found = gw.family(clutch(), "frequency", (1.4, 1.23), {"mean.q3": (0.3, 0.25)}, **ONE)
     flip = found["flip-2"]
@@ -112,6 +113,7 @@ def test_a_special_point_that_leaves_the_range_is_told() -> None:
     assert further[-1].value == pytest.approx(1.23, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_names_that_move_together_are_one_parameter() -> None:
     """Twice the amplitude is twice the force: two ways to say the same."""
     amplitude = gw.family(clutch(), "frequency", (1.4, 1.1), {"harmonic1.amplitude": (0.2, 0.25)}, **ONE)

@@ -64,6 +64,7 @@ def test_a_killed_study_goes_on_to_the_same_result(tmp_path) -> None:
     assert_same_family(result.finding.record, second_resonance())
 
 
+@pytest.mark.slow
 def test_a_result_belongs_to_its_study(tmp_path) -> None:
     path = tmp_path / "r.gapwalk"
 

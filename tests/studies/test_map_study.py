@@ -176,6 +176,7 @@ def test_what_cannot_be_followed_is_a_failure(path, monkeypatch, undisturbed) ->
     assert_same_result(result, gw.open_result(path))
 
 
+@pytest.mark.slow
 def test_a_section_without_a_first_orbit_is_a_failure(monkeypatch) -> None:
     find = charting.find_orbit
 
@@ -242,6 +243,7 @@ def flips(tmp_path_factory) -> bytes:
     return path.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_result_of_another_plane_is_not_resumed(path, flips) -> None:
     path.write_bytes(flips)
     with pytest.raises(StoreError, match="kinds is"):

@@ -160,6 +160,7 @@ def test_the_result_says_what_the_full_system_says(finished) -> None:
     json.dumps(document, allow_nan=False)
 
 
+@pytest.mark.slow
 def test_a_finished_study_is_resumed_to_the_same(finished) -> None:
     study, result, path = finished
     assert run(study, path, resume=True).checks == result.checks

@@ -33,6 +33,7 @@ def chart(request):
     return regimes(SET_15, PLANE, (11, 7), **in_process(check=request.param))
 
 
+@pytest.mark.slow
 def test_the_words_are_those_of_the_exact_flow(chart):
     found = chart
     assert found.resolution == (11, 7)

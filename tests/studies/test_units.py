@@ -24,6 +24,7 @@ def speed() -> gw.Result:
     return gw.run(gw.read_study(EXAMPLE, name="speed"))
 
 
+@pytest.mark.slow
 def test_physical_and_non_dimensional_runs_agree(speed: gw.Result) -> None:
     """Special points of two walks, in two systems of different numbers; and every single orbit of one in the other."""
     study = without_units(speed.study)

@@ -49,6 +49,7 @@ def before_doubling(between):
     return torus, event
 
 
+@pytest.mark.slow
 def test_apart_the_torus_doubles_where_the_orbit_does():
     orbit = gw.settle(one(0.3), [1.0, 0.0]).orbit
     assert orbit is not None

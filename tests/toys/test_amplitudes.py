@@ -63,6 +63,7 @@ def test_ctrl_c_stops_two_processes_and_they_go_on_bit_for_bit(tmp_path) -> None
     assert resumed.finding.record == gw.run(study()).finding.record == gw.open_result(path).finding.record
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_goes_on_to_the_same_result(tmp_path) -> None:
     path = tmp_path / "killed.gapwalk"
     code = f"from tests.toys.amplitudes import main; main({str(path)!r})"

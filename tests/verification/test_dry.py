@@ -271,6 +271,7 @@ def test_an_impact_that_only_one_motion_has_counts_by_its_depth() -> None:
         assert mismatch(orbit, [*own, own[0]._replace(theta=own[0].theta + 1.0, slope=slope)]) == expected
 
 
+@pytest.mark.slow
 def test_orbits_that_a_rough_integration_does_not_close_are_integrated_again(monkeypatch: pytest.MonkeyPatch) -> None:
     def rough(orbits, report=None, exact=1e-6):
         return carry(orbits, report, exact)

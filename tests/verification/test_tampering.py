@@ -85,6 +85,7 @@ def test_a_symmetric_gap_passes(backlash) -> None:
     assert grazes[0].value == pytest.approx(np.sqrt(square.min()), abs=1e-10)
 
 
+@pytest.mark.slow
 def test_one_of_two_sides_that_graze_at_once_is_missed(backlash) -> None:
     index = next(i for i, each in enumerate(backlash.special_points) if each.contact == "gap -")
     rest = [each for i, each in enumerate(backlash.special_points) if i != index]
@@ -154,6 +155,7 @@ def test_a_point_that_is_there_twice_is_found(branch) -> None:
     assert "gaps" in failed(gw.verify(replace(branch, points=(*points[:41], near, *points[41:]))))
 
 
+@pytest.mark.slow
 def test_a_special_point_that_is_there_twice_is_found(branch) -> None:
     for index in kinds_of(branch).values():
         special = branch.special_points[index]
@@ -186,6 +188,7 @@ def test_a_reason_of_an_end_that_does_not_hold_is_found(branch, reason, words) -
     assert words in breach.detail
 
 
+@pytest.mark.slow
 def test_a_changed_value_of_an_end_and_a_lost_end_are_found(branch) -> None:
     for ends in ((branch.ends[0], replace(branch.ends[1], value=0.61)), branch.ends[:1]):
         assert failed(gw.verify(replace(branch, ends=ends))) == {"ends"}

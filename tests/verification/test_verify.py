@@ -235,6 +235,7 @@ def test_balanced_branches_verify_with_their_truncation():
     assert ("lines", "point 3") in failed(gw.verify(change(found, 3, orbit=broken)))
 
 
+@pytest.mark.slow
 def test_where_branches_are_attached_is_verified():
     tree = gw.diagram(clutch(frequency=0.85), "frequency", (0.64, 0.85), max_period=2, workers=1, walk=LONG)
     found = gw.verify(tree)

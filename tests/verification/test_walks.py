@@ -43,6 +43,7 @@ def test_a_walk_at_a_stiff_stop_passes_and_is_looked_at_closely(side, law, dampi
     assert "closure" in {breach.check.word for breach in gw.verify(replace(branch, points=tuple(points))).breaches}
 
 
+@pytest.mark.slow
 def test_motions_that_are_small_for_their_branch_pass() -> None:
     """Their contact events are stored as exactly as those of the largest motion, in units of the branch."""
     spring = Contact("c", {"x": 1.0}, (Stage(0.0, 0.0, 1.0),))

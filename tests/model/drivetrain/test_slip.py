@@ -138,6 +138,7 @@ def test_an_orbit_with_contacts_on_both_sides_of_the_coupling_is_that_of_the_ang
     assert max(np.abs(left - value).min() for value in expected) < 1e-6
 
 
+@pytest.mark.slow
 def test_a_walk_along_the_drag_of_a_coupling_is_verified() -> None:
     branch = gw.follow(gw.find_orbit(coupled().system()), "oil.damping", 0.2)
     assert gw.verify(branch)

@@ -145,6 +145,7 @@ def test_a_motion_with_many_impacts_does_not_depend_on_the_width_of_the_edge() -
         assert found.steps < finest.steps
 
 
+@pytest.mark.slow
 def test_a_motion_with_many_impacts_equals_that_of_another_integrator() -> None:
 
     def rates(t: float, y: np.ndarray) -> list[float]:

@@ -436,6 +436,7 @@ def test_uneven_samples_are_joined_by_lines(folder: Path) -> None:
     assert wave_of(read(folder)) == pytest.approx(known, abs=2e-3 * np.abs(known).max())
 
 
+@pytest.mark.slow
 def test_it_is_kept_with_its_results_and_verified(folder: Path) -> None:
     system = read(folder)
     swept = gw.sweep(system, "speed", (1400.0, 1420.0), steps=2, output=folder / "sweep.gapwalk")

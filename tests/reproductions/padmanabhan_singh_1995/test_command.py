@@ -170,6 +170,7 @@ def test_the_documentation_has_all_figures_at_the_printed_numbers(more, capsys) 
     assert "write --docs without" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_what_cannot_be_computed_is_said_and_keeps_nothing_back(capsys, monkeypatch) -> None:
     run = gw.run
 

@@ -44,6 +44,7 @@ def never(monkeypatch) -> None:
     monkeypatch.setattr("gapwalk.studies.settle_study.settle", fail)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("never")
 def test_what_is_done_is_not_done_again(folder) -> None:
     seen = []
