@@ -52,6 +52,14 @@ class TouchMap:
         matrix = multiplier * np.eye(len(self.vector)) - self.monodromy
         return complex(self.covector @ np.linalg.solve(matrix, self.vector))
 
+    def adjugate(self, multiplier: float) -> float:
+        """Return ``det(mu - M)`` times the response, which is smooth where mu is a multiplier without the touch."""
+        size = len(self.vector)
+        bordered = np.zeros((size + 1, size + 1))
+        bordered[:size, :size] = multiplier * np.eye(size) - self.monodromy
+        bordered[:size, size], bordered[size, :size] = self.vector, -self.covector
+        return float(np.linalg.det(bordered))
+
     @cached_property
     def multipliers(self) -> NDArray[np.complex128]:
         """Multipliers without the touch, largest modulus first."""

@@ -16,11 +16,13 @@ from gapwalk.bifurcation.kinds.grazing import Graze, find_grazing
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, MultiplierEquation, Secant, zero_along
 from gapwalk.bifurcation.special_point import Kind, StepInterval
+from gapwalk.bifurcation.touch_map import TouchMap, touch_map
 from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.continuation.curve import Measured
 from gapwalk.continuation.curve_points import BranchPoint, OrbitOnCurve
 from gapwalk.continuation.walk import AnyEnd, Reason
+from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD
 from gapwalk.orbit.orbit import Orbit, apart, describe_switch
 
@@ -34,6 +36,7 @@ class LocusEndReason(Reason):
     CLOSED = "the locus closed on itself"
     RESONANCE = "the locus ends at a strong resonance"
     JOINED = "the locus ends where its orbits reach half their period"
+    GRAZE = "the locus ends on the locus of a graze, which it touches"
     COARSE = "the motion needs to be resolved more finely"
     STEP = "the step became smaller than the smallest allowed"
     POINTS = "the largest number of points was reached"
@@ -112,6 +115,12 @@ class Codim2(StrEnum):
     """On a grazing locus: a multiplier at -1."""
     NEIMARK_SACKER_GRAZING = "neimark-sacker-grazing"
     """On a grazing locus: a pair on the unit circle."""
+    RESONANT_GRAZING = "resonant-grazing"
+    """The square-root term of a graze vanishes: loci of folds and flips end there, tangent to that of the graze."""
+    GRAZING_MEETS_FOLD = "grazing-meets-fold"
+    """A fold locus ends on the grazing locus, which it touches there, of several degrees of freedom."""
+    GRAZING_MEETS_FLIP = "grazing-meets-flip"
+    """A flip locus ends on the grazing locus, which it touches there, of several degrees of freedom."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,6 +240,13 @@ _TARGETS = {
     (Kind.NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER): -1.0,
 }
 """Value of the second critical multiplier, on a locus of one kind."""
+_RESONANT = {
+    Codim2.RESONANT_GRAZING: None,
+    Codim2.GRAZING_MEETS_FOLD: 1.0,
+    Codim2.GRAZING_MEETS_FLIP: -1.0,
+}
+"""Kinds of points on grazing loci where a touch has a square-root term: the multiplier that no longer depends on it."""
+_ONE = 1e-6  # arclength, and share of its largest value, within which these vanish at one point, as with one coordinate
 _DOUBT = 0.5  # share of its bend by which a test function may dip between the ends of an interval; 1/8 for a parabola
 _FINEST = 1e-5  # arclength below which two zeros are not distinguished
 _NOISE = 1e-8  # absolute value of a test function that is only rounding
@@ -240,6 +256,7 @@ _EXACT = 1e-13  # arclength to which zeros are located
 _BESIDE = 1e-5  # arclength from a cusp at which the parameters change at normal speed again
 _CUSP = 0.5  # largest sum of the tangents on both sides of a cusp, where they should be opposite, by their difference
 _SECANT = Secant(first=1e-3, exact=1e-9)  # the accuracy to which the coefficient is known
+_AHEAD = 0.5  # smallest cosine of the angle between the locus and the way to its end at a graze
 _OVER = 2.0  # largest distance of the end, in estimated distances
 
 
@@ -268,7 +285,82 @@ def find_codim2(
             rate = (function(first) - function(before)) / (first.arclength - before.arclength)
         zeros = _search(function, interval, first, last, rate)
         found += [Finding(what, point) for point in zeros if _is_genuine(locus, what, point, interval)]
+    if isinstance(corrector.equation, GrazingEquation):
+        found += _resonances(corrector, interval, before, first, last)
     return sorted(found, key=lambda finding: finding.point.arclength)
+
+
+def _resonances(
+    corrector: Corrector, interval: StepInterval, before: BranchPoint | None, first: BranchPoint, last: BranchPoint
+) -> list[Finding]:
+    """Return the points between two points of a grazing locus at which the square-root term of the touch vanishes."""
+    equation = cast("GrazingEquation", corrector.equation)
+    if equation.switch not in jumping_switches(first.orbit.system):
+        return []
+    contact, found = describe_switch(first.orbit, equation.switch), []
+    for what, target in _RESONANT.items():
+
+        def function(point: BranchPoint, target: float | None = target) -> float:
+            return resonance(point, equation.switch, float(point.x[-3] * corrector.scales[-3]), target)
+
+        rate = None
+        if before is not None and before.arclength < first.arclength:
+            rate = (function(first) - function(before)) / (first.arclength - before.arclength)
+        for point in _search(function, interval, first, last, rate):
+            if all(abs(point.arclength - other.point.arclength) > _ONE for other in found):
+                found.append(Finding(what, point, contact))
+    return found
+
+
+def resonance(point: BranchPoint, switch: int, theta: float, target: float | None) -> float:
+    """Return the square-root term of a touch as it moves a multiplier away from a target; of any, if None.
+
+    Zero where there is none. It is ``c M b``, or ``c adj(target - M) M b``, with c and M b scaled to 1; see `TouchMap`.
+    """
+    if "touch" not in point.memo:
+        point.memo["touch"] = touch_map(point.orbit, switch, theta)
+    touch: TouchMap | None = point.memo["touch"]
+    if touch is None or touch.order != 0.5:
+        return 0.0
+    scale = float(np.linalg.norm(touch.covector) * np.linalg.norm(touch.vector))
+    return (float(touch.covector @ touch.vector) if target is None else touch.adjugate(target)) / scale
+
+
+def find_end_at_graze(
+    kind: Kind, touch: Corrector, start: NDArray[np.float64], point: BranchPoint, within: float
+) -> Finding | None:
+    """Locate the end of a locus of multipliers on the locus of a graze, whose corrector is given; None if none is near.
+
+    A multiplier is critical at a depth whose root is half the response of the motion to the touch (see `TouchMap`). So
+    the locus ends where that response vanishes, which is sought on the locus of the graze.
+    """
+    equation = cast("GrazingEquation", touch.equation)
+
+    def there(correction: Correction) -> BranchPoint:
+        x = correction.x * touch.scales
+        orbit, place = equation.orbit(x[:-1], float(x[-1]), correction.evaluation), np.delete(correction.x, -3)
+        length = float(np.linalg.norm(place - point.x))
+        return replace(
+            point, value=float(x[-1]), orbit=orbit, x=place, arclength=point.arclength + length,
+            tangent=(place - point.x) / (length or 1.0), memo={},
+        )  # fmt: skip
+
+    def function(correction: Correction) -> float:
+        theta = float(correction.x[-3] * touch.scales[-3])
+        return resonance(there(correction), equation.switch, theta, kind.target)
+
+    found = zero_along(touch, start, function, Secant(first=1e-5, farthest=2.0 * within))
+    if found is None:
+        return None
+    end = there(found)
+    length = end.arclength - point.arclength
+    if not 0.0 < length < within or float(end.tangent @ point.tangent) < _AHEAD:
+        return None
+    theta = float(found.x[-3] * touch.scales[-3])
+    every = abs(resonance(end, equation.switch, theta, None)) < _ONE
+    meets = {1.0: Codim2.GRAZING_MEETS_FOLD, -1.0: Codim2.GRAZING_MEETS_FLIP}.get(kind.target or 0.0)
+    what = Codim2.RESONANT_GRAZING if every or meets is None else meets
+    return Finding(what, end, describe_switch(end.orbit, equation.switch))
 
 
 def _is_echo(corrector: Corrector, graze: Graze) -> bool:
