@@ -7,6 +7,7 @@ the state, the sequence ``c M^n b`` says how deep the motion comes n periods aft
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,13 +19,20 @@ from gapwalk.errors import NumericalError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import accelerations
 from gapwalk.flow.motion import Gauge
-from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.coefficients import StageSlots, coefficients_of, layout_of
 from gapwalk.orbit.orbit import Orbit, apart
 
 _ASIDE = 1e-9  # depth, as a share of the motion, by which an orbit that touches is moved back
 _NEAR = 1e-3  # radians around the touch within which an event is its own
-_RATE = 1e-6  # rate, as a share of the velocities, at which jumps of the force are read
-_NONE = 1e-9  # share of the accelerations below which a jump is none
+_RATE = 1e-4  # rate, as a share of the velocities, at which jumps of the force are read
+_NONE = 1e-8  # share of the accelerations below which a jump is none
+
+_RETURNS = 400  # periods over which a touch is followed
+_LITTLE = 1e-3  # share of the largest return below which the sign of another one decides nothing
+_RESONANT = 0.02  # size of the square-root term below which the motion beyond soon is stable again
+_ANGLES = 720  # arguments of multipliers on the unit circle that are tried
+_ALONE = 0.9  # largest ratio of the second multiplier to the leading one, of which the theory knows only one
+_OVERLAP, _CHAOS, _CLOSE = 0.25, 2.0 / 3.0, 0.03  # leading multipliers at which the scenario changes, and their doubt
 
 Array = NDArray[np.float64]
 
@@ -65,6 +73,98 @@ class TouchMap:
         """Multipliers without the touch, largest modulus first."""
         found = np.linalg.eigvals(self.monodromy).astype(complex)
         return found[np.argsort(-np.abs(found), kind="stable")]
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """Motion beyond a graze, by the leading term of the touch."""
+
+    #: ``goes on``, ``doubles``, ``jumps``, ``period adding``, ``period adding and chaos``, ``chaos at once`` or
+    #: ``unknown``, where the theory does not decide.
+    verdict: str
+    #: order, coefficient: A touch of depth d changes the rate of the deflection by ``coefficient d^order``, at once.
+    order: float
+    coefficient: float
+    multiplier: complex  #: The leading multiplier of the motion that does not touch yet.
+    #: Ratio of successive windows of period adding, in the distance from the graze; otherwise nan.
+    ratio: float = math.nan
+    #: Depth of the touch: if the motion goes on, that at which a multiplier becomes critical, infinite if none does; if
+    #: it jumps, the least that it jumps to, approximately; otherwise nan.
+    depth: float = math.nan
+
+    @property
+    def words(self) -> str:
+        """The verdict in a table."""
+        return self.verdict + (f", windows by {self.ratio:.4g}" if self.ratio < math.inf else "")
+
+
+def beyond(touch: TouchMap | None) -> Beyond:
+    """Judge the motion beyond a graze from the map of its touch.
+
+    With the order 1/2, all that counts are the depths ``c M^n b sqrt(d)`` of the next returns: where one of them is
+    beyond the stop the next touch is deeper, and the motion leaves. Otherwise the leading multiplier decides
+    (Nordmark 1991; Chin, Ott, Nusse and Grebogi 1994; Fredriksson and Nordmark 1997). With the order 1 the map is
+    linear on either side (di Bernardo and others 2008, chapter 3). With the order 3/2 it is smooth enough.
+    """
+    if touch is None:
+        return Beyond("unknown", math.nan, math.nan, complex(math.nan, math.nan))
+    leading = complex(touch.multipliers[0])
+    known = touch.order, touch.coefficient, leading
+    if not abs(leading) < 1.0:
+        return Beyond("unknown", *known)  # the motion that touches is not the one that settles
+    if touch.order == 1.5:
+        return Beyond("goes on", *known, depth=_reach(touch))
+    if touch.order == 1.0:
+        verdict = _across(touch)
+        return Beyond(verdict, *known, depth=math.inf if verdict == "goes on" else math.nan)
+    size = float(np.linalg.norm(touch.covector) * np.linalg.norm(touch.vector))
+    returns = touch.sequence(_RETURNS)
+    largest = float(np.abs(returns).max())
+    if not size or abs(returns[0]) < _RESONANT * size:
+        return Beyond("unknown", *known)
+    if float(returns.max()) > _LITTLE * largest:
+        return Beyond("jumps", *known, depth=_new_depth(touch, int(np.argmax(returns)) + 1))
+    second = abs(touch.multipliers[1]) / abs(leading) if len(touch.multipliers) > 1 else 0.0
+    one = leading.imag == 0.0 and leading.real > 0.0 and second < _ALONE
+    if not one or float(returns.max()) > 0.0 or min(abs(leading.real - each) for each in (_OVERLAP, _CHAOS)) < _CLOSE:
+        return Beyond("unknown", *known)
+    if leading.real > _CHAOS:
+        return Beyond("chaos at once", *known)
+    verdict = "period adding" if leading.real < _OVERLAP else "period adding and chaos"
+    return Beyond(verdict, *known, ratio=leading.real**-2)
+
+
+def _across(touch: TouchMap) -> str:
+    """Return the verdict of a map that is linear on either side of the graze."""
+    beyond = touch.monodromy + np.outer(touch.vector, touch.covector)
+    both = [np.linalg.eigvals(each) for each in (touch.monodromy, beyond)]
+    real = [each[np.abs(each.imag) < 1e-12].real for each in both]
+    if sum(int(np.sum(each > 1.0)) for each in real) % 2:
+        return "unknown"  # both motions end there
+    if float(np.abs(both[1]).max()) < 1.0:
+        return "goes on"
+    twice = float(np.abs(np.linalg.eigvals(beyond @ touch.monodromy)).max())
+    return "doubles" if sum(int(np.sum(each < -1.0)) for each in real) % 2 and twice < 1.0 else "unknown"
+
+
+def _new_depth(touch: TouchMap, periods: int) -> float:
+    """Return the depth of the motion that touches once in some periods, at the graze itself, by the leading term."""
+    over = np.linalg.matrix_power(touch.monodromy, periods)
+    vector = np.linalg.matrix_power(touch.monodromy, periods - 1) @ touch.vector
+    return float(touch.covector @ np.linalg.solve(np.eye(len(over)) - over, vector)) ** 2
+
+
+def _reach(touch: TouchMap) -> float:
+    """Return the smallest depth of a touch of order 3/2 at which a multiplier is on the unit circle."""
+    arguments = np.linspace(0.0, math.pi, _ANGLES + 1)
+    found = np.array([touch.response(cmath.exp(1j * each)) for each in arguments])
+    real, imag = found.real, found.imag
+    values = [value for value in real[[0, -1]].tolist() if value > 0.0]
+    for k in np.flatnonzero(imag[1:-2] * imag[2:-1] < 0.0) + 1:
+        share = imag[k] / (imag[k] - imag[k + 1])
+        values.append(float(real[k] + share * (real[k + 1] - real[k])))
+    largest = max(values, default=0.0)
+    return (1.5 * largest) ** -2.0 if largest > 0.0 else math.inf
 
 
 def touch_map(orbit: Orbit, switch: int, theta: float | None = None) -> TouchMap | None:
@@ -134,11 +234,14 @@ def _leading(
         vector[n : 2 * n] = -(1.0 + ratio) * math.sqrt(2.0 * pull) * push / float(along @ push)
         return 0.5, vector, sign
 
+    def is_closed(other: StageSlots) -> bool:
+        own = slots.stages[stage]
+        return other.sign == own.sign and bool(coefficients[other.clearance] < coefficients[own.clearance])
+
     def jump(rate: float, depth: float = 0.0) -> Array:
         """Return the change of the accelerations where the touch begins, at a rate and a depth of the deflection."""
         here = q + depth * lift, v + rate * lift
-        own = float(slots_deflection @ here[0])
-        inside = [each.sign * own > coefficients[each.clearance] for each in slots.stages]
+        inside = [each is not slots.stages[stage] and is_closed(each) for each in slots.stages]
         both = []
         for touches in (True, False):
             inside[stage] = touches is (sign > 0.0)
@@ -147,22 +250,23 @@ def _leading(
             both.append(accelerations(layout, coefficients, angle, *here, closed))
         return both[0] - both[1]
 
-    slots_deflection = coefficients[slots.deflection]
     lift = along / float(along @ along)
+    q = q - sign * gauge.depth(coefficients, angle, state)[0] * lift  # exactly at the breakpoint
     size = float(np.abs(orbit.extremes[:, :2]).max())
     speed = _RATE * float(orbit.system.frequency) * size
-    enters, leaves, rest = jump(speed), jump(-speed), jump(0.0)
-    least = max(_NONE * pull, 10.0 * np.finfo(float).eps * float(np.abs(coefficients[layout.accelerations]).max()))
-    at_rest = 2.0 * enters - jump(2.0 * speed), 2.0 * leaves - jump(-2.0 * speed)  # extrapolated to rest
-    if max(float(np.abs(each).max()) for each in (*at_rest, rest)) > least:
+    enters, leaves = ([jump(way * times * speed) for times in (1.0, 2.0)] for way in (1.0, -1.0))
+    at_rest = [2.0 * near - far for near, far in (enters, leaves)]  # extrapolated to rest
+    noise = _NONE * float(np.abs(accelerations(layout, coefficients, angle, q, v)).max() + pull)
+    if max(float(np.abs(each).max()) for each in at_rest) > noise:
         inward, outward = (pull - float(along @ each) for each in at_rest)
         if not min(inward, outward) > 0.0:
             return None  # the contact holds what touches
         vector[n : 2 * n] = math.sqrt(2.0 * pull) * (at_rest[0] / inward + at_rest[1] / math.sqrt(inward * outward))
         return 0.5, vector, sign
-    one_way = (enters + leaves) / speed
-    drag = (enters - leaves) / (2.0 * speed)
-    if float(np.abs(one_way).max()) > 1e-5 * max(float(np.abs(drag).max()), 1e-30):
+    (near, far), (near_out, far_out) = enters, leaves
+    one_way = (4.0 * (near + near_out) - (far + far_out)) / (2.0 * speed)
+    drag = (near - near_out) / (2.0 * speed)
+    if float(np.abs(one_way).max()) * speed > noise:
         vector[n : 2 * n] = one_way
         return 1.0, vector, sign
     # a parabola of depth d over the time 2 sqrt(2 d / pull) has the area 4/3 sqrt(2 / pull) d^(3/2)
