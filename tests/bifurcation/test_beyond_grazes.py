@@ -79,13 +79,17 @@ def is_right(grazing: Grazing, found: Beyond) -> bool:
         (first, there), (second, nearer) = grazing.settled(depth), grazing.settled(0.1 * depth)
         return first == second == 1 and 0.05 < nearer / there < 0.2
     if found.verdict == "jumps":
-        return grazing.settled(min(1e-7, 1e-3 * found.depth))[1] > 0.05 * found.depth
-    depth = 1e-6 if not found.ratio > 200.0 else 1e-4
+        return grazing.settled(min(1e-7, 1e-3 * found.depth))[1] > min(0.05 * found.depth, 1e-3)
+    depth = 1e-6
     period, deepest = grazing.settled(depth)
     if not deepest < 100.0 * depth:
         return False
-    if found.verdict == "period adding":
+    if found.verdict == "period adding" and found.ratio < 30.0:
         return grazing.settled(depth / found.ratio)[0] == period + 1
+    if found.verdict == "period adding":  # the next window may be within the rounding of a motion
+        return 0 <= period - grazing.settled(1e-4)[0] <= math.ceil(math.log(100.0) / math.log(found.ratio))
+    if found.verdict == "doubles":
+        return period == 2
     return found.verdict == "period adding and chaos" or period == 0 or period > 8
 
 

@@ -122,11 +122,13 @@ def beyond(touch: TouchMap | None) -> Beyond:
     largest = float(np.abs(returns).max())
     if not size or abs(returns[0]) < _RESONANT * size:
         return Beyond("unknown", *known)
-    if float(returns.max()) > _LITTLE * largest:
-        return Beyond("jumps", *known, depth=_new_depth(touch, int(np.argmax(returns)) + 1))
+    first = int(np.argmax(returns > 0.0)) if float(returns.max()) > 0.0 else None
+    if first is not None:
+        sure = float(returns[first]) > _LITTLE * largest
+        return Beyond("jumps", *known, depth=_new_depth(touch, first + 1)) if sure else Beyond("unknown", *known)
     second = abs(touch.multipliers[1]) / abs(leading) if len(touch.multipliers) > 1 else 0.0
-    one = leading.imag == 0.0 and leading.real > 0.0 and second < _ALONE
-    if not one or float(returns.max()) > 0.0 or min(abs(leading.real - each) for each in (_OVERLAP, _CHAOS)) < _CLOSE:
+    one = leading.imag == 0.0 and leading.real > 0.0 and second < _ALONE and bool((np.diff(returns) >= 0.0).all())
+    if not one or min(abs(leading.real - each) for each in (_OVERLAP, _CHAOS)) < _CLOSE:
         return Beyond("unknown", *known)
     if leading.real > _CHAOS:
         return Beyond("chaos at once", *known)
@@ -198,7 +200,7 @@ def _beside(orbit: Orbit, coefficients: Array, switch: int, angle: float, gauge:
     """Return state and transition to the touch, and over the period, of a motion that just does not touch."""
     flow, full, n = flow_of(orbit.system, transition=True), PERIOD * orbit.period, orbit.system.size
     size, state = float(np.abs(orbit.extremes[:, :2]).max()), orbit.state
-    for share in (0.0, _ASIDE, 30.0 * _ASIDE):
+    for share in (_ASIDE, 30.0 * _ASIDE, 0.0):
         thetas = np.array([0.0, angle, full]) if 0.0 < angle < full else np.array([0.0, full])
         found = flow.vary(coefficients, state, thetas)
         place = 1 if len(thetas) > 2 else 0
@@ -207,7 +209,7 @@ def _beside(orbit: Orbit, coefficients: Array, switch: int, angle: float, gauge:
             return there, to, found.transitions[-1]
         way = gauge.vector(coefficients) @ to[:n]
         highest = gauge.read(coefficients, angle, there)[2] < 0.0
-        state = orbit.state - (1.0 if highest else -1.0) * max(share, _ASIDE) * size * way / float(way @ way)
+        state = orbit.state - (1.0 if highest else -1.0) * share * size * way / float(way @ way)
     raise NumericalError("the motion touches by more than a graze")
 
 
