@@ -79,7 +79,7 @@ def is_right(grazing: Grazing, found: Beyond) -> bool:
         (first, there), (second, nearer) = grazing.settled(depth), grazing.settled(0.1 * depth)
         return first == second == 1 and 0.05 < nearer / there < 0.2
     if found.verdict == "jumps":
-        return grazing.settled(min(1e-7, 1e-3 * found.depth))[1] > min(0.05 * found.depth, 1e-3)
+        return grazing.settled(1e-8)[1] > max(1e-7, 0.3 * grazing.settled(1e-7)[1])
     depth = 1e-6
     period, deepest = grazing.settled(depth)
     if not deepest < 100.0 * depth:

@@ -848,7 +848,7 @@ class Kind(str):
         """Return the beginnings of the other branches that begin or cross at a point of this kind."""
         raise ModelError(f"no other periodic branch begins at a {self}; switch at a flip or at a branch point")
 
-    def beyond(self, special: SpecialPoint) -> Beyond | None:
+    def foretold(self, special: SpecialPoint) -> Beyond | None:
         """Return what the theory says of the motion beyond a point of this kind; None where a branch simply goes on."""
         return None
 
@@ -1067,7 +1067,7 @@ class SpecialPoint(Shown):
         >>> graze.beyond.verdict, graze.beyond.order
         ('goes on', 1.5)
         """
-        return self.kind.beyond(self)
+        return self.kind.foretold(self)
 
     @property
     def beyond_words(self) -> str:

@@ -88,8 +88,7 @@ class Beyond:
     multiplier: complex  #: The leading multiplier of the motion that does not touch yet.
     #: Ratio of successive windows of period adding, in the distance from the graze; otherwise nan.
     ratio: float = math.nan
-    #: Depth of the touch: if the motion goes on, that at which a multiplier becomes critical, infinite if none does; if
-    #: it jumps, the least that it jumps to, approximately; otherwise nan.
+    #: Depth of the touch at which a multiplier becomes critical, if the motion goes on; infinite if none does, else nan.
     depth: float = math.nan
 
     @property
@@ -125,7 +124,7 @@ def beyond(touch: TouchMap | None) -> Beyond:
     first = int(np.argmax(returns > 0.0)) if float(returns.max()) > 0.0 else None
     if first is not None:
         sure = float(returns[first]) > _LITTLE * largest
-        return Beyond("jumps", *known, depth=_new_depth(touch, first + 1)) if sure else Beyond("unknown", *known)
+        return Beyond("jumps" if sure else "unknown", *known)
     second = abs(touch.multipliers[1]) / abs(leading) if len(touch.multipliers) > 1 else 0.0
     one = leading.imag == 0.0 and leading.real > 0.0 and second < _ALONE and bool((np.diff(returns) >= 0.0).all())
     if not one or min(abs(leading.real - each) for each in (_OVERLAP, _CHAOS)) < _CLOSE:
@@ -147,13 +146,6 @@ def _across(touch: TouchMap) -> str:
         return "goes on"
     twice = float(np.abs(np.linalg.eigvals(beyond @ touch.monodromy)).max())
     return "doubles" if sum(int(np.sum(each < -1.0)) for each in real) % 2 and twice < 1.0 else "unknown"
-
-
-def _new_depth(touch: TouchMap, periods: int) -> float:
-    """Return the depth of the motion that touches once in some periods, at the graze itself, by the leading term."""
-    over = np.linalg.matrix_power(touch.monodromy, periods)
-    vector = np.linalg.matrix_power(touch.monodromy, periods - 1) @ touch.vector
-    return float(touch.covector @ np.linalg.solve(np.eye(len(over)) - over, vector)) ** 2
 
 
 def _reach(touch: TouchMap) -> float:

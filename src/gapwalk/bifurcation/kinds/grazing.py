@@ -69,8 +69,8 @@ class Grazing(Kind):
         depths = [abs(depth) for turns in orbit.turning_depths for depth in turns.values]
         return min(depths, default=math.inf) / max(float(np.abs(orbit.extremes[:, :2]).max()), np.finfo(float).tiny)
 
-    def beyond(self, special: SpecialPoint) -> Beyond:
-        """See `Kind.beyond`; by the leading term of the touch."""
+    def foretold(self, special: SpecialPoint) -> Beyond:
+        """See `Kind.foretold`; by the leading term of the touch."""
         names = [describe_switch(special.orbit, switch) for switch in range(len(special.orbit.closings))]
         return beyond(touch_map(special.orbit, names.index(special.contact)))
 

@@ -25,6 +25,7 @@ from gapwalk.bifurcation.loci.locus import (
     LocusEnd,
     LocusEndReason,
     LocusPoint,
+    errors_of,
     find_codim2,
     find_end_at_graze,
     find_merging,
@@ -815,7 +816,8 @@ class LocusTracer(Iterator[LocusStep]):
         return LocusPoint(self._values(point), point.orbit, self._angle(point), point.x, point.tangent, point.arclength)
 
     def _codim2(self, finding: Finding) -> Codim2Point:
-        return Codim2Point(finding.kind, self._point(finding.point), finding.contact)
+        errors = errors_of(finding, self.beginning.corrector)
+        return Codim2Point(finding.kind, self._point(finding.point), finding.contact, errors)
 
     def _angle(self, point: BranchPoint) -> float:
         if isinstance(self.beginning.equation, GrazingEquation):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -14,7 +15,14 @@ from gapwalk.bifurcation.branch_start import halves_apart, is_close
 from gapwalk.bifurcation.kinds.critical_multipliers import critical_pair
 from gapwalk.bifurcation.kinds.grazing import Graze, find_grazing
 from gapwalk.bifurcation.kinds.sliding import Sliding
-from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, MultiplierEquation, Secant, zero_along
+from gapwalk.bifurcation.loci.locus_equations import (
+    MARGIN,
+    GrazingEquation,
+    MultiplierEquation,
+    Secant,
+    onto_curve,
+    zero_along,
+)
 from gapwalk.bifurcation.special_point import Kind, StepInterval
 from gapwalk.bifurcation.touch_map import TouchMap, touch_map
 from gapwalk.bracketed_root import zero_between_signs
@@ -22,6 +30,7 @@ from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.continuation.curve import Measured
 from gapwalk.continuation.curve_points import BranchPoint, OrbitOnCurve
 from gapwalk.continuation.walk import AnyEnd, Reason
+from gapwalk.errors import NumericalError
 from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD
 from gapwalk.orbit.orbit import Orbit, apart, describe_switch
@@ -130,6 +139,9 @@ class Codim2Point:
     kind: Codim2  #: Its kind.
     point: LocusPoint  #: The located point of the locus.
     contact: str = ""  #: The contact, stage and side that grazes, such as ``stage2 -``; empty if none does.
+    #: Estimated errors of both values: four times the distance along the locus at which its condition is no longer zero
+    #: but for rounding, and the distance from a breakpoint at which grazing motions are computed.
+    errors: tuple[float, float] = (math.inf, math.inf)
 
     @property
     def values(self) -> tuple[float, float]:
@@ -266,6 +278,8 @@ class Finding(NamedTuple):
     kind: Codim2
     point: BranchPoint
     contact: str = ""
+    error: float = 0.0
+    """Arclength within which it is known."""
 
 
 def find_codim2(
@@ -274,7 +288,7 @@ def find_codim2(
     """Return the points of codimension two between two neighbouring points, in order; `before` is the point before."""
     interval = StepInterval(corrector, first, last)
     found = [
-        Finding(Codim2.GRAZING, graze.point, describe_switch(graze.point.orbit, graze.switch))
+        Finding(Codim2.GRAZING, graze.point, describe_switch(graze.point.orbit, graze.switch), graze.spread)
         for graze in find_grazing(interval, before, first, last)
         if not _is_echo(corrector, graze)
     ]
@@ -284,10 +298,18 @@ def find_codim2(
         if before is not None and before.arclength < first.arclength:
             rate = (function(first) - function(before)) / (first.arclength - before.arclength)
         zeros = _search(function, interval, first, last, rate)
-        found += [Finding(what, point) for point in zeros if _is_genuine(locus, what, point, interval)]
+        genuine = (point for point in zeros if _is_genuine(locus, what, point, interval))
+        found += [Finding(what, point, "", _error(function, interval, point)) for point in genuine]
     if isinstance(corrector.equation, GrazingEquation):
         found += _resonances(corrector, interval, before, first, last)
     return sorted(found, key=lambda finding: finding.point.arclength)
+
+
+def errors_of(finding: Finding, corrector: Corrector) -> tuple[float, float]:
+    """Return the estimated errors of both values at a point of codimension two."""
+    along = 4.0 * finding.error * np.abs(finding.point.tangent[-2:]) if finding.error < np.inf else np.full(2, np.inf)
+    rounding = (_EXACT if not finding.contact else MARGIN) + _EXACT * np.abs(finding.point.x[-2:])
+    return cast("tuple[float, float]", tuple(((along + rounding) * corrector.scales[-2:]).tolist()))
 
 
 def _resonances(
@@ -308,7 +330,7 @@ def _resonances(
             rate = (function(first) - function(before)) / (first.arclength - before.arclength)
         for point in _search(function, interval, first, last, rate):
             if all(abs(point.arclength - other.point.arclength) > _ONE for other in found):
-                found.append(Finding(what, point, contact))
+                found.append(Finding(what, point, contact, _error(function, interval, point)))
     return found
 
 
@@ -360,7 +382,12 @@ def find_end_at_graze(
     every = abs(resonance(end, equation.switch, theta, None)) < _ONE
     meets = {1.0: Codim2.GRAZING_MEETS_FOLD, -1.0: Codim2.GRAZING_MEETS_FLIP}.get(kind.target or 0.0)
     what = Codim2.RESONANT_GRAZING if every or meets is None else meets
-    return Finding(what, end, describe_switch(end.orbit, equation.switch))
+    here, values = function(found), []
+    for way in (-_BESIDE, _BESIDE):
+        beside = touch.correct(found.x + way * (tangent := onto_curve(touch, found.x)[1]), tangent)
+        values.append(function(beside) if beside is not None else math.nan)
+    off, slope = abs(here) + abs(0.5 * sum(values) - here), abs(values[1] - values[0]) / (2.0 * _BESIDE)
+    return Finding(what, end, describe_switch(end.orbit, equation.switch), off / slope if slope > 0.0 else math.inf)
 
 
 def _is_echo(corrector: Corrector, graze: Graze) -> bool:
@@ -444,6 +471,21 @@ def _search(
     middle = interval.middle(a, b)
     left = _search(function, interval, a, middle, rate)
     return left + _search(function, interval, middle, b, (function(middle) - at_a) / (0.5 * length))
+
+
+def _error(function: Callable[[BranchPoint], float], interval: StepInterval, point: BranchPoint) -> float:
+    """Return the arclength within which a zero is known, from values on both sides, where the function is linear."""
+    first, *_, last = (each.arclength for each in interval.points)
+    beside = min(_BESIDE, 0.5 * (last - first))
+    places = [min(max(point.arclength + way * beside, first), last) for way in (-1.0, 1.0)]
+    try:
+        values = [function(interval.at(place)) for place in places]
+    except NumericalError:
+        return math.inf
+    share = (point.arclength - places[0]) / (places[1] - places[0])
+    off = abs(values[0] + share * (values[1] - values[0]) - function(point)) + abs(function(point))
+    slope = abs(values[1] - values[0]) / (places[1] - places[0])
+    return off / slope + _EXACT if slope else math.inf
 
 
 def _is_genuine(locus: Kind, what: Codim2, point: BranchPoint, interval: StepInterval) -> bool:
