@@ -9,7 +9,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, cast
 
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from gapwalk.bifurcation.branch_start import BranchStart
     from gapwalk.bifurcation.kinds.critical_multipliers import Criticality, Crossing
     from gapwalk.bifurcation.loci.gradient import Gradient
+    from gapwalk.bifurcation.touch_map import Beyond
     from gapwalk.continuation.corrector import Range
     from gapwalk.orbit.method import Method
 
@@ -847,6 +848,10 @@ class Kind(str):
         """Return the beginnings of the other branches that begin or cross at a point of this kind."""
         raise ModelError(f"no other periodic branch begins at a {self}; switch at a flip or at a branch point")
 
+    def foretold(self, special: SpecialPoint) -> Beyond | None:
+        """Return what the theory says of the motion beyond a point of this kind; None where a branch simply goes on."""
+        return None
+
     def condition(self, monodromy: NDArray[np.float64]) -> Criticality:
         """Evaluate the locus equation in two parameters: the distance of a monodromy matrix from criticality."""
         raise NotImplementedError(f"a {self} is not defined by multipliers")
@@ -966,6 +971,7 @@ class SpecialPoint(Shown):
         "multiplicity": "multiplicity",
         "nature": "nature",
         "judged": "judged",
+        "beyond": "beyond_words",
         "contact": "contact",
         "contacts": "orbit.pattern",
     }
@@ -1048,6 +1054,26 @@ class SpecialPoint(Shown):
             return self.kind.is_corner
         return self.contact in {describe_switch(self.orbit, switch) for switch in jumping_switches(self.orbit.system)}
 
+    @cached_property
+    def beyond(self) -> Beyond | None:
+        """Motion beyond a graze, by the theory of discontinuity maps; None at other kinds.
+
+        Its `verdict` is ``goes on``, ``doubles``, ``jumps``, ``period adding``, ``period adding and chaos``, ``chaos at
+        once``, or ``unknown`` where the theory does not decide. See the guide on grazes.
+
+        Examples
+        --------
+        >>> graze = branch.special("grazing")[0]
+        >>> graze.beyond.verdict, graze.beyond.order
+        ('goes on', 1.5)
+        """
+        return self.kind.foretold(self)
+
+    @property
+    def beyond_words(self) -> str:
+        """What lies beyond the point, in a table; empty at kinds other than grazing."""
+        return self.beyond.words if self.beyond is not None else ""
+
     @property
     def kind_words(self) -> str:
         """Name of the kind, with the number of multipliers if several become critical at once: ``double flip``."""
@@ -1099,7 +1125,7 @@ class SpecialPoint(Shown):
             "±": f"{self.uncertainty:.0e}" if np.isfinite(self.uncertainty) else "",
             "multiplier": self.multiplier_words,
             "stability": self.change,
-            "criticality": self.nature_words,
+            "criticality": self.nature_words or self.beyond_words,
             "contact": self.contact,
         }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -119,7 +120,9 @@ class Map(Shown):
         rows, groups = [], []
         for name, locus in zip(self.names, self.loci, strict=True):
             for index, codim2 in enumerate(locus.codim2_points):
-                values = (f"{value:#.10g}" for value in codim2.values)
+                values = (
+                    f"{value:#.10g} ± {error:.0e}" for value, error in zip(codim2.values, codim2.errors, strict=True)
+                )
                 numbers = (*values, f"{codim2.point.angle:.6f}", f"{codim2.point.measure(measure):#.8g}")
                 rows.append([name if index == 0 else "", codim2.kind.value, *numbers, codim2.contact])
             groups.append(len(rows) - 1)
@@ -186,7 +189,8 @@ def _point(point: LocusPoint) -> dict[str, Any]:
 
 
 def _codim2(codim2: Codim2Point) -> dict[str, Any]:
-    return {"kind": codim2.kind.value, **_point(codim2.point), "contact": codim2.contact or None}
+    errors = [error if math.isfinite(error) else None for error in codim2.errors]
+    return {"kind": codim2.kind.value, **_point(codim2.point), "errors": errors, "contact": codim2.contact or None}
 
 
 def _end(end: LocusEnd) -> dict[str, Any]:

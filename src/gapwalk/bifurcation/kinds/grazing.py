@@ -19,6 +19,7 @@ from gapwalk.bifurcation.special_point import (
     location_error,
     zero_between,
 )
+from gapwalk.bifurcation.touch_map import Beyond, beyond, touch_map
 from gapwalk.continuation.corrector import length_of
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import NumericalError
@@ -67,6 +68,11 @@ class Grazing(Kind):
         """Return the least depth of an extremum beyond its breakpoint, relative to the size of the motion."""
         depths = [abs(depth) for turns in orbit.turning_depths for depth in turns.values]
         return min(depths, default=math.inf) / max(float(np.abs(orbit.extremes[:, :2]).max()), np.finfo(float).tiny)
+
+    def foretold(self, special: SpecialPoint) -> Beyond:
+        """See `Kind.foretold`; by the leading term of the touch."""
+        names = [describe_switch(special.orbit, switch) for switch in range(len(special.orbit.closings))]
+        return beyond(touch_map(special.orbit, names.index(special.contact)))
 
     def examined(
         self, special: SpecialPoint, before: BranchPoint, after: BranchPoint

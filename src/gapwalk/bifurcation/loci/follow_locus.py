@@ -25,7 +25,9 @@ from gapwalk.bifurcation.loci.locus import (
     LocusEnd,
     LocusEndReason,
     LocusPoint,
+    errors_of,
     find_codim2,
+    find_end_at_graze,
     find_merging,
 )
 from gapwalk.bifurcation.loci.locus_equations import (
@@ -47,6 +49,7 @@ from gapwalk.continuation.curve import joined
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason, Tracing, Walk, WalkOptions, WalkState
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
+from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import switch_names
 from gapwalk.orbit.harmonic_balance import Balance
@@ -189,6 +192,13 @@ class NearGrazing:
         """Return the orbit of the locus that just touches, seen from outside the breakpoint."""
         x = start * self._scales
         return self.at(-self.margin if self._touch.is_highest(x[:-1], float(x[-1])) else self.margin, start)
+
+    def outside(self, point: BranchPoint, theta: float) -> tuple[Corrector, NDArray[np.float64]]:
+        """Return the corrector of motions that just do not touch, and a start for it near a point of the locus."""
+        start = np.insert(point.x, -2, theta / PERIOD)
+        x = start * self._scales
+        depth = -self.margin if self._touch.is_highest(x[:-1], float(x[-1])) else self.margin
+        return Corrector(replace(self._touch, depth=depth), self._scales), start
 
     def at(self, depth: float, start: NDArray[np.float64]) -> Correction | None:
         """Return the orbit with a given depth, found along the curve of that depth; None if none is found."""
@@ -509,6 +519,7 @@ LocusReport = Callable[[LocusPoint, list[Codim2Point]], None]
 _CORNER = 1e-7  # step below which a corner is searched for if none was predicted
 _AT = 100.0  # distance within which it must then lie, in lengths of that step
 _OVER = 3.0  # distance within which a predicted corner must lie, in estimated distances
+_ENDING = 0.02  # distance within which the end of a locus at a graze is sought
 _SHALLOW, _WIDE = 1e-6, 1e-2  # a touch shallower than this, in units of the state, is led to a corner this far ahead
 _SHARE = 0.7  # share of the distance to a corner that a step may cover
 _BESIDE = 0.1 * AWAY  # distance from the path round a corner within which the start lies on it
@@ -615,7 +626,7 @@ class LocusTracer(Iterator[LocusStep]):
             self.end = LocusEnd(LocusEndReason.START, self.first.values)
             raise StopIteration
         while True:
-            step = self._to_merging() or self._around_corner_ahead()
+            step = self._to_merging() or self._to_graze() or self._around_corner_ahead()
             if step is not None:
                 return step
             state = self.walk.state
@@ -725,6 +736,26 @@ class LocusTracer(Iterator[LocusStep]):
         self.end = LocusEnd(LocusEndReason.JOINED, step.point.values)
         return step
 
+    def _to_graze(self) -> LocusStep | None:
+        """Return the last step, if it leads to a graze at which the locus ends."""
+        kind, corrector, state = self.beginning.kind, self.beginning.corrector, self.walk.state
+        if not kind.by_multipliers:
+            return None
+        jumping = jumping_switches(state.point.orbit.system)
+        for reach, turning in approaches(state.previous, state.point) if jumping else ():
+            if not turning.is_touch or turning.switch not in jumping or reach > _ENDING:
+                continue
+            try:
+                touch, start = NearGrazing(corrector, turning.switch).outside(state.point, turning.theta)
+                found = find_end_at_graze(kind, touch, start, state.point, _OVER * reach)
+            except (NumericalError, np.linalg.LinAlgError):
+                continue
+            if found is not None:
+                step = LocusStep(self._point(found.point), [self._codim2(found)])
+                self.end = LocusEnd(LocusEndReason.GRAZE, step.point.values, found.kind.value.replace("-", " "))
+                return step
+        return None
+
     def _at_edge(self, inside: BranchPoint, outside: BranchPoint) -> BranchPoint | None:
         """Return the point of the locus at the limit of the first parameter that a step has passed."""
         corrector = self.beginning.corrector
@@ -785,7 +816,8 @@ class LocusTracer(Iterator[LocusStep]):
         return LocusPoint(self._values(point), point.orbit, self._angle(point), point.x, point.tangent, point.arclength)
 
     def _codim2(self, finding: Finding) -> Codim2Point:
-        return Codim2Point(finding.kind, self._point(finding.point), finding.contact)
+        errors = errors_of(finding, self.beginning.corrector)
+        return Codim2Point(finding.kind, self._point(finding.point), finding.contact, errors)
 
     def _angle(self, point: BranchPoint) -> float:
         if isinstance(self.beginning.equation, GrazingEquation):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -14,13 +15,23 @@ from gapwalk.bifurcation.branch_start import halves_apart, is_close
 from gapwalk.bifurcation.kinds.critical_multipliers import critical_pair
 from gapwalk.bifurcation.kinds.grazing import Graze, find_grazing
 from gapwalk.bifurcation.kinds.sliding import Sliding
-from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, MultiplierEquation, Secant, zero_along
+from gapwalk.bifurcation.loci.locus_equations import (
+    MARGIN,
+    GrazingEquation,
+    MultiplierEquation,
+    Secant,
+    onto_curve,
+    zero_along,
+)
 from gapwalk.bifurcation.special_point import Kind, StepInterval
+from gapwalk.bifurcation.touch_map import TouchMap, touch_map
 from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.continuation.curve import Measured
 from gapwalk.continuation.curve_points import BranchPoint, OrbitOnCurve
 from gapwalk.continuation.walk import AnyEnd, Reason
+from gapwalk.errors import NumericalError
+from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD
 from gapwalk.orbit.orbit import Orbit, apart, describe_switch
 
@@ -34,6 +45,7 @@ class LocusEndReason(Reason):
     CLOSED = "the locus closed on itself"
     RESONANCE = "the locus ends at a strong resonance"
     JOINED = "the locus ends where its orbits reach half their period"
+    GRAZE = "the locus ends on the locus of a graze, which it touches"
     COARSE = "the motion needs to be resolved more finely"
     STEP = "the step became smaller than the smallest allowed"
     POINTS = "the largest number of points was reached"
@@ -112,6 +124,12 @@ class Codim2(StrEnum):
     """On a grazing locus: a multiplier at -1."""
     NEIMARK_SACKER_GRAZING = "neimark-sacker-grazing"
     """On a grazing locus: a pair on the unit circle."""
+    RESONANT_GRAZING = "resonant-grazing"
+    """The square-root term of a graze vanishes: loci of folds and flips end there, tangent to that of the graze."""
+    GRAZING_MEETS_FOLD = "grazing-meets-fold"
+    """A fold locus ends on the grazing locus, which it touches there, of several degrees of freedom."""
+    GRAZING_MEETS_FLIP = "grazing-meets-flip"
+    """A flip locus ends on the grazing locus, which it touches there, of several degrees of freedom."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +139,9 @@ class Codim2Point:
     kind: Codim2  #: Its kind.
     point: LocusPoint  #: The located point of the locus.
     contact: str = ""  #: The contact, stage and side that grazes, such as ``stage2 -``; empty if none does.
+    #: Estimated errors of both values: four times the distance along the locus at which its condition is no longer zero
+    #: but for rounding, and the distance from a breakpoint at which grazing motions are computed.
+    errors: tuple[float, float] = (math.inf, math.inf)
 
     @property
     def values(self) -> tuple[float, float]:
@@ -231,6 +252,13 @@ _TARGETS = {
     (Kind.NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER): -1.0,
 }
 """Value of the second critical multiplier, on a locus of one kind."""
+_RESONANT = {
+    Codim2.RESONANT_GRAZING: None,
+    Codim2.GRAZING_MEETS_FOLD: 1.0,
+    Codim2.GRAZING_MEETS_FLIP: -1.0,
+}
+"""Kinds of points on grazing loci where a touch has a square-root term: the multiplier that no longer depends on it."""
+_ONE = 1e-6  # arclength, and share of its largest value, within which these vanish at one point, as with one coordinate
 _DOUBT = 0.5  # share of its bend by which a test function may dip between the ends of an interval; 1/8 for a parabola
 _FINEST = 1e-5  # arclength below which two zeros are not distinguished
 _NOISE = 1e-8  # absolute value of a test function that is only rounding
@@ -240,6 +268,7 @@ _EXACT = 1e-13  # arclength to which zeros are located
 _BESIDE = 1e-5  # arclength from a cusp at which the parameters change at normal speed again
 _CUSP = 0.5  # largest sum of the tangents on both sides of a cusp, where they should be opposite, by their difference
 _SECANT = Secant(first=1e-3, exact=1e-9)  # the accuracy to which the coefficient is known
+_AHEAD = 0.5  # smallest cosine of the angle between the locus and the way to its end at a graze
 _OVER = 2.0  # largest distance of the end, in estimated distances
 
 
@@ -249,6 +278,8 @@ class Finding(NamedTuple):
     kind: Codim2
     point: BranchPoint
     contact: str = ""
+    error: float = 0.0
+    """Arclength within which it is known."""
 
 
 def find_codim2(
@@ -257,7 +288,7 @@ def find_codim2(
     """Return the points of codimension two between two neighbouring points, in order; `before` is the point before."""
     interval = StepInterval(corrector, first, last)
     found = [
-        Finding(Codim2.GRAZING, graze.point, describe_switch(graze.point.orbit, graze.switch))
+        Finding(Codim2.GRAZING, graze.point, describe_switch(graze.point.orbit, graze.switch), graze.spread)
         for graze in find_grazing(interval, before, first, last)
         if not _is_echo(corrector, graze)
     ]
@@ -267,8 +298,96 @@ def find_codim2(
         if before is not None and before.arclength < first.arclength:
             rate = (function(first) - function(before)) / (first.arclength - before.arclength)
         zeros = _search(function, interval, first, last, rate)
-        found += [Finding(what, point) for point in zeros if _is_genuine(locus, what, point, interval)]
+        genuine = (point for point in zeros if _is_genuine(locus, what, point, interval))
+        found += [Finding(what, point, "", _error(function, interval, point)) for point in genuine]
+    if isinstance(corrector.equation, GrazingEquation):
+        found += _resonances(corrector, interval, before, first, last)
     return sorted(found, key=lambda finding: finding.point.arclength)
+
+
+def errors_of(finding: Finding, corrector: Corrector) -> tuple[float, float]:
+    """Return the estimated errors of both values at a point of codimension two."""
+    along = 4.0 * finding.error * np.abs(finding.point.tangent[-2:]) if finding.error < np.inf else np.full(2, np.inf)
+    rounding = (_EXACT if not finding.contact else MARGIN) + _EXACT * np.abs(finding.point.x[-2:])
+    return cast("tuple[float, float]", tuple(((along + rounding) * corrector.scales[-2:]).tolist()))
+
+
+def _resonances(
+    corrector: Corrector, interval: StepInterval, before: BranchPoint | None, first: BranchPoint, last: BranchPoint
+) -> list[Finding]:
+    """Return the points between two points of a grazing locus at which the square-root term of the touch vanishes."""
+    equation = cast("GrazingEquation", corrector.equation)
+    if equation.switch not in jumping_switches(first.orbit.system):
+        return []
+    contact, found = describe_switch(first.orbit, equation.switch), []
+    for what, target in _RESONANT.items():
+
+        def function(point: BranchPoint, target: float | None = target) -> float:
+            return resonance(point, equation.switch, float(point.x[-3] * corrector.scales[-3]), target)
+
+        rate = None
+        if before is not None and before.arclength < first.arclength:
+            rate = (function(first) - function(before)) / (first.arclength - before.arclength)
+        for point in _search(function, interval, first, last, rate):
+            if all(abs(point.arclength - other.point.arclength) > _ONE for other in found):
+                found.append(Finding(what, point, contact, _error(function, interval, point)))
+    return found
+
+
+def resonance(point: BranchPoint, switch: int, theta: float, target: float | None) -> float:
+    """Return the square-root term of a touch as it moves a multiplier away from a target; of any, if None.
+
+    Zero where there is none. It is ``c M b``, or ``c adj(target - M) M b``, with c and M b scaled to 1; see `TouchMap`.
+    """
+    if "touch" not in point.memo:
+        point.memo["touch"] = touch_map(point.orbit, switch, theta)
+    touch: TouchMap | None = point.memo["touch"]
+    if touch is None or touch.order != 0.5:
+        return 0.0
+    scale = float(np.linalg.norm(touch.covector) * np.linalg.norm(touch.vector))
+    return (float(touch.covector @ touch.vector) if target is None else touch.adjugate(target)) / scale
+
+
+def find_end_at_graze(
+    kind: Kind, touch: Corrector, start: NDArray[np.float64], point: BranchPoint, within: float
+) -> Finding | None:
+    """Locate the end of a locus of multipliers on the locus of a graze, whose corrector is given; None if none is near.
+
+    A multiplier is critical at a depth whose root is half the response of the motion to the touch (see `TouchMap`). So
+    the locus ends where that response vanishes, which is sought on the locus of the graze.
+    """
+    equation = cast("GrazingEquation", touch.equation)
+
+    def there(correction: Correction) -> BranchPoint:
+        x = correction.x * touch.scales
+        orbit, place = equation.orbit(x[:-1], float(x[-1]), correction.evaluation), np.delete(correction.x, -3)
+        length = float(np.linalg.norm(place - point.x))
+        return replace(
+            point, value=float(x[-1]), orbit=orbit, x=place, arclength=point.arclength + length,
+            tangent=(place - point.x) / (length or 1.0), memo={},
+        )  # fmt: skip
+
+    def function(correction: Correction) -> float:
+        theta = float(correction.x[-3] * touch.scales[-3])
+        return resonance(there(correction), equation.switch, theta, kind.target)
+
+    found = zero_along(touch, start, function, Secant(first=1e-5, farthest=2.0 * within))
+    if found is None:
+        return None
+    end = there(found)
+    length = end.arclength - point.arclength
+    if not 0.0 < length < within or float(end.tangent @ point.tangent) < _AHEAD:
+        return None
+    theta = float(found.x[-3] * touch.scales[-3])
+    every = abs(resonance(end, equation.switch, theta, None)) < _ONE
+    meets = {1.0: Codim2.GRAZING_MEETS_FOLD, -1.0: Codim2.GRAZING_MEETS_FLIP}.get(kind.target or 0.0)
+    what = Codim2.RESONANT_GRAZING if every or meets is None else meets
+    here, values = function(found), []
+    for way in (-_BESIDE, _BESIDE):
+        beside = touch.correct(found.x + way * (tangent := onto_curve(touch, found.x)[1]), tangent)
+        values.append(function(beside) if beside is not None else math.nan)
+    off, slope = abs(here) + abs(0.5 * sum(values) - here), abs(values[1] - values[0]) / (2.0 * _BESIDE)
+    return Finding(what, end, describe_switch(end.orbit, equation.switch), off / slope if slope > 0.0 else math.inf)
 
 
 def _is_echo(corrector: Corrector, graze: Graze) -> bool:
@@ -352,6 +471,21 @@ def _search(
     middle = interval.middle(a, b)
     left = _search(function, interval, a, middle, rate)
     return left + _search(function, interval, middle, b, (function(middle) - at_a) / (0.5 * length))
+
+
+def _error(function: Callable[[BranchPoint], float], interval: StepInterval, point: BranchPoint) -> float:
+    """Return the arclength within which a zero is known, from values on both sides, where the function is linear."""
+    first, *_, last = (each.arclength for each in interval.points)
+    beside = min(_BESIDE, 0.5 * (last - first))
+    places = [min(max(point.arclength + way * beside, first), last) for way in (-1.0, 1.0)]
+    try:
+        values = [function(interval.at(place)) for place in places]
+    except NumericalError:
+        return math.inf
+    share = (point.arclength - places[0]) / (places[1] - places[0])
+    off = abs(values[0] + share * (values[1] - values[0]) - function(point)) + abs(function(point))
+    slope = abs(values[1] - values[0]) / (places[1] - places[0])
+    return off / slope + _EXACT if slope else math.inf
 
 
 def _is_genuine(locus: Kind, what: Codim2, point: BranchPoint, interval: StepInterval) -> bool:

@@ -1,0 +1,163 @@
+"""What lies beyond a graze: the map of a touch against exact matrices, its verdicts against motions that settle."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import gapwalk as gw
+from gapwalk.bifurcation.touch_map import Beyond, beyond, touch_map
+from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.model.coefficients import coefficients_of
+from tests.tiers import in_campaign
+
+KINDS = ("rigid", "preloaded", "soft", "pushing")
+
+
+def contact(kind: str, random: np.random.Generator) -> gw.Contact:
+    """A contact of some kind at 1, with random numbers."""
+    along = {"x": 1.0}
+    if kind == "rigid":
+        return gw.rigid_stop("s", along, 1.0, restitution=random.uniform(0.3, 0.95))
+    if kind == "soft":
+        return gw.stop("s", along, 1.0, 10.0 ** random.uniform(0.3, 2.0))
+    numbers = {"preload": random.uniform(0.2, 3.0)} if kind == "preloaded" else {}
+    stages = [gw.Stage(1.0, random.uniform(1.0, 10.0), side="positive", numbers=numbers)]
+    if kind == "preloaded":
+        return gw.Contact("s", along, stages, law="piecewise")
+    return gw.Contact("s", along, stages, law=kind, viscous_damping=10.0 ** random.uniform(-1.0, 1.0))
+
+
+class Grazing:
+    """A linear oscillator of one or two coordinates whose motion just touches its contact, in closed form."""
+
+    def __init__(self, kind: str, seed: int) -> None:
+        random = np.random.default_rng([seed, KINDS.index(kind) if kind in KINDS else 9])
+        size, damping, self.frequency = random.choice([1, 1, 2]), 10.0 ** random.uniform(-1.3, 0.6), random.uniform(0.4, 3)
+        coupling = random.uniform(0.3, 2.0)
+        self.names, self.mass = ["x", "y"][:size], np.eye(size)
+        self.stiffness, self.damping = np.array([[1.0]]), np.array([[damping]])
+        if size == 2:
+            self.stiffness = np.array([[1.0 + coupling, -coupling], [-coupling, random.uniform(0.2, 1.0) + coupling]])
+            self.damping = 0.5 * damping * self.stiffness + 0.05 * np.eye(2)
+        self.contact = contact(kind, random)
+        dynamic = self.stiffness - self.frequency**2 * self.mass + 1j * self.frequency * self.damping
+        self.response = np.linalg.solve(dynamic, np.eye(size)[0])
+        self.amplitude = 1.0 / abs(self.response[0])
+
+    def system(self, depth: float) -> gw.System:
+        """The system whose motion without the contact would be this deep in it."""
+        load = gw.Harmonic(self.amplitude * (1.0 + depth), {"x": 1.0})
+        matrices = {"mass": self.mass, "stiffness": self.stiffness, "damping": self.damping}
+        return gw.System(self.names, **matrices, contacts=[self.contact], harmonics=[load], frequency=self.frequency)
+
+    def start(self, depth: float) -> np.ndarray:
+        """The state of that motion without the contact."""
+        moved = self.response * self.amplitude * (1.0 + depth)
+        return np.concatenate((moved.real, (1j * self.frequency * moved).real))
+
+    def orbit(self) -> gw.Orbit:
+        """The motion that just does not touch."""
+        return gw.find_orbit(self.system(-1e-10), start=self.start(-1e-10))
+
+    def settled(self, depth: float) -> tuple[int, float]:
+        """The period of what settles from there, 0 if it has none, and the greatest depth of its touches."""
+        motion = gw.settle(self.system(depth), start=self.start(depth))
+        if motion.orbit is not None:
+            return motion.orbit.period, max(motion.orbit.turning_depths[0].values)
+        after = gw.integrate(motion.system, motion.state, periods=200, samples=200 * 64)
+        speeds = [each.velocity for each in after.contacts if each.closes]
+        return 0, 0.5 * (max(speeds, default=0.0) / self.frequency) ** 2
+
+
+def is_right(grazing: Grazing, found: Beyond) -> bool:
+    """Whether settled motions are as stated."""
+    if found.verdict == "goes on":
+        depth = min(1e-5, 0.02 * found.depth)
+        (first, there), (second, nearer) = grazing.settled(depth), grazing.settled(0.1 * depth)
+        return first == second == 1 and 0.05 < nearer / there < 0.2
+    if found.verdict == "jumps":
+        return grazing.settled(1e-8)[1] > max(1e-7, 0.3 * grazing.settled(1e-7)[1])
+    depth = 1e-6
+    period, deepest = grazing.settled(depth)
+    if not deepest < 100.0 * depth:
+        return False
+    if found.verdict == "period adding" and found.ratio < 30.0:
+        return grazing.settled(depth / found.ratio)[0] == period + 1
+    if found.verdict == "period adding":  # the next window may be within the rounding of a motion
+        return 0 <= period - grazing.settled(1e-4)[0] <= math.ceil(math.log(100.0) / math.log(found.ratio))
+    if found.verdict == "doubles":
+        return period == 2
+    return found.verdict == "period adding and chaos" or period == 0 or period > 8
+
+
+def tried(kind: str, seed: int) -> str:
+    """The verdict of a random graze, with ``wrong`` before it if motions contradict."""
+    grazing = Grazing(kind, seed)
+    found = beyond(touch_map(grazing.orbit(), 0))
+    right = found.verdict == "unknown" or is_right(grazing, found)
+    return found.verdict if right else f"wrong: {found}"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_motions_settle_as_the_touch_foretells(kind):
+    verdicts = [tried(kind, seed) for seed in range(3)]
+    assert not [each for each in verdicts if "wrong" in each], verdicts
+    assert verdicts.count("unknown") < 2, verdicts
+
+
+@in_campaign
+@pytest.mark.parametrize("kind", KINDS)
+def test_two_hundred_grazes(kind):
+    verdicts = [tried(kind, seed) for seed in range(100, 150)]
+    assert not [each for each in verdicts if "wrong" in each], verdicts
+    assert verdicts.count("unknown") <= 5, verdicts
+
+
+@pytest.mark.parametrize("kind", [*KINDS, "viscous"])
+def test_a_touch_changes_states_and_matrices_by_its_leading_term(kind):
+    grazing = Grazing(kind, 3)
+    orbit = grazing.orbit()
+    touch = touch_map(orbit, 0)
+    flow, numbers = flow_of(orbit.system, transition=True), coefficients_of(orbit.system)
+    way = touch.covector / (touch.covector @ touch.covector)
+    free = flow.integrate(numbers, orbit.state - 1e-9 * way, 0.0, PERIOD)
+    off = []
+    for depth in (1e-5, 1e-7):
+        there = flow.integrate(numbers, orbit.state + depth * way, 0.0, PERIOD)
+        moved = there.state - free.state - free.transition @ ((depth + 1e-9) * way)
+        changed = touch.order * depth ** (touch.order - 1.0) * np.outer(touch.vector, touch.covector)
+        pairs = (moved, touch.vector * depth**touch.order), (there.transition - free.transition, changed)
+        off.append(max(float(np.abs(a - b).max() / np.abs(b).max()) for a, b in pairs))
+    assert off[0] < 0.1
+    assert off[1] < max(0.2 * off[0], 5e-3)  # what is neglected is smaller by a root of the depth
+
+
+def test_one_rigid_stop_in_closed_form():
+    c, restitution, w = 0.1, 0.8, 2.3
+    amplitude = math.hypot(1.0 - w * w, c * w)
+    stop = gw.rigid_stop("s", {"x": 1.0}, 1.0, restitution=restitution)
+    load = gw.Harmonic(amplitude * (1.0 - 1e-11), {"x": 1.0})
+    system = gw.System(["x"], mass=[[1.0]], stiffness=[[1.0]], damping=[[c]], contacts=[stop], harmonics=[load], frequency=w)
+    moved = amplitude / (1.0 - w * w + 1j * c * w)
+    touch = touch_map(gw.find_orbit(system, start=[moved.real, (1j * w * moved).real]), 0)
+    assert touch.order == 0.5
+    assert touch.coefficient == pytest.approx(-(1.0 + restitution) * math.sqrt(2.0) * w, rel=1e-9)
+    damped, times = math.sqrt(1.0 - c * c / 4.0), 2.0 * math.pi / w * np.arange(1, 6)
+    returns = touch.coefficient * np.exp(-0.5 * c * times) * np.sin(damped * times) / damped
+    assert touch.sequence(5) == pytest.approx(returns, rel=1e-9)
+
+
+def test_windows_of_period_adding_are_named_in_the_table():
+    c, w = 2.5, 2.0
+    amplitude = abs(1.0 - w * w + 1j * c * w)
+    stop = gw.rigid_stop("stop", {"x": 1.0}, 1.0, restitution=0.8, side="positive")
+    load = gw.Harmonic(0.98 * amplitude, {"x": 1.0}, name="f")
+    system = gw.System(["x"], mass=[[1.0]], stiffness=[[1.0]], damping=[[c]], contacts=[stop], harmonics=[load], frequency=w)
+    branch = gw.follow(gw.find_orbit(system), "f.amplitude", (0.97 * amplitude, 1.001 * amplitude))
+    graze = branch.special("grazing")[0]
+    assert graze.value == pytest.approx(amplitude, abs=1e-10)
+    assert graze.beyond.ratio == pytest.approx(math.exp(2.0 * 0.5 * 2.0 * math.pi / w), rel=1e-6)
+    assert graze.words["criticality"] == "period adding, windows by 23.14"
