@@ -778,3 +778,8 @@ def describe_switch(orbit: Orbit, switch: int) -> str:
     """Return contact, stage and side of a switch, such as ``stage2 -``."""
     contact, stage, side = switch_names(orbit.system)[switch]
     return f"{contact}{'.' + stage if stage else ''} {'+' if side > 0 else '-'}"
+
+
+def switch_named(orbit: Orbit, name: str) -> int | None:
+    """Return the switch with a name of `describe_switch`; None for that of a formula, which has no switch."""
+    return next((each for each in range(len(orbit.closings)) if describe_switch(orbit, each) == name), None)
