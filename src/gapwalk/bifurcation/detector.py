@@ -26,7 +26,7 @@ from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.floquet import Instability, is_on_border, nearest_to_circle
-from gapwalk.orbit.orbit import describe_switch
+from gapwalk.orbit.orbit import describe_switch, switch_named
 
 _BESIDE = 1e-4  # arclength between special points that may be one
 _SINGULAR = 1e-6  # distance from +1, and from a vertical tangent, of a branch point
@@ -257,12 +257,13 @@ def _corners(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) ->
     Where friction sticks, or a stop is held, all that a touch changes may be lost.
     """
     corners = [each for each in special if each.kind is Kind.GRAZING and each.is_corner]
+    corners = [each for each in corners if switch_named(a.orbit, each.contact) is not None]
     if any(point.orbit.slips or any(count for count, _ in point.orbit.held.values()) for point in (a, b) if corners):
         return
     changes = a.orbit.closing_changes(b.orbit) if corners else []
     for each in corners:
         group = [other for other in corners if _is_at(other, each)]
-        switch = next(place for place in range(len(changes)) if describe_switch(a.orbit, place) == each.contact)
+        switch = switch_named(a.orbit, each.contact) or 0
         only = sum(other.contact == each.contact for other in corners) == 1
         sides = {"before": group[0].before, "after": group[-1].after}
         touching = [("after" if changes[switch] > 0 else "before")] if only else [*sides]

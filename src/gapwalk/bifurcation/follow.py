@@ -41,6 +41,7 @@ from gapwalk.bifurcation.friction_along_branch import (
     never_slips,
     slipping_beside,
 )
+from gapwalk.bifurcation.graze_throughout import pass_throughout
 from gapwalk.bifurcation.kinds.user_event import Event, check_events
 from gapwalk.bifurcation.special_point import EXACT, ErrorEstimator, Kind, SpecialPoint, Zero, location_error
 from gapwalk.bifurcation.steps_over_corners import (
@@ -462,8 +463,9 @@ class BranchTracer(Iterator[Step]):
         return self._at_rest((state.point, []), rest)
 
     def _pass_corner(self, state: WalkState) -> Step | None:
-        """Return the step over a corner where the sequence of slip and stick changes."""
-        passage = pass_corner(self.beginning.corrector, state.point)
+        """Return the step over a corner: where slip and stick change their sequence, or a graze touches all along."""
+        corrector, last = self.beginning.corrector, state.point
+        passage = pass_corner(corrector, last) or pass_throughout(corrector, last)
         if passage is None or self._is_astray(state.point, passage.point):
             return None
         if has_merged(passage.point):  # it ends at the corner of its parent

@@ -25,7 +25,7 @@ from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.model.registry import Registry
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability, change_words
-from gapwalk.orbit.orbit import Orbit, describe_switch
+from gapwalk.orbit.orbit import Orbit, switch_named
 from gapwalk.orbit.orbit_equation import OrbitEquation, places_beside, roundings
 from gapwalk.summary import SummaryParts, summarizes
 
@@ -1049,10 +1049,11 @@ class SpecialPoint(Shown):
         """True if multipliers jump here: where slip and stick change their sequence, or a contact grazes that jumps.
 
         Beside such a graze (see `jumping_switches`), changes of the motion grow as the inverse of the speed of a touch.
+        Where a formula grazes, it sets in at all angles at once.
         """
         if self.kind is not Kind.GRAZING:
             return self.kind.is_corner
-        return self.contact in {describe_switch(self.orbit, switch) for switch in jumping_switches(self.orbit.system)}
+        return switch_named(self.orbit, self.contact) in {None, *jumping_switches(self.orbit.system)}
 
     @cached_property
     def beyond(self) -> Beyond | None:

@@ -21,10 +21,10 @@ from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.late_scipy import lapack
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.spring import springs_of
-from gapwalk.model.static_force import formulas_of, static_forces_of
+from gapwalk.model.static_force import formulas_of
 from gapwalk.model.structure import PaceLimits
 from gapwalk.model.system import System
-from gapwalk.orbit.harmonic_balance.linear_part import firsts_of, linear_of
+from gapwalk.orbit.harmonic_balance.linear_part import firsts_of, linear_of, open_response
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Equation, Evaluation, OrbitEquation
 
@@ -248,36 +248,10 @@ def _is_linear_inside_its_gaps(system: System) -> bool:
 
 def _amplitude(system: System) -> float:
     """Return the largest amplitude of a coordinate, summed over all harmonics, while all gaps are open."""
-    # Stages that have no clearance belong to the stiffness, and so do formulas. Displacements that are prescribed in
-    # their deflections are loads.
-    layout, n = layout_of(system.structure), system.size
-    coefficients = coefficients_of(system)
-    linear = linear_of(layout, coefficients)
-    stiffness, damping, loads = linear.stiffness.copy(), linear.damping.copy(), linear.loads[:, 1:].copy()
-    frequencies = np.array(layout.orders) * system.frequency
-    pushes = linear.contacts.T[firsts_of(layout.structure)]
-    forces = zip(static_forces_of(system), springs_of(system), pushes, strict=True)
-    for force, spring, push in forces:
-        if force.is_formula:
-            _, own_stiffness, own_damping = force.at(np.zeros(n))
-        else:
-            own_stiffness = np.array([sum(each.stiffness for each in spring.slopes if each.clearance == 0 < each.sign)])
-            own_damping = np.zeros(1)
-        stiffness += np.outer(push, own_stiffness @ force.deflections)
-        damping += np.outer(push, own_damping @ force.deflections)
-        for place, name in enumerate(force.form.law.arguments):
-            if name in force.slots.waves:
-                cosines, sines = np.split(coefficients[force.slots.waves[name].lines], 2)
-                felt = own_stiffness[place] + 1j * frequencies * own_damping[place]
-                loads -= np.outer(push, felt * (cosines - 1j * sines))
-    total = np.zeros(n)
-    for frequency, load in zip(frequencies, loads.T, strict=True):
-        matrix = stiffness - frequency**2 * np.eye(n) + 1j * frequency * damping
-        try:
-            total += np.abs(np.linalg.solve(matrix, load))
-        except np.linalg.LinAlgError:  # no damping, at resonance
-            return math.inf
-    return float(total.max())
+    try:
+        return float(np.abs(open_response(system)[1]).sum(axis=1).max(initial=0.0))
+    except np.linalg.LinAlgError:  # no damping, at resonance
+        return math.inf
 
 
 TRUST = 1e-7

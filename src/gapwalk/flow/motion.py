@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from operator import attrgetter
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, overload
 
 import numpy as np
 from annotated_types import Ge
@@ -331,9 +331,29 @@ class ContactRecord:
     velocity: float  #: Rate of the deflection over time; where the stage closes, its size is the approach velocity.
 
 
+@overload
 def integrate(
-    system: System, start: NDArray[np.float64], periods: float = 1.0, samples: int = 256, phase: float = 0.0
-) -> Motion:
+    system: System,
+    start: NDArray[np.float64],
+    periods: float = 1.0,
+    samples: int = 256,
+    phase: float = 0.0,
+) -> Motion: ...
+
+
+@overload
+def integrate(
+    system: System,
+    start: Sequence[NDArray[np.float64]],
+    periods: float = 1.0,
+    samples: int = 256,
+    phase: float = 0.0,
+) -> tuple[Motion, ...]: ...
+
+
+def integrate(
+    system: System, start: Any, periods: float = 1.0, samples: int = 256, phase: float = 0.0
+) -> Motion | tuple[Motion, ...]:
     """Integrate a system from a state, and sample the motion.
 
     Parameters
@@ -341,7 +361,8 @@ def integrate(
     system
         The system.
     start : shape (state_size,)
-        Positions, velocities and extensions at `phase`; extensions that are left out are zero.
+        Positions, velocities and extensions at `phase`; extensions that are left out are zero. Or a list of such
+        states, as of an ensemble: of an array with a row for each, ``list(states)``.
     periods
         Length in forcing periods, > 0: forwards in time.
     samples
@@ -352,7 +373,7 @@ def integrate(
     Returns
     -------
     Motion
-        The motion, with its contact events.
+        The motion, with its contact events; of a list of states a tuple with the motion of each.
 
     Raises
     ------
@@ -374,8 +395,10 @@ def integrate(
     """
     check("periods", periods, Positive)
     check("samples", samples, Annotated[float, Ge(1)])
+    if isinstance(start, list | tuple) and start and np.ndim(start[0]):
+        return tuple(integrate(system, each, periods, samples, phase) for each in start)
     count = max(1, round(samples * periods))
-    return sample(system, start, phase + PERIOD * periods * np.arange(count + 1) / count)
+    return sample(system, np.asarray(start), phase + PERIOD * periods * np.arange(count + 1) / count)
 
 
 def sample(system: System, state: NDArray[np.float64], theta: NDArray[np.float64], restarts: Restarts = ()) -> Motion:

@@ -23,8 +23,11 @@ KINDS = {
     "mean": "mean of {}",
     "rms": "root mean square of {}",
     "peak_to_peak": "peak to peak of {}",
+    "impacts": "impacts per forcing period on {}",
 }
 """The kinds of measures that are no orders, in words."""
+IMPACTS = "impacts"
+"""The kind that counts the impacts on a contact per forcing period: z = p/n for p impacts in a motion of period n."""
 
 LEVEL = "db."
 """Prefix of a level in dB."""
@@ -70,7 +73,7 @@ class MeasureName(NamedTuple):
 
     def unit(self, units: Units | None) -> str:
         """Return its unit; empty for a plain number."""
-        own = units.signal(self.signal)[1] if units else ""
+        own = units.signal(self.signal)[1] if units and self.kind != IMPACTS else ""
         if self.is_level:
             return "dB" if self.over else f"dB re {'1e-6' if self.is_linear(units) else '1'} {own}".rstrip()
         if self.over is None:

@@ -67,7 +67,8 @@ def find_orbit(
     start
         ``"rest"``: Newton's method from the state zero. ``"settle"``: Newton's method from the end of a transient from
         rest. If that finds no orbit, other starts are tried: states of the settled motion that nearly repeat, their
-        mean, rest, orbits at other frequencies that are followed to this one, and harmonic balance. Or a state at
+        mean, rest, orbits at other frequencies that are followed to this one, and harmonic balance. ``"linear"``: the
+        response with all gaps open, as of a motion below a graze, be it stable or not. Or a state at
         theta = 0: positions, then velocities, then extensions, which are 0 if they are left out. If small changes of
         its motion grow so much that Newton's method fails, the period is divided into more segments.
     method
@@ -172,7 +173,25 @@ def initial_state(system: System, start: str | Sequence[float] | NDArray[np.floa
         return _at_rest(system)
     if start == "settle":
         return settle(system, _at_rest(system), period)
-    raise ModelError(f'start is {start!r}; write "rest", "settle" or a state of {system.state_size} numbers')
+    if start == "linear":
+        return _linear(system)
+    raise ModelError(f'start is {start!r}; write "rest", "settle", "linear" or a state of {system.state_size} numbers')
+
+
+def _linear(system: System) -> NDArray[np.float64]:
+    """Return the state at theta = 0 of the response to all harmonics with all gaps open, about the static position."""
+    from gapwalk.orbit.harmonic_balance.linear_part import open_response  # imported late: slow, and rarely needed
+
+    state, n = _at_rest(system), system.size
+    try:
+        frequencies, amplitudes = open_response(system)
+    except np.linalg.LinAlgError:
+        raise ModelError(
+            'start is "linear", but without damping there is no linear response at resonance; write start = "settle"'
+        ) from None
+    state[:n] += amplitudes.sum(axis=1).real
+    state[n : 2 * n] += (1j * frequencies * amplitudes).sum(axis=1).real
+    return state
 
 
 def _at_rest(system: System) -> NDArray[np.float64]:

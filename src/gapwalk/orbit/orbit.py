@@ -26,8 +26,8 @@ from gapwalk.flow.forces import Angles, contact_deflections
 from gapwalk.flow.friction_state import SlipEvent
 from gapwalk.flow.motion import Motion, Signal, drags_turned_back, one_sided_drags, sample, switch_names
 from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
-from gapwalk.model.measures import EXAMPLES, KINDS, MeasureName, full_measure, parsed
-from gapwalk.model.problems import near_names
+from gapwalk.model.measures import EXAMPLES, IMPACTS, KINDS, MeasureName, full_measure, parsed
+from gapwalk.model.problems import did_you_mean, near_names
 from gapwalk.model.system import System, pace_text
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability, classify
@@ -106,6 +106,8 @@ def measure(orbit: Orbit, name: str) -> float:
 def _measured(orbit: Orbit, asked: MeasureName) -> float:
     """Return a measure in the unit of its signal."""
     coordinates, signal = orbit.system.coordinates, asked.signal
+    if asked.kind == IMPACTS:
+        return float(impact_rate(orbit, signal))
     if asked.orders:
         return math.hypot(*(abs(each) for each in harmonics(orbit, asked.orders, signal)))
     if signal in coordinates:
@@ -122,6 +124,18 @@ def _measured(orbit: Orbit, asked: MeasureName) -> float:
     if asked.kind in ("half", "peak_to_peak"):
         return float(row[0] - row[1]) / (2 if asked.kind == "half" else 1)
     return float(row[("max", "min", "mean", "rms").index(asked.kind)])
+
+
+def impact_rate(orbit: Orbit, contact: str) -> Fraction:
+    """Return the impacts on a contact per forcing period, on both sides: where the first of its stages is closed."""
+    first: dict[int, tuple[float, int]] = {}
+    for switch, (number, side, clearance) in enumerate(orbit.system.breakpoints):
+        if orbit.system.structure.contacts[number].name == contact:
+            first[side] = min(first.get(side, (math.inf, 0)), (clearance, switch))
+    if not first:
+        names = {orbit.system.structure.contacts[number].name: None for number, *_ in orbit.system.breakpoints}
+        raise ModelError(f"there are no impacts on {contact!r}: with a gap {did_you_mean(contact, [*names])}")
+    return Fraction(sum(orbit.closings[switch] for _, switch in first.values()), orbit.period)
 
 
 def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
@@ -500,6 +514,31 @@ class Orbit(Shown):
         return sample(self.system, self.state, angles, self.known_states)
 
     @cached_property
+    def jacobian(self) -> NDArray[np.float64]:
+        """Derivatives of the state after the orbit's period by its state at theta = 0, shape (state_size, state_size).
+
+        Its eigenvalues are the multipliers; events contribute their jumps. Residual: `residual`.
+        """
+        flow, coefficients = flow_of(self.system, transition=True), coefficients_of(self.system)
+        found = np.eye(len(self.state))
+        starts = [(0.0, self.state), *self.known_states]
+        ends = [*(theta for theta, _ in starts[1:]), PERIOD * self.period]
+        for (theta, state), end in zip(starts, ends, strict=True):
+            arc = flow.integrate(coefficients, state, theta, end)
+            assert arc.transition is not None
+            found = arc.transition @ found
+        return found
+
+    @cached_property
+    def eigenvectors(self) -> NDArray[np.complex128]:
+        """Eigenvectors of the `jacobian` in its columns, of length 1, in the order of `multipliers`."""
+        values, vectors = np.linalg.eig(self.jacobian)
+        left, order = [*range(len(values))], list[int]()
+        for each in self.multipliers.tolist():
+            order.append(left.pop(int(np.argmin(np.abs(values[left] - each)))))
+        return vectors[:, order].astype(complex)
+
+    @cached_property
     def turned_back(self) -> tuple[str, ...]:
         """The drags that slip in the other direction for a while, in which their torques are wrong."""
         return tuple(drags_turned_back(self.motion())) if one_sided_drags(self.system.structure) else ()
@@ -583,7 +622,7 @@ class Orbit(Shown):
         ``h0``, ``h1``, ... or ``order1``, ... (amplitude of a harmonic of W, or of an order per turn of a shaft;
         ``h1/2`` for half of it, ``order2+4+6`` for the root of the sum of squares); the second a signal. ``a/b`` is the
         ratio of two measures, or of one of two signals: ``order2.input.speed/flywheel.speed``. With ``db.`` in front
-        it is a level in dB: see `gapwalk.model.measures`.
+        it is a level in dB: see `gapwalk.model.measures`. ``impacts`` and a contact: its impacts per forcing period.
         """
         return measure(self, name)
 
@@ -778,3 +817,8 @@ def describe_switch(orbit: Orbit, switch: int) -> str:
     """Return contact, stage and side of a switch, such as ``stage2 -``."""
     contact, stage, side = switch_names(orbit.system)[switch]
     return f"{contact}{'.' + stage if stage else ''} {'+' if side > 0 else '-'}"
+
+
+def switch_named(orbit: Orbit, name: str) -> int | None:
+    """Return the switch with a name of `describe_switch`; None for that of a formula, which has no switch."""
+    return next((each for each in range(len(orbit.closings)) if describe_switch(orbit, each) == name), None)

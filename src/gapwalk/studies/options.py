@@ -18,7 +18,7 @@ from gapwalk.continuation.curve_points import BranchPoint, point_row
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import signal_names
-from gapwalk.model.measures import EXAMPLES, parsed
+from gapwalk.model.measures import EXAMPLES, IMPACTS, parsed
 from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.schema import one_of
 from gapwalk.model.system import System
@@ -197,6 +197,8 @@ def check_measure(system: System | None, measure: str) -> None:
     if asked is None:
         raise ValueError(f"is {given(measure)}; it must be one of {EXAMPLES}, a dot and a signal, as in half.q1")
     known = [] if system is None else signal_names(system)
+    if system is not None and asked.kind == IMPACTS:
+        known = [contact.name for contact in system.structure.contacts]
     for signal in (each for each in asked.signals if known and each not in known):
         raise ValueError(f"is {given(measure)}, but there is no signal {signal}; {did_you_mean(signal, known)}")
 

@@ -142,6 +142,8 @@ class Start(StrEnum):
     """Newton's method from the state zero."""
     SETTLE = "settle"
     """Newton's method from the state that a transient from rest has reached."""
+    LINEAR = "linear"
+    """Newton's method from the response with all gaps open, as of a motion below a graze."""
 
 
 _STATE = "the state at t = 0, a list of numbers"

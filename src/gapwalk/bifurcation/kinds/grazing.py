@@ -25,7 +25,7 @@ from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD
-from gapwalk.orbit.orbit import Orbit, Turns, apart, describe_switch
+from gapwalk.orbit.orbit import Orbit, Turns, apart, describe_switch, switch_named
 
 if TYPE_CHECKING:
     from gapwalk.bifurcation.special_point import SpecialPoint
@@ -79,10 +79,11 @@ class Grazing(Kind):
     ) -> tuple[list[str], Callable[[BranchPoint], float] | None]:
         """See `Kind.examined`: the contact pattern must change there, and the depth of an extremum be zero."""
         orbit, contact = special.orbit, special.contact
-        names = [describe_switch(orbit, switch) for switch in range(len(orbit.closings))]
-        if contact not in names:
-            return [f"there is no contact {contact!r}"], None
-        switch = names.index(contact)
+        switch = switch_named(orbit, contact)
+        if switch is None:
+            formulas = {each.name for each in orbit.system.structure.contacts if each.law.mode_count}
+            unknown = {*contact.split(" and ")} - formulas
+            return [f"there is no contact {each!r}" for each in sorted(unknown)], None
         if not before.orbit.closing_changes(after.orbit)[switch]:
             return [f"{contact} closes equally often on both sides"], None
         turns = orbit.turning_depths[switch]

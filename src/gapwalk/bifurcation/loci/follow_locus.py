@@ -51,10 +51,9 @@ from gapwalk.continuation.walk import EndReason, Tracing, Walk, WalkOptions, Wal
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD
-from gapwalk.flow.motion import switch_names
 from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.method import Method, chosen
-from gapwalk.orbit.orbit import Orbit, describe_switch
+from gapwalk.orbit.orbit import Orbit, describe_switch, switch_named
 from gapwalk.orbit.shooting import Shooting
 
 # Corners: where a contact grazes at a bifurcation, the locus turns sharply, and the walk needs a special step.
@@ -468,8 +467,7 @@ def equation_of(
         unknowns = equation.unknowns(orbit)
     else:
         scales = powers_of_two(np.concatenate((units, [PERIOD], widths)))
-        switches = range(len(switch_names(plane.system)))
-        switch = next(k for k in switches if describe_switch(orbit, k) == special.contact)
+        switch = switch_named(orbit, special.contact) or 0
         margin, others = MARGIN * float(units[0]), [orbit.system[name] for name in plane.names[1:]]
         equation = GrazingEquation(plane, switch, 0.0, min(plane.tolerance, 0.1 * margin))
         unknowns = equation.unknowns(orbit)
@@ -482,6 +480,11 @@ def _checked(special: SpecialPoint, first: str, second: str, to: Ranges) -> tupl
     system = special.orbit.system
     if special.kind.no_locus:
         raise ModelError(special.kind.no_locus)
+    if special.kind is Kind.GRAZING and switch_named(special.orbit, special.contact) is None:
+        raise ModelError(
+            f"at this graze {special.contact} set in at all angles at once, and its locus is not followed; locate it "
+            f"on branches for several values of {second!r}, as gw.family does"
+        )
     if special.orbit.own_method is not None:
         raise ModelError(
             "this motion has no excitation, and its frequency is an unknown; loci of such motions are not followed. "

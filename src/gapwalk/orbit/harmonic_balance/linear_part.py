@@ -12,8 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.flow import PERIOD
-from gapwalk.model.coefficients import CoefficientLayout, CycleSlots, Wave
+from gapwalk.model.coefficients import CoefficientLayout, CycleSlots, Wave, coefficients_of, layout_of
+from gapwalk.model.spring import springs_of
+from gapwalk.model.static_force import static_forces_of
 from gapwalk.model.structure import Structure
+from gapwalk.model.system import System
 
 if TYPE_CHECKING:
     from gapwalk.orbit.harmonic_balance.contact_forces import Laws
@@ -475,3 +478,35 @@ def firsts_of(structure: Structure) -> list[int]:
 def deflections_in(structure: Structure) -> int:
     """Return the number of deflections of all contacts: one for each argument of their laws."""
     return sum(len(form.law.arguments) for form in structure.contacts)
+
+
+def open_response(system: System) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    """Return the angular frequencies of all orders, and the response to each with all gaps open, shape (n, orders).
+
+    Stages that have no clearance belong to the stiffness, and so do the tangents of formulas at zero. Displacements
+    that are prescribed in deflections are loads. It raises a LinAlgError at the resonance of a system without damping.
+    """
+    layout, n = layout_of(system.structure), system.size
+    coefficients = coefficients_of(system)
+    linear = linear_of(layout, coefficients)
+    stiffness, damping, loads = linear.stiffness.copy(), linear.damping.copy(), linear.loads[:, 1:].copy()
+    frequencies = np.array(layout.orders) * system.frequency
+    pushes = linear.contacts.T[firsts_of(layout.structure)]
+    forces = zip(static_forces_of(system), springs_of(system), pushes, strict=True)
+    for force, spring, push in forces:
+        if force.is_formula:
+            _, own_stiffness, own_damping = force.at(np.zeros(n))
+        else:
+            own_stiffness = np.array([sum(each.stiffness for each in spring.slopes if each.clearance == 0 < each.sign)])
+            own_damping = np.zeros(1)
+        stiffness += np.outer(push, own_stiffness @ force.deflections)
+        damping += np.outer(push, own_damping @ force.deflections)
+        for place, name in enumerate(force.form.law.arguments):
+            if name in force.slots.waves:
+                cosines, sines = np.split(coefficients[force.slots.waves[name].lines], 2)
+                felt = own_stiffness[place] + 1j * frequencies * own_damping[place]
+                loads -= np.outer(push, felt * (cosines - 1j * sines))
+    found = np.zeros((n, len(frequencies)), dtype=complex)
+    for place, (frequency, load) in enumerate(zip(frequencies, loads.T, strict=True)):
+        found[:, place] = np.linalg.solve(stiffness - frequency**2 * np.eye(n) + 1j * frequency * damping, load)
+    return frequencies, found
