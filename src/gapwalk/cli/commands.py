@@ -479,7 +479,7 @@ def completion(shell: Literal["bash", "zsh", "fish"], /, *, debug: Debug = False
 @command(9, "gapwalk manual > ~/.local/share/man/man1/gapwalk.1  # then: man gapwalk")
 def manual(*, debug: Debug = False) -> int:
     """Print the manual page of all commands, for man."""
-    from gapwalk.cli.man_page import man_page
+    from gapwalk.cli.docs_command import man_page
 
     print(man_page(app, __import__("gapwalk").__version__, EXIT_CODES))
     return 0
