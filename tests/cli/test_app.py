@@ -9,6 +9,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.cli import file_commands, main
+from gapwalk.cli.commands import app
 from tests.studies.studies import stop_study
 
 STUDY = 'frequency = 2.0\nstudy = { kind = "response", parameter = "frequency", to = 0.5 }\n'
@@ -197,3 +198,24 @@ def test_shells_complete_commands_and_options(shell, capsys) -> None:
     assert main(["completion", shell]) == 0
     script = capsys.readouterr().out
     assert all(word in script for word in ("export", "resume", "full-scale"))
+
+
+def test_the_manual_page_has_each_command_and_option(capsys) -> None:
+    assert main(["manual"]) == 0
+    page = capsys.readouterr().out
+    for name in (each for each in app if not each.startswith("-")):
+        assert f".SS gapwalk {name}\n" in page
+        options = [each for each in app[name].assemble_argument_collection() if each.show]
+        assert all(each.names[-1].replace("-", r"\-") in page for each in options if each.names)
+    assert "\nThe model file; a study in it is ignored.\n" in page  # what the help says of a parameter
+    assert not [line for line in page.splitlines() if line.startswith("'")]
+
+
+def test_every_command_on_files_is_silent_if_asked(result, capsys) -> None:
+    for words in (["show", result], ["verify", result], ["export", result, "-o", "a.svg"], ["new", "own.toml"]):
+        assert main([*words, "--quiet"]) == 0
+        assert capsys.readouterr() == ("", "")
+    assert main(["show", "none.gapwalk", "-q"]) == 2
+    assert "none.gapwalk" in capsys.readouterr().err
+    assert main(["show", result]) == 0  # the next command speaks again
+    assert "stop" in capsys.readouterr().out

@@ -117,7 +117,8 @@ def test_the_program_runs_from_the_wheel_alone(packages, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("version", "package"), [*((version, "*.whl") for version in SUPPORTED), ("3.11", "*.tar.gz")])
+@pytest.mark.parametrize("package", ["*.whl", "*.tar.gz"])
+@pytest.mark.parametrize("version", SUPPORTED)
 def test_a_package_installs_into_an_empty_environment_and_runs(version, package, packages, tmp_path):
     """The core alone: no extra is installed, and those that are asked for are named with the line to write."""
     interpreter = shutil.which(f"python{version}")

@@ -147,7 +147,7 @@ class LocalResponse:
         x = np.append(equation.unknowns(point.orbit), point.value) / scales
         corrected = corrector.at_value(x, point.value) if place.is_fixed else corrector.correct(x, point.tangent)
         if corrected is None:
-            raise ConvergenceError(f"the motion at {point.value:.6g} has no neighbour with another {name}")
+            raise ConvergenceError(f"no motion was found near that at {point.value:.6g} for a slightly changed {name}")
         return corrector.point(corrected, point.tangent, point.arclength)
 
     def _runs(self, low: float, high: float) -> Iterator[list[Place]]:

@@ -42,6 +42,7 @@ Flag = Annotated[bool, _SWITCH]
 Force = Annotated[bool, _SWITCH, Parameter(alias="-f")]
 Json = Annotated[bool, _SWITCH, Parameter(alias="-j", help="Print one JSON document.")]
 Debug = Annotated[bool, _SWITCH, Parameter(help="Show the traceback of an error.")]
+Quiet = Annotated[bool, _SWITCH, Parameter(alias="-q", help="Print only errors, and what --json asks for.")]
 Changes = Annotated[list[str] | None, Parameter(name="--set", negative=())]
 Form = Literal["csv", "json", "netcdf", "mat", "parquet", "xlsx", "png", "svg", "pdf", "html", "wav"]
 Names = Annotated[list[str] | None, Parameter(negative=())]
@@ -57,10 +58,11 @@ def command(sort_key: float, *examples: str) -> Callable[[Callable[..., int]], C
 
     def add(job: Callable[..., int]) -> Callable[..., int]:
         @wraps(job)
-        def guarded(*arguments: Any, debug: bool = False, **options: Any) -> int:
+        def guarded(*arguments: Any, debug: bool = False, quiet: bool = False, **options: Any) -> int:
             from gapwalk.cli.output import guard
 
-            return guard(lambda: job(*arguments, **options), json=options.get("json", False), debug=debug)
+            how = {"json": options.get("json", False), "debug": debug, "quiet": quiet}
+            return guard(lambda: job(*arguments, **options), **how)
 
         return app.command(guarded, sort_key=sort_key, help_epilogue=shown)
 
@@ -78,6 +80,7 @@ def new(
     /,
     *,
     table: Annotated[Path | None, Parameter(name="--from")] = None,
+    quiet: Quiet = False,
     debug: Debug = False,
 ) -> int:
     """Write a template of a model file; its comments explain every key. Or make one from the table of a drive train.
@@ -109,6 +112,7 @@ def check(
     changes: Changes = None,
     picture: Path | None = None,
     json: Json = False,
+    quiet: Quiet = False,
     debug: Debug = False,
 ) -> int:
     """Check a model file; print a summary, or everything that is wrong with it.
@@ -139,6 +143,7 @@ def modes(
     changes: Changes = None,
     picture: Path | None = None,
     json: Json = False,
+    quiet: Quiet = False,
     debug: Debug = False,
 ) -> int:
     """Show the static equilibria of a system under its mean load, its open clearances there, and its natural modes.
@@ -176,7 +181,7 @@ def run(
     force: Force = False,
     scheduler: str | None = None,
     json: Json = False,
-    quiet: Flag = False,
+    quiet: Quiet = False,
     debug: Debug = False,
 ) -> int:
     """Run the studies of a model file: write their results, pictures (PNG and SVG) and tables (CSV).
@@ -205,8 +210,6 @@ def run(
         Overwrite an existing result.
     scheduler
         Scheduler of a Dask cluster (gapwalk[cluster]) for the work, such as tcp://node7:8786, or its scheduler file.
-    quiet
-        Print only errors.
     """
     if scheduler is None:
         from gapwalk.cli.foreseen import foresee
@@ -214,7 +217,7 @@ def run(
         foresee(file)
     from gapwalk.cli.run_command import run_file
 
-    how = {"resume": resume, "force": force, "json": json, "quiet": quiet, "plain": units == "none"}
+    how = {"resume": resume, "force": force, "json": json, "plain": units == "none"}
     return run_file(file, output, changes or [], [*studies, *(study or [])], **how, scheduler=scheduler)
 
 
@@ -225,7 +228,14 @@ def run(
     "gapwalk show rattle.gapwalk --json",
 )
 def show(
-    result: Path, /, *, points: Flag = False, gradients: Flag = False, json: Json = False, debug: Debug = False
+    result: Path,
+    /,
+    *,
+    points: Flag = False,
+    gradients: Flag = False,
+    json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
 ) -> int:
     """Show the contents of a result file: branches, reasons for their ends, special points, and other findings.
 
@@ -265,6 +275,7 @@ def export(
     full_scale: float | None = None,
     title: bool = True,
     legend: bool = True,
+    quiet: Quiet = False,
     debug: Debug = False,
 ) -> int:
     """Write the tables, the picture or the sound of a result file, or a web page with its diagram and motions (html).
@@ -317,6 +328,7 @@ def compare(
     measure: str | None = None,
     changes: Changes = None,
     json: Json = False,
+    quiet: Quiet = False,
     debug: Debug = False,
 ) -> int:
     """Compare two results, for example of two methods: their distance, and what only one of them contains.
@@ -348,7 +360,7 @@ def compare(
     6,
     "gapwalk verify rattle.gapwalk",
 )
-def verify(result: Path, /, *, json: Json = False, debug: Debug = False) -> int:
+def verify(result: Path, /, *, json: Json = False, quiet: Quiet = False, debug: Debug = False) -> int:
     """Check a result by independent means: orbits, gaps between them, special points, and counts.
 
     The exit code is 0 if all checks pass, and 5 if one fails.
@@ -377,6 +389,7 @@ def measure(
     changes: Changes = None,
     output: Output = None,
     json: Json = False,
+    quiet: Quiet = False,
     debug: Debug = False,
 ) -> int:
     """Compare a measured record with the computed motion, and fit parameters to it; or fit them to measured jumps.
@@ -418,6 +431,7 @@ def explore(
     port: int = 0,
     host: str = "127.0.0.1",
     browser: Annotated[bool, Parameter(negative="--no-browser", show_default=False)] = True,
+    quiet: Quiet = False,
     debug: Debug = False,
 ) -> int:
     """Open a model or a result in the browser: its diagram grows during the computation, any point shows its motion.
@@ -462,12 +476,22 @@ def completion(shell: Literal["bash", "zsh", "fish"], /, *, debug: Debug = False
     return 0
 
 
+@command(9, "gapwalk manual > ~/.local/share/man/man1/gapwalk.1  # then: man gapwalk")
+def manual(*, debug: Debug = False) -> int:
+    """Print the manual page of all commands, for man."""
+    from gapwalk.cli.docs_command import man_page
+
+    print(man_page(app, __import__("gapwalk").__version__, EXIT_CODES))
+    return 0
+
+
 @command(8, "gapwalk docs", "gapwalk docs glossary", "gapwalk docs settle --no-browser  # print where the page is")
 def docs(
     page: str | None = None,
     /,
     *,
     browser: Annotated[bool, Parameter(negative="--no-browser", show_default=False)] = True,
+    quiet: Quiet = False,
     debug: Debug = False,
 ) -> int:
     """Open the documentation in the browser: the copy of this version, without a network.

@@ -28,16 +28,16 @@ def new_file(file: Path | None, table: Path | None) -> int:
     if file is None:
         known = machines()
         width = max(map(len, known))
-        print("machines to begin with:")
-        for name, title in known.items():
-            show([f"    gapwalk new {name:{width}}  {title}"])
+        rows = (f"    gapwalk new {name:{width}}  {title}" for name, title in known.items())
+        sheet = "    gapwalk new train.toml --from train.csv  A drive train from a spreadsheet (csv, xlsx)"
+        show(["machines to begin with:", *rows, sheet])
         return DONE
     text = "" if table is None else text_of_sheet(table)
     if table is None and file.name and not file.suffix and len(file.parts) == 1:
         text, file = machine_text(file.name), file.with_suffix(".toml")
     write_template(file, text=text)
     todo = "run" if "\n[study]" in text or not text else "check"
-    print(f"wrote {file}; {todo} it with\n    gapwalk {todo} {shlex.quote(str(file))}")
+    show([f"wrote {file}; {todo} it with", f"    gapwalk {todo} {shlex.quote(str(file))}"])
     return DONE
 
 

@@ -16,6 +16,8 @@ from gapwalk.errors import GapwalkError, NumericalError
 from gapwalk.summary import SummaryParts, printable, render
 
 DONE, BUG, BAD_INPUT, FAILED, DIFFERENT, BROKEN, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 4, 5, 130, 143
+is_quiet = False
+"""Only errors, and JSON, are printed; set by `guard` for each command."""
 _WIDTH = 1000  # of text to a file or a pipe, where tables are not folded
 
 
@@ -29,7 +31,8 @@ def console(*, stderr: bool = False) -> Console:
     """Create a console that prints text unchanged, without markup."""
     stream = sys.stderr if stderr else sys.stdout
     width = None if stream.isatty() else _WIDTH
-    return _Screen(stderr=stderr, markup=False, emoji=False, highlight=False, width=width)
+    quiet = is_quiet and not stderr
+    return _Screen(stderr=stderr, markup=False, emoji=False, highlight=False, width=width, quiet=quiet)
 
 
 def show(summary: SummaryParts, screen: Console | None = None) -> None:
@@ -48,8 +51,10 @@ def show_title(title: str, screen: Console) -> None:
         screen.print(printable(title), style="bold", soft_wrap=True)
 
 
-def guard(job: Callable[[], int], *, json: bool = False, debug: bool = False) -> int:
+def guard(job: Callable[[], int], *, json: bool = False, debug: bool = False, quiet: bool = False) -> int:
     """Run a job and return its exit code; report errors in a sentence, or in JSON."""
+    global is_quiet  # noqa: PLW0603
+    is_quiet = quiet
     try:
         code = job()
         sys.stdout.flush()

@@ -17,6 +17,7 @@ from rich.table import Column
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
+from gapwalk.cli import output
 from gapwalk.cli.output import console
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.model.words import parameter_symbol
@@ -46,7 +47,7 @@ class ProgressLine:
         total: float | None = None,
         show: bool = True,
     ) -> None:
-        screen = console(stderr=True)
+        screen, show = console(stderr=True), show and not output.is_quiet
         self._words, self._text = words, (first, "")
         self.begin: Callable[[Pace, Callable[[], float]], None] | None = None  # of a job: called before its first part
         self._is_logged = show and not screen.is_terminal

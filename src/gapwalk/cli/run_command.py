@@ -11,6 +11,7 @@ from typing import Any
 
 from rich.console import Console
 
+from gapwalk.cli import output as screen_output
 from gapwalk.cli.output import (
     BROKEN,
     DONE,
@@ -53,7 +54,7 @@ def run_file(
 ) -> int:
     """Run the studies of a model file, or the named ones; return the highest exit code."""
     # With the address of a scheduler the work is done on its cluster. With `plain` it is done in non-dimensional form.
-    # The keywords `how` are resume, force, json and quiet.
+    # The keywords `how` are resume, force and json.
     studies = list(read_studies(file, parse_changes(changes), names))
     check_work(studies)
     if plain:
@@ -75,7 +76,8 @@ def run_file(
     with nullcontext() if scheduler is None else on_cluster(scheduler):
         for study, path in zip(studies, outputs, strict=True):
             earlier = None if how["resume"] else _file_number(path)
-            if scheduler is not None and (most := study.options.most_workers) is not None and not how["quiet"]:
+            most = None if scheduler is None or screen_output.is_quiet else study.options.most_workers
+            if most is not None:
                 helped = "this process alone does the work" if most == 1 else f"at most {most} workers have work"
                 show([f"{study.name or study.options.kind}: {helped}"], console(stderr=True))
             try:
@@ -122,16 +124,14 @@ def _file_number(path: Path) -> int | None:
         return None
 
 
-def _run_study(
-    study: Study, path: Path, *, resume: bool, force: bool, json: bool, quiet: bool
-) -> tuple[int, dict[str, Any]]:
+def _run_study(study: Study, path: Path, *, resume: bool, force: bool, json: bool) -> tuple[int, dict[str, Any]]:
     """Run one study, write its files, and print its result; return the exit code and the JSON document, if wanted."""
     screen = console(stderr=json)
-    with progress_of(study.options, study.name, show=not quiet) as progress:
+    with progress_of(study.options, study.name) as progress:
         result = found_by(run, study, path, resume=resume, force=force, report=progress)
     code = exit_code(result)
     files = [path, *(write_products(result, path) if code != INTERRUPTED else ())]
-    if not quiet and not json:
+    if not json:
         show_heading(study, screen)
         show(result.summary(), screen)
         show_files(files, screen)

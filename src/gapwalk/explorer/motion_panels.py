@@ -495,7 +495,9 @@ def _sampled(motion: Orbit | Settled, most: int) -> Motion:
 def _text(motion: Orbit | Settled) -> str:
     if isinstance(motion, Settled):
         return "; ".join(motion.evidence) if motion.orbit is None else _text(motion.orbit)
-    return f"period {motion.period}, {motion.instability.words}, contacts {motion.pattern}"
+    pattern = motion.pattern
+    meaning = " (closings in a period on the + and - side)" if re.search(r"\d[+-]", pattern) else ""
+    return f"period {motion.period}, {motion.instability.words}, contacts {pattern}{meaning}"
 
 
 def _struck(sampled: Motion, names: Iterable[str]) -> dict[str, list[list[float]]]:

@@ -131,7 +131,7 @@ class MemberParameter:
                 'called = "Kb", values = [1.0, 1.5]'
             )
         if not all(math.isfinite(value) for value in self.axis):
-            raise ModelError(f"over has {self.axis} of {self.name}; they must be finite numbers")
+            raise ModelError(f"over gives {self.name} the values {self.axis}; they must be finite numbers")
         steps = {math.copysign(1.0, b - a) if b != a else 0.0 for a, b in pairwise(self.axis)}
         if len(steps) > 1 or 0.0 in steps:
             raise ModelError(

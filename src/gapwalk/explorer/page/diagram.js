@@ -44,6 +44,7 @@ export class Diagram {
     this.arrows = []; // from a special point to where a changed parameter moves it
     this.extra = () => ({ over: null, arrows: [] }); // returns both
     this.drawn = () => {}; // called after each drawing
+    this.pale = () => {}; // called after a click on the quick response, whose points have no motions
     this.painted = () => {}; // called with Plotly's axes whenever they have moved
     this.watchClicks();
     document.getElementById("box").addEventListener("click", ({ target }) => {
@@ -314,6 +315,7 @@ export class Diagram {
       }
       const found = this.curves.nearest(px, py, toX, toY, REACH);
       if (found) this.chosen(found);
+      else if (this.curves.nearest(px, py, toX, toY, REACH, this.curves.drawn())) this.pale();
     });
   }
 
@@ -381,7 +383,13 @@ function escaped(text) {
   return text.replace(/[&<>]/g, (c) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;" })[c]);
 }
 
-/** The title of an axis; where there is no room for all of it, without what stands in parentheses. */
+/** The title of an axis; where there is no room for all of it, without what stands in parentheses, and in several lines. */
 function shortened(title, room) {
-  return title.length * LETTER * zoom() > room ? title.replace(/ \(.*?\)/, "") : title;
+  const most = Math.max(8, Math.floor(room / (LETTER * zoom()))), short = title.length > most ? title.replace(/ \(.*?\)/, "") : title;
+  const lines = [""];
+  for (const word of short.split(" ")) {
+    if (lines.at(-1) && lines.at(-1).length + word.length >= most) lines.push("");
+    lines.push(`${lines.pop()} ${word}`.trim());
+  }
+  return lines.join("<br>");
 }

@@ -54,7 +54,7 @@ export class CurveTable {
     if (curve !== this.shown || this.of !== this.titles().join()) {
       [this.shown, this.of] = [curve, this.titles().join()];
       $("table-copy").textContent = "Copy";
-      $("table-name").textContent = curve ? `${curve.name}, ${curve.x.length} points` : "no curve over these axes";
+      $("table-name").textContent = curve ? `${curve.name}, ${curve.node.filter((node) => node >= 0).length} points${curve.special.length ? " and the special points" : ""}` : "no curve over these axes";
       const head = made.createTHead().insertRow(), body = made.createTBody();
       for (const words of [...this.titles(), "kind"]) head.append(Object.assign(document.createElement("th"), { textContent: words, scope: "col" }));
       (curve ? this.rows(curve) : []).forEach(([x, y, kind], index) => {
