@@ -56,9 +56,9 @@ class Lanes:
     ) -> None:
         self.structure, self.layout, self.finer = structure, layout_of(structure), finer
         self._pattern = (coefficients != 0.0).any(axis=0) if pattern is None else pattern
-        self._signals = np.zeros((0, 0)) if signals is None else signals
-        asked = self.layout, self._pattern.tobytes(), (self._signals != 0.0).tobytes(), tuple(kinds)
-        self.code: Code = code_of(Form(structure, *asked[1:], **more))
+        self._signals = np.zeros((0, 0)) if signals is None else _chained(signals)
+        asked = self._pattern.tobytes(), tuple((row != 0.0).tobytes() for row in self._signals), tuple(kinds)
+        self.code: Code = code_of(Form(structure, *asked, **more))
         for slots in self.layout.contacts:
             _refuse_static(slots, coefficients)
         self.count = len(states)
@@ -195,6 +195,24 @@ def prefers_lanes(system: System) -> bool:
     except UnfitError:
         return False
     return True
+
+
+def _chained(signals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Append a column for each row, and write a row as a multiple of an earlier one with the rest, where that is short.
+
+    The acceleration of an inertia is that of its neighbour and of the link between: two numbers in place of all.
+    """
+    found = np.hstack((signals, np.zeros((len(signals), len(signals)))))
+    for k, row in enumerate(signals):
+        for j, other in enumerate(signals[:k]):
+            common = np.flatnonzero(row * other)
+            for factor in np.unique(np.round(row[common] / other[common], 12)):
+                exact = np.median((row[common] / other[common])[np.isclose(row[common], factor * other[common], 1e-9)])
+                rest = row - exact * other
+                rest[np.abs(rest) <= 1e-13 * np.abs(row)] = 0.0
+                if np.count_nonzero(rest) + 1 < np.count_nonzero(found[k]):
+                    found[k, : len(row)], found[k, len(row) :] = rest, exact * (np.arange(len(signals)) == j)
+    return found
 
 
 def _refuse_static(slots: ContactSlots, coefficients: NDArray[np.float64]) -> None:
