@@ -30,6 +30,7 @@ from gapwalk.model.system import System
 TURN = 0.4
 """Angle in radians by which a step turns the fastest vibration."""
 _FEW = 3  # coordinates up to which the exact flow is fast
+_ROUNDING = 1e-13  # relative difference of two products of numbers that are equal
 _LEAST = 40  # fewest steps in a period of the highest order
 DAMPED = 0.7
 """Damping of the spring that stands for stick, as a share of its critical damping."""
@@ -76,7 +77,7 @@ class Lanes:
             np.zeros((blocks * WIDTH, len(self.layout))),
             np.zeros(blocks * WIDTH, dtype=bool),
         )
-        self.turn = turn_of(structure)
+        self.turn, self._known_steps = turn_of(structure), dict[bytes, int]()
         places = np.minimum(np.arange(blocks * WIDTH), self.count - 1)  # the last block is filled with copies
         self.put(np.arange(blocks * WIDTH), coefficients[places], states[places])
         self._used[self.count :] = False
@@ -84,7 +85,11 @@ class Lanes:
     def put(self, lanes: NDArray[np.intp], coefficients: NDArray[np.float64], states: NDArray[np.float64]) -> None:
         """Give some lanes the numbers of a system, and a state at theta = 0."""
         self._coefficients[lanes] = coefficients
-        self._needed.reshape(-1)[lanes] = np.ceil(self.finer * steps_of(self.layout, coefficients)).astype(int)
+        keys = [each.tobytes() for each in coefficients]
+        if new := {key: place for place, key in enumerate(keys) if key not in self._known_steps}:
+            found = np.ceil(self.finer * steps_of(self.layout, coefficients[list(new.values())]))
+            self._known_steps |= dict(zip(new, found.astype(int).tolist(), strict=True))
+        self._needed.reshape(-1)[lanes] = [self._known_steps[key] for key in keys]
         self.restart(lanes, states)
         block, lane = np.divmod(lanes, WIDTH)
         slots = [(slot, row) for slot, row in self.code.rows.items() if isinstance(slot, int)]
@@ -205,13 +210,12 @@ def _chained(signals: NDArray[np.float64]) -> NDArray[np.float64]:
     found = np.hstack((signals, np.zeros((len(signals), len(signals)))))
     for k, row in enumerate(signals):
         for j, other in enumerate(signals[:k]):
-            common = np.flatnonzero(row * other)
-            for factor in np.unique(np.round(row[common] / other[common], 12)):
-                exact = np.median((row[common] / other[common])[np.isclose(row[common], factor * other[common], 1e-9)])
-                rest = row - exact * other
-                rest[np.abs(rest) <= 1e-13 * np.abs(row)] = 0.0
-                if np.count_nonzero(rest) + 1 < np.count_nonzero(found[k]):
-                    found[k, : len(row)], found[k, len(row) :] = rest, exact * (np.arange(len(signals)) == j)
+            common = row * other != 0.0
+            factor = np.median(row[common] / other[common]) if common.any() else 0.0
+            rest = row - factor * other
+            rest[np.abs(rest) <= _ROUNDING * np.abs(row)] = 0.0
+            if np.count_nonzero(rest) + 1 < np.count_nonzero(found[k]):
+                found[k, : len(row)], found[k, len(row) :] = rest, factor * (np.arange(len(signals)) == j)
     return found
 
 
