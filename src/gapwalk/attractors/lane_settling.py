@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.ensemble.lane_code import OF_CONTACT, OF_COORDINATE, OF_SIGNAL, WIDTH
-from gapwalk.ensemble.lanes import Lanes
+from gapwalk.ensemble.lanes import Lanes, turn_of
 from gapwalk.flow.motion import acceleration_names, signal_factor
 from gapwalk.model.coefficients import ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
@@ -185,7 +185,8 @@ class _Settling:
         coefficients = np.array([coefficients_of(start.system) for start in starts])
         states = np.array([start.state for start in starts])
         self.signals = acceleration_rows(system)
-        self.lanes = Lanes(structure, coefficients, states, kinds=_KINDS, signals=self.signals, finer=finer)
+        kinds = [kind for kind in _KINDS if kind != "drift" or turn_of(structure) is not None]
+        self.lanes = Lanes(structure, coefficients, states, kinds=kinds, signals=self.signals, finer=finer)
         self.kinds = {kind: [row for (own, _), row in self.lanes.code.notes.items() if own == kind] for kind in _KINDS}
         self.sums = [row for kind in _SUMS for row in self.kinds[kind]]
         count = len(starts)

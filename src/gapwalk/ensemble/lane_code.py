@@ -87,15 +87,21 @@ class VectorSheet(Sheet):
         return super().write(pattern, *(each if isinstance(each, Term) else Term(self, _splat(each)) for each in parts))
 
     def function(self, head: str, stores: Sequence[tuple[str, int, Any]]) -> str:
-        """Return the text of a function that stores terms in rows of pointers, after all that it reads."""
-        found = [
-            (pointer, row, value if isinstance(value, Term) else Term(self, _splat(value)))
-            for pointer, row, value in stores
-        ]
-        lines = self.lines(*(value for *_, value in found))
-        for number, (pointer, row, value) in enumerate(found):
-            lines.append(f"%s{number} = getelementptr {_VECTOR}, ptr %{pointer}, i64 {row}")
-            lines.append(f"store {_VECTOR} {value.text}, ptr %s{number}, align 64")
+        """Return the text of a function that stores terms in rows of pointers, each once it and its row are read.
+
+        Terms that wait for the end of the function do not fit into the registers. What one pointer of a head reads and
+        another stores has to be read before the terms that are stored.
+        """
+        found = [(value if isinstance(value, Term) else Term(self, _splat(value)), *place) for *place, value in stores]
+        lines = self.lines(*(value for value, *_ in found))
+        at = {line.partition(" = ")[0]: number for number, line in enumerate(lines)}
+        then: list[list[str]] = [[] for _ in range(len(lines) + 1)]
+        for number, (value, pointer, row) in enumerate(found):
+            last = max(at.get(value.text, -1), at.get(self.read(pointer, row).text, -1)) + 1
+            then[last].append(f"%s{number} = getelementptr {_VECTOR}, ptr %{pointer}, i64 {row}")
+            # volatile: else a largest value becomes a masked store, which takes 20 times as long on some processors
+            then[last].append(f"store volatile {_VECTOR} {value.text}, ptr %s{number}, align 64")
+        lines = [*then[0], *(each for line, more in zip(lines, then[1:], strict=True) for each in (line, *more))]
         return "\n".join([f"define internal void {head} noinline nounwind {_WIDE} {{", *lines, "ret void", "}"])
 
 
@@ -109,7 +115,8 @@ class Form(NamedTuple):
 
     structure: Structure
     pattern: bytes  #: The coefficients that may differ from 0, as a mask.
-    signals: bytes = b""  #: The entries of the rows of signals that may differ from 0, as a mask.
+    #: The entries of each row of signals that may differ from 0, as masks: by what `_noted` has, then earlier signals.
+    signals: tuple[bytes, ...] = ()
     #: Kinds of notes that are taken, of `OF_CONTACT`, `OF_COORDINATE`, `OF_SIGNAL`, `GRIP`.
     notes: tuple[str, ...] = ()
     apart: bool = False  #: True if each lane is at its own angle.
@@ -261,12 +268,11 @@ class CodeWriter:
         self.form, self.layout = form, layout_of(form.structure)
         self.size = self.layout.structure.size
         self.active = np.frombuffer(form.pattern, dtype=bool)
-        self.signals = np.frombuffer(form.signals, dtype=bool).reshape(-1, self.size + 1 + 2 * len(self.layout.orders))
+        self.signals = [np.frombuffer(row, dtype=bool) for row in form.signals]
         self.dry = [k for k, slots in enumerate(self.layout.contacts) if slots.form.law.is_dry]
         #: Rows of the numbers, after the length of a step: entries of signals, coefficients, springs for friction.
-        self.rows: dict[Any, int] = {
-            key: 1 + row for row, key in enumerate(map(tuple, np.argwhere(self.signals).tolist()))
-        }
+        keys = [(k, column) for k, row in enumerate(self.signals) for column in np.flatnonzero(row).tolist()]
+        self.rows: dict[Any, int] = {key: 1 + row for row, key in enumerate(keys)}
         refuse(self.layout.structure)
 
     def row(self, key: Any) -> int:
@@ -316,8 +322,8 @@ class CodeWriter:
         ahead, share = step * sheet.spread("%w1"), step * sheet.spread("%w2")
         stores = []
         for row, slope in enumerate([*motion.v, *a]):
-            stores.append(("B", row, sheet.read("A", row) + share * slope))
             stores.append(("Z", row, sheet.read("Y", row) + ahead * slope))
+            stores.append(("B", row, sheet.read("A", row) + share * slope))  # in the last stage it is Y
         if name == "first":
             stores += self._noted(motion, forces, a)
         pointers = ", ".join(f"ptr %{each}" for each in "CTYXABZS")
@@ -389,6 +395,7 @@ class CodeWriter:
             signal: Any = 0.0
             for column in np.flatnonzero(active).tolist():
                 signal = signal + sheet.read("C", self.row((k, column))) * columns[column]
+            columns.append(signal)
             square = signal * signal
             note("energy", k, lambda old, square=square: old + square)
             note("fourth", k, lambda old, square=square: old + square * square)

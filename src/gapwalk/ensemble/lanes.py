@@ -30,6 +30,7 @@ from gapwalk.model.system import System
 TURN = 0.4
 """Angle in radians by which a step turns the fastest vibration."""
 _FEW = 3  # coordinates up to which the exact flow is fast
+_ROUNDING = 1e-13  # relative difference of two products of numbers that are equal
 _LEAST = 40  # fewest steps in a period of the highest order
 DAMPED = 0.7
 """Damping of the spring that stands for stick, as a share of its critical damping."""
@@ -56,9 +57,9 @@ class Lanes:
     ) -> None:
         self.structure, self.layout, self.finer = structure, layout_of(structure), finer
         self._pattern = (coefficients != 0.0).any(axis=0) if pattern is None else pattern
-        self._signals = np.zeros((0, 0)) if signals is None else signals
-        asked = self.layout, self._pattern.tobytes(), (self._signals != 0.0).tobytes(), tuple(kinds)
-        self.code: Code = code_of(Form(structure, *asked[1:], **more))
+        self._signals = np.zeros((0, 0)) if signals is None else _chained(signals)
+        asked = self._pattern.tobytes(), tuple((row != 0.0).tobytes() for row in self._signals), tuple(kinds)
+        self.code: Code = code_of(Form(structure, *asked, **more))
         for slots in self.layout.contacts:
             _refuse_static(slots, coefficients)
         self.count = len(states)
@@ -76,7 +77,7 @@ class Lanes:
             np.zeros((blocks * WIDTH, len(self.layout))),
             np.zeros(blocks * WIDTH, dtype=bool),
         )
-        self.turn = turn_of(structure)
+        self.turn, self._known_steps = turn_of(structure), dict[bytes, int]()
         places = np.minimum(np.arange(blocks * WIDTH), self.count - 1)  # the last block is filled with copies
         self.put(np.arange(blocks * WIDTH), coefficients[places], states[places])
         self._used[self.count :] = False
@@ -84,7 +85,11 @@ class Lanes:
     def put(self, lanes: NDArray[np.intp], coefficients: NDArray[np.float64], states: NDArray[np.float64]) -> None:
         """Give some lanes the numbers of a system, and a state at theta = 0."""
         self._coefficients[lanes] = coefficients
-        self._needed.reshape(-1)[lanes] = np.ceil(self.finer * steps_of(self.layout, coefficients)).astype(int)
+        keys = [each.tobytes() for each in coefficients]
+        if new := {key: place for place, key in enumerate(keys) if key not in self._known_steps}:
+            found = np.ceil(self.finer * steps_of(self.layout, coefficients[list(new.values())]))
+            self._known_steps |= dict(zip(new, found.astype(int).tolist(), strict=True))
+        self._needed.reshape(-1)[lanes] = [self._known_steps[key] for key in keys]
         self.restart(lanes, states)
         block, lane = np.divmod(lanes, WIDTH)
         slots = [(slot, row) for slot, row in self.code.rows.items() if isinstance(slot, int)]
@@ -195,6 +200,23 @@ def prefers_lanes(system: System) -> bool:
     except UnfitError:
         return False
     return True
+
+
+def _chained(signals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Append a column for each row, and write a row as a multiple of an earlier one with the rest, where that is short.
+
+    The acceleration of an inertia is that of its neighbour and of the link between: two numbers in place of all.
+    """
+    found = np.hstack((signals, np.zeros((len(signals), len(signals)))))
+    for k, row in enumerate(signals):
+        for j, other in enumerate(signals[:k]):
+            common = row * other != 0.0
+            factor = np.median(row[common] / other[common]) if common.any() else 0.0
+            rest = row - factor * other
+            rest[np.abs(rest) <= _ROUNDING * np.abs(row)] = 0.0
+            if np.count_nonzero(rest) + 1 < np.count_nonzero(found[k]):
+                found[k, : len(row)], found[k, len(row) :] = rest, factor * (np.arange(len(signals)) == j)
+    return found
 
 
 def _refuse_static(slots: ContactSlots, coefficients: NDArray[np.float64]) -> None:
