@@ -539,8 +539,10 @@ class Train:
         values = np.array([*self._numbers(form)], dtype=float)
         assembly = TrainAssembly(form, self._units)
         train = assembly.numbers(values)
-        body = train.bodies[0]
-        slow = tuple(each for each in range(len(free)) if not train.inertia[body == body[each]].any())
+        bodies = [way != 0.0 for way in train.ways.T] if not self.branches else []
+        slow = tuple(
+            sorted(int(each) for body in bodies if not train.inertia[body].any() for each in np.flatnonzero(body))
+        )
         if slow and self.frequency > 0.0:
             form = replace(form, massless=slow, lag=1.0 / float(train.values[0]))
             assembly = TrainAssembly(form, self._units)

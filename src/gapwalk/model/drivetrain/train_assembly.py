@@ -31,7 +31,7 @@ from gapwalk.bracketed_root import find_root
 from gapwalk.model.contact import ContactForm
 from gapwalk.model.drivetrain.train_nodes import node_problems, nodes_of
 from gapwalk.model.drivetrain.train_parts import LEAK, NOT_NEGATIVE, Displacing, MeanOf, speed_number
-from gapwalk.model.drivetrain.train_rows import Matrix, filled, ways_of, with_row
+from gapwalk.model.drivetrain.train_rows import Matrix, compact, filled, ways_of, with_row
 from gapwalk.model.drivetrain.train_tree import LinkForm, Step, Tree, tree_of
 from gapwalk.model.laws import Expression
 from gapwalk.model.laws.formula import GROUP_SCALE, MEAN_SLIP, MEAN_SPEED, NUMPY_FUNCTIONS, PACE, is_computed
@@ -130,10 +130,14 @@ class TrainForm:
         return [step.child for step in self.tree.steps if step.parent == self.ground]
 
     @cached_property
+    def independent(self) -> tuple[int, ...]:
+        """The links whose deflections are independent: the basis, or those along the tree."""
+        return self.basis if self.basis is not None else tuple(step.link for step in self.tree.steps)
+
+    @cached_property
     def springs(self) -> tuple[int, ...]:
         """The links whose deflections are the coordinates, in the order of the links."""
-        chosen = self.basis if self.basis is not None else [step.link for step in self.tree.steps]
-        return tuple(sorted(link for link in chosen if not self.links[link].rigid))
+        return tuple(sorted(link for link in self.independent if not self.links[link].rigid))
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -250,7 +254,6 @@ _HELD = 2.0 / 9.0  # of the squared rate of decay: then the turn returns at 1/3 
 _HELD_MOST = 3e-4  # of W: so far below it the torque that holds the turn is constant over a period
 _HELD_ALONE = 1e-5  # of W, where no drag is known to end the turn
 _STILL = 1e-12  # speed over that of the root, of an inertia at rest
-_LONG = 100  # links above which products of sparse matrices are cheaper: below, each costs more than all of its sums
 
 
 @dataclass(frozen=True)
@@ -598,9 +601,9 @@ class TrainNumbers:
         return np.linalg.inv(rows)
 
     @cached_property
-    def _ways(self) -> NDArray[Any]:
+    def ways(self) -> NDArray[Any]:
         """The motions of the inertias that deflect no rigid link, shape (inertias, ways), as sparse as they are."""
-        return ways_of(self.rows[[link for link in self.form.basis or () if self.form.links[link].rigid]])
+        return ways_of(self.rows[[link for link in self.form.independent if self.form.links[link].rigid]])
 
     @cached_property
     def _turned(self) -> NDArray[Any]:
@@ -691,55 +694,28 @@ class TrainNumbers:
         found = np.zeros((len(form.links), len(form.coordinates)), dtype=self.ratios.dtype)
         found[list(form.springs), range(len(form.springs))] = 1.0
         for chord in form.tree.chords:
-            first, second = form.links[chord].ends
-            if form.basis is not None:
-                whole = form.links[chord].turns  # no other link feels the rotation of the train as a whole
-                angles = self.angles if whole else self._turned[:-1]
+            if form.links[chord].turns or not form.links[chord].rigid:
+                # no other link feels the rotation of the train as a whole
+                angles = self.angles if form.links[chord].turns else self._turned[:-1]
                 found[chord, : angles.shape[1]] = self.rows[chord] @ angles
-            elif form.links[chord].turns:
-                other = self.ratios[chord] * self.angles[second] if second != form.ground else 0.0
-                found[chord] = self.angles[first] - other
-            elif not form.links[chord].rigid:
-                found[chord, : len(form.springs)] = self._turned[first] - self.ratios[chord] * self._turned[second]
         return found
-
-    @cached_property
-    def bodies(self) -> tuple[NDArray[np.intp], NDArray[Any], int]:
-        """The body that rigid gears make of each inertia, its angle by that of the body, and the number of bodies."""
-        count = len(self.form.inertias)
-        body, turn = np.zeros(count + 1, dtype=np.intp), np.ones(count + 1, dtype=self.ratios.dtype)
-        known = 1 if self.form.is_free else 0
-        for step, factor in self._steps:
-            if self.form.links[step.link].rigid:
-                body[step.child], turn[step.child] = body[step.parent], turn[step.parent] * factor
-            else:
-                body[step.child], known = known, known + 1
-        return body[:count], turn[:count], known
 
     def never_deflects(self, number: int) -> bool:
         """Return True if rigid links hold the ends of a link together."""
-        form, (first, second) = self.form, self.form.links[number].ends
-        if form.basis is not None:
-            return bool(np.abs(self.rows[number] @ self._ways).max() < CONSISTENT * np.abs(self.rows[number]).max())
-        return form.ground not in (first, second) and self.bodies[0][first] == self.bodies[0][second]
+        row = self.rows[number]
+        return bool(np.abs(row @ self.ways).max() < CONSISTENT * np.abs(row).max())
 
     @cached_property
     def flexed(self) -> tuple[Matrix, Matrix, Matrix]:
-        """Angles of inertias by bodies, deflections by torques on bodies, and accelerations by forces of links."""
+        """Angles of inertias by ways, deflections by torques on ways, and accelerations by forces of links."""
         form, links = self.form, len(self.form.links)
-        if form.basis is not None:
-            turned, pulls = self._ways, self.rows @ self._ways
-            inverse = np.linalg.inv(turned.T @ (self.inertia[:, None] * turned))
-        else:
-            body, turn, known = self.bodies
-            count, each = len(body), np.arange(known)
-            turned = self._matrix(turn, np.arange(count), body, (count, known))
-            # deflections of the links by the angles of the inertias, then of the bodies
-            ends = np.array([link.ends for link in form.links]).T.ravel()
-            weights, moving = np.concatenate((np.ones(links), -self.ratios)), ends != form.ground
-            places = np.tile(np.arange(links), 2)[moving]
-            pulls = self._matrix(weights[moving], places, ends[moving], (links, count)) @ turned
-            inverse = self._matrix(1.0 / ((turned * turned).T @ self.inertia), each, each, (known, known))
+        turned = compact(self.ways, links)
+        pulls, mass = (
+            compact(self.rows, links) @ turned,
+            filled(turned.T @ compact(self.inertia[:, None] * self.ways, links)),
+        )
+        apart = form.basis is None  # then each inertia belongs to one way
+        inverse = compact(np.diag(1.0 / mass.diagonal()) if apart else np.linalg.inv(mass), links)
         flexed = pulls[list(form.springs)] @ inverse
         by_links = flexed @ pulls.T
         if form.has_turn:  # of the torques on bodies, and of those of the links that slip on: no other turns the whole
@@ -750,18 +726,6 @@ class TrainNumbers:
                 whole, row = whole + shift * filled(flexed[[place]])[0], row + shift * filled(by_links[[place]])[0]
             flexed, by_links = (with_row(*pair) for pair in ((flexed, whole), (by_links, row)))
         return turned, flexed, by_links
-
-    def _matrix(
-        self, entries: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], shape: tuple[int, int]
-    ) -> Matrix:
-        """Return the matrix of these entries."""
-        if len(self.form.links) > _LONG:
-            from scipy.sparse import csr_array  # imported late, because the import is slow
-
-            return csr_array((entries, (rows, columns)), shape=shape)
-        found = np.zeros(shape, dtype=entries.dtype)
-        found[rows, columns] = entries
-        return found
 
     @cached_property
     def leaks(self) -> NDArray[Any]:
@@ -794,14 +758,8 @@ class TrainNumbers:
 
     def _dragged(self, drags: NDArray[Any]) -> NDArray[Any]:
         """Return the torques on the inertias by those of the links that slip on, shape (inertias,)."""
-        if self.form.basis is not None:
-            return -drags @ np.where(np.isin(np.arange(len(drags)), self.form.turning)[:, None], self.rows, 0.0)
-        found = np.zeros(len(self.form.inertias) + 1, dtype=drags.dtype)
-        for number in self.form.turning:
-            first, second = self.form.links[number].ends
-            found[first] -= drags[number]
-            found[second] += self.ratios[number] * drags[number]
-        return found[:-1]
+        own = list(self.form.turning)
+        return -drags[own] @ self.rows[own]
 
     def _reaction(self, torques: NDArray[Any]) -> NDArray[Any]:
         """Return the torque of the reaction that balances some torques, shape (inertias,)."""

@@ -15,18 +15,10 @@ from numpy.typing import NDArray
 
 def nodes_of(form: Any, numbers: Any) -> tuple[list[str], NDArray[Any]]:
     """Return the name of an inertia of each body without inertia, and the columns W, shape (n, such bodies)."""
-    body, turn, _ = numbers.bodies
-    found: dict[int, str] = {}
-    for number in form.massless:
-        found.setdefault(int(body[number]), form.inertias[number])
-    turned = np.zeros((len(body) + 1, len(found)), dtype=turn.dtype)
-    for column, each in enumerate(found):
-        turned[:-1, column] = np.where(body == each, turn[: len(body)], 0.0)
-    springs = list(form.springs)
-    ends = np.array([form.links[link].ends for link in springs]).reshape(-1, 2)
-    nodes = np.zeros((len(form.coordinates), len(found)), dtype=turn.dtype)
-    nodes[: len(springs)] = turned[ends[:, 0]] - numbers.ratios[springs, None] * turned[ends[:, 1]]
-    return [*found.values()], nodes
+    light = [way for way in numbers.ways.T if way[list(form.massless)].any()]
+    nodes = np.zeros((len(form.coordinates), len(light)), dtype=numbers.ways.dtype)
+    nodes[: len(form.springs)] = numbers.rows[list(form.springs)] @ np.array(light).T
+    return [form.inertias[np.flatnonzero(way)[0]] for way in light], nodes
 
 
 def node_problems(form: Any, numbers: Any) -> Iterator[str]:

@@ -126,6 +126,18 @@ Matrix: TypeAlias = "csr_array | NDArray[Any]"
 """A matrix: sparse for a long train."""
 
 
+_LONG = 100  # links above which products of sparse matrices are cheaper: below, each costs more than all of its sums
+
+
+def compact(matrix: NDArray[Any], links: int) -> Matrix:
+    """Return a matrix of a train of so many links: sparse for a long one."""
+    if links <= _LONG:
+        return matrix
+    from scipy.sparse import csr_array  # imported late, because the import is slow
+
+    return csr_array(matrix)
+
+
 def with_row(matrix: Matrix, row: NDArray[Any]) -> Matrix:
     """Return a matrix with one more row."""
     if isinstance(matrix, np.ndarray):
