@@ -66,8 +66,8 @@ def test_processes_that_are_spawned_find_the_same(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(processes, "METHOD", "spawn")
 
     def found(workers: int | Workers) -> np.ndarray:
-        options = {"steps": 2, "points": 14, "shortest": 16, "longest": 40}
-        return gw.sweep(clutch(), "frequency", (0.6, 0.7), workers=workers, **options).sections
+        numbers = (clutch(), "frequency", (0.6, 0.7))
+        return gw.sweep(*numbers, workers=workers, steps=2, points=14, shortest=16, longest=40).sections
 
     with gw.parallel.local_workers(2) as pool:
         states = dict(pool.each(end_of_motion, [0.5, 0.6, 0.7]))
