@@ -31,7 +31,7 @@ class CpuTimes:
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.when == "teardown":
-            self.seconds[report.nodeid] = dict(report.user_properties)["cpu"]
+            self.seconds[report.nodeid] = float(str(dict(report.user_properties)["cpu"]))
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         costly = sorted((-each, name) for name, each in self.seconds.items() if each > self.limit)

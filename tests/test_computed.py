@@ -45,6 +45,7 @@ def test_another_run_computes_it_again(tmp_path, monkeypatch) -> None:
     assert (tmp_path / "note").read_text(encoding="utf-8") == "computed\n" * 2
 
 
+@pytest.mark.slow
 def test_a_branch_of_another_process_is_the_same_to_the_last_bit(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(computed, "shared", None)
     paper_response.cache_clear()  # type: ignore[attr-defined]

@@ -206,6 +206,7 @@ def test_what_makes_no_sense_is_refused(changes, goal, words):
         gw.ask.design(stopped(), changes, goal, "frequency", (0.7, 0.9), **quick())
 
 
+@pytest.mark.slow
 def test_a_stopped_design_continues_to_the_same(tmp_path, quiet):
     goal, changes = gw.ask.Quiet("stop", (0.7, 1.5)), {"harmonic1.amplitude": 0.5, "stop.clearance": 0.5}
     output, seen = tmp_path / "design.gapwalk", []

@@ -64,6 +64,7 @@ def found():
     return tolerance(stopped(), "frequency", (0.5, 1.5), laws(), band=(0.8, 0.93), **OPTIONS, workers=1)
 
 
+@pytest.mark.slow
 def test_grazing_points_of_all_samples_are_those_of_the_closed_form(found):
     low, high = touches(*found.samples.T)
     kinds = [special.kind.value for special in found.points]

@@ -78,6 +78,7 @@ def test_orders_of_an_agreement_are_counted_not_the_angles() -> None:
     assert [(line.order, round(line.first, 9)) for line in found.lines] == [(2.0, 1.0)]
 
 
+@pytest.mark.slow
 def test_what_is_printed_and_drawn_says_the_speed_and_the_orders(system, orbit) -> None:
     settled = gw.settle(system)
     for value in (system, orbit, settled, gw.classify(system)):

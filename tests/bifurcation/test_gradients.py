@@ -77,6 +77,7 @@ def test_graze_of_a_linear_oscillator_in_closed_form() -> None:
     assert found["damping.x.x"] == found.slopes[2]
 
 
+@pytest.mark.slow
 def test_flips_and_neimark_sacker_points_move_as_located_ones(clutch: gw.Branch) -> None:
     """Central differences of points that other walks locate."""
     for kind in ("flip", "neimark-sacker"):

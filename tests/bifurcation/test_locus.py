@@ -147,6 +147,7 @@ def test_a_closed_locus_is_the_same_from_wherever_it_is_begun():
         assert match.contact == point.contact
 
 
+@pytest.mark.slow
 def test_a_locus_goes_round_the_corner_where_a_contact_grazes():
     # two folds of the response lie on one locus with a corner, which the grazing locus meets too
     one, other = locus(Kind.FOLD, 2), locus(Kind.FOLD, 3)

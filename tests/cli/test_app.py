@@ -145,6 +145,7 @@ def test_show_tells_what_a_result_is(result, capsys) -> None:
     assert [special["kind"] for special in document["special_points"]] == ["grazing", "fold", "fold", "grazing"]
 
 
+@pytest.mark.slow
 def test_export_writes_tables_and_pictures(result, tmp_path, capsys) -> None:
     assert main(["export", result]) == 0
     assert (tmp_path / "stop-points.csv").stat().st_size > 1000

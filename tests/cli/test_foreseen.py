@@ -74,6 +74,7 @@ def modules_of(_: object) -> list[str]:
     return list(sys.modules)
 
 
+@pytest.mark.slow
 def test_foreseen_processes_have_what_their_work_needs() -> None:
     """They have it before this process has, with the packages that the batch integrator loads when it works."""
     script = (

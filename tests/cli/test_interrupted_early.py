@@ -46,6 +46,7 @@ def test_an_earlier_result_that_stays_is_not_to_be_resumed(tmp_path, monkeypatch
     assert file.read_bytes() == content
 
 
+@pytest.mark.slow
 def test_what_is_stored_is_to_be_resumed(tmp_path, monkeypatch, capsys):
     model, file = tmp_path / "stop.toml", tmp_path / "stop.gapwalk"
     model.write_text(models.STOP + models.response(0.9))

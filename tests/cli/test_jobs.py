@@ -47,7 +47,7 @@ def kind(request, tmp_path, monkeypatch) -> str:
     return request.param
 
 
-@keeps("regimes", "sweep", "basins")
+@keeps("regimes", "basins")
 def test_a_study_is_checked_run_shown_and_exported(kind, capsys) -> None:
     assert main(["check", "x.toml"]) == 0
     assert PLANS[kind] in capsys.readouterr().out
@@ -89,7 +89,7 @@ def test_a_study_is_checked_run_shown_and_exported(kind, capsys) -> None:
         assert float(rows[13]["q3'"]) == record.sections[0, 1, 0, 3]
 
 
-@keeps("settle", "sweep", "regimes")
+@keeps("settle", "sweep")
 def test_ctrl_c_says_what_is_stored_and_how_to_go_on(kind, monkeypatch, capsys) -> None:
     if kind == "settle":
         pytest.skip("has one part")
@@ -140,6 +140,7 @@ def test_motions_that_run_away_are_told_and_are_3(tmp_path, monkeypatch, capsys)
     assert not Path("settle.gapwalk").exists()
 
 
+@pytest.mark.slow
 def test_a_motion_that_cannot_be_told_is_3(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     Path("x.toml").write_text(MODELS["settle"])

@@ -36,6 +36,7 @@ def test_modes_are_told_in_hertz_and_in_rpm(capsys) -> None:
     assert found["resonances"]["speed [rpm], order 2"] == pytest.approx([15 * rate / math.pi for rate in rates])
 
 
+@pytest.mark.slow
 def test_a_run_is_shown_in_units_and_without(tmp_path, capsys) -> None:
     file, plain = tmp_path / "drive.gapwalk", tmp_path / "plain.gapwalk"
     assert main(["run", str(EXAMPLE), *SHORT, "--output", str(file)]) == 0

@@ -62,7 +62,13 @@ CASES = [(name, "") for name in NAMES if name not in LONG | PARTS.keys()] + [*PA
 WHOLE = [in_campaign(name, "") for name in sorted(LONG | PARTS.keys())]
 
 
-@leaves("gallery/gear.md-", "gallery/neutral-rattle.md-", "gallery/bilinear.md-If the excitation doubles")
+@leaves(
+    "gallery/rotor.md-",
+    "gallery/gear-pair.md-",
+    "gallery/gear.md-",
+    "gallery/neutral-rattle.md-",
+    "gallery/bilinear.md-If the excitation doubles",
+)
 @pytest.mark.parametrize(("name", "until"), CASES + WHOLE)
 def test_a_page_does_what_it_says(name, until, tmp_path, monkeypatch) -> None:
     page = DOCS / name

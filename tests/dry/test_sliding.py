@@ -48,6 +48,7 @@ def sliding(branch):
 SLIDING = (Kind.CROSSING_SLIDING, Kind.SWITCHING_SLIDING, Kind.GRAZING_SLIDING, Kind.ADDING_SLIDING, Kind.SLIP_ONSET)
 
 
+@pytest.mark.slow
 def test_a_mass_at_rest_begins_to_slip_where_the_load_equals_the_limit():
     branch = gw.follow(gw.find_orbit(oscillator(damping=0.05)), "harmonic1.amplitude", 0.36, walk=LONG)
     found = sliding(branch)

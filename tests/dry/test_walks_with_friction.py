@@ -63,6 +63,7 @@ def test_the_points_do_not_depend_on_where_the_section_is(phase: float, first: f
     assert places(branch, "grazing-sliding")[0] == pytest.approx(0.4325314254, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("stiffness", "sliding", "calls"), [(None, 11, 2190), in_campaign(10.0, 22, 2790)])
 def test_work_of_a_walk_with_friction_does_not_grow(stiffness: float | None, sliding: int, calls: int) -> None:
     """Guards the speed of the clutch with friction .02 by counting flow calls; without friction there are 1,662."""

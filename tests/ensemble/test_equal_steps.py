@@ -251,6 +251,7 @@ def test_what_equal_steps_cannot_carry_is_refused_by_name() -> None:
     assert not prefers_lanes(oscillator(stop()))  # the exact flow is fast enough
 
 
+@pytest.mark.slow
 def test_code_that_is_no_longer_kept_leaves_the_other_code_alive() -> None:
     system, states = clutch(), draw(clutch(), 1)
     for kinds in [(), ("low",), ("peak",), ("least",)]:

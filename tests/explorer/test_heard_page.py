@@ -165,6 +165,7 @@ def test_a_quiet_motion_is_as_much_quieter_as_it_is_and_both_have_the_pitch_of_t
     assert true[1] / true[0] > 2.0
 
 
+@pytest.mark.slow
 def test_sounds_have_one_scale_and_the_page_says_so(page) -> None:
     opened(page, "clutch.toml")
     until(page, "gapwalk.curves.all.size === 1")

@@ -179,6 +179,7 @@ def test_a_settled_motion_is_shown_at_once(page, tmp_path) -> None:
     assert not other.is_visible("#picture")
 
 
+@pytest.mark.slow
 def test_loci_and_sweeps_are_saved_with_their_points(tmp_path) -> None:
     branch = gw.follow(gw.find_orbit(a_stop()), "frequency", to=0.9)
     (graze,) = [each for each in branch.special_points if each.kind == "grazing"][:1]

@@ -150,6 +150,7 @@ def test_what_has_no_response_is_said() -> None:
     assert news[-1]["failed"]
 
 
+@pytest.mark.slow
 def test_a_walk_that_nobody_waits_for_is_given_up_and_the_next_one_comes_at_once() -> None:
     live = LiveResponses()
     long = STOP.replace("[study]", "[study]\nperiod = 1")

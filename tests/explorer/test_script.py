@@ -72,6 +72,7 @@ def test_a_script_goes_on_from_a_motion_without_period(client, do, run, session,
     np.testing.assert_allclose([names[name].state for name in ("settled01", "settled02")], states, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_script_repeats_the_model_that_it_was_after_the_file_was_edited(client, do, run, session, clutch) -> None:
     file = session.workspace.root / clutch
     first = do(clutch, do="compute", values={"stage2.clearance": 0.5, "mean.q1": 0.3})

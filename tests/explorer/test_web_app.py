@@ -396,6 +396,7 @@ def gw_mark(session, model: str) -> str:
     return hashlib.sha256((session.workspace.root / model).read_bytes()).hexdigest()[:8]
 
 
+@pytest.mark.slow
 def test_a_broken_model_is_told_whole_and_its_results_are_there(client, do, session, model) -> None:
     first = do(model, do="compute")
     path = session.workspace.root / model

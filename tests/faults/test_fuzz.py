@@ -108,7 +108,7 @@ def mutate(data: Any, draw: Any) -> None:
 
 
 @given(st.data())
-@budget(150)
+@budget(75)
 def test_model_files_with_things_changed(data) -> None:
     text = GOOD[data.draw(st.sampled_from(sorted(GOOD)))]
     tables = tomllib.loads(text)
@@ -119,7 +119,7 @@ def test_model_files_with_things_changed(data) -> None:
 
 
 @given(st.sampled_from(sorted(GOOD)), st.randoms(use_true_random=False))
-@budget(100)
+@budget(50)
 def test_model_files_with_letters_changed(name, chance) -> None:
     text = list(GOOD[name])
     for _ in range(chance.randint(1, 6)):
@@ -133,13 +133,13 @@ def test_model_files_with_letters_changed(name, chance) -> None:
 @given(
     TEXTS | st.text(alphabet="0123456789.eE+-*/^() kgNmsradegHzrpm°²,_'", max_size=20), st.sampled_from(QuantityKind)
 )
-@budget(200)
+@budget(100)
 def test_texts_of_units(text, kind) -> None:
     assert told(lambda: read_quantity(text, kind), ValueError)  # to which a model file adds its line
 
 
 @given(st.text(alphabet="study.stopclearance=frequency[]{}\"'-1e9,naif\n\0", max_size=30), VALUES)
-@budget(60)
+@budget(30)
 def test_changes(text, value) -> None:
     for change in (text, f"stop.clearance={value}", f"study.walk={value}", f"study.to={value}"):
         assert told(lambda text=change: check_studies(parse_source(MODELS["stop"], "m.toml"), parse_changes([text])))
@@ -158,7 +158,7 @@ def records(tmp_path_factory) -> list[Path]:
 
 
 @given(st.integers(0, 2), st.randoms(use_true_random=False))
-@budget(150)
+@budget(75)
 def test_records(records, which, chance) -> None:
     path = records[which]
     damaged = path.with_name(f"damaged{path.suffix}")
@@ -184,7 +184,7 @@ RESULTS = ("response", "diagram", "settle", "regimes", "sweep")
 
 
 @given(st.sampled_from(RESULTS), st.randoms(use_true_random=False))
-@budget(80)
+@budget(40)
 def test_result_files_with_bytes_changed(tmp_path_factory, results, name, chance) -> None:
     path = tmp_path_factory.getbasetemp() / f"{name}.gapwalk"
     path.write_bytes(_damaged(results[name], chance))
@@ -192,7 +192,7 @@ def test_result_files_with_bytes_changed(tmp_path_factory, results, name, chance
 
 
 @given(st.data())
-@budget(120)
+@budget(60)
 def test_result_files_with_values_changed(tmp_path_factory, results, data) -> None:
     """What a faulty program writes: checksums hide nothing here."""
     name = data.draw(st.sampled_from(RESULTS))
@@ -263,7 +263,7 @@ FIELDS = ["file", "result", "x", "y", "branch", "point", "special", "from", "sig
     st.dictionaries(st.sampled_from(FIELDS), TEXTS | NUMBERS.map(str), max_size=8),
     st.booleans(),
 )
-@budget(120)
+@budget(60)
 def test_requests_to_read(page, path, query, knows) -> None:
     answer = page.get(f"/api/{path}", params=query | ({"file": "model.toml"} if knows else {}))
     assert answer.status_code in (200, 400, 404, 405, 409)
@@ -279,7 +279,7 @@ def test_requests_to_read(page, path, query, knows) -> None:
     ),
     st.binary(max_size=12),
 )
-@budget(80)
+@budget(40)
 def test_requests_to_act(page, path, anything, fields, raw) -> None:
     headers = {"content-type": "application/json"}
     for body in (_json(anything), _json({"file": "model.toml", "do": "compute"} | fields), raw):
@@ -296,7 +296,7 @@ def test_requests_to_act(page, path, anything, fields, raw) -> None:
     st.sampled_from(["GET", "POST", "PUT", "HEAD", "OPTIONS", "X"]),
     st.text(max_size=10),
 )
-@budget(100)
+@budget(50)
 def test_headers_and_paths(page, headers, method, path) -> None:
     answer = page.request(method, f"/{quote(path)}", headers=headers)
     assert answer.status_code < 500

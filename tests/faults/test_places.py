@@ -291,6 +291,7 @@ def test_a_table_does_not_take_the_place_of_a_pipe_or_a_device(tmp_path) -> None
     assert (tmp_path / "null.csv").is_symlink()
 
 
+@pytest.mark.slow
 def test_a_screen_that_takes_nothing_is_told_and_is_no_bug(tmp_path) -> None:
     path = tmp_path / "x.gapwalk"
     gw.run(stop_study(end=0.72), path)

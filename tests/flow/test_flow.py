@@ -13,7 +13,7 @@ from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from tests.independent import integrate as reference
 from tests.systems import OWN_LAWS, backlash_oscillator, clutch, linear, random_systems, viscous_stop
-from tests.tiers import keeps
+from tests.tiers import keeps, some_of
 
 STATE = np.array([1.5, 0.3, -0.4, 0.2])
 DAMPED = {"elastic": {}, "viscous": {"viscous_damping": 0.1}, "hunt-crossley": {"impact_damping": 0.2}}
@@ -138,7 +138,7 @@ def test_a_start_at_rest_on_a_breakpoint_is_decided_by_the_acceleration():
 
 
 @pytest.mark.parametrize("phase", [math.pi / 2, -math.pi / 2, 0.0])
-@pytest.mark.parametrize("clearance", [0.0, 1e-20, 1e-16, 1e-13])
+@pytest.mark.parametrize("clearance", some_of([0.0, 1e-20, 1e-16, 1e-13], 0.0, 1e-20))
 @pytest.mark.parametrize("law", ["elastic", "hunt-crossley", "viscous"])
 def test_a_mass_at_rest_leaves_a_gap_of_hardly_any_width(law, clearance, phase):
     # under a sine its acceleration is zero at the start, or 3e-17 to the wrong side by rounding

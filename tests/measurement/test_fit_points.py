@@ -101,6 +101,7 @@ def test_a_parameter_without_effect_is_said_to_have_none(guess, exact) -> None:
     assert found.combinations[-1].words(found.free_names) == "1.00 harmonic1.phase"
 
 
+@pytest.mark.slow
 def test_a_parameter_that_begins_at_zero_is_found() -> None:
     """Its terms are left out of the equations of the first guess."""
     shapes = [clutch(frequency=0.7, **{"stage2.impact_damping": value}) for value in (0.0, 0.05)]

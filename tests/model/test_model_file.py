@@ -408,7 +408,7 @@ def mutations(draw) -> str:
     return "\n".join(lines)
 
 
-@settings(deadline=None, max_examples=400)
+@settings(deadline=None, max_examples=150)
 @given(mutations())
 def test_no_file_raises_anything_but_a_model_error(text: str) -> None:
     try:

@@ -139,7 +139,7 @@ VALUES = st.recursive(
 )
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=60)
 @given(st.dictionaries(TEXTS, VALUES, max_size=5), st.data())
 def test_lines_of_any_document(data: dict, draw) -> None:
     writer = Writer(lambda choices: draw.draw(st.sampled_from(choices)))

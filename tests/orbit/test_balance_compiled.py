@@ -11,6 +11,7 @@ import pytest
 from gapwalk.orbit.harmonic_balance import kernels as compiled
 
 
+@pytest.mark.slow
 def test_shooting_and_the_command_load_no_kernels() -> None:
     program = (
         "import sys, gapwalk, gapwalk.cli, gapwalk.studies; from gapwalk.paper import case; "

@@ -164,6 +164,7 @@ def branch(request):
     return gw.follow(orbit, "frequency", to=2.0, method=Trapezoids(), walk=walk)
 
 
+@pytest.mark.slow
 def test_special_points_are_those_of_shooting_but_for_the_truncation(branch):
     shot = gw.follow(gw.find_orbit(duffing(0.8)), "frequency", to=2.0)
     assert [each.kind.value for each in branch.special_points] == [each.kind.value for each in shot.special_points]

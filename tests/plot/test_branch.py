@@ -130,6 +130,7 @@ def test_a_branch_of_few_points_can_be_drawn(tmp_path) -> None:
     save(first, tmp_path / "one.png")
 
 
+@pytest.mark.slow
 def test_files_are_equal_for_equal_results(response, tmp_path) -> None:
     for name in ("a", "b"):
         save(response, tmp_path / f"{name}.png", tmp_path / f"{name}.svg")

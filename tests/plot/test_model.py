@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import gapwalk as gw
 from gapwalk.cli import main
@@ -37,6 +38,7 @@ def test_axes_of_a_train_have_its_units_and_its_measured_points():
     assert axes[2].get_ylabel() == "torque on engine [N m]"
 
 
+@pytest.mark.slow
 def test_check_draws_the_model_and_tells_of_its_curves(tmp_path, capsys):
     picture = tmp_path / "engine.svg"
     assert main(["check", str(EXAMPLES / "engine.toml"), "--picture", str(picture)]) == 0

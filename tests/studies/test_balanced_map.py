@@ -72,6 +72,7 @@ def test_tables_and_documents_tell_harmonics_and_truncation(undisturbed, tmp_pat
         assert np.isfinite([float(row["truncation"]) for row in rows]).all()
 
 
+@pytest.mark.slow
 def test_a_locus_is_read_back_though_its_harmonics_grow() -> None:
     locus = growing(gw.Balance(error=7.5e-5))
     assert len({len(point.x) for point in locus.points}) > 1

@@ -83,6 +83,7 @@ def test_the_number_of_workers_changes_nothing(path, undisturbed) -> None:
     assert_same_result(gw.run(clutch_diagram(workers=1), path, resume=True), undisturbed)
 
 
+@pytest.mark.slow
 def test_what_was_reported_is_in_the_file(path) -> None:
     def report(diagram, member) -> None:
         stored = gw.open_result(path)
@@ -210,6 +211,7 @@ def test_a_limit_of_branches_is_an_end_and_is_noted(path) -> None:
     assert_same_result(gw.run(clutch_diagram(max_branches=2), path, resume=True), result)
 
 
+@pytest.mark.slow
 def test_a_different_study_is_not_resumed(path) -> None:
     gw.run(clutch_diagram(max_period=2), path)
     with pytest.raises(StoreError, match="max_period is 4, and was 2"):

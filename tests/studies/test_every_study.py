@@ -103,7 +103,21 @@ def pressed_at(number: int) -> Callable[..., None]:
 CASES = [*TEXTS.items(), in_campaign("scan", jobs.SCAN)]
 
 
-@leaves("regimes", "basins", "run-up", "threshold", "rattle", "family", "diagram", "tolerance", "design", "map")
+@leaves(
+    "backbone",
+    "locus",
+    "tori",
+    "regimes",
+    "basins",
+    "run-up",
+    "threshold",
+    "rattle",
+    "family",
+    "diagram",
+    "tolerance",
+    "design",
+    "map",
+)
 @pytest.mark.parametrize(("kind", "text"), CASES, ids=[*TEXTS, "whole scan"])
 @pytest.mark.usefixtures("small_parts")
 def test_every_study(kind, text, tmp_path, monkeypatch, capsys) -> None:

@@ -90,6 +90,7 @@ def test_folds_that_meet_in_a_cusp_are_there_on_one_side_of_it() -> None:
     assert " in a cusp at (" in connection.text
 
 
+@pytest.mark.slow
 def test_what_splits_off_is_told() -> None:
     """Above a load of 0.4386 the jump of figure 14 has an island beside it, to which special points have gone."""
     found = gw.family(clutch(), "frequency", (0.66, 0.59), {"mean.q3": (0.43, 0.44)}, **ONE)

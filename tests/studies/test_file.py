@@ -458,7 +458,7 @@ def test_no_file_raises_anything_but_a_model_error(text: str, changes) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=400)
+@settings(max_examples=150)
 @given(mutations(), CHANGES)
 def test_none_of_more_files_raises_anything_but_a_model_error(text: str, changes) -> None:
     raises_nothing_else(text, changes)

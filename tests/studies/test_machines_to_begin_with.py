@@ -28,7 +28,7 @@ LONG = {
 }
 
 
-@keeps("freewheel-True", "planetary-set-True", "two-stage-clutch-True", "dual-mass-flywheel-True")
+@keeps("freewheel-True", "planetary-set-True", "two-stage-clutch-True")
 @pytest.mark.parametrize(
     ("name", "short"),
     [*((name, True) for name in machines()), *(pytest.param(name, False, marks=pytest.mark.slow) for name in LONG)],

@@ -152,6 +152,7 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, work
     assert_same_result(replace(gw.open_result(path), study=undisturbed.study), undisturbed)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_followed_is_a_failure(path, monkeypatch, undisturbed) -> None:
     follow = charting.follow_locus
 

@@ -13,6 +13,7 @@ import gapwalk as gw
 from gapwalk.parallel import processes
 from gapwalk.parallel.processes import undisturbed
 from gapwalk.parallel.threads import THREAD_VARIABLES
+from gapwalk.parallel.workers import Workers
 from tests.systems import clutch
 
 
@@ -64,13 +65,13 @@ def test_processes_that_are_spawned_find_the_same(monkeypatch: pytest.MonkeyPatc
     """As on Windows and macOS, where no server forks them."""
     monkeypatch.setattr(processes, "METHOD", "spawn")
 
-    def found(workers: int) -> np.ndarray:
-        options = {"steps": 2, "points": 14, "shortest": 16, "longest": 40}
-        return gw.sweep(clutch(), "frequency", (0.6, 0.7), workers=workers, **options).sections
+    def found(workers: int | Workers) -> np.ndarray:
+        numbers = (clutch(), "frequency", (0.6, 0.7))
+        return gw.sweep(*numbers, workers=workers, steps=2, points=14, shortest=16, longest=40).sections
 
     with gw.parallel.local_workers(2) as pool:
         states = dict(pool.each(end_of_motion, [0.5, 0.6, 0.7]))
-        shared = found(2)  # by the same two processes
+        shared = found(pool)  # by the same two processes
     assert states == {index: end_of_motion(frequency) for index, frequency in enumerate([0.5, 0.6, 0.7])}
     np.testing.assert_array_equal(shared, found(1))
 

@@ -115,6 +115,7 @@ def test_a_linear_system_has_period_1_everywhere():
     assert not found.check.different
 
 
+@pytest.mark.slow
 def test_states_that_are_carried_over_show_the_jump_at_two_places():
     """The main resonance leans: going up, the motion stays on the upper branch for longer than coming down."""
     plane = {"frequency": (0.5, 0.75), "harmonic1.amplitude": (0.25, 0.35)}

@@ -341,6 +341,13 @@ DAMAGES = [
 ]
 
 
+@keeps(
+    "statement6",
+    "UPDATE part SET arrays = 'text' WHERE name = 'moment'",
+    "DROP TABLE part",
+    "CREATE TRIGGER evil AFTER UPDATE ON part BEGIN DELETE FROM part; END",
+    "CREATE TABLE more (x)",
+)
 @pytest.mark.parametrize(
     "statement",
     [

@@ -48,6 +48,7 @@ def test_a_fold_of_tori_and_the_orbit_to_which_they_shrink_in_closed_form():
         assert point.torus.stable == outer or point.value < 1e-6
 
 
+@pytest.mark.slow
 def test_a_family_connects_two_neimark_sacker_points():
     case = gw.paper.case("13")
     branch = gw.follow(gw.find_orbit(case, 2, frequency=1.23), "frequency", (1.15, 1.26))

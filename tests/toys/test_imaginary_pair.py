@@ -95,6 +95,7 @@ def test_it_is_located_stored_and_shown(folder: Path) -> None:
             assert point["uncertainty"] < 1e-11
 
 
+@pytest.mark.slow
 def test_it_is_followed_in_two_parameters(folder: Path) -> None:
     """The branch is followed by another process, which has to know the toy too."""
     commands(folder, ("export", "toy-locus.gapwalk", "--output", "locus.csv"))

@@ -236,6 +236,7 @@ def test_a_phase_that_only_the_other_motion_has_counts_by_the_guard_at_which_it_
     assert mismatch(more, [*changes, begins._replace(theta=late.theta - length)]) > 0.01 * length
 
 
+@pytest.mark.slow
 def test_a_pause_of_slip_ends_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the contact that presses opens next to a reversal, steps would stay those of a pause."""
     system = random_system(38)

@@ -124,6 +124,7 @@ OTHER = {
 }
 
 
+@pytest.mark.slow
 def test_a_swapped_nature_is_found(branch) -> None:
     assert {each.kind for each in branch.special_points if each.nature} == {gw.Kind.FOLD, gw.Kind.FLIP}
     for index in (kinds_of(branch)[kind] for kind in (gw.Kind.FOLD, gw.Kind.FLIP)):
@@ -212,6 +213,7 @@ def test_a_changed_residual_is_found(branch, wrong) -> None:
     assert (breach.check, breach.spot.item) == (Check.RESIDUAL, "point 7")
 
 
+@pytest.mark.slow
 def test_a_leaf_that_was_dropped_is_found(tree) -> None:
     assert tree.complete
     assert tree.max_period == 2

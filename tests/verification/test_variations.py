@@ -206,6 +206,7 @@ def test_orbits_close_and_volumes_shrink_as_scipy_says(name: str) -> None:
     assert around.closure == pytest.approx(np.abs(gap).max(), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_kinks_are_found_to_rounding_and_keep_the_order_of_the_method() -> None:
     contact = force("drag", {"x": 1.0}, "c*v*abs(v)", c=0.3)
     system = gw.System(

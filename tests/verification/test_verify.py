@@ -286,6 +286,7 @@ def rewrite(path, branch):
         file.write(START.entry(start), MOMENT.entry(moment, 0))
 
 
+@pytest.mark.slow
 def test_the_command_passes_what_is_right(result, capsys):
     assert main(["verify", str(result)]) == 0
     out = capsys.readouterr().out
