@@ -80,7 +80,7 @@ def is_right(grazing: Grazing, found: Beyond) -> bool:
         return first == second == 1 and 0.05 < nearer / there < 0.2
     if found.verdict == "jumps":
         return grazing.settled(1e-8)[1] > max(1e-7, 0.3 * grazing.settled(1e-7)[1])
-    depth = 1e-6
+    depth = 1e-4 if found.verdict == "doubles" else 1e-6
     period, deepest = grazing.settled(depth)
     if not deepest < 100.0 * depth:
         return False

@@ -140,7 +140,7 @@ class Codim2Point:
     point: LocusPoint  #: The located point of the locus.
     contact: str = ""  #: The contact, stage and side that grazes, such as ``stage2 -``; empty if none does.
     #: Estimated errors of both values: four times the distance along the locus at which its condition is no longer zero
-    #: but for rounding, and the distance from a breakpoint at which grazing motions are computed.
+    #: but for rounding, and four times the distance from a breakpoint at which grazing motions are computed.
     errors: tuple[float, float] = (math.inf, math.inf)
 
     @property
@@ -308,8 +308,10 @@ def find_codim2(
 def errors_of(finding: Finding, corrector: Corrector) -> tuple[float, float]:
     """Return the estimated errors of both values at a point of codimension two."""
     along = 4.0 * finding.error * np.abs(finding.point.tangent[-2:]) if finding.error < np.inf else np.full(2, np.inf)
-    rounding = (_EXACT if not finding.contact else MARGIN) + _EXACT * np.abs(finding.point.x[-2:])
-    return cast("tuple[float, float]", tuple(((along + rounding) * corrector.scales[-2:]).tolist()))
+    size = float(np.abs(finding.point.orbit.extremes[:, :2]).max())
+    share = MARGIN * float(corrector.scales[0]) / size if finding.contact else _EXACT
+    errors = (along + 4.0 * share * np.abs(finding.point.x[-2:])) * corrector.scales[-2:]
+    return float(errors[0]), float(errors[1])
 
 
 def _resonances(
@@ -357,6 +359,8 @@ def find_end_at_graze(
     the locus ends where that response vanishes, which is sought on the locus of the graze.
     """
     equation = cast("GrazingEquation", touch.equation)
+    if kind.target is None and equation.plane.system.state_size > 2:
+        return None  # a pair leaves where two terms vanish, of which none is known to be the end of the locus
 
     def there(correction: Correction) -> BranchPoint:
         x = correction.x * touch.scales

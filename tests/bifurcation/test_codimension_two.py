@@ -1,0 +1,108 @@
+"""Where loci end at grazes, and where grazing loci name the same points: closed forms, and one locus against another."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import gapwalk as gw
+from gapwalk.bifurcation.loci import Codim2, LocusEndReason
+from gapwalk.bifurcation.touch_map import touch_map
+from tests.bifurcation.test_beyond_grazes import Grazing
+from tests.computed import once
+from tests.tiers import in_campaign
+
+
+def oscillator(c: float, frequency: float, amplitude: float, restitution: float = 0.8) -> gw.System:
+    """``x'' + c x' + x = F cos W t`` with a rigid stop at 1."""
+    stop = gw.rigid_stop("stop", {"x": 1.0}, 1.0, restitution=restitution, side="positive")
+    load, matrices = gw.Harmonic(amplitude, {"x": 1.0}, name="f"), {"mass": [[1.0]], "stiffness": [[1.0]]}
+    return gw.System(["x"], **matrices, damping=[[c]], contacts=[stop], harmonics=[load], frequency=frequency)
+
+
+def branch_of(c: float, frequency: float, restitution: float = 0.8) -> gw.Branch:
+    """The motions of that oscillator over the amplitude, through its graze."""
+    force = np.hypot(1.0 - frequency**2, c * frequency)
+    moved = 0.7 * force / (1.0 - frequency**2 + 1j * c * frequency)
+    system = oscillator(c, frequency, 0.7 * force, restitution)
+    start = gw.find_orbit(system, start=[moved.real, (1j * frequency * moved).real])
+    return gw.follow(start, "f.amplitude", (0.7 * force, 1.3 * force))
+
+
+def resonance(c: float) -> tuple[float, float]:
+    """Where the period is half the natural one: the square-root term vanishes."""
+    frequency = 2.0 * math.sqrt(1.0 - c * c / 4.0)
+    return frequency, float(np.hypot(1.0 - frequency**2, c * frequency))
+
+
+@once
+def with_folds() -> gw.Branch:
+    return branch_of(0.1, 1.97)
+
+
+def plane(frequency: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    return (0.92 * frequency, 1.1 * frequency), (1.0, 6.0)
+
+
+@pytest.mark.parametrize("kind", ["fold", "grazing"])
+def test_a_fold_locus_ends_at_the_resonant_graze(kind):
+    place = resonance(0.1)
+    locus = gw.follow_locus(with_folds().special(kind)[0], "frequency", "f.amplitude", plane(place[0]))
+    (found,) = locus.codim2(Codim2.RESONANT_GRAZING)
+    assert found.values == pytest.approx(place, abs=1e-9)
+    assert found.contact == "stop +"
+    assert max(found.errors) < 5e-9
+    assert np.abs(np.subtract(found.values, place)) == pytest.approx([0.0, 0.0], abs=max(found.errors))
+    if kind == "fold":
+        end = next(end for end in locus.ends if end.reason is LocusEndReason.GRAZE)
+        assert end.values == found.values
+        assert "resonant grazing" in end.reason_words
+
+
+def test_flips_touch_the_grazing_locus_like_a_parabola():
+    c = 0.04  # Simpson and Ghosh: (F - Fg) / (W - 2 wd)^2 from 7.40 to 7.48
+    place = resonance(c)
+    locus = gw.follow_locus(branch_of(c, 2.1).special("flip")[0], "frequency", "f.amplitude", plane(2.1))
+    (found,) = locus.codim2(Codim2.RESONANT_GRAZING)
+    assert found.values == pytest.approx(place, abs=1e-9)
+    away = locus.values[:, 0] - place[0]
+    heights = locus.values[:, 1] - np.hypot(1.0 - locus.values[:, 0] ** 2, c * locus.values[:, 0])
+    near = (1e-4 < away) & (away < 0.02)
+    assert near.sum() >= 1
+    assert ((heights[near] / away[near] ** 2 > 7.40) & (heights[near] / away[near] ** 2 < 7.6)).all()
+
+
+@in_campaign
+@pytest.mark.parametrize("seed", range(5))
+def test_loci_of_random_rigid_oscillators_end_at_named_points(seed):
+    random = np.random.default_rng([seed, 5])
+    c, frequency, restitution = random.uniform(0.03, 0.25), random.uniform(1.9, 2.4), random.uniform(0.5, 0.95)
+    branch, place = branch_of(c, frequency, restitution), resonance(c)
+    for special in branch.special_points:
+        if special.kind not in ("fold", "flip", "grazing"):
+            continue
+        locus = gw.follow_locus(special, "frequency", "f.amplitude", ((1.7, 2.5), (0.5, 12.0)))
+        assert not any(end.reason.is_failure for end in locus.ends), locus.ends
+        for end in locus.ends:
+            if end.reason is LocusEndReason.GRAZE:
+                assert end.values == pytest.approx(place, abs=1e-9)
+
+
+def test_with_two_coordinates_fold_flip_and_square_root_part():
+    # the responses of the touch, computed anew at the located motions, vanish one by one
+    grazing = Grazing("rigid", 0)
+    assert len(grazing.names) == 2
+    start = gw.find_orbit(grazing.system(-0.01), start=grazing.start(-0.01))
+    low, high = 0.99 * grazing.amplitude, 1.01 * grazing.amplitude
+    special = gw.follow(start, "harmonic1.amplitude", (low, high)).special("grazing")[0]
+    within = (0.5 * grazing.frequency, 1.1 * grazing.frequency), (0.1 * low, 3.0 * high)
+    locus = gw.follow_locus(special, "frequency", "harmonic1.amplitude", within)
+    for kind, multiplier in ((Codim2.GRAZING_MEETS_FOLD, 1.0), (Codim2.GRAZING_MEETS_FLIP, -1.0)):
+        assert locus.codim2(kind)
+        for found in locus.codim2(kind):
+            touch = touch_map(found.orbit, 0)
+            size = np.linalg.norm(touch.covector) * np.linalg.norm(touch.vector)
+            assert abs(touch.response(multiplier)) < 1e-6 * size
+            assert abs(touch.sequence(1)[0]) > 1e-5 * size
