@@ -92,11 +92,11 @@ class VectorSheet(Sheet):
         Terms that wait for the end of the function do not fit into the registers. What one pointer of a head reads and
         another stores has to be read before the terms that are stored.
         """
-        found = [(value if isinstance(value, Term) else Term(self, _splat(value)), *place) for *place, value in stores]
-        lines = self.lines(*(value for value, *_ in found))
+        values = [value if isinstance(value, Term) else Term(self, _splat(value)) for *_, value in stores]
+        lines = self.lines(*values)
         at = {line.partition(" = ")[0]: number for number, line in enumerate(lines)}
         then: list[list[str]] = [[] for _ in range(len(lines) + 1)]
-        for number, (value, pointer, row) in enumerate(found):
+        for number, ((pointer, row, _), value) in enumerate(zip(stores, values, strict=True)):
             last = max(at.get(value.text, -1), at.get(self.read(pointer, row).text, -1)) + 1
             then[last].append(f"%s{number} = getelementptr {_VECTOR}, ptr %{pointer}, i64 {row}")
             # volatile: else a largest value becomes a masked store, which takes 20 times as long on some processors
