@@ -32,7 +32,7 @@ from gapwalk.model.contact import ContactForm
 from gapwalk.model.drivetrain.train_nodes import node_problems, nodes_of
 from gapwalk.model.drivetrain.train_parts import LEAK, NOT_NEGATIVE, Displacing, MeanOf, speed_number
 from gapwalk.model.drivetrain.train_rows import Matrix, compact, filled, ways_of, with_row
-from gapwalk.model.drivetrain.train_tree import LinkForm, Step, Tree, tree_of
+from gapwalk.model.drivetrain.train_tree import LinkForm, Tree, tree_of
 from gapwalk.model.laws import Expression
 from gapwalk.model.laws.formula import GROUP_SCALE, MEAN_SLIP, MEAN_SPEED, NUMPY_FUNCTIONS, PACE, is_computed
 from gapwalk.model.loads import Line, LoadForm
@@ -550,31 +550,20 @@ class TrainNumbers:
         return numbers
 
     @cached_property
-    def _steps(self) -> list[tuple[Step, Any]]:
-        """The steps through the tree, each with the angle of its child by that of its parent while nothing deflects."""
-        found = []
-        for step in self.form.tree.steps:
-            forward, ratio = self.form.links[step.link].ends[0] == step.parent, self.ratios[step.link]
-            found.append((step, 1 / ratio if forward else ratio))
-        return found
-
-    @cached_property
     def speeds(self) -> NDArray[Any]:
         """The speeds at which the inertias turn together, the first at 1, shape (inertias,).
 
         Of a train that is connected to the ground, those at which it would turn without that connection; of one that
         a prescribed motion drives, those over that of the reference.
         """
-        if self.form.basis is not None and self.form.is_free:
-            found = self._solved[:, -1]
-            return np.where(np.abs(np.real(found)) < _STILL, found - np.real(found), found)
-        found = np.ones(len(self.form.inertias) + 1, dtype=self.ratios.dtype)
-        for child, speed in self.form.starts:
-            found[child] = speed
-        for step, factor in self._steps:
-            if step.parent != self.form.ground:
-                found[step.child] = found[step.parent] * factor
-        return found[:-1]
+        form = self.form
+        if form.is_free:
+            return self._solved[:, -1]
+        begin = np.ones(len(form.inertias), dtype=self.ratios.dtype)
+        for child, speed in form.starts:
+            begin[child] = speed
+        held = [form.basis is not None or form.ground in form.links[link].ends for link in form.independent]
+        return self._solved @ np.where(held, self.rows[list(form.independent)] @ begin, 0.0)
 
     @property
     def referring(self) -> NDArray[np.float64]:
@@ -594,37 +583,27 @@ class TrainNumbers:
 
     @cached_property
     def _solved(self) -> NDArray[Any]:
-        """The angles of the inertias by the deflections of the basis, then by the angle of the root if it is free."""
-        rows = self.rows[list(self.form.basis or ())]
+        """The angles of the inertias by the independent deflections, then by the angle of the root if it is free."""
+        rows = self.rows[list(self.form.independent)]
         if self.form.is_free:
-            rows = np.vstack((rows, np.eye(1, rows.shape[1], self.form.root)))
-        return np.linalg.inv(rows)
+            rows = np.vstack((rows, np.eye(1, rows.shape[1], self.form.tree.root)))
+        found = np.linalg.inv(rows)
+        return np.where(np.abs(np.real(found)) < _STILL, found - np.real(found), found)
 
     @cached_property
     def ways(self) -> NDArray[Any]:
         """The motions of the inertias that deflect no rigid link, shape (inertias, ways), as sparse as they are."""
         return ways_of(self.rows[[link for link in self.form.independent if self.form.links[link].rigid]])
 
-    @cached_property
+    @property
     def _turned(self) -> NDArray[Any]:
-        """The angles of the inertias, and of the ground, by the coordinates while the root of the tree is at rest."""
-        if self.form.basis is not None:
-            found = self._solved[:, [self.form.basis.index(link) for link in self.form.springs]]
-            return np.vstack((found, np.zeros_like(found[:1])))
-        columns = {link: column for column, link in enumerate(self.form.springs)}
-        found = np.zeros((len(self.form.inertias) + 1, len(columns)), dtype=self.ratios.dtype)
-        for step, factor in self._steps:
-            angle = found[step.child]
-            np.multiply(found[step.parent], factor, out=angle)
-            if step.link in columns:
-                forward = self.form.links[step.link].ends[0] == step.parent
-                angle[columns[step.link]] += -factor if forward else 1.0
-        return found
+        """The angles of the inertias by the coordinates while the root is at rest."""
+        return self._solved[:, [self.form.independent.index(link) for link in self.form.springs]]
 
     @cached_property
     def angles(self) -> NDArray[Any]:
         """The matrix T: angles of the inertias by the coordinates, without momentum, shape (inertias, n)."""
-        turned = self._turned[:-1]
+        turned = self._turned
         if not self.form.is_free:
             return turned
         momentum = (self.inertia * self.speeds) @ turned
@@ -639,7 +618,7 @@ class TrainNumbers:
     def _shifts(self) -> NDArray[Any]:
         """The turn by each slip at which the reference stands still: its mean speed is W, whatever slips."""
         slips, place = list(self.form.slips), self.form.reference or 0
-        turned = self._turned[:-1][:, slips]
+        turned = self._turned[:, slips]
         momentum = (self.inertia * self.speeds) @ turned
         return turned[place] / self.speeds[place] - momentum / self.whole
 
@@ -696,7 +675,7 @@ class TrainNumbers:
         for chord in form.tree.chords:
             if form.links[chord].turns or not form.links[chord].rigid:
                 # no other link feels the rotation of the train as a whole
-                angles = self.angles if form.links[chord].turns else self._turned[:-1]
+                angles = self.angles if form.links[chord].turns else self._turned
                 found[chord, : angles.shape[1]] = self.rows[chord] @ angles
         return found
 
