@@ -14,6 +14,9 @@ is a leaky integral y, ``x_s' = y' + g y``, which changes no motion; with ``G = 
 The leak g is twice the rate at which the drag by itself ends the slip. Where drags act on absolute rates, psi is one
 more coordinate, the *turn*, in units of `TURN_UNIT` angles; a torque ``-k psi`` on the reaction keeps its mean rate 0.
 
+Bodies without inertia have equations of first order: with the deflections w of the coordinates as such a body turns by
+itself as columns of W, ``x = y + g W (W^T W)^-1 W^T y'``.
+
 Method: docs/numerics/notes/models.md
 """
 
@@ -29,7 +32,6 @@ from numpy.typing import NDArray
 
 from gapwalk.bracketed_root import find_root
 from gapwalk.model.contact import ContactForm
-from gapwalk.model.drivetrain.train_nodes import node_problems, nodes_of
 from gapwalk.model.drivetrain.train_parts import LEAK, NOT_NEGATIVE, Displacing, MeanOf, speed_number
 from gapwalk.model.drivetrain.train_rows import Matrix, compact, filled, ways_of, with_row
 from gapwalk.model.drivetrain.train_tree import LinkForm, Tree, tree_of
@@ -253,6 +255,7 @@ _LEAK = 0.2  # of the frequency
 _HELD = 2.0 / 9.0  # of the squared rate of decay: then the turn returns at 1/3 and 2/3 of that rate
 _HELD_MOST = 3e-4  # of W: so far below it the torque that holds the turn is constant over a period
 _HELD_ALONE = 1e-5  # of W, where no drag is known to end the turn
+_MOVED = 1e-9  # deflection of a link by a body without inertia from which that moves it
 _STILL = 1e-12  # speed over that of the root, of an inertia at rest
 
 
@@ -312,7 +315,7 @@ class TrainAssembly:
         """Return the matrix G of the lag of bodies without inertia, shape (n, n); None if there are none."""
         if not self.form.massless:
             return None
-        nodes = nodes_of(self.form, self.numbers(values))[1]
+        nodes = self.numbers(values).nodes[1]
         return self.form.lag * nodes @ np.linalg.solve(nodes.T @ nodes, nodes.T)
 
     def expand(self, values: NDArray[Any]) -> NDArray[Any]:
@@ -394,7 +397,7 @@ class TrainAssembly:
             if link.always and not value > 0:
                 yield f"{link.name}.stiffness is {value:g}; it must be > 0"
         if self.form.massless:
-            yield from node_problems(self.form, numbers)
+            yield from numbers.node_problems()
         for link in (self.form.springs[place] for place in self.form.slips):
             if numbers.damping[link] == 0.0 and self.form.links[link].drag:
                 yield (
@@ -551,11 +554,7 @@ class TrainNumbers:
 
     @cached_property
     def speeds(self) -> NDArray[Any]:
-        """The speeds at which the inertias turn together, the first at 1, shape (inertias,).
-
-        Of a train that is connected to the ground, those at which it would turn without that connection; of one that
-        a prescribed motion drives, those over that of the reference.
-        """
+        """The speeds at which the inertias turn together, the first at 1, or those at which a held train begins."""
         form = self.form
         if form.is_free:
             return self._solved[:, -1]
@@ -685,6 +684,48 @@ class TrainNumbers:
         return bool(np.abs(row @ self.ways).max() < CONSISTENT * np.abs(row).max())
 
     @cached_property
+    def nodes(self) -> tuple[list[str], NDArray[Any]]:
+        """The name of an inertia of each body without inertia, and the columns W, shape (n, such bodies)."""
+        form = self.form
+        light = [way for way in self.ways.T if way[list(form.massless)].any()]
+        nodes = np.zeros((len(form.coordinates), len(light)), dtype=self.ways.dtype)
+        nodes[: len(form.springs)] = self.rows[list(form.springs)] @ np.array(light).T
+        return [form.inertias[np.flatnonzero(way)[0]] for way in light], nodes
+
+    def node_problems(self) -> Iterator[str]:
+        """List what is wrong at bodies without inertia: what joins them must be linear, and have a damper."""
+        form, (names_of_nodes, nodes) = self.form, self.nodes
+        moved = np.abs(self.deflections @ nodes) > _MOVED
+        for name, column in zip(names_of_nodes, moved.T, strict=True):
+            ends = [form.links[number] for number in np.flatnonzero(column)]
+            names, here = " and ".join(link.name for link in ends), f"{name}.inertia is 0"
+            bent = [link.name for link in ends if link.parts or link.turns]
+            alone = len(ends) == 1 and not np.any(np.array(self.torques)[:, form.inertias.index(name)])
+            damped, springs = np.any(self.damping[column]), self.stiffness[column]
+            if alone and not damped:
+                yield f"{here}, and {names} alone holds it, so that no torque acts there: leave both out"
+            elif bent and not alone:  # alone it has no torque, whatever its spring is
+                yield (
+                    f"{here}; it must be > 0 beside {bent[0]}, which is no linear spring or damper: only those may "
+                    "join a part without inertia"
+                )
+            elif form.slips:
+                yield (
+                    f"{here}; it must be > 0 in a train with a drag that alone joins two parts of it: give it a small "
+                    "inertia, or join its shafts in series"
+                )
+            elif not damped and len(springs) == 2 and not any(link.geared for link in ends):
+                yield (
+                    f"{here}, and {names} have no damping, so that it follows them at once: join them in series, as "
+                    f"one shaft with stiffness = {float(np.prod(springs) / np.sum(springs)):.10g}"
+                )
+            elif not damped:
+                yield (
+                    f"{here}, and {names} have no damping, so that no equation gives its rate: give one of them a "
+                    "damping, or the part an inertia"
+                )
+
+    @cached_property
     def flexed(self) -> tuple[Matrix, Matrix, Matrix]:
         """Angles of inertias by ways, deflections by torques on ways, and accelerations by forces of links."""
         form, links = self.form, len(self.form.links)
@@ -748,11 +789,9 @@ class TrainNumbers:
 
     @cached_property
     def turning(self) -> NDArray[Any]:
-        """The accelerations of the inertias by their torques as a free train turns as a whole.
+        """The accelerations of inertias by `torques` as a free train turns as a whole; zeros if that is a coordinate.
 
-        Shape (inertias, 1 + loads on inertias): by the mean torques, then by each load at the size 1. Together
-        with `angles`, which have no momentum, they are all of the motion: the angles are ``T x + r psi``, and
-        ``r^T J r psi'' = r^T (torques)``. Zeros if the train is connected to the ground, or if that is a coordinate.
+        Shape (inertias, 1 + loads on inertias): with ``T x + r psi``, ``r^T J r psi'' = r^T (torques)``.
         """
         if not self.form.is_free or self.form.has_turn:
             return np.zeros((len(self.form.inertias), len(self.torques)), dtype=self.values.dtype)
