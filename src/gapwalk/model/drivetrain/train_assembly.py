@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from gapwalk.bracketed_root import find_root
 from gapwalk.model.contact import ContactForm
 from gapwalk.model.drivetrain.train_parts import LEAK, NOT_NEGATIVE, Displacing, MeanOf, speed_number
-from gapwalk.model.drivetrain.train_rows import Matrix, compact, filled, ways_of, with_row
+from gapwalk.model.drivetrain.train_rows import ways_of
 from gapwalk.model.drivetrain.train_tree import LinkForm, Tree, tree_of
 from gapwalk.model.laws import Expression
 from gapwalk.model.laws.formula import GROUP_SCALE, MEAN_SLIP, MEAN_SPEED, NUMPY_FUNCTIONS, PACE, is_computed
@@ -368,13 +368,12 @@ class TrainAssembly:
             held = flexed @ (bodies.T @ numbers.held_by)
             stiffness[:, -1] += TURN_UNIT * numbers.hold * held
             damping[:, -1] += TURN_UNIT * numbers.steadying * held
-        by_links = filled(inverse)
-        contacts = by_links[:, [number for number, _ in self.form.contacts]]
+        contacts = inverse[:, [number for number, _ in self.form.contacts]]
         torques = flexed @ (bodies.T @ np.stack(numbers.torques, axis=1))
         columns, driving = [torques[:, 0]], iter(torques.T[1:])
         for load, _, link, factor, _ in self.form.loads:
             if link >= 0:
-                columns.append(-factor * by_links[:, link])
+                columns.append(-factor * inverse[:, link])
             elif not load.varies:
                 columns.append(next(driving))
         return np.concatenate((stiffness, damping, contacts, np.stack(columns, axis=1)), axis=1)
@@ -726,25 +725,22 @@ class TrainNumbers:
                 )
 
     @cached_property
-    def flexed(self) -> tuple[Matrix, Matrix, Matrix]:
+    def flexed(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Angles of inertias by ways, deflections by torques on ways, and accelerations by forces of links."""
-        form, links = self.form, len(self.form.links)
-        turned = compact(self.ways, links)
-        pulls, mass = (
-            compact(self.rows, links) @ turned,
-            filled(turned.T @ compact(self.inertia[:, None] * self.ways, links)),
-        )
+        form, turned = self.form, self.ways
+        pulls, mass = self.rows @ turned, turned.T @ (self.inertia[:, None] * turned)
         apart = form.basis is None  # then each inertia belongs to one way
-        inverse = compact(np.diag(1.0 / mass.diagonal()) if apart else np.linalg.inv(mass), links)
+        inverse = np.diag(1.0 / mass.diagonal()) if apart else np.linalg.inv(mass)
         flexed = pulls[list(form.springs)] @ inverse
         by_links = flexed @ pulls.T
-        if form.has_turn:  # of the torques on bodies, and of those of the links that slip on: no other turns the whole
+        if form.has_turn:  # of the torques on ways, and of those of the links that slip on: no other turns the whole
             whole = inverse @ (turned.T @ (self.inertia * self.speeds)) / (self.whole * TURN_UNIT)
-            row, slip = np.zeros(links, dtype=whole.dtype), list(form.turning)
+            slip, shifts = list(form.turning), self._shifts / TURN_UNIT
+            row = np.zeros(len(form.links), dtype=whole.dtype)
             row[slip] = (pulls @ whole)[slip]
-            for place, shift in zip(form.slips, self._shifts / TURN_UNIT, strict=True):
-                whole, row = whole + shift * filled(flexed[[place]])[0], row + shift * filled(by_links[[place]])[0]
-            flexed, by_links = (with_row(*pair) for pair in ((flexed, whole), (by_links, row)))
+            for place, shift in zip(form.slips, shifts, strict=True):
+                whole, row = whole + shift * flexed[place], row + shift * by_links[place]
+            flexed, by_links = np.vstack((flexed, whole)), np.vstack((by_links, row))
         return turned, flexed, by_links
 
     @cached_property
@@ -752,7 +748,7 @@ class TrainNumbers:
         """The leaks g of the coordinates, shape (n,): 0 for deflections."""
         form, found = self.form, np.zeros(len(self.form.coordinates), dtype=self.values.dtype)
         if form.slips:
-            inverse = filled(self.flexed[2])
+            inverse = self.flexed[2]
             for place in form.slips:
                 column = self.deflections[:, place]
                 drag = column @ (self.damping * column)  # with that of other drags in parallel
