@@ -59,11 +59,15 @@ def _counts(spring: Spring) -> Iterator[tuple[int, str]]:
 
 def _meshes(system: System) -> dict[int, int]:
     """Return the links of the contacts that are teeth, by the numbers of the contacts."""
-    assembly, found = system.structure.assembly, dict[int, int]()
-    for place, (link, contact) in enumerate(assembly.form.contacts if isinstance(assembly, TrainAssembly) else ()):
-        if assembly.form.links[link].geared and contact.stages and not contact.law.is_dry:
-            found[place] = link
-    return found
+    assembly = system.structure.assembly
+    if not isinstance(assembly, TrainAssembly):
+        return {}
+    form = assembly.form
+    return {
+        place: link
+        for place, (link, contact) in enumerate(form.contacts)
+        if form.links[link].geared and contact.stages and not contact.law.is_dry
+    }
 
 
 def loose_gears(system: System) -> tuple[int, ...]:
