@@ -62,7 +62,7 @@ from gapwalk.model.schema import (
     tagged,
     with_placeholders,
 )
-from gapwalk.model.states import STATE_KINDS, State, StateKind, state_of
+from gapwalk.model.states import STATE_KINDS, State, StateKind
 from gapwalk.model.units import QuantityKind, Unit, has_unit
 
 
@@ -208,7 +208,7 @@ class KindOfStateBase(StateBase):
     def state(self) -> State:
         """Make the state."""
         known = [*self.state_kind.whole, *(each.name for each in self.state_kind.parameters)]
-        return state_of(
+        return State.of(
             self.state_kind.name, self.name, self.deflection, **{each: getattr(self, each) for each in known}
         )
 

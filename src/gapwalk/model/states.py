@@ -117,7 +117,21 @@ class State:
         >>> gw.State.of("maxwell", "rubber", {"x": 1.0}, stiffness=2.0, damping=0.5).force
         'stiffness*(x - z)'
         """
-        return state_of(kind, name, deflection, **numbers)
+        known = STATE_KINDS.named(kind)
+        whole = {each: numbers.pop(each, default) for each, default in known.whole.items()}
+        for each, value in whole.items():
+            check(f"{kind} {name!r}: {each}", value, Annotated[int, Ge(1), Le(_MOST)])
+        n = whole.get("n", 1)
+        power = "z" if n == 1 else f"z**{n}" if n % 2 else "abs(z)*z" if n == 2 else f"abs(z)*z**{n - 1}"
+        texts = {"power": power, "even": f"abs(z)**{n}" if n % 2 else f"z**{n}"}
+        given = {each.name: numbers.pop(each.name, each.default) for each in known.parameters}
+        for each in known.parameters:
+            if given[each.name] is None:
+                raise ModelError(f"{kind} {name!r} has no {each.name}; {each.words}: write {each.name} = 1.0")
+        if numbers:
+            hint = did_you_mean(next(iter(numbers)), [*given, *whole], "its numbers are")
+            raise ModelError(f"{kind} {name!r} has {next(iter(numbers))}, which is none of its numbers; {hint}")
+        return cls(name, known.rate.format(**texts), deflection, force=known.force, numbers=given)
 
     def contacts(self, coordinates: Sequence[str]) -> list[Contact]:
         """Return its force, if it has one, and its rate, as forces by formulas of coordinates and states."""
@@ -220,25 +234,6 @@ for _kind in (
     ),
 ):
     STATE_KINDS.add(_kind.name, _kind)
-
-
-def state_of(kind: str, name: str, deflection: Mapping[str, float], **numbers: Any) -> State:
-    """Return a state of a kind that has formulas of its own."""
-    known = STATE_KINDS.named(kind)
-    whole = {each: numbers.pop(each, default) for each, default in known.whole.items()}
-    for each, value in whole.items():
-        check(f"{kind} {name!r}: {each}", value, Annotated[int, Ge(1), Le(_MOST)])
-    n = whole.get("n", 1)
-    power = "z" if n == 1 else f"z**{n}" if n % 2 else "abs(z)*z" if n == 2 else f"abs(z)*z**{n - 1}"
-    texts = {"power": power, "even": f"abs(z)**{n}" if n % 2 else f"z**{n}"}
-    given = {each.name: numbers.pop(each.name, each.default) for each in known.parameters}
-    for each in known.parameters:
-        if given[each.name] is None:
-            raise ModelError(f"{kind} {name!r} has no {each.name}; {each.words}: write {each.name} = 1.0")
-    if numbers:
-        hint = did_you_mean(next(iter(numbers)), [*given, *whole], "its numbers are")
-        raise ModelError(f"{kind} {name!r} has {next(iter(numbers))}, which is none of its numbers; {hint}")
-    return State(name, known.rate.format(**texts), deflection, force=known.force, numbers=given)
 
 
 _MOST = 8  # of the exponent of a hysteresis

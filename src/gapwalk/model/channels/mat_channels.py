@@ -27,12 +27,10 @@ _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
 _HEAD = 4096  # bytes of a compressed variable that must contain its flags, dimensions and name
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
-_CLASSES = {1: "cell", 2: "struct", 3: "object", 4: "char", 5: "sparse", 6: "double", 7: "single"}
 _INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
-_KINDS = {**_CLASSES, **{8 + place: name for place, name in enumerate(_INTEGERS)}}
-_COMPLEX = 0x0800
-
 _NUMERIC = ("double", "single", *_INTEGERS)
+_KINDS = dict(enumerate(("cell", "struct", "object", "char", "sparse", *_NUMERIC), start=1))
+_COMPLEX = 0x0800
 _PIECE = 1 << 16
 
 

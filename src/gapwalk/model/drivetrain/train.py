@@ -573,10 +573,7 @@ class Train:
             yield TorqueForm(form, tuple(numbers[name] for name in load.acts_on), displaces)
 
     def _joined(self) -> tuple[dict[str, int], list[LinkForm]]:
-        """Return the numbers of the inertias and of the ground by name, and the links between them.
-
-        An inertia whose motion is prescribed has the number of the ground.
-        """
+        """Return the numbers of the inertias and of the ground (or what is prescribed) by name, and the links."""
         prescribed = prescribed_inertias(self)
         free = [inertia.name for inertia in self.inertias if inertia.name not in prescribed]
         numbers = {name: number for number, name in enumerate(free)}

@@ -14,6 +14,9 @@ is a leaky integral y, ``x_s' = y' + g y``, which changes no motion; with ``G = 
 The leak g is twice the rate at which the drag by itself ends the slip. Where drags act on absolute rates, psi is one
 more coordinate, the *turn*, in units of `TURN_UNIT` angles; a torque ``-k psi`` on the reaction keeps its mean rate 0.
 
+Bodies without inertia have equations of first order: with the deflections w of the coordinates as such a body turns by
+itself as columns of W, ``x = y + g W (W^T W)^-1 W^T y'``.
+
 Method: docs/numerics/notes/models.md
 """
 
@@ -29,10 +32,9 @@ from numpy.typing import NDArray
 
 from gapwalk.bracketed_root import find_root
 from gapwalk.model.contact import ContactForm
-from gapwalk.model.drivetrain.train_nodes import node_problems, nodes_of
 from gapwalk.model.drivetrain.train_parts import LEAK, NOT_NEGATIVE, Displacing, MeanOf, speed_number
-from gapwalk.model.drivetrain.train_rows import Matrix, compact, filled, ways_of, with_row
-from gapwalk.model.drivetrain.train_tree import LinkForm, Step, Tree, tree_of
+from gapwalk.model.drivetrain.train_rows import ways_of
+from gapwalk.model.drivetrain.train_tree import LinkForm, Tree, tree_of
 from gapwalk.model.laws import Expression
 from gapwalk.model.laws.formula import GROUP_SCALE, MEAN_SLIP, MEAN_SPEED, NUMPY_FUNCTIONS, PACE, is_computed
 from gapwalk.model.loads import Line, LoadForm
@@ -253,6 +255,7 @@ _LEAK = 0.2  # of the frequency
 _HELD = 2.0 / 9.0  # of the squared rate of decay: then the turn returns at 1/3 and 2/3 of that rate
 _HELD_MOST = 3e-4  # of W: so far below it the torque that holds the turn is constant over a period
 _HELD_ALONE = 1e-5  # of W, where no drag is known to end the turn
+_MOVED = 1e-9  # deflection of a link by a body without inertia from which that moves it
 _STILL = 1e-12  # speed over that of the root, of an inertia at rest
 
 
@@ -312,7 +315,7 @@ class TrainAssembly:
         """Return the matrix G of the lag of bodies without inertia, shape (n, n); None if there are none."""
         if not self.form.massless:
             return None
-        nodes = nodes_of(self.form, self.numbers(values))[1]
+        nodes = self.numbers(values).nodes[1]
         return self.form.lag * nodes @ np.linalg.solve(nodes.T @ nodes, nodes.T)
 
     def expand(self, values: NDArray[Any]) -> NDArray[Any]:
@@ -365,13 +368,12 @@ class TrainAssembly:
             held = flexed @ (bodies.T @ numbers.held_by)
             stiffness[:, -1] += TURN_UNIT * numbers.hold * held
             damping[:, -1] += TURN_UNIT * numbers.steadying * held
-        by_links = filled(inverse)
-        contacts = by_links[:, [number for number, _ in self.form.contacts]]
+        contacts = inverse[:, [number for number, _ in self.form.contacts]]
         torques = flexed @ (bodies.T @ np.stack(numbers.torques, axis=1))
         columns, driving = [torques[:, 0]], iter(torques.T[1:])
         for load, _, link, factor, _ in self.form.loads:
             if link >= 0:
-                columns.append(-factor * by_links[:, link])
+                columns.append(-factor * inverse[:, link])
             elif not load.varies:
                 columns.append(next(driving))
         return np.concatenate((stiffness, damping, contacts, np.stack(columns, axis=1)), axis=1)
@@ -394,7 +396,7 @@ class TrainAssembly:
             if link.always and not value > 0:
                 yield f"{link.name}.stiffness is {value:g}; it must be > 0"
         if self.form.massless:
-            yield from node_problems(self.form, numbers)
+            yield from numbers.node_problems()
         for link in (self.form.springs[place] for place in self.form.slips):
             if numbers.damping[link] == 0.0 and self.form.links[link].drag:
                 yield (
@@ -550,31 +552,16 @@ class TrainNumbers:
         return numbers
 
     @cached_property
-    def _steps(self) -> list[tuple[Step, Any]]:
-        """The steps through the tree, each with the angle of its child by that of its parent while nothing deflects."""
-        found = []
-        for step in self.form.tree.steps:
-            forward, ratio = self.form.links[step.link].ends[0] == step.parent, self.ratios[step.link]
-            found.append((step, 1 / ratio if forward else ratio))
-        return found
-
-    @cached_property
     def speeds(self) -> NDArray[Any]:
-        """The speeds at which the inertias turn together, the first at 1, shape (inertias,).
-
-        Of a train that is connected to the ground, those at which it would turn without that connection; of one that
-        a prescribed motion drives, those over that of the reference.
-        """
-        if self.form.basis is not None and self.form.is_free:
-            found = self._solved[:, -1]
-            return np.where(np.abs(np.real(found)) < _STILL, found - np.real(found), found)
-        found = np.ones(len(self.form.inertias) + 1, dtype=self.ratios.dtype)
-        for child, speed in self.form.starts:
-            found[child] = speed
-        for step, factor in self._steps:
-            if step.parent != self.form.ground:
-                found[step.child] = found[step.parent] * factor
-        return found[:-1]
+        """The speeds at which the inertias turn together, the first at 1, or those at which a held train begins."""
+        form = self.form
+        if form.is_free:
+            return self._solved[:, -1]
+        begin = np.ones(len(form.inertias), dtype=self.ratios.dtype)
+        for child, speed in form.starts:
+            begin[child] = speed
+        held = [form.basis is not None or form.ground in form.links[link].ends for link in form.independent]
+        return self._solved @ np.where(held, self.rows[list(form.independent)] @ begin, 0.0)
 
     @property
     def referring(self) -> NDArray[np.float64]:
@@ -594,37 +581,27 @@ class TrainNumbers:
 
     @cached_property
     def _solved(self) -> NDArray[Any]:
-        """The angles of the inertias by the deflections of the basis, then by the angle of the root if it is free."""
-        rows = self.rows[list(self.form.basis or ())]
+        """The angles of the inertias by the independent deflections, then by the angle of the root if it is free."""
+        rows = self.rows[list(self.form.independent)]
         if self.form.is_free:
-            rows = np.vstack((rows, np.eye(1, rows.shape[1], self.form.root)))
-        return np.linalg.inv(rows)
+            rows = np.vstack((rows, np.eye(1, rows.shape[1], self.form.tree.root)))
+        found = np.linalg.inv(rows)
+        return np.where(np.abs(np.real(found)) < _STILL, found - np.real(found), found)
 
     @cached_property
     def ways(self) -> NDArray[Any]:
         """The motions of the inertias that deflect no rigid link, shape (inertias, ways), as sparse as they are."""
         return ways_of(self.rows[[link for link in self.form.independent if self.form.links[link].rigid]])
 
-    @cached_property
+    @property
     def _turned(self) -> NDArray[Any]:
-        """The angles of the inertias, and of the ground, by the coordinates while the root of the tree is at rest."""
-        if self.form.basis is not None:
-            found = self._solved[:, [self.form.basis.index(link) for link in self.form.springs]]
-            return np.vstack((found, np.zeros_like(found[:1])))
-        columns = {link: column for column, link in enumerate(self.form.springs)}
-        found = np.zeros((len(self.form.inertias) + 1, len(columns)), dtype=self.ratios.dtype)
-        for step, factor in self._steps:
-            angle = found[step.child]
-            np.multiply(found[step.parent], factor, out=angle)
-            if step.link in columns:
-                forward = self.form.links[step.link].ends[0] == step.parent
-                angle[columns[step.link]] += -factor if forward else 1.0
-        return found
+        """The angles of the inertias by the coordinates while the root is at rest."""
+        return self._solved[:, [self.form.independent.index(link) for link in self.form.springs]]
 
     @cached_property
     def angles(self) -> NDArray[Any]:
         """The matrix T: angles of the inertias by the coordinates, without momentum, shape (inertias, n)."""
-        turned = self._turned[:-1]
+        turned = self._turned
         if not self.form.is_free:
             return turned
         momentum = (self.inertia * self.speeds) @ turned
@@ -639,7 +616,7 @@ class TrainNumbers:
     def _shifts(self) -> NDArray[Any]:
         """The turn by each slip at which the reference stands still: its mean speed is W, whatever slips."""
         slips, place = list(self.form.slips), self.form.reference or 0
-        turned = self._turned[:-1][:, slips]
+        turned = self._turned[:, slips]
         momentum = (self.inertia * self.speeds) @ turned
         return turned[place] / self.speeds[place] - momentum / self.whole
 
@@ -696,7 +673,7 @@ class TrainNumbers:
         for chord in form.tree.chords:
             if form.links[chord].turns or not form.links[chord].rigid:
                 # no other link feels the rotation of the train as a whole
-                angles = self.angles if form.links[chord].turns else self._turned[:-1]
+                angles = self.angles if form.links[chord].turns else self._turned
                 found[chord, : angles.shape[1]] = self.rows[chord] @ angles
         return found
 
@@ -706,25 +683,64 @@ class TrainNumbers:
         return bool(np.abs(row @ self.ways).max() < CONSISTENT * np.abs(row).max())
 
     @cached_property
-    def flexed(self) -> tuple[Matrix, Matrix, Matrix]:
+    def nodes(self) -> tuple[list[str], NDArray[Any]]:
+        """The name of an inertia of each body without inertia, and the columns W, shape (n, such bodies)."""
+        form = self.form
+        light = [way for way in self.ways.T if way[list(form.massless)].any()]
+        nodes = np.zeros((len(form.coordinates), len(light)), dtype=self.ways.dtype)
+        nodes[: len(form.springs)] = self.rows[list(form.springs)] @ np.array(light).T
+        return [form.inertias[np.flatnonzero(way)[0]] for way in light], nodes
+
+    def node_problems(self) -> Iterator[str]:
+        """List what is wrong at bodies without inertia: what joins them must be linear, and have a damper."""
+        form, (names_of_nodes, nodes) = self.form, self.nodes
+        moved = np.abs(self.deflections @ nodes) > _MOVED
+        for name, column in zip(names_of_nodes, moved.T, strict=True):
+            ends = [form.links[number] for number in np.flatnonzero(column)]
+            names, here = " and ".join(link.name for link in ends), f"{name}.inertia is 0"
+            bent = [link.name for link in ends if link.parts or link.turns]
+            alone = len(ends) == 1 and not np.any(np.array(self.torques)[:, form.inertias.index(name)])
+            damped, springs = np.any(self.damping[column]), self.stiffness[column]
+            if alone and not damped:
+                yield f"{here}, and {names} alone holds it, so that no torque acts there: leave both out"
+            elif bent and not alone:  # alone it has no torque, whatever its spring is
+                yield (
+                    f"{here}; it must be > 0 beside {bent[0]}, which is no linear spring or damper: only those may "
+                    "join a part without inertia"
+                )
+            elif form.slips:
+                yield (
+                    f"{here}; it must be > 0 in a train with a drag that alone joins two parts of it: give it a small "
+                    "inertia, or join its shafts in series"
+                )
+            elif not damped and len(springs) == 2 and not any(link.geared for link in ends):
+                yield (
+                    f"{here}, and {names} have no damping, so that it follows them at once: join them in series, as "
+                    f"one shaft with stiffness = {float(np.prod(springs) / np.sum(springs)):.10g}"
+                )
+            elif not damped:
+                yield (
+                    f"{here}, and {names} have no damping, so that no equation gives its rate: give one of them a "
+                    "damping, or the part an inertia"
+                )
+
+    @cached_property
+    def flexed(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Angles of inertias by ways, deflections by torques on ways, and accelerations by forces of links."""
-        form, links = self.form, len(self.form.links)
-        turned = compact(self.ways, links)
-        pulls, mass = (
-            compact(self.rows, links) @ turned,
-            filled(turned.T @ compact(self.inertia[:, None] * self.ways, links)),
-        )
+        form, turned = self.form, self.ways
+        pulls, mass = self.rows @ turned, turned.T @ (self.inertia[:, None] * turned)
         apart = form.basis is None  # then each inertia belongs to one way
-        inverse = compact(np.diag(1.0 / mass.diagonal()) if apart else np.linalg.inv(mass), links)
+        inverse = np.diag(1.0 / mass.diagonal()) if apart else np.linalg.inv(mass)
         flexed = pulls[list(form.springs)] @ inverse
         by_links = flexed @ pulls.T
-        if form.has_turn:  # of the torques on bodies, and of those of the links that slip on: no other turns the whole
+        if form.has_turn:  # of the torques on ways, and of those of the links that slip on: no other turns the whole
             whole = inverse @ (turned.T @ (self.inertia * self.speeds)) / (self.whole * TURN_UNIT)
-            row, slip = np.zeros(links, dtype=whole.dtype), list(form.turning)
+            slip, shifts = list(form.turning), self._shifts / TURN_UNIT
+            row = np.zeros(len(form.links), dtype=whole.dtype)
             row[slip] = (pulls @ whole)[slip]
-            for place, shift in zip(form.slips, self._shifts / TURN_UNIT, strict=True):
-                whole, row = whole + shift * filled(flexed[[place]])[0], row + shift * filled(by_links[[place]])[0]
-            flexed, by_links = (with_row(*pair) for pair in ((flexed, whole), (by_links, row)))
+            for place, shift in zip(form.slips, shifts, strict=True):
+                whole, row = whole + shift * flexed[place], row + shift * by_links[place]
+            flexed, by_links = np.vstack((flexed, whole)), np.vstack((by_links, row))
         return turned, flexed, by_links
 
     @cached_property
@@ -732,7 +748,7 @@ class TrainNumbers:
         """The leaks g of the coordinates, shape (n,): 0 for deflections."""
         form, found = self.form, np.zeros(len(self.form.coordinates), dtype=self.values.dtype)
         if form.slips:
-            inverse = filled(self.flexed[2])
+            inverse = self.flexed[2]
             for place in form.slips:
                 column = self.deflections[:, place]
                 drag = column @ (self.damping * column)  # with that of other drags in parallel
@@ -769,11 +785,9 @@ class TrainNumbers:
 
     @cached_property
     def turning(self) -> NDArray[Any]:
-        """The accelerations of the inertias by their torques as a free train turns as a whole.
+        """The accelerations of inertias by `torques` as a free train turns as a whole; zeros if that is a coordinate.
 
-        Shape (inertias, 1 + loads on inertias): by the mean torques, then by each load at the size 1. Together
-        with `angles`, which have no momentum, they are all of the motion: the angles are ``T x + r psi``, and
-        ``r^T J r psi'' = r^T (torques)``. Zeros if the train is connected to the ground, or if that is a coordinate.
+        Shape (inertias, 1 + loads on inertias): with ``T x + r psi``, ``r^T J r psi'' = r^T (torques)``.
         """
         if not self.form.is_free or self.form.has_turn:
             return np.zeros((len(self.form.inertias), len(self.torques)), dtype=self.values.dtype)

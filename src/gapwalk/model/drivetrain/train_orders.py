@@ -304,9 +304,7 @@ def _speed(train: Train, load: Counted, name: str, paths: _Paths) -> tuple[Fract
 def phased_loads(train: Train) -> Iterator[Load | Counted]:
     """Iterate over the loads, with one for each planet in place of those that vary the meshes of planets apart.
 
-    A tooth of the sun that is at the first planet is later at the next one, by the angle between the two on the
-    carrier: the phase of order n falls by n z_s times that angle. That of the ring is the same, by the condition of
-    assembly.
+    The phase of order n falls by n z_s times the angle between two planets on the carrier; that of the ring, too.
     """
     groups = {
         f"{each.name}_{what}": each

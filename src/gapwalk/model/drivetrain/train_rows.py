@@ -10,15 +10,12 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.drivetrain.train_parts import GROUND, Friction, Gear, Link
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
 
 Row: TypeAlias = Mapping[str, Fraction]
 
@@ -120,33 +117,3 @@ def _add(row: dict[str, Fraction], other: Row, factor: Fraction, leave: str = ""
             row[name] = row.get(name, Fraction(0)) + factor * weight
             if not row[name]:
                 del row[name]
-
-
-Matrix: TypeAlias = "csr_array | NDArray[Any]"
-"""A matrix: sparse for a long train."""
-
-
-_LONG = 100  # links above which products of sparse matrices are cheaper: below, each costs more than all of its sums
-
-
-def compact(matrix: NDArray[Any], links: int) -> Matrix:
-    """Return a matrix of a train of so many links: sparse for a long one."""
-    if links <= _LONG:
-        return matrix
-    from scipy.sparse import csr_array  # imported late, because the import is slow
-
-    return csr_array(matrix)
-
-
-def with_row(matrix: Matrix, row: NDArray[Any]) -> Matrix:
-    """Return a matrix with one more row."""
-    if isinstance(matrix, np.ndarray):
-        return np.vstack((matrix, row))
-    from scipy.sparse import csr_array, vstack  # imported late, because the import is slow
-
-    return csr_array(vstack((matrix, csr_array(row[None])), format="csr"))
-
-
-def filled(matrix: Matrix) -> NDArray[Any]:
-    """Return a matrix with its zeros."""
-    return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()

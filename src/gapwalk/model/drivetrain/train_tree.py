@@ -100,11 +100,7 @@ class Tree:
 
 
 def tree_of(links: Sequence[LinkForm], ground: int) -> Tree:
-    """Build the tree: it prefers rigid links, and contains links to the ground only where necessary.
-
-    Drags close loops: they are in the tree only if no other link connects their inertias. Formulas of the rate alone
-    always do, and so do drags on the ground that nothing else joins to the train.
-    """
+    """Build the tree: rigid links first, links to the ground and drags only where no other connects their inertias."""
     root = ground if any(ground in link.ends and not (link.drag or link.loose) for link in links) else 0
     chosen = _spanning(links, ground, free=root != ground)
     steps = _walk(links, chosen, root)
