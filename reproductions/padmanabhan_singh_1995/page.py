@@ -36,8 +36,8 @@ _DEMANDS = (
     "Equations 10 and 11 of the paper make the eight numbers K and C of each row from few: three inertias, two "
     "stiffnesses, two dampers and the ratio of the widths bc; equation 14 makes both mean loads from one torque. So "
     "some ratios are the same in every row, whatever the machine is. The printed rows do not keep them. So no single "
-    "machine has the numbers of all rows, and where a figure is met only with numbers of another row, that says nothing "
-    "against the method."
+    "machine has the numbers of all rows, and where a figure is met only with numbers of another row, that says "
+    "nothing against the method."
 )
 
 _MACHINE = (
