@@ -139,7 +139,7 @@ def _across(touch: TouchMap) -> str:
     """Return the verdict of a map that is linear on either side of the graze."""
     beyond = touch.monodromy + np.outer(touch.vector, touch.covector)
     both = [np.asarray(np.linalg.eigvals(each), dtype=complex) for each in (touch.monodromy, beyond)]
-    real = [each[np.abs(each.imag) < 1e-12].real for each in both]
+    real = [np.real(each[np.abs(np.imag(each)) < 1e-12]) for each in both]
     if sum(int(np.sum(each > 1.0)) for each in real) % 2:
         return "unknown"  # both motions end there
     if float(np.abs(both[1]).max()) < 1.0:
