@@ -35,7 +35,11 @@ class Grazing:
 
     def __init__(self, kind: str, seed: int) -> None:
         random = np.random.default_rng([seed, KINDS.index(kind) if kind in KINDS else 9])
-        size, damping, self.frequency = random.choice([1, 1, 2]), 10.0 ** random.uniform(-1.3, 0.6), random.uniform(0.4, 3)
+        size, damping, self.frequency = (
+            random.choice([1, 1, 2]),
+            10.0 ** random.uniform(-1.3, 0.6),
+            random.uniform(0.4, 3),
+        )
         coupling = random.uniform(0.3, 2.0)
         self.names, self.mass = ["x", "y"][:size], np.eye(size)
         self.stiffness, self.damping = np.array([[1.0]]), np.array([[damping]])
@@ -140,7 +144,9 @@ def test_one_rigid_stop_in_closed_form():
     amplitude = math.hypot(1.0 - w * w, c * w)
     stop = gw.rigid_stop("s", {"x": 1.0}, 1.0, restitution=restitution)
     load = gw.Harmonic(amplitude * (1.0 - 1e-11), {"x": 1.0})
-    system = gw.System(["x"], mass=[[1.0]], stiffness=[[1.0]], damping=[[c]], contacts=[stop], harmonics=[load], frequency=w)
+    system = gw.System(
+        ["x"], mass=[[1.0]], stiffness=[[1.0]], damping=[[c]], contacts=[stop], harmonics=[load], frequency=w
+    )
     moved = amplitude / (1.0 - w * w + 1j * c * w)
     touch = touch_map(gw.find_orbit(system, start=[moved.real, (1j * w * moved).real]), 0)
     assert touch.order == 0.5
@@ -155,7 +161,9 @@ def test_windows_of_period_adding_are_named_in_the_table():
     amplitude = abs(1.0 - w * w + 1j * c * w)
     stop = gw.rigid_stop("stop", {"x": 1.0}, 1.0, restitution=0.8, side="positive")
     load = gw.Harmonic(0.98 * amplitude, {"x": 1.0}, name="f")
-    system = gw.System(["x"], mass=[[1.0]], stiffness=[[1.0]], damping=[[c]], contacts=[stop], harmonics=[load], frequency=w)
+    system = gw.System(
+        ["x"], mass=[[1.0]], stiffness=[[1.0]], damping=[[c]], contacts=[stop], harmonics=[load], frequency=w
+    )
     branch = gw.follow(gw.find_orbit(system), "f.amplitude", (0.97 * amplitude, 1.001 * amplitude))
     graze = branch.special("grazing")[0]
     assert graze.value == pytest.approx(amplitude, abs=1e-10)

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from gapwalk.bifurcation.special_point import EXACT, zero_between
+from gapwalk.bifurcation.bracketed_zero import EXACT, zero_between
 
 
 def _counted(function):

@@ -18,7 +18,8 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.special_point import StepInterval, zero_between
+from gapwalk.bifurcation.bracketed_zero import zero_between
+from gapwalk.bifurcation.special_point import StepInterval
 from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import NumericalError

@@ -88,7 +88,7 @@ class Beyond:
     multiplier: complex  #: The leading multiplier of the motion that does not touch yet.
     #: Ratio of successive windows of period adding, in the distance from the graze; otherwise nan.
     ratio: float = math.nan
-    #: Depth of the touch at which a multiplier becomes critical, if the motion goes on; infinite if none does, else nan.
+    #: Depth of the touch at which a multiplier becomes critical, if the motion goes on; infinite if none does.
     depth: float = math.nan
 
     @property
@@ -138,8 +138,8 @@ def beyond(touch: TouchMap | None) -> Beyond:
 def _across(touch: TouchMap) -> str:
     """Return the verdict of a map that is linear on either side of the graze."""
     beyond = touch.monodromy + np.outer(touch.vector, touch.covector)
-    both = [np.linalg.eigvals(each) for each in (touch.monodromy, beyond)]
-    real = [each[np.abs(each.imag) < 1e-12].real for each in both]
+    both = [np.asarray(np.linalg.eigvals(each), dtype=complex) for each in (touch.monodromy, beyond)]
+    real = [np.real(each[np.abs(np.imag(each)) < 1e-12]) for each in both]
     if sum(int(np.sum(each > 1.0)) for each in real) % 2:
         return "unknown"  # both motions end there
     if float(np.abs(both[1]).max()) < 1.0:
@@ -181,11 +181,10 @@ def touch_map(orbit: Orbit, switch: int, theta: float | None = None) -> TouchMap
     if leading is None:
         return None
     order, vector, sign = leading
-    size, n = len(there), orbit.system.size
+    n = orbit.system.size
     along = sign * gauge.vector(coefficients)
     after = monodromy @ np.linalg.lstsq(to, vector, rcond=None)[0]
-    covector = along @ to[:n] if size else along
-    return TouchMap(order, float(along @ vector[n : 2 * n]), covector, after, monodromy)
+    return TouchMap(order, float(along @ vector[n : 2 * n]), along @ to[:n], after, monodromy)
 
 
 def _beside(orbit: Orbit, coefficients: Array, switch: int, angle: float, gauge: Gauge) -> tuple[Array, Array, Array]:
@@ -239,7 +238,7 @@ def _leading(
         both = []
         for touches in (True, False):
             inside[stage] = touches is (sign > 0.0)
-            closed = [None] * len(layout.contacts)
+            closed: list[list[bool] | None] = [None] * len(layout.contacts)
             closed[contact] = list(inside)
             both.append(accelerations(layout, coefficients, angle, *here, closed))
         return both[0] - both[1]
