@@ -7,6 +7,8 @@ orbit therefore takes 0 for the position at the start, which is any, and one mul
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,13 +28,20 @@ def drifts_of(system: System) -> Array:
     if structure.assembly is not None:
         return np.zeros((n, 0))
     stiffness, damping = system.matrix("stiffness"), system.matrix("damping")
-    if np.linalg.matrix_rank(stiffness, _NOTHING * np.abs(stiffness).max(initial=0.0)) == n:
+    if _holds_all(stiffness.tobytes(), n):
         return np.zeros((n, 0))
     bound = [system.vector(each) for form in structure.contacts if not _slides(form.law) for each in form.vectors]
     free = _null(np.vstack([_scaled(stiffness), *map(_scaled, bound)]))
     rubs = [system.vector(form.vectors[0]) for form in structure.contacts if _slides(form.law)]
     resisted = np.vstack([_scaled(damping), *map(_scaled, rubs)]) @ free
     return free if np.linalg.matrix_rank(resisted, _NOTHING) == free.shape[1] else np.zeros((n, 0))
+
+
+@lru_cache(maxsize=16)
+def _holds_all(stiffness: bytes, n: int) -> bool:
+    """Return True if a stiffness matrix has full rank; it is asked of each orbit of a branch, mostly of one matrix."""
+    matrix = np.frombuffer(stiffness).reshape(n, n)
+    return bool(np.linalg.matrix_rank(matrix, _NOTHING * np.abs(matrix).max(initial=0.0)) == n)
 
 
 def _slides(law: object) -> bool:
