@@ -185,7 +185,7 @@ def test_measures_are_refused_with_what_is_allowed():
 @pytest.mark.parametrize(("kwargs", "message"), [
     ({"period": 0}, "period is 0; it must be an integer from 1 to 10,000"),
     ({"period": 1.5}, "period is 1.5"),
-    ({"start": "warm"}, 'write "rest", "settle" or a state of 4 numbers'),
+    ({"start": "warm"}, 'write "rest", "settle", "linear" or a state of 4 numbers'),
     ({"start": [1.0, 2.0]}, "4 finite numbers"),
     ({"frequencies": 1.0}, "did you mean 'frequency'"),
     ({"frequency": -1.0}, "frequency is -1.0; it must be > 0"),

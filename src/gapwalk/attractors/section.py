@@ -20,6 +20,7 @@ from gapwalk.flow.motion import Motion, check_state, is_dry
 from gapwalk.model.bounds import Counted, check
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
+from gapwalk.orbit.drifting import brought_back, drifts_of
 
 _SAMPLES = 128  # samples per forcing period between which crossings are bracketed
 _EXACT = 1e-13  # tolerance of an angle
@@ -327,7 +328,7 @@ class Strobe:
     """Advances states of one system by one forcing period, or several."""
 
     def __init__(self, system: System, phase: float = 0.0, *, transition: bool = False) -> None:
-        self.system, self.phase = system, float(phase)
+        self.system, self.phase, self._drifts = system, float(phase), drifts_of(system)
         self._flow, self._coefficients = flow_of(system, transition=transition), coefficients_of(system)
 
     def arc(self, state: NDArray[np.float64], periods: int = 1) -> Arc:
@@ -339,6 +340,5 @@ class Strobe:
         # Their shape is (count, state_size).
         states = np.empty((count, len(state)))
         for k in range(count):
-            state = self.arc(state, every).state
-            states[k] = state
+            state = states[k] = brought_back(self._drifts, self.arc(state, every).state)
         return states

@@ -24,6 +24,7 @@ KINDS = {
     "rms": "root mean square of {}",
     "peak_to_peak": "peak to peak of {}",
     "impacts": "impacts per forcing period on {}",
+    "drift": "progress of {} per forcing period",
 }
 """The kinds of measures that are no orders, in words."""
 IMPACTS = "impacts"

@@ -24,6 +24,7 @@ from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.modes import dissipation_doubts
 from gapwalk.model.static_force import formulas_of
 from gapwalk.model.system import System, check_system
+from gapwalk.orbit.drifting import brought_back, drifts_of
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit, sensitivity
 from gapwalk.orbit.orbit_equation import Newton, OrbitEquation, solve
@@ -209,13 +210,14 @@ def settle(system: System, state: NDArray[np.float64], period: int = 1) -> NDArr
     # One that a jump of a force holds at rest from the start begins in motion instead, as the loads might not set it
     # free.
     flow, coefficients, first = flow_of(system), coefficients_of(system), state
-    most = _TRANSIENT
+    most, drifts = _TRANSIENT, drifts_of(system)
     if prefers_lanes(system):
         state, most = _by_equal_steps(system, state, period), _EXACTLY
     largest = math.inf
     for _ in range(max(1, most // period)):
         try:
             following = flow.integrate(coefficients, state, 0.0, PERIOD * period).state
+            following = brought_back(drifts, following)
         except RestOnJumpError:
             if state is not first or np.any(first[system.size : 2 * system.size]):
                 raise

@@ -20,6 +20,7 @@ from gapwalk.model.coefficients import ContactSlots, coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.static_force import StaticForce, formulas_of
 from gapwalk.model.system import System
+from gapwalk.orbit.drifting import drifts_of
 from gapwalk.orbit.orbit import Orbit
 
 # Centring of an element whose friction never slips: the one orbit of a continuum that a branch follows.
@@ -165,8 +166,9 @@ _LOOSE = (0, 1)  # phases of `Orbit.held` of a stop on which the motion never re
 
 def unheld(system: System) -> NDArray[np.float64]:
     """Return the directions in which the stiffness matrix has no spring, orthonormal, shape (n, ways)."""
-    # There, only contacts and formulas can restrain the system.
-    _, sizes, rows = np.linalg.svd(system.matrix("stiffness"))
+    # There, only contacts and formulas can restrain the system; where it drifts, nothing does, nor needs to.
+    stiffness, drifts = system.matrix("stiffness"), drifts_of(system)
+    _, sizes, rows = np.linalg.svd(stiffness + (np.abs(stiffness).max() or 1.0) * drifts @ drifts.T)
     return rows[sizes <= _NOTHING * sizes[0]].T
 
 

@@ -30,6 +30,7 @@ from gapwalk.model.measures import EXAMPLES, IMPACTS, KINDS, MeasureName, full_m
 from gapwalk.model.problems import did_you_mean, near_names
 from gapwalk.model.system import System, pace_text
 from gapwalk.notebook import Shown
+from gapwalk.orbit.drifting import brought_back, drifts_of
 from gapwalk.orbit.floquet import Instability, classify
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.sticking import (
@@ -110,6 +111,10 @@ def _measured(orbit: Orbit, asked: MeasureName) -> float:
         return float(impact_rate(orbit, signal))
     if asked.orders:
         return math.hypot(*(abs(each) for each in harmonics(orbit, asked.orders, signal)))
+    if asked.kind == "drift":
+        if signal not in coordinates:
+            raise ModelError(f"only coordinates drift, not {signal!r}; {did_you_mean(signal, coordinates)}")
+        return float(orbit.drift[coordinates.index(signal)]) / orbit.period
     if signal in coordinates:
         row = orbit.extremes[coordinates.index(signal)]
     else:
@@ -320,7 +325,23 @@ class Orbit(Shown):
     @property
     def kept(self) -> int:
         """Number of multipliers that are exactly 1, for the orbit is one of a continuum; they say nothing of it."""
-        return len(self.stuck)
+        return len(self.stuck) or self._drifts.shape[1]
+
+    @cached_property
+    def _drifts(self) -> NDArray[np.float64]:
+        return drifts_of(self.system)
+
+    @cached_property
+    def drift(self) -> NDArray[np.float64]:
+        """Increments of the positions over the orbit's period, shape (n,); zero but for what moves over the ground.
+
+        A motion repeats up to a translation in a direction in which no force depends on a position, as of a mass that
+        slides by dry friction: its position at the start is any.
+        """
+        if not self._drifts.shape[1]:
+            return np.zeros(self.system.size)
+        moved = self.motion(1).q
+        return self._drifts @ (self._drifts.T @ (moved[-1] - moved[0]))
 
     @property
     def own_method(self) -> Method | None:
@@ -559,14 +580,17 @@ class Orbit(Shown):
         return [(PERIOD * self.period * j / count, state) for j, state in enumerate(self.restarts, start=1)]
 
     def strobes(self, count: int, apart: float = PERIOD) -> NDArray[np.float64]:
-        """Return the first `count` states at intervals of `apart` radians of theta, shape (count, state_size)."""
+        """Return the first `count` states at intervals of `apart` radians of theta, shape (count, state_size).
+
+        They are brought back along the `drift`, which is the same from each of them on.
+        """
         states, flow, coefficients = [self.state], flow_of(self.system), coefficients_of(self.system)
         if len(self.restarts):
             return flow.sample(coefficients, self.state, apart * np.arange(float(count)), self.known_states).states
         for number in range(count - 1):
             start = number * apart % PERIOD
             states.append(flow.integrate(coefficients, states[-1], start, start + apart).state)
-        return np.array(states)
+        return brought_back(self._drifts, np.array(states))
 
     @property
     def samples(self) -> int:
@@ -622,7 +646,8 @@ class Orbit(Shown):
         ``h0``, ``h1``, ... or ``order1``, ... (amplitude of a harmonic of W, or of an order per turn of a shaft;
         ``h1/2`` for half of it, ``order2+4+6`` for the root of the sum of squares); the second a signal. ``a/b`` is the
         ratio of two measures, or of one of two signals: ``order2.input.speed/flywheel.speed``. With ``db.`` in front
-        it is a level in dB: see `gapwalk.model.measures`. ``impacts`` and a contact: its impacts per forcing period.
+        it is a level in dB: see `gapwalk.model.measures`. ``impacts`` and a contact: its impacts per forcing period;
+        ``drift`` and a coordinate: its progress in one.
         """
         return measure(self, name)
 
@@ -652,7 +677,7 @@ def returns(orbit: Orbit, count: int) -> NDArray[np.float64]:
     """Return the first `count` states at the start of a forcing period, at most all; shape (count, state_size)."""
     # Where the survey of the motion has them, which a walk needs of each point, nothing more is integrated.
     known = orbit._survey.returns if orbit.is_exact else None
-    return orbit.strobes(count) if known is None else known[:count]
+    return orbit.strobes(count) if known is None else brought_back(drifts_of(orbit.system), known[:count])
 
 
 def _distances(states: NDArray[np.float64], orbit: Orbit) -> NDArray[np.float64]:

@@ -27,6 +27,7 @@ from gapwalk.flow.motion import Gauge
 from gapwalk.flow.symmetry import Symmetry, symmetries_of
 from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
 from gapwalk.model.system import System
+from gapwalk.orbit.drifting import brought_back, drifts_of, returned, together
 from gapwalk.orbit.floating import centre_of
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
@@ -121,6 +122,8 @@ class ShootingEquation(OrbitEquation):
         ]
         kept = bool(never_slipping(arcs))
         free = released(layout_of(self.system.structure), coefficients, arcs, states[0], self.length) if kept else arcs
+        if not kept and self._drifts.shape[1]:
+            free = returned(self._drifts, arcs)
         found = assembled(free, states)
         if kept and direction is not None:
             self._place(found, bounded, coefficients, direction, arcs, states)
@@ -138,9 +141,10 @@ class ShootingEquation(OrbitEquation):
         """Return the orbit of a solution."""
         arcs: list[Arc] = evaluation.evidence
         system = self.system_at(value)
+        state = unknowns[: system.state_size].copy()
         if self.begin:
             arcs = self._from_zero(coefficients_of(system), arcs, unknowns.reshape(len(arcs), -1))
-        state = arcs[-1].state if self.begin else unknowns[: system.state_size].copy()
+            state = brought_back(self._drifts, arcs[-1].state)
         closure = Closure.of(layout_of(system.structure), lambda: coefficients_of(system), arcs, state)
         return Orbit(
             system,
@@ -298,6 +302,10 @@ class ShootingEquation(OrbitEquation):
         return False
 
     @cached_property
+    def _drifts(self) -> NDArray[np.float64]:
+        return drifts_of(self.system)
+
+    @cached_property
     def _symmetries(self) -> tuple[Symmetry, ...]:
         return symmetries_of(self.system)
 
@@ -309,7 +317,7 @@ class ShootingEquation(OrbitEquation):
         full, known = PERIOD * self.period, orbit.known_states
         known = [*known, (full, orbit.state), *((full + angle, state) for angle, state in known)]
         found = flow.sample(coefficients, orbit.state, np.array([0.0, *self.knots]), known)
-        return found.states[1:-1].ravel()
+        return together(self._drifts, found.states[1:-1]).ravel()
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
         """Return scales: a length for positions, times the frequency for velocities, divided among the unknowns."""
@@ -338,7 +346,7 @@ class ShootingEquation(OrbitEquation):
             states = [flow.integrate(coefficients, states[0], 0.0, self.begin).state]
         for start, stop in pairwise(self.knots[:-1]):
             states.append(flow.integrate(coefficients, states[-1], start, stop).state)
-        return np.concatenate(states)
+        return together(self._drifts, np.array(states)).ravel()
 
     def carried(
         self, state: NDArray[np.float64], change: NDArray[np.float64], value: float, start: float, stop: float
