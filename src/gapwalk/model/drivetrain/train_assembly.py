@@ -323,17 +323,9 @@ class TrainAssembly:
         numbers, lagging = self.numbers(values), self.lagging(values)
         form, turned, deflections = self.form, numbers.angles, numbers.deflections
         mass = turned.T @ (numbers.inertia[:, None] * turned)
-        damping, stiffness = (
-            deflections.T @ (each[:, None] * deflections) for each in (numbers.damping, numbers.stiffness)
-        )
         if form.has_turn and not form.slips:
             mass[-1, :-1] = mass[:-1, -1] = 0.0
-        if form.slips:
-            damping, stiffness = damping + mass * numbers.leaks, stiffness + damping * numbers.leaks
-        if form.has_turn:
-            held = turned.T @ numbers.held_by
-            stiffness[:, -1] += TURN_UNIT * numbers.hold * held
-            damping[:, -1] += TURN_UNIT * numbers.steadying * held
+        stiffness, damping = numbers.matrices(deflections.T, mass, turned.T)
         if lagging is not None:
             mass, damping = mass + damping @ lagging, damping + stiffness @ lagging
         mean, *torques = numbers.torques
@@ -359,15 +351,7 @@ class TrainAssembly:
             return None
         numbers = self.numbers(values)
         bodies, flexed, inverse = numbers.flexed
-        stiffness, damping = (
-            inverse @ (each[:, None] * numbers.deflections) for each in (numbers.stiffness, numbers.damping)
-        )
-        if self.form.slips:
-            stiffness, damping = stiffness + damping * numbers.leaks, damping + np.diag(numbers.leaks)
-        if self.form.has_turn:
-            held = flexed @ (bodies.T @ numbers.held_by)
-            stiffness[:, -1] += TURN_UNIT * numbers.hold * held
-            damping[:, -1] += TURN_UNIT * numbers.steadying * held
+        stiffness, damping = numbers.matrices(inverse, np.eye(len(inverse)), flexed @ bodies.T)
         contacts = inverse[:, [number for number, _ in self.form.contacts]]
         torques = flexed @ (bodies.T @ np.stack(numbers.torques, axis=1))
         columns, driving = [torques[:, 0]], iter(torques.T[1:])
@@ -742,6 +726,19 @@ class TrainNumbers:
                 whole, row = whole + shift * flexed[place], row + shift * by_links[place]
             flexed, by_links = np.vstack((flexed, whole)), np.vstack((by_links, row))
         return turned, flexed, by_links
+
+    def matrices(
+        self, links: NDArray[Any], mass: NDArray[Any], inertias: NDArray[Any]
+    ) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return stiffness and damping of equations that weigh forces of links and torques on inertias so."""
+        stiffness, damping = (links @ (each[:, None] * self.deflections) for each in (self.stiffness, self.damping))
+        if self.form.slips:
+            stiffness, damping = stiffness + damping * self.leaks, damping + mass * self.leaks
+        if self.form.has_turn:
+            held = inertias @ self.held_by
+            stiffness[:, -1] += TURN_UNIT * self.hold * held
+            damping[:, -1] += TURN_UNIT * self.steadying * held
+        return stiffness, damping
 
     @cached_property
     def leaks(self) -> NDArray[Any]:
