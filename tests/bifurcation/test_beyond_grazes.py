@@ -84,7 +84,7 @@ def is_right(grazing: Grazing, found: Beyond) -> bool:
         return first == second == 1 and 0.05 < nearer / there < 0.2
     if found.verdict == "jumps":
         return grazing.settled(1e-8)[1] > max(1e-7, 0.3 * grazing.settled(1e-7)[1])
-    depth = 1e-4 if found.verdict == "doubles" else 1e-6
+    depth = 1e-5 if found.verdict == "doubles" else 1e-6
     period, deepest = grazing.settled(depth)
     if not deepest < 100.0 * depth:
         return False
@@ -117,7 +117,7 @@ def test_motions_settle_as_the_touch_foretells(kind):
 def test_two_hundred_grazes(kind):
     verdicts = [tried(kind, seed) for seed in range(100, 150)]
     assert not [each for each in verdicts if "wrong" in each], verdicts
-    assert verdicts.count("unknown") <= 5, verdicts
+    assert verdicts.count("unknown") <= 8, verdicts
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "viscous"])

@@ -28,7 +28,8 @@ _RATE = 1e-4  # rate, as a share of the velocities, at which jumps of the force 
 _NONE = 1e-8  # share of the accelerations below which a jump is none
 
 _RETURNS = 400  # periods over which a touch is followed
-_LITTLE = 1e-3  # share of the largest return below which the sign of another one decides nothing
+# share of the largest return, or of the root of the motion, below which the sign of another one decides nothing
+_LITTLE = 1e-3
 _RESONANT = 0.02  # size of the square-root term below which the motion beyond soon is stable again
 _ANGLES = 720  # arguments of multipliers on the unit circle that are tried
 _ALONE = 0.9  # largest ratio of the second multiplier to the leading one, of which the theory knows only one
@@ -47,6 +48,7 @@ class TouchMap:
     covector: Array  #: shape (N,): c, the derivative of the depth by the state at the section.
     vector: Array  #: shape (N,): What b has become at the end of the period.
     monodromy: Array  #: shape (N, N): M, without the touch.
+    size: float  #: The largest position of the motion.
 
     def sequence(self, count: int) -> Array:
         """Return ``c M^n b`` for n = 1 to a count."""
@@ -123,7 +125,7 @@ def beyond(touch: TouchMap | None) -> Beyond:
         return Beyond("unknown", *known)
     first = int(np.argmax(returns > 0.0)) if float(returns.max()) > 0.0 else None
     if first is not None:
-        sure = float(returns[first]) > _LITTLE * largest
+        sure = float(returns[first]) > _LITTLE * max(largest, math.sqrt(touch.size))
         return Beyond("jumps" if sure else "unknown", *known)
     second = abs(touch.multipliers[1]) / abs(leading) if len(touch.multipliers) > 1 else 0.0
     one = leading.imag == 0.0 and leading.real > 0.0 and second < _ALONE and bool((np.diff(returns) >= 0.0).all())
@@ -184,7 +186,14 @@ def touch_map(orbit: Orbit, switch: int, theta: float | None = None) -> TouchMap
     n = orbit.system.size
     along = sign * gauge.vector(coefficients)
     after = monodromy @ np.linalg.lstsq(to, vector, rcond=None)[0]
-    return TouchMap(order, float(along @ vector[n : 2 * n]), along @ to[:n], after, monodromy)
+    return TouchMap(
+        order,
+        float(along @ vector[n : 2 * n]),
+        along @ to[:n],
+        after,
+        monodromy,
+        float(np.abs(orbit.extremes[:, :2]).max()),
+    )
 
 
 def _beside(orbit: Orbit, coefficients: Array, switch: int, angle: float, gauge: Gauge) -> tuple[Array, Array, Array]:
