@@ -123,3 +123,10 @@ def test_a_capsule_is_followed_through_folds_and_sliding_and_doubles_its_period(
     assert strobes[4] - strobes[2] == pytest.approx(doubled.drift, abs=1e-8)
     assert abs((strobes[1] - strobes[0])[0] - (strobes[2] - strobes[1])[0]) > 1e-4
     assert any(point.measure("drift.capsule") > 0.02 for point in branch.points)
+
+
+@pytest.mark.parametrize("system", [sled(), rubbing(), capsule()], ids=["sled", "rubbing", "capsule"])
+def test_another_integrator_confirms_the_drift(system):
+    found = gw.settle(system).orbit
+    assert abs(found.drift[0]) > 1e-3
+    assert gw.verify(gw.follow(found, "frequency", system["frequency"] * np.array([0.995, 1.005]))).ok

@@ -167,7 +167,8 @@ def _around(orbits: Sequence[Orbit], finer: float, kinks: Sequence[Kinks]) -> li
         for step, state in plan.restarts:
             restarts.setdefault(step, []).append((lane, state))
     equations = Equations([orbits[index].system for index in order])
-    motions = _Motions(equations, states[order])
+    drifts = np.array([[*orbit.drift, *np.zeros(n)] for orbit in orbits])
+    motions = _Motions(equations, states[order], states[order] + drifts[order])
     motions.cross(crossings.get(-1, ()), theta[0])
     for k in range(counts[0]):
         active = int(np.searchsorted(-counts, -k))  # those with more than k steps come first
@@ -251,9 +252,9 @@ def _graded(nodes: Array, first: bool, last: bool) -> Array:
 class _Motions:
     """Orbits that are integrated together."""
 
-    def __init__(self, equations: Equations, states: Array) -> None:
+    def __init__(self, equations: Equations, states: Array, ends: Array) -> None:
         self.equations, n = equations, equations.size
-        self._start, self._state = states, np.column_stack((states, np.zeros(len(states))))
+        self._returns, self._state = ends, np.column_stack((states, np.zeros(len(states))))
         self._gaps = np.zeros(states.shape)  # at the known states
         self._errors, self._astray = np.zeros(states.shape), np.zeros(len(states))
         self._largest, self._smallest = states[:, :n].copy(), states[:, :n].copy()
@@ -389,7 +390,7 @@ class _Motions:
         length = max(float(np.abs([self._largest[lane], self._smallest[lane]]).max()), np.finfo(float).tiny)
         speed = max(float(self._fastest[lane]), np.finfo(float).tiny)
         units = np.repeat([length, speed], n)
-        gap = np.maximum(self._gaps[lane], np.abs(self._state[lane, : 2 * n] - self._start[lane])) / units
+        gap = np.maximum(self._gaps[lane], np.abs(self._state[lane, : 2 * n] - self._returns[lane])) / units
         error = float((self._errors[lane] / units).max())
         extremes = np.column_stack((self._largest[lane], self._smallest[lane]))
         closure = float(gap.max())
