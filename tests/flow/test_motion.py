@@ -59,7 +59,7 @@ def test_signals_by_name():
         motion.signal("q2")
 
 
-@pytest.mark.parametrize("state", [[1.0], [1, 2, 3, float("nan")], "zero", [[1, 2, 3, 4]], None])
+@pytest.mark.parametrize("state", [[1.0], [1, 2, 3, float("nan")], "zero", [[[1, 2, 3, 4]]], None])
 def test_a_wrong_state_is_refused(state):
     with pytest.raises(ModelError, match="4 finite numbers"):
         integrate(clutch(), state)

@@ -476,7 +476,7 @@ def completion(shell: Literal["bash", "zsh", "fish"], /, *, debug: Debug = False
     return 0
 
 
-@command(9, "gapwalk manual > ~/.local/share/man/man1/gapwalk.1  # then: man gapwalk")
+@command(9, "gapwalk manual  # into a file gapwalk.1 where man looks, such as ~/.local/share/man/man1")
 def manual(*, debug: Debug = False) -> int:
     """Print the manual page of all commands, for man."""
     from gapwalk.cli.docs_command import man_page

@@ -395,7 +395,7 @@ def integrate(
     """
     check("periods", periods, Positive)
     check("samples", samples, Annotated[float, Ge(1)])
-    if isinstance(start, list | tuple) and start and np.ndim(start[0]):
+    if isinstance(start, list | tuple) and start and np.ndim(start[0]) == 1:
         return tuple(integrate(system, each, periods, samples, phase) for each in start)
     count = max(1, round(samples * periods))
     return sample(system, np.asarray(start), phase + PERIOD * periods * np.arange(count + 1) / count)

@@ -220,7 +220,7 @@ class Result(Shown):
                     *(words["kind"], words["at"], words["±"], f"{special.point.measure(measure):#.8g}"),
                     words["multiplier"],
                     " → ".join(counts) if diagram else words["stability"],  # that of a diagram is wide enough as it is
-                    words["criticality"].removesuffix(" values") or words["contact"],
+                    ": ".join(filter(None, (words["contact"], words["criticality"].removesuffix(" values")))),
                 ]
                 if diagram:
                     leads_to = " ".join(member.name for member in diagram.attached(name, index))

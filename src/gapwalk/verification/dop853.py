@@ -167,7 +167,7 @@ def _around(orbits: Sequence[Orbit], finer: float, kinks: Sequence[Kinks]) -> li
         for step, state in plan.restarts:
             restarts.setdefault(step, []).append((lane, state))
     equations = Equations([orbits[index].system for index in order])
-    drifts = np.array([[*orbit.drift, *np.zeros(n)] for orbit in orbits])
+    drifts = np.array([np.pad(orbit.drift, (0, states.shape[1] - n)) for orbit in orbits])
     motions = _Motions(equations, states[order], states[order] + drifts[order])
     motions.cross(crossings.get(-1, ()), theta[0])
     for k in range(counts[0]):

@@ -648,7 +648,7 @@ def _round(orbit: Orbit, motion: _Motion | None) -> DryRound:
         return DryRound(math.inf, math.inf, math.nan, np.full((n, 2), math.nan), math.inf)
     scales = motion.scales
     end = np.real(motion.states[0])
-    gap = np.abs(end - orbit.state - [*orbit.drift, *np.zeros(n)]) / scales
+    gap = np.abs(end - orbit.state - np.pad(orbit.drift, (0, len(end) - n))) / scales
     extremes = np.column_stack((motion.largest, motion.smallest))
     transition = (np.imag(motion.states[1:]) / SMALL).T
     changes = tuple(motion.changes)
