@@ -139,7 +139,7 @@ BAD = [
     ("start = [0.1, 0.2, 0.3, 0.4]", "start = [0.1, 0.2]", 25, "study.start", ["2 numbers; it must have 4"]),
     ("start = [0.1, 0.2, 0.3, 0.4]", 'start = [0, 0, 0, "0"]', 25, "study.start[3]", ['is "0"; it must be a number']),
     ("start = [0.1, 0.2, 0.3, 0.4]", 'start = "settel"', 25, "study.start", ["did you mean settle?"]),
-    ("start = [0.1, 0.2, 0.3, 0.4]", "start = 3", 25, "study.start", ["is 3", '"rest", "settle", "linear", or the state']),
+    ("start = [0.1, 0.2, 0.3, 0.4]", "start = 3", 25, "study.start", ["is 3", '"rest", "settle", "linear", or']),
     ('"max.q3"', '"peak.q3"', 26, "study.measure", ['is "peak.q3"; it must be one of max, min, half, mean, rms']),
     ('"max.q3"', '"max"', 26, "study.measure", ["a dot and a signal"]),
     ('"max.q3"', '"max.q2"', 26, "study.measure", ["there is no signal q2", "q1"]),
