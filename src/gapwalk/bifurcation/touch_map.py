@@ -153,8 +153,8 @@ def _across(touch: TouchMap) -> str:
 def _reach(touch: TouchMap) -> float:
     """Return the smallest depth of a touch of order 3/2 at which a multiplier is on the unit circle."""
     arguments = np.linspace(0.0, math.pi, _ANGLES + 1)
-    found = np.array([touch.response(cmath.exp(1j * each)) for each in arguments])
-    real, imag = found.real, found.imag
+    found = np.array([touch.response(cmath.exp(1j * each)) for each in arguments], complex)
+    real, imag = np.real(found), np.imag(found)
     values = [value for value in real[[0, -1]].tolist() if value > 0.0]
     for k in np.flatnonzero(imag[1:-2] * imag[2:-1] < 0.0) + 1:
         share = imag[k] / (imag[k] - imag[k + 1])
