@@ -71,8 +71,8 @@ class Grazing(Kind):
 
     def foretold(self, special: SpecialPoint) -> Beyond:
         """See `Kind.foretold`; by the leading term of the touch."""
-        names = [describe_switch(special.orbit, switch) for switch in range(len(special.orbit.closings))]
-        return beyond(touch_map(special.orbit, names.index(special.contact)))
+        switch = switch_named(special.orbit, special.contact)
+        return beyond(None if switch is None else touch_map(special.orbit, switch))
 
     def examined(
         self, special: SpecialPoint, before: BranchPoint, after: BranchPoint
