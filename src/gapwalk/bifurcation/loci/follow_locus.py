@@ -189,15 +189,16 @@ class NearGrazing:
 
     def corner(self, start: NDArray[np.float64]) -> Correction | None:
         """Return the orbit of the locus that just touches, seen from outside the breakpoint."""
-        x = start * self._scales
-        return self.at(-self.margin if self._touch.is_highest(x[:-1], float(x[-1])) else self.margin, start)
+        return self.at(self._outside(start), start)
 
     def outside(self, point: BranchPoint, theta: float) -> tuple[Corrector, NDArray[np.float64]]:
         """Return the corrector of motions that just do not touch, and a start for it near a point of the locus."""
         start = np.insert(point.x, -2, theta / PERIOD)
+        return Corrector(replace(self._touch, depth=self._outside(start)), self._scales), start
+
+    def _outside(self, start: NDArray[np.float64]) -> float:
         x = start * self._scales
-        depth = -self.margin if self._touch.is_highest(x[:-1], float(x[-1])) else self.margin
-        return Corrector(replace(self._touch, depth=depth), self._scales), start
+        return -self.margin if self._touch.is_highest(x[:-1], float(x[-1])) else self.margin
 
     def at(self, depth: float, start: NDArray[np.float64]) -> Correction | None:
         """Return the orbit with a given depth, found along the curve of that depth; None if none is found."""

@@ -294,10 +294,7 @@ def find_codim2(
     ]
     for what in () if isinstance(locus, Sliding) else _KINDS.get(locus, _ON_OTHERS):
         function = _function(locus, what, corrector, first)
-        rate = None
-        if before is not None and before.arclength < first.arclength:
-            rate = (function(first) - function(before)) / (first.arclength - before.arclength)
-        zeros = _search(function, interval, first, last, rate)
+        zeros = _search(function, interval, first, last, before)
         genuine = (point for point in zeros if _is_genuine(locus, what, point, interval))
         found += [Finding(what, point, "", _error(function, interval, point)) for point in genuine]
     if isinstance(corrector.equation, GrazingEquation):
@@ -327,10 +324,7 @@ def _resonances(
         def function(point: BranchPoint, target: float | None = target) -> float:
             return resonance(point, equation.switch, float(point.x[-3] * corrector.scales[-3]), target)
 
-        rate = None
-        if before is not None and before.arclength < first.arclength:
-            rate = (function(first) - function(before)) / (first.arclength - before.arclength)
-        for point in _search(function, interval, first, last, rate):
+        for point in _search(function, interval, first, last, before):
             if all(abs(point.arclength - other.point.arclength) > _ONE for other in found):
                 found.append(Finding(what, point, contact, _error(function, interval, point)))
     return found
@@ -459,9 +453,13 @@ def _critical(locus: Kind, multipliers: NDArray[np.complex128]) -> list[int]:
 
 
 def _search(
-    function: Callable[[BranchPoint], float], interval: StepInterval, a: BranchPoint, b: BranchPoint, rate: float | None
+    function: Callable[[BranchPoint], float],
+    interval: StepInterval,
+    a: BranchPoint,
+    b: BranchPoint,
+    before: BranchPoint | None,
 ) -> list[BranchPoint]:
-    """Return all zeros between two points, given the rate of change before them, if any."""
+    """Return all zeros between two points, given the point before them, if any."""
     length, at_a, at_b = b.arclength - a.arclength, function(a), function(b)
     if not max(abs(at_a), abs(at_b)) >= _NOISE:
         return []  # undefined, or zero everywhere, as with multipliers on the unit circle without damping
@@ -469,12 +467,13 @@ def _search(
         ends = a.arclength, b.arclength
         root = zero_between_signs(lambda s: function(interval.at(s)), *ends, absolute=_EXACT, relative=1e-14)
         return [interval.at(root)]
-    bend = abs(at_b - at_a - rate * length) if rate is not None else abs(at_b - at_a)
+    bend = abs(at_b - at_a)
+    if before is not None and before.arclength < a.arclength:
+        bend = abs(at_b - at_a - (at_a - function(before)) / (a.arclength - before.arclength) * length)
     if length < _FINEST or min(abs(at_a), abs(at_b)) > _DOUBT * bend:
         return []
     middle = interval.middle(a, b)
-    left = _search(function, interval, a, middle, rate)
-    return left + _search(function, interval, middle, b, (function(middle) - at_a) / (0.5 * length))
+    return _search(function, interval, a, middle, before) + _search(function, interval, middle, b, a)
 
 
 def _error(function: Callable[[BranchPoint], float], interval: StepInterval, point: BranchPoint) -> float:
