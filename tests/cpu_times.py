@@ -13,7 +13,7 @@ def used() -> float:
 
 
 class CpuTimes:
-    """What each test takes, its fixtures included; processes count for the test that ends them."""
+    """CPU time of each test, its fixtures included; processes count for the test that ends them."""
 
     def __init__(self, limit: float) -> None:
         self.limit, self.start, self.seconds = limit, 0.0, dict[str, float]()

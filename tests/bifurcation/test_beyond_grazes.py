@@ -1,4 +1,4 @@
-"""What lies beyond a graze: the map of a touch against exact matrices, its verdicts against motions that settle."""
+"""Motions beyond a graze: the map of a touch against exact matrices, its verdicts against motions that settle."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Grazing:
 
 
 def is_right(grazing: Grazing, found: Beyond) -> bool:
-    """Whether settled motions are as stated."""
+    """Return True if settled motions are as stated."""
     if found.verdict == "goes on":
         depth = min(1e-5, 0.02 * found.depth)
         (first, there), (second, nearer) = grazing.settled(depth), grazing.settled(0.1 * depth)

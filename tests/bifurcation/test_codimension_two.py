@@ -91,7 +91,7 @@ def test_loci_of_random_rigid_oscillators_end_at_named_points(seed):
 
 
 def test_with_two_coordinates_fold_flip_and_square_root_part():
-    # the responses of the touch, computed anew at the located motions, vanish one by one
+    # the responses of the touch, computed again at the located motions, vanish one by one
     grazing = Grazing("rigid", 0)
     assert len(grazing.names) == 2
     start = gw.find_orbit(grazing.system(-0.01), start=grazing.start(-0.01))

@@ -979,7 +979,7 @@ class SpecialPoint(Shown):
 
     @property
     def beyond_words(self) -> str:
-        """What lies beyond the point, in a table; empty at kinds other than grazing."""
+        """Verdict on the motion beyond the point, as in a table; empty at kinds other than grazing."""
         return self.beyond.words if self.beyond is not None else ""
 
     @property

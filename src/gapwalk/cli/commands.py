@@ -479,9 +479,10 @@ def completion(shell: Literal["bash", "zsh", "fish"], /, *, debug: Debug = False
 @command(9, "gapwalk manual  # into a file gapwalk.1 where man looks, such as ~/.local/share/man/man1")
 def manual(*, debug: Debug = False) -> int:
     """Print the manual page of all commands, for man."""
+    from gapwalk import __version__
     from gapwalk.cli.docs_command import man_page
 
-    print(man_page(app, __import__("gapwalk").__version__, EXIT_CODES))
+    print(man_page(app, __version__, EXIT_CODES))
     return 0
 
 

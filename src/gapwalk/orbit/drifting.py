@@ -30,9 +30,14 @@ def drifts_of(system: System) -> Array:
     stiffness, damping = system.matrix("stiffness"), system.matrix("damping")
     if _holds_all(stiffness.tobytes(), n):
         return np.zeros((n, 0))
-    bound = [system.vector(each) for form in structure.contacts if not _slides(form.law) for each in form.vectors]
+    bound = [
+        system.vector(each)
+        for form in structure.contacts
+        if not isinstance(form.law, Friction)
+        for each in form.vectors
+    ]
     free = _null(np.vstack([_scaled(stiffness), *map(_scaled, bound)]))
-    rubs = [system.vector(form.vectors[0]) for form in structure.contacts if _slides(form.law)]
+    rubs = [system.vector(form.vectors[0]) for form in structure.contacts if isinstance(form.law, Friction)]
     resisted = np.vstack([_scaled(damping), *map(_scaled, rubs)]) @ free
     return free if np.linalg.matrix_rank(resisted, _NOTHING) == free.shape[1] else np.zeros((n, 0))
 
@@ -42,10 +47,6 @@ def _holds_all(stiffness: bytes, n: int) -> bool:
     """Return True if a stiffness matrix has full rank; it is asked of each orbit of a branch, mostly of one matrix."""
     matrix = np.frombuffer(stiffness).reshape(n, n)
     return bool(np.linalg.matrix_rank(matrix, _NOTHING * np.abs(matrix).max(initial=0.0)) == n)
-
-
-def _slides(law: object) -> bool:
-    return isinstance(law, Friction)
 
 
 def _scaled(matrix: Array) -> Array:
