@@ -6,12 +6,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.answers.gap_states import OTHER, Direction
+from gapwalk.answers.gap_states import OTHER, Direction, SettledSweep, seldom, spans_of
 from gapwalk.answers.lane_sweep import Piece, is_many, joined, known_at, other_sweeps, started_piece, sweep_piece
 from gapwalk.answers.rattle_bands import RattleBands
+from gapwalk.attractors.lane_settling import LaneMotion
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies.study_file import check_study
 from tests.attractors.lane_labels import Text
@@ -155,3 +157,39 @@ def test_where_no_start_leads_elsewhere_the_share_is_bounded() -> None:
     found, notes = other_sweeps(SMALL, sweeps, 30, started)
     assert not found
     assert "share of starts that lead elsewhere is below 37.5 % with 95 % confidence" in notes[1]
+
+
+def motion(value: float, period: int, closings: float, watched: int = 66) -> LaneMotion:
+    """A motion of which only the closings of one gap count."""
+    one, none = np.ones(1), np.zeros((3, 1))
+    sides = np.array([[closings, 0.0]])
+    figures = dict.fromkeys(("peak", "power", "approach", "rms", "largest", "kurtosis", "error"), one)
+    return LaneMotion(value, one, period, 50, watched, sides, one > 0.0, extremes=none, **figures)
+
+
+def sweep_of(*motions: LaneMotion) -> SettledSweep:
+    """The motions as a rising sweep of one gap, over its values."""
+    ends = motions[0].value, motions[-1].value
+    return SettledSweep("speed", ends, Direction.UP, (), (), lanes=motions, contacts=("mesh",))
+
+
+def test_a_gap_that_parts_seldom_in_chaos_has_one_band_and_an_end_of_that_kind() -> None:
+    rare = [motion(1, 0, 3.0), motion(2, 0, 0.0), motion(3, 0, 0.02), motion(4, 0, 0.0), motion(5, 0, 0.0)]
+    sweep = sweep_of(*rare)
+    rattles, seldom_parts = spans_of(sweep, "mesh")
+    assert (rattles.low.value, rattles.high.value, rattles.high.kind) == (1, 3.5, "seldom parts beyond")
+    assert (rattles.state.rattles, seldom_parts.state.rattles) == (True, False)
+    assert seldom([sweep], "mesh") == (
+        "mesh did not part at 2 values from 4 to 5, where the motion has no period: with 95 % confidence it parts "
+        "there less than once in 22 forcing periods"
+    )
+
+
+def test_a_periodic_motion_that_does_not_part_is_quiet() -> None:
+    sweep = sweep_of(motion(1, 0, 3.0), motion(2, 1, 0.0), motion(3, 0, 0.02))
+    assert [(span.high.value, span.high.kind) for span in spans_of(sweep, "mesh")] == [
+        (1.5, "between samples"),
+        (2.5, "between samples"),
+        (3, "end of the range"),
+    ]
+    assert seldom([sweep], "mesh") is None

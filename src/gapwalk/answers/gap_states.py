@@ -567,7 +567,7 @@ def _width(system: System, gap: str) -> float:
 
 _LOOK = 64  # forcing periods over which a motion without period is watched
 
-RANGE, BETWEEN, LOST = "end of the range", "between samples", "end of a motion"
+RANGE, BETWEEN, LOST, SELDOM = "end of the range", "between samples", "end of a motion", "seldom parts beyond"
 
 
 @dataclass(frozen=True, slots=True)
@@ -586,7 +586,8 @@ class BandEnd:
 
     value: float  #: Value of the parameter.
     #: ``grazing``; ``fold``, ``flip`` or another kind of special point at which the motion is lost, so that it jumps;
-    #: ``end of the range``; ``between samples`` if motions without a branch lie on either side.
+    #: ``end of the range``; ``between samples`` if motions without a branch lie on either side; ``seldom parts
+    #: beyond`` where the next motion has no period, and the gap did not part as long as it was watched.
     kind: str
     error: float = 0.0  #: Estimated error of the value.
     special: SpecialPoint | None = None  #: The special point; None if there is none.
@@ -657,20 +658,58 @@ def state_of(motion: Orbit | Sample, gap: str) -> GapState:
     return gap_state(Motion.of(settled.system, np.zeros(1), settled.state[None], watched.contacts), gap)
 
 
+def states_along(motions: Sequence[LaneMotion], contacts: Sequence[str], gap: str) -> list[GapState]:
+    """Return the states of a gap in successive motions of a sweep by steps.
+
+    Between motions that rattle, one without period that did not part as long as it was watched parts seldom.
+    """
+    states = [lane_states(motion, contacts, [gap])[0] for motion in motions]
+    sure = [k for k, (motion, state) in enumerate(zip(motions, states, strict=True)) if motion.period or state.rattles]
+    for one, other in pairwise(sure):
+        if states[one].rattles and states[other].rattles:
+            states[one + 1 : other] = [states[one]] * (other - one - 1)
+    return states
+
+
+def parts_seldom(motion: LaneMotion, state: GapState) -> bool:
+    """Return True if it is left open whether a gap rattles: it did not part, in a motion without period."""
+    return not (motion.period or motion.diverged or state.rattles)
+
+
 def _spans_of_lanes(sweep: SettledSweep, gap: str) -> list[GapSpan]:
     motions = [motion for motion in sweep.lanes if not motion.diverged]
-    states = [lane_states(motion, sweep.contacts, [gap])[0] for motion in motions]
     if not motions:
         return []
+    states = states_along(motions, sweep.contacts, gap)
     ends, kept = [BandEnd(motions[0].value, RANGE)], [states[0]]
     for (one, before), (other, after) in pairwise(zip(motions, states, strict=True)):
         if after is not before:
-            ends.append(BandEnd(0.5 * (one.value + other.value), BETWEEN, 0.5 * abs(other.value - one.value)))
+            kind = SELDOM if parts_seldom(one, before) or parts_seldom(other, after) else BETWEEN
+            ends.append(BandEnd(0.5 * (one.value + other.value), kind, 0.5 * abs(other.value - one.value)))
             kept.append(after)
     ends.append(BandEnd(motions[-1].value, RANGE))
     if sweep.direction is Direction.DOWN:
         ends, kept = ends[::-1], kept[::-1]
     return [GapSpan(low, high, state) for (low, high), state in zip(pairwise(ends), kept, strict=True)]
+
+
+def seldom(sweeps: Sequence[SettledSweep], gap: str) -> str | None:
+    """Say how seldom a gap parts where it was never seen to, in motions without period; None if there are none."""
+    found = [
+        motion
+        for sweep in sweeps
+        for motion, state in zip(sweep.lanes, states_along(sweep.lanes, sweep.contacts, gap), strict=True)
+        if parts_seldom(motion, state)
+    ]
+    if not found:
+        return None
+    low, high = (pick(motion.value for motion in found) for pick in (min, max))
+    where = f"at {low:.6g}" if low == high else f"at {len(found)} values from {low:.6g} to {high:.6g}"
+    watched = min(motion.watched for motion in found)
+    return (
+        f"{gap} did not part {where}, where the motion has no period: with 95 % confidence it parts there less than "
+        f"once in {watched / 3.0:.0f} forcing periods"
+    )
 
 
 def spans_of(sweep: SettledSweep, gap: str) -> list[GapSpan]:

@@ -23,7 +23,8 @@ from gapwalk.answers.gap_states import (
     OTHER,
     Direction,
     SettledSweep,
-    lane_states,
+    parts_seldom,
+    states_along,
     usual_gaps,
 )
 from gapwalk.attractors.lane_settling import LaneMotion, Start, settle_lanes, slow_places
@@ -228,15 +229,21 @@ def inside_of(one: float, other: float, least: float) -> list[float]:
 
 def _ends(motions: Sequence[LaneMotion], edges: Sequence[float], sweep: SettledSweep, gaps: Sequence[str]) -> list[int]:
     """Return the places of motions after which a gap begins or ceases to rattle: the first of each step, few a gap."""
-    codes, found, sign = [lane_states(each, sweep.contacts, gaps) for each in motions], set[int](), sweep.direction.sign
-    for gap in range(len(gaps)):
-        rattles = [each[gap].rattles for each in codes]
-        changes = [place for place, (one, other) in enumerate(pairwise(rattles)) if one is not other]
+    found, sign = set[int](), sweep.direction.sign
+    for gap in gaps:
+        states = states_along(motions, sweep.contacts, gap)
+        known = list(zip(motions, states, strict=True))
+        changes = [
+            place
+            for place, (one, other) in enumerate(pairwise(known))
+            # an end at which a chaotic motion parts ever more seldom is nowhere to be narrowed down to
+            if one[1].rattles is not other[1].rattles and not (parts_seldom(*one) or parts_seldom(*other))
+        ]
         first = {
             int(np.searchsorted(np.multiply(edges, sign), sign * motions[k].value, "right")): k for k in changes[::-1]
         }
         places = [place for _, place in sorted(first.items())]
-        found |= {*places[:_FEW], *places[-_FEW:]}  # where a chaotic motion seldom parts, its label is one of chance
+        found |= {*places[:_FEW], *places[-_FEW:]}
     return sorted(found)
 
 

@@ -21,6 +21,7 @@ from gapwalk.answers.gap_states import (
     chosen_gaps,
     judge_gaps,
     other_motions,
+    seldom,
     settled_sweep,
 )
 from gapwalk.answers.held_flank import QuietEnds, quiet_ends
@@ -405,6 +406,7 @@ class RattleStudy(RangeStudy):
         given = starts, self.seed, sweeps, dict[tuple[str, float], float]()
         worst = (worst_of(job.system, self.parameter, severities, gap, *given) for gap in self.gaps)
         notes = [*(note for sweep in sweeps for note in sweep.notes), *others.notes]
+        notes += [note for gap in self.gaps if (note := seldom(sweeps, gap)) is not None]
         if sampled := sum(sample.motion.orbit is None for sweep in sweeps for sample in sweep.samples):
             step = abs((self.end - self.begin) / self.sweep.steps)
             notes.append(
