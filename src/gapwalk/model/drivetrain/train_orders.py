@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
-from itertools import permutations
 from typing import TYPE_CHECKING, Any
 
 from gapwalk.errors import ModelError
@@ -21,7 +20,7 @@ from gapwalk.model.bounds import Finite, has
 from gapwalk.model.contact import OF_FRICTION, Side
 from gapwalk.model.drivetrain.planetary import QUANTITIES, Mesh
 from gapwalk.model.drivetrain.train_parts import GROUND, Force, Friction, Gear, Link, links_of
-from gapwalk.model.drivetrain.train_tree import LinkForm
+from gapwalk.model.drivetrain.train_rows import LinkForm
 from gapwalk.model.loads import Load
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.units import QuantityKind, kind_of
@@ -116,10 +115,10 @@ def with_load(counted: Load | Counted, load: Load) -> Load | Counted:
 def real_orders(train: Train) -> list[Fraction]:
     """Return the orders of the loads: per turn of the reference shaft, or as multiples of the frequency."""
     unit = Fraction((train.units and train.units.turns) or 1)
-    paths, found = _speeds(train), []
+    speeds, found = _speeds(train), []
     for load in train.harmonics:
         if isinstance(load, Counted):
-            found.append(load.exact_order * load.periods * _counted(train, load, paths)[0])
+            found.append(load.exact_order * load.periods * _counted(train, load, speeds)[0])
         else:  # until they are counted, the orders of a curve over a cycle of two turns are halves
             found.append(load.turn_order if train.speed is not None else load.order * unit)
     return found
@@ -127,18 +126,18 @@ def real_orders(train: Train) -> list[Fraction]:
 
 def fixed_ratios(train: Train) -> frozenset[str]:
     """Return the gears on whose ratios orders depend; these are no parameters: the orders would change with them."""
-    paths, loads = _speeds(train), (load for load in train.harmonics if isinstance(load, Counted))
-    return frozenset(gear for load in loads for gear in _counted(train, load, paths)[1])
+    speeds, loads = _speeds(train), (load for load in train.harmonics if isinstance(load, Counted))
+    return frozenset(gear for load in loads for gear in _counted(train, load, speeds)[1])
 
 
-def _counted(train: Train, load: Counted, paths: _Paths) -> tuple[Fraction, tuple[str, ...]]:
+def _counted(train: Train, load: Counted, speeds: Mapping[str, Fraction]) -> tuple[Fraction, tuple[str, ...]]:
     """Return what a load counts per turn of the reference shaft, and the gears on which that depends."""
     gear = _gear(train, load) if load.mesh else None
     if isinstance(gear, Mesh):
-        return abs(tooth_rate(train, load, gear, paths)), tuple(each.name for each in train.gears)
+        return abs(tooth_rate(train, load, gear, speeds)), tuple(each.name for each in train.gears)
     if not (at := gear.between[0] if gear else load.turns_of):
         return Fraction(1), ()
-    speed, path = _speed(train, load, at, paths)
+    speed, path = _speed(train, load, at, speeds)
     return (abs(speed) * (gear.first_teeth or 0), (*path, gear.name)) if gear else (abs(speed), path)
 
 
@@ -207,14 +206,14 @@ def _turns(count: Fraction) -> str:
     return f"{count} turn" if count <= 1 else f"{count} turns"
 
 
-def tooth_rate(train: Train, load: Counted, mesh: Mesh, paths: _Paths | None = None) -> Fraction:
+def tooth_rate(train: Train, load: Counted, mesh: Mesh, speeds: Mapping[str, Fraction] | None = None) -> Fraction:
     """Return the teeth of a planetary set that pass a planet per turn of the reference, forwards or backwards."""
-    paths = _speeds(train) if paths is None else paths
+    speeds = _speeds(train) if speeds is None else speeds
     name, teeth = mesh.counted
-    speeds = [Fraction(0) if each == GROUND else _speed(train, load, each, paths)[0] for each in (name, mesh.carrier)]
-    if speeds[0] == speeds[1]:
+    own = [Fraction(0) if each == GROUND else _speed(train, load, each, speeds)[0] for each in (name, mesh.carrier)]
+    if own[0] == own[1]:
         raise ModelError(f"{load.name} counts teeth of {mesh.name}, which do not roll on each other as the train turns")
-    return teeth * (speeds[0] - speeds[1])
+    return teeth * (own[0] - own[1])
 
 
 def _gear(train: Train, load: Counted) -> Gear | Mesh:
@@ -240,65 +239,34 @@ def _gear(train: Train, load: Counted) -> Gear | Mesh:
     return gears[load.mesh]
 
 
-_Paths = Mapping[str, tuple[Fraction | None, tuple[str, ...]]]
-
-
-def walked(train: Train) -> dict[str, tuple[str, Any, bool]]:
-    """Return how the reference reaches all inertias: the one before each, the link, whether forwards; drags last."""
-    links = [(link, [end for end in link.row or link.between if end != GROUND]) for link in links_of(train)]
-    ends: dict[str, list[tuple[str, Any, bool]]] = {}
-    for link, own in links:
-        for one, other in permutations(own, 2) if not (link.is_drag or link.only_follows) else ():
-            ends.setdefault(one, []).append((other, link, one == own[0]))
-    sliding = [(link, own) for link, own in links if link.is_drag and not isinstance(link, Friction) and own[1:]]
-    found, waiting = dict[str, tuple[str, Any, bool]](), [train.reference]
-    while waiting:
-        for name in waiting:
-            for other, link, forward in ends.get(name, ()):
-                if other not in found and other != train.reference:
-                    found[other] = name, link, forward
-                    waiting.append(other)
-        reached = {train.reference, *found}
-        across = ((link, own) for link, own in sliding if len(reached & {*own}) == 1)
-        link, own = next(across, (None, []))
-        waiting = [end for end in own if end not in reached]
-        found |= {end: (own[own[0] == end], link, own[0] != end) for end in waiting}
-    return found
-
-
-def _speeds(train: Train) -> _Paths:
-    """Return the speeds of all inertias over that of the reference, and the gears between, along the shortest paths."""
+def _speeds(train: Train) -> Mapping[str, Fraction]:
+    """Return the speeds over that of the reference, of inertias that springs and rigid links join to it."""
     if train.branches:
-        gears = tuple(gear.name for gear in train.gears)
-        exact = all(gear.exact_ratio is not None for gear in train.gears)
-        return {name: (speed if exact else None, gears) for name, speed in train._whole.speeds(train.reference).items()}
-    paths: dict[str, tuple[Fraction | None, tuple[str, ...]]] = {train.reference: (Fraction(1), ())}
-    for name, (before, link, forward) in train._walked.items():
-        if link.is_drag:  # so is one before all that follow
-            break
-        speed, path = paths[before]
-        if isinstance(link, Gear):
-            ratio, path = link.exact_ratio, (*path, link.name)
-            speed = None if speed is None or ratio is None else speed / ratio if forward else speed * ratio
-        paths[name] = speed, path
-    return paths
+        return train._whole.speeds(train.reference)
+    found = {each.name: (each.name, Fraction(1)) for each in train.inertias}
+    for name, row in train._whole.together.items():
+        found[name] = next((root, -weight) for root, weight in row.items() if root != name)
+    root, scale = found[train.reference]
+    return {name: speed / scale for name, (other, speed) in found.items() if other == root}
 
 
-def _speed(train: Train, load: Counted, name: str, paths: _Paths) -> tuple[Fraction, tuple[str, ...]]:
+def _speed(train: Train, load: Counted, name: str, speeds: Mapping[str, Fraction]) -> tuple[Fraction, tuple[str, ...]]:
+    """Return the speed of an inertia over that of the reference, and the gears on which it depends."""
     inertias = [inertia.name for inertia in train.inertias]
     if name not in inertias:
         raise ModelError(f"{load.name}.turns_of is {name!r}, which is no inertia; {did_you_mean(name, inertias)}")
-    if name not in paths:
+    if name not in speeds:
         raise ModelError(f"{load.name} counts turns of {name}, which no shafts and gears join to {train.reference}")
-    speed, path = paths[name]
-    if speed is None:
-        gears = {gear.name: gear for gear in train.gears}
-        wrong = next(gear for gear in path if gears[gear].exact_ratio is None)
+    row = {name: Fraction(1)}
+    row[train.reference] = row.get(train.reference, 0) - speeds[name]
+    between = {gear.name for gear in train.gears} if train.branches else train._whole.made_of(row)
+    path = [gear for gear in train.gears if gear.name in between]
+    if wrong := next((gear for gear in path if gear.exact_ratio is None), None):
         raise ModelError(
-            f"{load.name} counts turns behind {wrong}, whose ratio {gears[wrong].ratio!r} is no fraction of small "
-            f"numbers, so the excitation would not repeat; write teeth = [27, 41] for {wrong}"
+            f"{load.name} counts turns behind {wrong.name}, whose ratio {wrong.ratio!r} is no fraction of small "
+            f"numbers, so the excitation would not repeat; write teeth = [27, 41] for {wrong.name}"
         )
-    return speed, path
+    return speeds[name], tuple(gear.name for gear in path)
 
 
 def phased_loads(train: Train) -> Iterator[Load | Counted]:
@@ -368,18 +336,6 @@ def formula_numbers(train: Train) -> list[str]:
         for name in part.numbers
         if part.law is not None or name == "quadratic"
     ]
-
-
-def turn_speeds(train: Train) -> dict[str, float]:
-    """Return the mean speeds of all inertias over that of the reference; empty if a spring holds the train still."""
-    if train.branches:
-        return {name: float(speed) for name, speed in train._whole.speeds(train.reference).items()}
-    if any(GROUND in link.between and not (link.is_drag or link.only_follows) for link in links_of(train)):
-        return {}
-    found = {train.reference: 1.0}
-    for name, (before, link, forward) in train._walked.items():
-        found[name] = found[before] * (1.0 / ratio_of(link) if forward else ratio_of(link))
-    return found
 
 
 def prescribed_inertias(train: Train) -> tuple[str, ...]:
