@@ -487,8 +487,6 @@ class Train:
         places = {link.name: number for number, link in enumerate(self.links)}
         turning = numbers[self.reference] if self.branches else 0
         speeds, prescribed = self._speeds, prescribed_inertias(self)
-        beside = {end for link in self.links if {*prescribed} & {*link.between} for end in link.between if end in free}
-        beside = {*free} if self.branches and prescribed else beside
         turns = Fraction((self.units and self.units.turns) or 1)
         known = speeds and (self.units is None or self.units.turns)
         form = TrainForm(
@@ -502,7 +500,7 @@ class Train:
             pace=1.0 / (float(turns) * (self.units.angle if self.units else 1.0)) if known else 0.0,
             angle=self.units.angle if self.units else 1.0,
             reference=None if self.reference in prescribed else numbers[self.reference],
-            starts=tuple((numbers[name], speeds[name]) for name in free if name in beside and speeds),
+            starts=tuple((numbers[name], speeds[name]) for name in free if prescribed and speeds),
             groups=tuple(dict.fromkeys(drag.group for drag in self.drags if drag.group)),
             basis=tuple(places[name] for name in self._solved.basis),
             root=turning if self._solved.free else len(free),
@@ -605,6 +603,17 @@ class Train:
     def _whole(self) -> Solved:
         """Those rows while no motion is prescribed."""
         return solved(self.links, [each.name for each in self.inertias])
+
+    @cached_property
+    def _exact_speeds(self) -> Mapping[str, Fraction]:
+        """The speeds over that of the reference, of inertias that springs and rigid links join to it."""
+        if self.branches:
+            return self._whole.speeds(self.reference)
+        found = {each.name: (each.name, Fraction(1)) for each in self.inertias}
+        for name, row in self._whole.together.items():
+            found[name] = next((root, -weight) for root, weight in row.items() if root != name)
+        root, scale = found[self.reference]
+        return {name: speed / scale for name, (other, speed) in found.items() if other == root}
 
     @cached_property
     def _leaks(self) -> bool:

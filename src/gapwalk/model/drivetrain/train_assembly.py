@@ -114,7 +114,7 @@ class TrainForm:
         """True if some link has more than two ends."""
         return any(link.row for link in self.links)
 
-    @property
+    @cached_property
     def chords(self) -> list[int]:
         """The links whose deflections follow from those of others."""
         return [number for number in range(len(self.links)) if number not in self.basis]

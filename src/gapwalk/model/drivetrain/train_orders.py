@@ -115,10 +115,10 @@ def with_load(counted: Load | Counted, load: Load) -> Load | Counted:
 def real_orders(train: Train) -> list[Fraction]:
     """Return the orders of the loads: per turn of the reference shaft, or as multiples of the frequency."""
     unit = Fraction((train.units and train.units.turns) or 1)
-    speeds, found = _speeds(train), []
+    found = []
     for load in train.harmonics:
         if isinstance(load, Counted):
-            found.append(load.exact_order * load.periods * _counted(train, load, speeds)[0])
+            found.append(load.exact_order * load.periods * _counted(train, load)[0])
         else:  # until they are counted, the orders of a curve over a cycle of two turns are halves
             found.append(load.turn_order if train.speed is not None else load.order * unit)
     return found
@@ -126,18 +126,18 @@ def real_orders(train: Train) -> list[Fraction]:
 
 def fixed_ratios(train: Train) -> frozenset[str]:
     """Return the gears on whose ratios orders depend; these are no parameters: the orders would change with them."""
-    speeds, loads = _speeds(train), (load for load in train.harmonics if isinstance(load, Counted))
-    return frozenset(gear for load in loads for gear in _counted(train, load, speeds)[1])
+    loads = (load for load in train.harmonics if isinstance(load, Counted))
+    return frozenset(gear for load in loads for gear in _counted(train, load)[1])
 
 
-def _counted(train: Train, load: Counted, speeds: Mapping[str, Fraction]) -> tuple[Fraction, tuple[str, ...]]:
+def _counted(train: Train, load: Counted) -> tuple[Fraction, tuple[str, ...]]:
     """Return what a load counts per turn of the reference shaft, and the gears on which that depends."""
     gear = _gear(train, load) if load.mesh else None
     if isinstance(gear, Mesh):
-        return abs(tooth_rate(train, load, gear, speeds)), tuple(each.name for each in train.gears)
+        return abs(tooth_rate(train, load, gear)), tuple(each.name for each in train.gears)
     if not (at := gear.between[0] if gear else load.turns_of):
         return Fraction(1), ()
-    speed, path = _speed(train, load, at, speeds)
+    speed, path = _speed(train, load, at)
     return (abs(speed) * (gear.first_teeth or 0), (*path, gear.name)) if gear else (abs(speed), path)
 
 
@@ -206,14 +206,13 @@ def _turns(count: Fraction) -> str:
     return f"{count} turn" if count <= 1 else f"{count} turns"
 
 
-def tooth_rate(train: Train, load: Counted, mesh: Mesh, speeds: Mapping[str, Fraction] | None = None) -> Fraction:
+def tooth_rate(train: Train, load: Counted, mesh: Mesh) -> Fraction:
     """Return the teeth of a planetary set that pass a planet per turn of the reference, forwards or backwards."""
-    speeds = _speeds(train) if speeds is None else speeds
     name, teeth = mesh.counted
-    own = [Fraction(0) if each == GROUND else _speed(train, load, each, speeds)[0] for each in (name, mesh.carrier)]
-    if own[0] == own[1]:
+    speeds = [Fraction(0) if each == GROUND else _speed(train, load, each)[0] for each in (name, mesh.carrier)]
+    if speeds[0] == speeds[1]:
         raise ModelError(f"{load.name} counts teeth of {mesh.name}, which do not roll on each other as the train turns")
-    return teeth * (own[0] - own[1])
+    return teeth * (speeds[0] - speeds[1])
 
 
 def _gear(train: Train, load: Counted) -> Gear | Mesh:
@@ -239,22 +238,12 @@ def _gear(train: Train, load: Counted) -> Gear | Mesh:
     return gears[load.mesh]
 
 
-def _speeds(train: Train) -> Mapping[str, Fraction]:
-    """Return the speeds over that of the reference, of inertias that springs and rigid links join to it."""
-    if train.branches:
-        return train._whole.speeds(train.reference)
-    found = {each.name: (each.name, Fraction(1)) for each in train.inertias}
-    for name, row in train._whole.together.items():
-        found[name] = next((root, -weight) for root, weight in row.items() if root != name)
-    root, scale = found[train.reference]
-    return {name: speed / scale for name, (other, speed) in found.items() if other == root}
-
-
-def _speed(train: Train, load: Counted, name: str, speeds: Mapping[str, Fraction]) -> tuple[Fraction, tuple[str, ...]]:
+def _speed(train: Train, load: Counted, name: str) -> tuple[Fraction, tuple[str, ...]]:
     """Return the speed of an inertia over that of the reference, and the gears on which it depends."""
     inertias = [inertia.name for inertia in train.inertias]
     if name not in inertias:
         raise ModelError(f"{load.name}.turns_of is {name!r}, which is no inertia; {did_you_mean(name, inertias)}")
+    speeds = train._exact_speeds
     if name not in speeds:
         raise ModelError(f"{load.name} counts turns of {name}, which no shafts and gears join to {train.reference}")
     row = {name: Fraction(1)}

@@ -147,7 +147,7 @@ def solved(links: Collection[Link], inertias: Collection[str], prescribed: Colle
 
     is_held = any(held(link) and not link.is_drag for link in links)
     at_rest = [link for link in links if link.is_drag and held(link) and (branched or not is_held)]
-    joining = [link for link in links if link not in at_rest and not (link.is_drag and isinstance(link, Friction))]
+    joining = [link for link in links if link not in at_rest and not isinstance(link, Friction)]
     joining.sort(key=lambda link: (link.only_follows, link.is_drag, held(link), not link.is_rigid))
     basis: dict[str, Row] = {}
     follow: dict[str, dict[str, Fraction]] = {}
