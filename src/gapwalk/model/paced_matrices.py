@@ -51,17 +51,13 @@ class PacedMatrices:
             raise ValueError("a copied number or vector does not exist in the system")
 
     @property
-    def names(self) -> ParameterNames:
-        """See `Assembly.names`: those matrices follow the stiffness."""
-        return self._names
-
-    @property
     def states(self) -> tuple[str, ...]:
         """The names of the states without inertia."""
         return tuple(self.names.coordinates[place] for place in self.massless)
 
     @cached_property
-    def _names(self) -> ParameterNames:
+    def names(self) -> ParameterNames:
+        """See `Assembly.names`: those matrices follow the stiffness."""
         blocks: dict[str, NameBlock] = {}
         for own, block in self._known:
             blocks.setdefault(own, NameBlock(own, block.rank))

@@ -38,7 +38,7 @@ class MatChannels(ChannelFile):
 
     def open(self, path: str) -> None:
         """See `ChannelFile.open`."""
-        content = memoryview(np.memmap(path, np.uint8, "r"))
+        content = np.memmap(path, np.uint8, "r").data
         order = {b"IM": "<", b"MI": ">"}[bytes(content[126:_HEADER])]
         for kind, payload in _elements(content[_HEADER:], order):
             if kind in (_MATRIX, _COMPRESSED):

@@ -592,7 +592,8 @@ class Train:
     @cached_property
     def _speeds(self) -> dict[str, float]:
         """The mean speeds of all inertias over that of the reference; empty if a spring holds the train still."""
-        return {name: float(speed) for name, speed in self._whole.speeds(self.reference).items()}
+        turning = self._whole.speeds(self.reference) if len(self._whole.free) == 1 else {}
+        return {name: float(speed) for name, speed in turning.items()}
 
     @cached_property
     def _solved(self) -> Solved:
@@ -605,15 +606,15 @@ class Train:
         return solved(self.links, [each.name for each in self.inertias])
 
     @cached_property
+    def _sprung(self) -> Solved:
+        """The rows of springs and rigid links between inertias alone."""
+        links = [link for link in self.links if not link.is_drag and (link.row or GROUND not in link.between)]
+        return solved(links, [each.name for each in self.inertias])
+
+    @cached_property
     def _exact_speeds(self) -> Mapping[str, Fraction]:
         """The speeds over that of the reference, of inertias that springs and rigid links join to it."""
-        if self.branches:
-            return self._whole.speeds(self.reference)
-        found = {each.name: (each.name, Fraction(1)) for each in self.inertias}
-        for name, row in self._whole.together.items():
-            found[name] = next((root, -weight) for root, weight in row.items() if root != name)
-        root, scale = found[self.reference]
-        return {name: speed / scale for name, (other, speed) in found.items() if other == root}
+        return (self._whole if self.branches else self._sprung).speeds(self.reference)
 
     @cached_property
     def _leaks(self) -> bool:
@@ -641,7 +642,7 @@ class Train:
             first, second = (self._speeds.get(end, 0.0) for end in link.between)
             slip = first - ratio_of(link) * second
             still = abs(slip) <= CONSISTENT * abs(first)
-            apart = reduced(row_of(link), self._whole.together)
+            apart = reduced(row_of(link), self._sprung.follow)
             alone = still and len(apart) > 1 and GROUND not in apart
             if (isinstance(link, Drag) and not alone) or ((link.is_drag or link.only_follows) and not still):
                 found[link.name] = 0 if still else int(math.copysign(1.0, slip))

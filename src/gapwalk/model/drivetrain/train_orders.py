@@ -11,7 +11,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 from gapwalk.errors import ModelError
@@ -174,11 +173,8 @@ def multiples_of(train: Train, turns: Fraction) -> list[int]:
 
 
 def _common(orders: Sequence[Fraction]) -> Fraction:
-    def divisor(first: Fraction, second: Fraction) -> Fraction:
-        bottom = first.denominator * second.denominator
-        return Fraction(math.gcd(first.numerator * second.denominator, second.numerator * first.denominator), bottom)
-
-    return reduce(divisor, orders) if orders else Fraction(1)
+    bottom = math.lcm(*(order.denominator for order in orders))
+    return Fraction(math.gcd(*(int(order * bottom) for order in orders)) or 1, bottom)
 
 
 def _too_long(train: Train, orders: Sequence[Fraction], turns: Fraction, periods: Fraction) -> str:

@@ -102,18 +102,18 @@ class Solved:
     #: The angles of inertias by those that the rows leave free, and by that of the ground; all other inertias are free.
     follow: Mapping[str, Row]
     free: tuple[str, ...]  #: The inertias whose angles are free.
-    together: Mapping[str, Row]  #: As `follow`, by springs and rigid links between inertias alone.
     locked: frozenset[str]  #: Links between two inertias that turn together at another ratio.
     is_held: bool  #: True if a spring or a rigid link joins an inertia to the ground.
 
     def speeds(self, reference: str) -> dict[str, Fraction]:
-        """Return the speeds over that of the reference; empty if nothing can turn, or if two angles are free."""
-        if len(self.free) != 1:
+        """Return the speeds over that of the reference, of what turns as it does; empty if it does not turn alone."""
+        found: dict[str, dict[str, Fraction]] = {name: {name: Fraction(1)} for name in self.free}
+        for name, row in self.follow.items():
+            found[name] = {free: -weight for free, weight in row.items() if free not in (name, GROUND)}
+        if len(found.get(reference, ())) != 1:
             return {}
-        found = {self.free[0]: Fraction(1)}
-        found |= {name: -row.get(self.free[0], Fraction(0)) for name, row in self.follow.items()}
-        scale = found.get(reference, Fraction(0))
-        return {name: speed / scale for name, speed in found.items()} if scale else {}
+        ((root, scale),) = found[reference].items()
+        return {name: row.get(root, Fraction(0)) / scale for name, row in found.items() if row.keys() <= {root}}
 
     @cached_property
     def _inverse(self) -> NDArray[Any]:
@@ -151,11 +151,8 @@ def solved(links: Collection[Link], inertias: Collection[str], prescribed: Colle
     joining.sort(key=lambda link: (link.only_follows, link.is_drag, held(link), not link.is_rigid))
     basis: dict[str, Row] = {}
     follow: dict[str, dict[str, Fraction]] = {}
-    together: dict[str, Row] | None = None
     locked: set[str] = set()
     for link in joining:
-        if together is None and (link.is_drag or held(link)):
-            together = {name: dict(row) for name, row in follow.items()}
         row = {GROUND if end in fixed else end: weight for end, weight in row_of(link).items()}
         if link.row:
             row.pop(GROUND, None)
@@ -173,7 +170,7 @@ def solved(links: Collection[Link], inertias: Collection[str], prescribed: Colle
         elif moving and not link.is_drag:
             locked.add(link.name)
     free = tuple(name for name in inertias if name not in fixed and name not in follow)
-    return Solved(basis, follow, free, follow if together is None else together, frozenset(locked), is_held)
+    return Solved(basis, follow, free, frozenset(locked), is_held)
 
 
 def reduced(row: Row, follow: Mapping[str, Row]) -> dict[str, Fraction]:
