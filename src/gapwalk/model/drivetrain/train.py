@@ -57,7 +57,6 @@ from gapwalk.model.drivetrain.train_parts import (
     Shaft,
     Slips,
     acts_along_its_slip,
-    links_of,
 )
 from gapwalk.model.drivetrain.train_rows import LinkForm, Solved, reduced, row_of, solved
 from gapwalk.model.laws.formula import is_computed
@@ -369,10 +368,12 @@ class Train:
         """The gears, with the ways of those on bearings in their deflections."""
         return on_bearings(self.gears, self.bearings) if self.bearings else self.gears
 
-    @property
+    @cached_property
     def links(self) -> tuple[Link, ...]:
-        """Shafts, then gears, then forces and friction."""
-        return links_of(self)
+        """Shafts, then gears, forces, friction, drags, and the links of sets and bearings."""
+        made = [link for each in self.planetaries for link in each.links]
+        made += [each.shaft(self.units) for each in self.bearings]
+        return (*self.shafts, *self.meshes, *self.forces, *self.frictions, *self.drags, *made)
 
     def system(self) -> System:
         """Make its system: coordinates are deflections of shafts and gears, parameters those of its parts."""
@@ -626,12 +627,12 @@ class Train:
         """The links on loops that do not lead through the ground: on each, the ratios must multiply to one."""
         found, beside = self._solved, {GROUND, *prescribed_inertias(self)}
         held = {link.name for link in self.links if not link.row and beside & {*link.between}}
-        looped = {*found.locked}
+        looped = set[str]()
         for link in self.links:
             slips = link.name in self._ways or (self.branches and (link.is_drag or not self._whole.free))
             if not slips and link.name not in (*found.basis, *looped, *held):
-                loop = {link.name, *found.made_of(row_of(link))}
-                looped |= set() if loop & held else loop
+                loop, left = {link.name, *found.made_of(row_of(link))}, reduced(row_of(link), self._sprung.follow)
+                looped |= loop if len(left) == 1 or not loop & held else set()  # of one angle: by a wrong ratio
         return frozenset(looped)
 
     @cached_property

@@ -832,8 +832,7 @@ def steadied(system: Any, strobes: NDArray[np.float64]) -> NDArray[np.float64]:
     if not isinstance(assembly, TrainAssembly) or not assembly.form.has_turn:
         return strobes[-1]
     numbers = assembly.numbers(system.values)
-    ends, fast = numbers.decay * numbers.whole + numbers.steadying, numbers.hold / numbers.whole
-    decay = ends / numbers.whole
+    decay, fast = numbers.decay + numbers.steadying / numbers.whole, numbers.hold / numbers.whole
     rates = np.roots([1.0, decay, fast])
     duration = 2.0 * np.pi / numbers.values[0]
     vectors = np.array([[1.0, 1.0], rates])

@@ -18,7 +18,7 @@ from gapwalk.model import bounds
 from gapwalk.model.bounds import Finite, has
 from gapwalk.model.contact import OF_FRICTION, Side
 from gapwalk.model.drivetrain.planetary import QUANTITIES, Mesh
-from gapwalk.model.drivetrain.train_parts import GROUND, Force, Friction, Gear, Link, links_of
+from gapwalk.model.drivetrain.train_parts import GROUND, Force, Friction, Gear, Link
 from gapwalk.model.drivetrain.train_rows import LinkForm
 from gapwalk.model.loads import Load
 from gapwalk.model.problems import did_you_mean
@@ -334,7 +334,7 @@ def gapless_links(train: Train) -> frozenset[str]:
     varied = {name for load in map(plain_load, train.harmonics) for name in load.varies}
     return frozenset(
         link.name
-        for link in links_of(train)
+        for link in train.links
         if link.acts_always and any(f"{link.name}.{each}" in varied for each in _SPRINGS)
     )
 
@@ -343,16 +343,15 @@ def displaced_gears(train: Train) -> frozenset[str]:
     """Return the gears whose ratio multiplies a prescribed motion, so that it is no parameter."""
     prescribed = prescribed_inertias(train)
     geared = [*train.gears, *(each for each in train.frictions if each.ratio is not None)]
-    if prescribed and train.branches:  # then mean speeds depend on all of them
-        return frozenset(each.name for each in geared)
-    return frozenset(each.name for each in geared if each.between[1] in prescribed)
+    branched = bool(prescribed and train.branches)  # then mean speeds depend on all of them
+    return frozenset(each.name for each in geared if branched or each.between[1] in prescribed)
 
 
 def targets_of(
     train: Train, load: Load, links: Sequence[LinkForm]
 ) -> tuple[tuple[tuple[str, float], ...], tuple[tuple[int, float], ...]]:
     """Return the numbers and deflections of contacts that a load varies, and the linear links that it displaces."""
-    numbers = {link.name: number for number, link in enumerate(links_of(train))}
+    numbers = {link.name: number for number, link in enumerate(train.links)}
     beside = {each.name for link in links for each in link.beside}
     varies: list[tuple[str, float]] = []
     displaces: list[tuple[int, float]] = []
@@ -364,7 +363,7 @@ def targets_of(
         elif first not in numbers and first not in beside:
             moved = [*_ends_at(train, first)]
         else:
-            link = links_of(train)[numbers[first]] if first in numbers else None
+            link = train.links[numbers[first]] if first in numbers else None
             apart = link is not None and link.centre and link.side is Side.BOTH and "." not in rest
             halves = ["positive.", "negative."] if apart else [""]
             varies += [(f"{first}.{half}{rest}", factor) for half in halves]
@@ -381,7 +380,7 @@ def targets_of(
 
 def _ends_at(train: Train, inertia: str) -> Iterator[tuple[int, float]]:
     """Iterate over the links that end at an inertia, with their deflections by its angle."""
-    for number, link in enumerate(links_of(train)):
+    for number, link in enumerate(train.links):
         if link.row is not None:
             if inertia in link.row:
                 yield number, float(link.row[inertia])
@@ -399,7 +398,7 @@ def ratio_of(link: Link) -> float:
 
 def load_problems(train: Train) -> Iterator[str]:
     """List the errors of what the loads vary, and of inertias whose motion is prescribed."""
-    links = {link.name: link for link in links_of(train)}
+    links = {link.name: link for link in train.links}
     for load in map(plain_load, train.harmonics):
         displaced = {name.rpartition(".")[2] in _DISPLACED for name in load.varies}
         if len(displaced) > 1:
@@ -482,7 +481,7 @@ def _prescription_problems(train: Train) -> Iterator[str]:
             yield f"mean names {name}, whose motion is prescribed; leave it out"
     if train.reaction in prescribed:
         yield f"reaction is {train.reaction!r}, whose motion is prescribed, so it takes the mean torques; leave it out"
-    for link in links_of(train):
+    for link in train.links:
         ends = [*link.row] if link.row is not None else link.between
         held = [end for end in ends if end in (*prescribed, GROUND)]
         if len(held) == len(ends):

@@ -50,8 +50,7 @@ class LinkForm:
     @property
     def contact(self) -> ContactForm | None:
         """Its springs with clearances or its rigid stop, or its formula, or its friction; None if it acts always."""
-        first = self.parts[0] if self.parts else None
-        return None if first is None or first.name != self.name else first
+        return next((each for each in self.parts[:1] if each.name == self.name), None)
 
     @property
     def beside(self) -> tuple[ContactForm, ...]:
@@ -102,7 +101,6 @@ class Solved:
     #: The angles of inertias by those that the rows leave free, and by that of the ground; all other inertias are free.
     follow: Mapping[str, Row]
     free: tuple[str, ...]  #: The inertias whose angles are free.
-    locked: frozenset[str]  #: Links between two inertias that turn together at another ratio.
     is_held: bool  #: True if a spring or a rigid link joins an inertia to the ground.
 
     def speeds(self, reference: str) -> dict[str, Fraction]:
@@ -151,7 +149,6 @@ def solved(links: Collection[Link], inertias: Collection[str], prescribed: Colle
     joining.sort(key=lambda link: (link.only_follows, link.is_drag, held(link), not link.is_rigid))
     basis: dict[str, Row] = {}
     follow: dict[str, dict[str, Fraction]] = {}
-    locked: set[str] = set()
     for link in joining:
         row = {GROUND if end in fixed else end: weight for end, weight in row_of(link).items()}
         if link.row:
@@ -167,10 +164,8 @@ def solved(links: Collection[Link], inertias: Collection[str], prescribed: Colle
                 if pivot in other:
                     _add(other, left, -other[pivot])
             basis[link.name], follow[pivot] = row, left
-        elif moving and not link.is_drag:
-            locked.add(link.name)
     free = tuple(name for name in inertias if name not in fixed and name not in follow)
-    return Solved(basis, follow, free, frozenset(locked), is_held)
+    return Solved(basis, follow, free, is_held)
 
 
 def reduced(row: Row, follow: Mapping[str, Row]) -> dict[str, Fraction]:
