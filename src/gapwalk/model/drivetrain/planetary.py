@@ -43,7 +43,7 @@ class Mesh(Link):
     weights: Mapping[str, Fraction]  #: Those of the angles in its deflection: see `Link.row`.
     counted: tuple[str, int]  #: The member whose teeth are counted, and their number.
     carrier: str  #: The member against which they pass.
-    has_teeth = True
+    _toothed = True
 
     def __init__(
         self, name: str, row: Mapping[str, Fraction], counted: tuple[str, int], carrier: str, **springs: Any

@@ -96,7 +96,7 @@ class Link:
     #: The middle of the gap, at most as far from 0 as the clearance. Then each side has parameters of its own, as in
     #: ``mesh.positive.clearance``.
     centre: float = 0.0
-    has_teeth: ClassVar[bool] = False
+    _toothed: ClassVar[bool] = False
     """True if it is rigid without springs."""
 
     def __init__(
@@ -135,7 +135,7 @@ class Link:
     @property
     def is_rigid(self) -> bool:
         """True if it connects its inertias rigidly."""
-        return self.has_teeth and not self.has_springs
+        return self._toothed and not self.has_springs
 
     @property
     def is_drag(self) -> bool:
@@ -271,7 +271,7 @@ class Gear(Link):
     #: Number of teeth of the first gear, or of both; of the second there are `ratio` times as many. Loads may then
     #: count their orders per tooth: see `Counted`.
     teeth: int | tuple[int, int] | None
-    has_teeth = True
+    _toothed = True
 
     def __init__(
         self,
