@@ -72,8 +72,8 @@ def _meshes(system: System) -> dict[int, int]:
 
 def loose_gears(system: System) -> tuple[int, ...]:
     """Return the numbers of the contacts that are teeth of loose gears."""
-    assembly = system.structure.assembly
-    if not isinstance(assembly, TrainAssembly):
+    assembly, meshes = system.structure.assembly, _meshes(system)
+    if not meshes or not isinstance(assembly, TrainAssembly):
         return ()
     form = assembly.form
     held = {form.ground, *(each for load in form.torques for each in load.acts_on)}
@@ -81,7 +81,7 @@ def loose_gears(system: System) -> tuple[int, ...]:
     held |= set() if form.reaction is None else {form.reaction}
     joins = [link.ends for link in form.links if not (link.drag or link.loose or link.own is not None)]
     found = []
-    for place, link in _meshes(system).items():
+    for place, link in meshes.items():
         ends = form.links[link].ends
         others = [pair for pair in joins if pair != ends or joins.count(pair) > 1]
         parts = _parts(form.ground + 1, others)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,6 @@ from gapwalk.model.loads.load import FactorOverSpeed
 from gapwalk.model.registry import NameBlock, ParameterNames
 from gapwalk.model.states import FAST, LAG
 from gapwalk.model.structure import Structure
-from gapwalk.model.units import Units
 from gapwalk.model.value_checks import value_problems
 
 GROWING = {"gyroscopic": ("damping", 1), "centrifugal": ("stiffness", 2)}
@@ -41,6 +40,8 @@ class PacedMatrices:
     by_formula: int = 0  #: The number of those, the last ones, whose equations are formulas: see `State`.
     #: Numbers and vectors of the equations that are those of the system of another name: both names.
     copies: tuple[tuple[str, str], ...] = ()
+    units: ClassVar[None] = None
+    """Such a system has plain numbers."""
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts are inconsistent."""
@@ -51,17 +52,13 @@ class PacedMatrices:
             raise ValueError("a copied number or vector does not exist in the system")
 
     @property
-    def names(self) -> ParameterNames:
-        """See `Assembly.names`: those matrices follow the stiffness."""
-        return self._names
-
-    @property
     def states(self) -> tuple[str, ...]:
         """The names of the states without inertia."""
         return tuple(self.names.coordinates[place] for place in self.massless)
 
     @cached_property
-    def _names(self) -> ParameterNames:
+    def names(self) -> ParameterNames:
+        """See `Assembly.names`: those matrices follow the stiffness."""
         blocks: dict[str, NameBlock] = {}
         for own, block in self._known:
             blocks.setdefault(own, NameBlock(own, block.rank))
@@ -79,11 +76,6 @@ class PacedMatrices:
         own = dict(self.copies)
         blocks = [block for block in self.inner.names.blocks if not is_computed(block.prefix)]
         return [(own.get(block.prefix, block.prefix), block) for block in blocks]
-
-    @property
-    def units(self) -> Units | None:
-        """None: such a system has plain numbers."""
-        return None
 
     @cached_property
     def is_paced(self) -> bool:
@@ -156,14 +148,12 @@ class PacedMatrices:
     def _problems_of_states(self, values: NDArray[np.float64]) -> Iterator[str]:
         mass, damping, slow = self._own(values, "mass"), self._own(values, "damping"), list(self.massless)
         names, coordinates = ", ".join(self.states), np.array(self.names.coordinates)
-        for place in slow:
-            entries = [*mass[place], *mass[:, place]]
-            if any(entries):
-                yield (
-                    f"mass gives {coordinates[place]} an inertia, but the system was made without one; make it again "
-                    "with that mass"
-                )
-                return
+        if heavy := [place for place in slow if mass[place].any() or mass[:, place].any()]:
+            yield (
+                f"mass gives {coordinates[heavy[0]]} an inertia, but the system was made without one; make it again "
+                "with that mass"
+            )
+            return
         own = damping[np.ix_(slow, slow)]
         sizes = np.sqrt(np.maximum(np.abs(own).max(axis=1, initial=0.0), 1e-300))
         scaled = own / np.outer(sizes, sizes)

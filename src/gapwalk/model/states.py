@@ -143,8 +143,6 @@ class State:
         own = {} if "z" in {*known, *coordinates, *self.numbers} else {"z": {self.name: 1.0}}
         vectors = {each: {each: 1.0} for each in coordinates if each not in self.numbers} | own | known
         force = [self._contact(self.name, self.force, vectors, self._direction(known))] if self.force else []
-        if "z'" in re.findall(_WORD, self.rate + " " + self.force) and "z" not in {*known, *coordinates}:
-            raise ModelError(f"state {self.name!r}: its own rate occurs in a formula; write its formula in place of it")
         text = f"-({self.rate}) - {self.name}/{STATE_LAG}"  # the second part is in the matrices too: they are regular
         rate = self._contact(f"{self.name}{RATE}" if force else self.name, text, vectors, {self.name: 1.0})
         wanted = {each.name for contact in (*force, rate) for each in contact.law.parameters}
@@ -169,7 +167,7 @@ class State:
         if "v" not in {*vectors, *self.numbers} and "x" in vectors:
             text = _with(text, {"v": "x'"})
         used = formula_of(text, [*vectors, *(f"{each}'" for each in vectors)]).variables
-        if f"{self.name}'" in used:
+        if any(f"{each}'" in used for each in ("z", self.name) if vectors.get(each) == {self.name: 1.0}):
             raise ModelError(f"state {self.name!r}: its own rate occurs in a formula; write its formula in place of it")
         arguments = [each for each in vectors if {each, f"{each}'"} & {*used}]
         if not arguments:

@@ -395,6 +395,13 @@ def beside(name: str, between: tuple[str, str] = ("b", "c"), **numbers) -> dict[
             {"shafts": [BC], "gears": [Gear("one", ("a", "b"), 2.0), Gear("two", ("b", "a"), 2.0)]},
             "two closes a loop, and its ratio is 2, but by the other way round it is 0.5",
         ),
+        (
+            {
+                "shafts": [AB, BC, gw.train.Shaft("wall", ("a", "ground"), stiffness=1.0)],
+                "gears": [Gear("ac", ("a", "c"), 2.0, stiffness=1.0)],
+            },
+            "ac closes a loop, and its ratio is 2, but by the other way round it is 1: the train is locked",
+        ),
         ({"gears": [Gear("rigid", ("a", "b"), 1.0)]}, "ab never deflects"),
         ({"shafts": [], "gears": [Gear("ab", ("a", "b"), 2.0), Gear("bc", ("b", "c"), 2.0)]}, "nothing vibrates"),
         (
@@ -473,3 +480,12 @@ def test_a_train_survives_a_file_of_results() -> None:
         parameters.pop("frequency")
         with pytest.raises(ValueError, match="not those"):
             system_of(WholeSystem(system.structure, parameters))
+
+
+def test_ratios_of_a_long_train_multiply_without_a_limit() -> None:
+    """The last inertia turns 1e20 times slower than the first, and the elimination must not take that for rounding."""
+    inertias = [Inertia(f"i{number}", 1.0) for number in range(31)]
+    shaft = gw.train.Shaft("s", ("i0", "i1"), stiffness=1.0)
+    gears = [Gear(f"g{k}", (f"i{k}", f"i{k + 1}"), 5.0, stiffness=1.0) for k in range(1, 30)]
+    system = gw.train.Train(inertias, [shaft], gears).system()
+    assert system.structure.assembly.numbers(system.values).speeds[-1] == pytest.approx(5.0**-29, rel=1e-12)

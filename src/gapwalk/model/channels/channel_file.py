@@ -175,12 +175,11 @@ class ChannelFile(ABC):
         self, found: dict[str, NDArray[np.float64]], heads: Mapping[str, ColumnHead]
     ) -> dict[str, NDArray[np.float64]]:
         times = {head.group: place for place, head in enumerate(self.heads) if head.is_time}
-        finest = max((head.group for head in heads.values()), key=self._count)
         if any(head.group not in times for head in heads.values()):
             return found
-        own = {
-            group: _plain("time", self._readers[times[group]]()) for group in {each.group for each in heads.values()}
-        }
+        groups = dict.fromkeys(each.group for each in heads.values())
+        own = {group: _plain("time", self._readers[times[group]]()) for group in groups}
+        finest = max(own, key=lambda group: len(own[group]))
         at = own[finest]
         begin, end = max(each[0] for each in own.values()), min(each[-1] for each in own.values())
         kept = (at >= begin) & (at <= end)
@@ -190,9 +189,6 @@ class ChannelFile(ABC):
             else np.interp(at[kept], own[heads[label].group], column)
             for label, column in found.items()
         }
-
-    def _count(self, group: str) -> int:
-        return max((head.count for head in self.heads if head.group == group), default=0)
 
     def where(self, row: int) -> str:
         """Say where a row stands in the file, as in ``line 5``."""

@@ -8,14 +8,11 @@ element of elements (flags, dimensions, name, numbers), possibly compressed.
 from __future__ import annotations
 
 import math
-import mmap
 import struct
 import zlib
 from collections.abc import Iterator
-from contextlib import suppress
 from functools import partial
 from itertools import islice
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,33 +38,21 @@ class MatChannels(ChannelFile):
 
     def open(self, path: str) -> None:
         """See `ChannelFile.open`."""
-        with open(path, "rb") as file:
-            self.file = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        self._content = memoryview(self.file)
-        order = {b"IM": "<", b"MI": ">"}[self.file[126:_HEADER]]
-        found: dict[str, Any] = {}
-        for kind, payload in _elements(self._content[_HEADER:], order):
+        content = np.memmap(path, np.uint8, "r").data
+        order = {b"IM": "<", b"MI": ">"}[bytes(content[126:_HEADER])]
+        for kind, payload in _elements(content[_HEADER:], order):
             if kind in (_MATRIX, _COMPRESSED):
-                name, shape, problem = _described(_unpacked(payload, _HEAD) if kind == _COMPRESSED else payload, order)
-                found[name] = partial(_values, payload, order, kind, math.prod(shape)), shape, problem
-        for name, (read, shape, problem) in found.items():
-            self.add(read, name, "", "", math.prod(shape), problem)
+                name, count, problem = _described(_unpacked(payload, _HEAD) if kind == _COMPRESSED else payload, order)
+                self.add(partial(_values, payload, order, kind, count), name, "", "", count, problem)
 
     @classmethod
     def fits(cls, head: bytes) -> bool:
         """See `ChannelFile.fits`."""
         return head[126:_HEADER] in (b"IM", b"MI") and not HdfChannels.fits(head)
 
-    def close(self) -> None:
-        """See `ChannelFile.close`."""
-        self._readers = []
-        with suppress(BufferError):  # a traceback may hold a part of it
-            self._content.release()
-            self.file.close()
 
-
-def _described(head: memoryview, order: str) -> tuple[str, tuple[int, ...], str]:
-    """Return name and shape of a variable, and why it is no channel; empty if it is."""
+def _described(head: memoryview, order: str) -> tuple[str, int, str]:
+    """Return name and length of a variable, and why it is no channel; empty if it is."""
     (_, flags), (_, sizes), (_, name) = _first(head, order, 3)
     (word,) = struct.unpack(f"{order}I", flags[:4])
     shape = struct.unpack(f"{order}{len(sizes) // 4}i", sizes)
@@ -77,7 +62,7 @@ def _described(head: memoryview, order: str) -> tuple[str, tuple[int, ...], str]
     if kind not in _NUMERIC or word & _COMPLEX or sum(length != 1 for length in shape) > 1:
         kind = f"complex {kind}" if word & _COMPLEX else kind
         problem = f"is of class {kind} and shape {shape}, and no vector of real numbers"
-    return bytes(name).decode("utf-8"), shape, problem
+    return bytes(name).decode("utf-8"), math.prod(shape), problem
 
 
 def _values(payload: memoryview, order: str, kind: int, count: int) -> NDArray[np.float64]:

@@ -101,16 +101,14 @@ def _mark(file: IO[bytes], begin: int) -> int | None:
     """Return where the next line is that marks the begin or the end of a set, at or after a place."""
     file.seek(begin)
     held = b"\n"
-    at = begin - 1  # where what is held begins
     while piece := file.read(_PIECE):
         held += piece
         place = held.find(_BEGIN)  # far faster than the pattern
-        while place >= 0:
-            if _MARK.match(held, place):
-                return at + place + 1
+        while place >= 0 and not _MARK.match(held, place):
             place = held.find(_BEGIN, place + 1)
-        kept = min(len(held), _WIDTH + 80)
-        at, held = at + len(held) - kept, held[-kept:]
+        if place >= 0:
+            return file.tell() - len(held) + place + 1
+        held = held[-_WIDTH - 80 :]
     return None
 
 

@@ -24,6 +24,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.bounds import NotNegative, Positive, bound_of, has
 from gapwalk.model.drivetrain.planetary import Planet
 from gapwalk.model.drivetrain.train_parts import GROUND, Gear, Shaft
+from gapwalk.model.drivetrain.train_rows import row_of
 from gapwalk.model.units import QuantityKind, Units, normalised, parsed, registry_of_units
 
 _IN_SI = {"radius": "m", "mass": "kg", "stiffness": "N/m", "damping": "N s/m", "clearance": "m"}
@@ -126,11 +127,10 @@ def on_bearings(gears: Sequence[Gear], bearings: Sequence[Bearing]) -> list[Gear
     """Return the gears, those on bearings with the weights of all angles in their deflections."""
     found = []
     for gear in gears:
-        ratio = gear.exact_ratio or Fraction(gear.ratio)
-        row = {gear.between[0]: Fraction(1), gear.between[1]: -ratio}
+        row = row_of(gear)
         for each in bearings:
             if each.carries in gear.between and (share := each.share(gear.name)):
-                radius = 1 if each.carries == gear.between[0] else -abs(ratio)
+                radius = 1 if each.carries == gear.between[0] else -abs(row[gear.between[1]])
                 row[f"{each.name}_journal"] = Fraction(share) * radius
         if len(row) > 2:
             gear = copy.copy(gear)

@@ -43,6 +43,7 @@ class Mesh(Link):
     weights: Mapping[str, Fraction]  #: Those of the angles in its deflection: see `Link.row`.
     counted: tuple[str, int]  #: The member whose teeth are counted, and their number.
     carrier: str  #: The member against which they pass.
+    _toothed = True
 
     def __init__(
         self, name: str, row: Mapping[str, Fraction], counted: tuple[str, int], carrier: str, **springs: Any
@@ -51,11 +52,6 @@ class Mesh(Link):
         super().__init__(name, (ends[0], [*ends, GROUND][1]), **springs)
         for what, value in (("weights", row), ("counted", counted), ("carrier", carrier)):
             object.__setattr__(self, what, value)
-
-    @property
-    def is_rigid(self) -> bool:
-        """True if it has no springs."""
-        return not self.has_springs
 
 
 @dataclass(frozen=True)

@@ -43,8 +43,6 @@ from gapwalk.model.drivetrain.train_orders import (
     prescribed_inertias,
     ratio_of,
     targets_of,
-    turn_speeds,
-    walked,
     with_load,
 )
 from gapwalk.model.drivetrain.train_parts import (
@@ -59,10 +57,8 @@ from gapwalk.model.drivetrain.train_parts import (
     Shaft,
     Slips,
     acts_along_its_slip,
-    links_of,
 )
-from gapwalk.model.drivetrain.train_rows import Solved, circuits, solved
-from gapwalk.model.drivetrain.train_tree import LinkForm, tree_of
+from gapwalk.model.drivetrain.train_rows import LinkForm, Solved, reduced, row_of, solved
 from gapwalk.model.laws.formula import is_computed
 from gapwalk.model.loads import Load, LoadForm
 from gapwalk.model.loads.load import FactorOverSpeed
@@ -188,24 +184,42 @@ def set_problems(train: Train) -> Iterator[str]:
             yield f"{each.name} makes {part.name}, but another part has that name; choose another one for it"
 
 
-def row_problems(train: Train) -> Iterator[str]:
-    """Report parts that are not connected, or turn at speeds of their own, where links have more than two ends."""
-    names = [inertia.name for inertia in train.inertias]
-    found, groups = train._solved, train._groups
-    apart = [name for name in names if groups[name] != groups[names[0]]]
-    whole = train._whole.free
-    if apart and len(whole) > 1:
-        yield f"{apart[0]} is not connected to {names[0]}; write a shaft or a gear between them"
-    elif len(found.free) > 1:
+def connection_problems(train: Train) -> Iterator[str]:
+    """Report parts that are not connected, that turn at speeds of their own, or that cannot move."""
+    found, whole, moved = train._solved, train._whole, prescribed_inertias(train)
+    names = [inertia.name for inertia in train.inertias if inertia.name not in moved]
+    reached, rows = {GROUND if found.is_held else names[0]}, [{*row} for row in found.follow.values()]
+    while joined := [row for row in rows if row & reached and not row <= reached]:
+        reached.update(*joined)
+    apart = [name for name in names if name not in reached]
+    if apart and len(found.free) > 1 - found.is_held:
+        more = f", nor are {', '.join(apart[1:5])}{', ...' * (len(apart) > 5)}" if apart[1:] else ""
+        to = "the ground" if found.is_held else train.inertias[0].name
+        yield f"{apart[0]} is not connected to {to}{more}; write a shaft or a gear between them"
+        return
+    if train.branches:
+        yield from _turning_problems(train, found, whole, moved)
+    drags = [link for link in train.links if link.is_drag and link.name in found.basis]
+    for link in drags:
+        if f"{link.name}_slip" in {part.name for part in (*train.inertias, *train.links)}:
+            yield f"{link.name}_slip is the name of how far {link.name} slips; choose another one for the part"
+    if not drags and all(link.is_rigid or link.is_drag for link in train.links):
+        first = [*train.branches, *train.links][0].name
+        yield f"{first} is rigid, as all links are, so nothing vibrates; give a shaft or a gear stiffness"
+
+
+def _turning_problems(train: Train, found: Solved, whole: Solved, moved: Sequence[str]) -> Iterator[str]:
+    """Report how a train with links of more than two ends cannot turn."""
+    if len(found.free) > 1:
         first, second = found.free[:2]
         yield (
             f"{train.branches[0].name} lets {first} and {second} turn at speeds of their own, so their mean "
             'speeds are unknown; hold a member, as in ring = "ground", join two of them by a shaft, or let a '
             f'linear drag end the slip: a [[drag]] with between = ["{first}", "{second}"] and linear = ...'
         )
-    elif found.free and (moved := prescribed_inertias(train)):
+    elif found.free and moved:
         yield f"nothing joins {found.free[0]} to {moved[0]}, whose motion is prescribed; write a shaft with a stiffness"
-    elif not whole and not any(GROUND in link.between for link in train.links if not link.is_drag):
+    elif not whole.free and not any(GROUND in link.between for link in train.links if not link.is_drag):
         yield "the ratios of gears and planetary sets lock the train: it cannot turn; correct one of them"
     elif found.free and not train._speeds:
         yield (
@@ -214,37 +228,6 @@ def row_problems(train: Train) -> Iterator[str]:
         )
     elif train.reaction is not None and train._speeds and not train._speeds[train.reaction]:
         yield f"reaction is {train.reaction!r}, which stands still as the train turns; name an inertia that turns"
-    if all(link.is_rigid or link.is_drag or link.only_follows for link in train.links):
-        yield f"{train.branches[0].name} is rigid, as all links are, so nothing vibrates; give a shaft stiffness"
-
-
-def connection_problems(train: Train) -> Iterator[str]:
-    """Report parts that are not connected, and parts that cannot move."""
-    if train.branches:
-        yield from row_problems(train)
-        return
-    numbers, links = train._joined()
-    tree = tree_of(links, numbers[GROUND])
-    reached = {tree.root, *(step.child for step in tree.steps)}
-    apart = [inertia.name for inertia in train.inertias if numbers[inertia.name] not in {*reached, numbers[GROUND]}]
-    if apart:
-        more = f", nor are {', '.join(apart[1:5])}{', ...' * (len(apart) > 5)}" if apart[1:] else ""
-        to = "the ground" if tree.root == numbers[GROUND] else train.inertias[0].name
-        yield f"{apart[0]} is not connected to {to}{more}; write a shaft or a gear between them"
-        return
-    drags = [link for link in (train.links[step.link] for step in tree.steps) if link.is_drag]
-    for link in drags:
-        held_by = [end for end in link.between if end != GROUND and numbers[end] == numbers[GROUND]]
-        if held_by and tree.root != numbers[GROUND]:
-            yield (
-                f"{link.name} has damping, but no stiffness, and nothing else joins the train to {held_by[0]}, whose "
-                "motion is prescribed; write a stiffness"
-            )
-        elif f"{link.name}_slip" in {part.name for part in (*train.inertias, *train.links)}:
-            yield f"{link.name}_slip is the name of how far {link.name} slips; choose another one for the part"
-    if not drags and all(link.rigid or link.drag or link.loose for link in links):
-        link = next(link for link in train.links if link.is_rigid or link.is_drag)
-        yield f"{link.name} is rigid, as all links are, so nothing vibrates; give a shaft or a gear stiffness"
 
 
 def speed_problems(train: Train, numbers: TrainNumbers) -> Iterator[str]:
@@ -364,7 +347,7 @@ class Train:
         if self.speed is not None:
             self._count_orders()
         assembly, values = self._assembled()
-        problems = [*speed_problems(self, assembly.numbers(values)), *assembly.loop_problems(values)]
+        problems = [*speed_problems(self, assembly.numbers(values)), *assembly.loop_problems(values, self._looped)]
         if self.reaction is not None and (apart := assembly.form.held[1:]):
             problems.append(
                 f"reaction is {self.reaction!r}, but the ground alone joins {assembly.form.inertias[apart[0]]} to "
@@ -385,10 +368,12 @@ class Train:
         """The gears, with the ways of those on bearings in their deflections."""
         return on_bearings(self.gears, self.bearings) if self.bearings else self.gears
 
-    @property
+    @cached_property
     def links(self) -> tuple[Link, ...]:
-        """Shafts, then gears, then forces and friction."""
-        return links_of(self)
+        """Shafts, then gears, forces, friction, drags, and the links of sets and bearings."""
+        made = [link for each in self.planetaries for link in each.links]
+        made += [each.shaft(self.units) for each in self.bearings]
+        return (*self.shafts, *self.meshes, *self.forces, *self.frictions, *self.drags, *made)
 
     def system(self) -> System:
         """Make its system: coordinates are deflections of shafts and gears, parameters those of its parts."""
@@ -499,36 +484,27 @@ class Train:
     def _assembled(self) -> tuple[TrainAssembly, NDArray[np.float64]]:
         numbers, links = self._joined()
         free = [inertia.name for inertia in self.inertias if numbers[inertia.name] != numbers[GROUND]]
-        ratios, more = fixed_ratios(self) | displaced_gears(self), {}
-        if self.branches:
-            places = {link.name: number for number, link in enumerate(self.links)}
-            names = [each.name for each in self.inertias]
-            looped = {places[name] for name in (circuits(self.links, self._whole, names) if self._whole.free else ())}
-            root = numbers[self.reference] if self._solved.free else len(free)
-            more = {"basis": tuple(places[name] for name in self._solved.basis), "root": root}
-        else:
-            looped = tree_of(links, len(free)).looped
+        ratios = fixed_ratios(self) | displaced_gears(self) | self._looped
+        places = {link.name: number for number, link in enumerate(self.links)}
+        turning = numbers[self.reference] if self.branches else 0
         speeds, prescribed = self._speeds, prescribed_inertias(self)
-        beside = {end for link in self.links if {*prescribed} & {*link.between} for end in link.between if end in free}
-        beside = {*free} if self.branches and prescribed else beside
         turns = Fraction((self.units and self.units.turns) or 1)
         known = speeds and (self.units is None or self.units.turns)
         form = TrainForm(
             tuple(free),
             tuple(
-                replace(form, fixed=ratio_of(link))
-                if form.geared and (number in looped or link.name in ratios or form.row)
-                else form
-                for number, (link, form) in enumerate(zip(self.links, links, strict=True))
+                replace(form, fixed=ratio_of(link)) if form.geared and (link.name in ratios or form.row) else form
+                for link, form in zip(self.links, links, strict=True)
             ),
             tuple(self._torques(numbers, links)),
             None if self.reaction is None else numbers[self.reaction],
             pace=1.0 / (float(turns) * (self.units.angle if self.units else 1.0)) if known else 0.0,
             angle=self.units.angle if self.units else 1.0,
             reference=None if self.reference in prescribed else numbers[self.reference],
-            starts=tuple((numbers[name], speeds[name]) for name in free if name in beside and speeds),
+            starts=tuple((numbers[name], speeds[name]) for name in free if prescribed and speeds),
             groups=tuple(dict.fromkeys(drag.group for drag in self.drags if drag.group)),
-            **more,
+            basis=tuple(places[name] for name in self._solved.basis),
+            root=turning if self._solved.free else len(free),
         )
         form = replace(form, over_speed=tuple(self._factors(form)))
         counts = Counter([load.form.name for load in form.loads])
@@ -616,23 +592,13 @@ class Train:
 
     @cached_property
     def _speeds(self) -> dict[str, float]:
-        return turn_speeds(self)
-
-    @cached_property
-    def _walked(self) -> dict[str, tuple[str, Any, bool]]:
-        return walked(self)
-
-    @cached_property
-    def _groups(self) -> dict[str, str]:
-        """The inertias by names of inertias to which links with springs, or rigid ones, join them."""
-        found = {inertia.name: inertia.name for inertia in self.inertias}
-        for name, (before, link, _) in self._walked.items():
-            found[name] = name if link.is_drag else found[before]
-        return found
+        """The mean speeds of all inertias over that of the reference; empty if a spring holds the train still."""
+        turning = self._whole.speeds(self.reference) if len(self._whole.free) == 1 else {}
+        return {name: float(speed) for name, speed in turning.items()}
 
     @cached_property
     def _solved(self) -> Solved:
-        """The rows of all links, if some have more than two ends."""
+        """The rows of all links."""
         return solved(self.links, [each.name for each in self.inertias], prescribed_inertias(self))
 
     @cached_property
@@ -641,11 +607,33 @@ class Train:
         return solved(self.links, [each.name for each in self.inertias])
 
     @cached_property
+    def _sprung(self) -> Solved:
+        """The rows of springs and rigid links between inertias alone."""
+        links = [link for link in self.links if not link.is_drag and (link.row or GROUND not in link.between)]
+        return solved(links, [each.name for each in self.inertias])
+
+    @cached_property
+    def _exact_speeds(self) -> Mapping[str, Fraction]:
+        """The speeds over that of the reference, of inertias that springs and rigid links join to it."""
+        return (self._whole if self.branches else self._sprung).speeds(self.reference)
+
+    @cached_property
     def _leaks(self) -> bool:
         """True if drags alone join some parts of the train."""
-        if self.branches:
-            return any(link.is_drag for link in self.links if link.name in self._solved.basis)
-        return len({*self._groups.values()}) > 1
+        return any(link.is_drag for link in self.links if link.name in self._solved.basis)
+
+    @cached_property
+    def _looped(self) -> frozenset[str]:
+        """The links on loops that do not lead through the ground: on each, the ratios must multiply to one."""
+        found, beside = self._solved, {GROUND, *prescribed_inertias(self)}
+        held = {link.name for link in self.links if not link.row and beside & {*link.between}}
+        looped = set[str]()
+        for link in self.links:
+            slips = link.name in self._ways or (self.branches and (link.is_drag or not self._whole.free))
+            if not slips and link.name not in (*found.basis, *looped, *held):
+                loop, left = {link.name, *found.made_of(row_of(link))}, reduced(row_of(link), self._sprung.follow)
+                looped |= loop if len(left) == 1 or not loop & held else set()  # of one angle: by a wrong ratio
+        return frozenset(looped)
 
     @cached_property
     def _ways(self) -> dict[str, int]:
@@ -655,10 +643,8 @@ class Train:
             first, second = (self._speeds.get(end, 0.0) for end in link.between)
             slip = first - ratio_of(link) * second
             still = abs(slip) <= CONSISTENT * abs(first)
-            if self.branches:
-                alone = link.name in self._solved.basis
-            else:
-                alone = still and self._groups[link.between[0]] != self._groups.get(link.between[1])
+            apart = reduced(row_of(link), self._sprung.follow)
+            alone = still and len(apart) > 1 and GROUND not in apart
             if (isinstance(link, Drag) and not alone) or ((link.is_drag or link.only_follows) and not still):
                 found[link.name] = 0 if still else int(math.copysign(1.0, slip))
         return found

@@ -1,8 +1,8 @@
 """Equations of motion of a train from the numbers of its parts, without the rotation of the train as a whole.
 
-With the deflections ``x`` of the springs along a tree of links, the angles of the inertias are ``theta = T x + r psi``;
-`r` holds the speeds at which a free train turns as a whole, and the columns of `T` have no angular momentum. So ``psi``
-drops out, exactly. With the deflections ``L x`` of all links,
+With the deflections ``x`` of springs that do not depend on each other, the angles of the inertias are
+``theta = T x + r psi``; `r` holds the speeds at which a free train turns as a whole, and the columns of `T` have no
+angular momentum. So ``psi`` drops out, exactly. With the deflections ``L x`` of all links,
 
     T^T J T x'' + L^T C L x' + L^T K L x + sum_k e_k f_k = T^T (torques)
 
@@ -22,7 +22,7 @@ Method: docs/numerics/notes/models.md
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -33,8 +33,7 @@ from numpy.typing import NDArray
 from gapwalk.bracketed_root import find_root
 from gapwalk.model.contact import ContactForm
 from gapwalk.model.drivetrain.train_parts import LEAK, NOT_NEGATIVE, Displacing, MeanOf, speed_number
-from gapwalk.model.drivetrain.train_rows import ways_of
-from gapwalk.model.drivetrain.train_tree import LinkForm, Tree, tree_of
+from gapwalk.model.drivetrain.train_rows import LinkForm, ways_of
 from gapwalk.model.laws import Expression
 from gapwalk.model.laws.formula import GROUP_SCALE, MEAN_SLIP, MEAN_SPEED, NUMPY_FUNCTIONS, PACE, is_computed
 from gapwalk.model.loads import Line, LoadForm
@@ -88,9 +87,8 @@ class TrainForm:
     lag: float = 0.0  #: The lag of the coordinates that carry them, in consistent units.
     #: True if the mean speed is kept by what `TrainNumbers.hold` does; in a run-up it is prescribed.
     keeps_speed: bool = True
-    #: The links whose deflections are independent, rigid ones first, if some link has more than two ends; None if not.
-    basis: tuple[int, ...] | None = None
-    root: int = 0  #: With a basis: an inertia that turns with the train, or the ground if the links hold it.
+    basis: tuple[int, ...] = ()  #: The links whose deflections are independent, rigid ones first.
+    root: int = 0  #: An inertia that turns with the train, or the ground if the links hold it.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts are inconsistent."""
@@ -102,6 +100,9 @@ class TrainForm:
             raise ValueError("a torque acts on no inertia")
         if not all(0 <= link < len(self.links) for torque in self.torques for link, _ in torque.displaces):
             raise ValueError("a displacement belongs to none of the links")
+        own = {link for link in self.basis if 0 <= link < len(self.links)}
+        if len(own) != len(self.basis) or len(own) + self.is_free != self.ground or not 0 <= self.root <= self.ground:
+            raise ValueError("the links of the train do not give the angles of its parts")
 
     @property
     def ground(self) -> int:
@@ -109,12 +110,14 @@ class TrainForm:
         return len(self.inertias)
 
     @cached_property
-    def tree(self) -> Tree:
-        """The connections of the links; without steps where some have more than two ends."""
-        if self.basis is not None:
-            chords = tuple(number for number in range(len(self.links)) if number not in self.basis)
-            return Tree(self.root, (), chords, frozenset())
-        return tree_of(self.links, self.ground)
+    def branched(self) -> bool:
+        """True if some link has more than two ends."""
+        return any(link.row for link in self.links)
+
+    @cached_property
+    def chords(self) -> list[int]:
+        """The links whose deflections follow from those of others."""
+        return [number for number in range(len(self.links)) if number not in self.basis]
 
     @property
     def slow(self) -> tuple[str, ...]:
@@ -124,22 +127,18 @@ class TrainForm:
     @property
     def is_free(self) -> bool:
         """True if the train can rotate as a whole."""
-        return self.tree.root != self.ground
+        return self.root != self.ground
 
     @property
     def held(self) -> list[int]:
         """The inertia of each connected part of the train at which it is joined to the ground; empty if it is free."""
-        return [step.child for step in self.tree.steps if step.parent == self.ground]
-
-    @cached_property
-    def independent(self) -> tuple[int, ...]:
-        """The links whose deflections are independent: the basis, or those along the tree."""
-        return self.basis if self.basis is not None else tuple(step.link for step in self.tree.steps)
+        ends = [self.links[link].ends for link in sorted(self.basis) if not self.branched]
+        return [end for pair in ends if self.ground in pair for end in pair if end != self.ground]
 
     @cached_property
     def springs(self) -> tuple[int, ...]:
         """The links whose deflections are the coordinates, in the order of the links."""
-        return tuple(sorted(link for link in self.independent if not self.links[link].rigid))
+        return tuple(sorted(link for link in self.basis if not self.links[link].rigid))
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -388,23 +387,22 @@ class TrainAssembly:
                     "inertias: compute what is on either side of it as a train of its own"
                 )
 
-    def loop_problems(self, values: NDArray[np.float64]) -> Iterator[str]:
+    def loop_problems(self, values: NDArray[np.float64], looped: Collection[str]) -> Iterator[str]:
         """List the errors of closed loops, once only: the ratios on them are not parameters."""
         form, numbers = self.form, TrainNumbers(self.form, values)
         ratios, speeds = numbers.ratios, numbers.speeds
-        across = [k for k in form.tree.chords if form.links[k].dry and numbers.deflections[k][list(form.slips)].any()]
+        across = [k for k in form.chords if form.links[k].dry and numbers.deflections[k][list(form.slips)].any()]
         for number in across:
             coupling = next(form.links[form.springs[place]].name for place in form.slips)
             yield (
                 f"{form.links[number].name} acts across {coupling}, which slips: the equations have no such friction "
                 'yet. A drag may act there: write a [[force]] with law = "t*tanh(v/a)"'
             )
-        branched = form.basis is not None  # then exact fractions have told whether the train can turn
-        for number in form.tree.chords:
+        for number in form.chords:
             link, (first, second) = form.links[number], form.links[number].ends
-            if number in across or not (branched or number in form.tree.looped):
+            if number in across or not (form.branched or link.name in looped):
                 continue
-            slips = link.drag or link.loose or branched
+            slips = link.drag or link.loose or form.branched  # there exact fractions have told whether it can turn
             wanted = 1.0 if slips else speeds[first] / speeds[second]
             if abs(ratios[number] / wanted - 1.0) > CONSISTENT and not slips:
                 here = f"its ratio is {ratios[number]:.10g}" if link.geared else "as a shaft it has the ratio 1"
@@ -544,8 +542,8 @@ class TrainNumbers:
         begin = np.ones(len(form.inertias), dtype=self.ratios.dtype)
         for child, speed in form.starts:
             begin[child] = speed
-        held = [form.basis is not None or form.ground in form.links[link].ends for link in form.independent]
-        return self._solved @ np.where(held, self.rows[list(form.independent)] @ begin, 0.0)
+        held = [form.branched or form.ground in form.links[link].ends for link in form.basis]
+        return self._solved @ np.where(held, self.rows[list(form.basis)] @ begin, 0.0)
 
     @property
     def referring(self) -> NDArray[np.float64]:
@@ -566,21 +564,21 @@ class TrainNumbers:
     @cached_property
     def _solved(self) -> NDArray[Any]:
         """The angles of the inertias by the independent deflections, then by the angle of the root if it is free."""
-        rows = self.rows[list(self.form.independent)]
+        rows = self.rows[list(self.form.basis)]
         if self.form.is_free:
-            rows = np.vstack((rows, np.eye(1, rows.shape[1], self.form.tree.root)))
+            rows = np.vstack((rows, np.eye(1, rows.shape[1], self.form.root)))
         found = np.linalg.inv(rows)
         return np.where(np.abs(np.real(found)) < _STILL, found - np.real(found), found)
 
     @cached_property
     def ways(self) -> NDArray[Any]:
         """The motions of the inertias that deflect no rigid link, shape (inertias, ways), as sparse as they are."""
-        return ways_of(self.rows[[link for link in self.form.independent if self.form.links[link].rigid]])
+        return ways_of(self.rows[[link for link in self.form.basis if self.form.links[link].rigid]])
 
     @property
     def _turned(self) -> NDArray[Any]:
         """The angles of the inertias by the coordinates while the root is at rest."""
-        return self._solved[:, [self.form.independent.index(link) for link in self.form.springs]]
+        return self._solved[:, [self.form.basis.index(link) for link in self.form.springs]]
 
     @cached_property
     def angles(self) -> NDArray[Any]:
@@ -654,7 +652,7 @@ class TrainNumbers:
         form = self.form
         found = np.zeros((len(form.links), len(form.coordinates)), dtype=self.ratios.dtype)
         found[list(form.springs), range(len(form.springs))] = 1.0
-        for chord in form.tree.chords:
+        for chord in form.chords:
             if form.links[chord].turns or not form.links[chord].rigid:
                 # no other link feels the rotation of the train as a whole
                 angles = self.angles if form.links[chord].turns else self._turned
@@ -713,8 +711,8 @@ class TrainNumbers:
         """Angles of inertias by ways, deflections by torques on ways, and accelerations by forces of links."""
         form, turned = self.form, self.ways
         pulls, mass = self.rows @ turned, turned.T @ (self.inertia[:, None] * turned)
-        apart = form.basis is None  # then each inertia belongs to one way
-        inverse = np.diag(1.0 / mass.diagonal()) if apart else np.linalg.inv(mass)
+        # without links of more than two ends each inertia belongs to one way
+        inverse = np.linalg.inv(mass) if form.branched else np.diag(1.0 / mass.diagonal())
         flexed = pulls[list(form.springs)] @ inverse
         by_links = flexed @ pulls.T
         if form.has_turn:  # of the torques on ways, and of those of the links that slip on: no other turns the whole
@@ -834,8 +832,7 @@ def steadied(system: Any, strobes: NDArray[np.float64]) -> NDArray[np.float64]:
     if not isinstance(assembly, TrainAssembly) or not assembly.form.has_turn:
         return strobes[-1]
     numbers = assembly.numbers(system.values)
-    ends, fast = numbers.decay * numbers.whole + numbers.steadying, numbers.hold / numbers.whole
-    decay = ends / numbers.whole
+    decay, fast = numbers.decay + numbers.steadying / numbers.whole, numbers.hold / numbers.whole
     rates = np.roots([1.0, decay, fast])
     duration = 2.0 * np.pi / numbers.values[0]
     vectors = np.array([[1.0, 1.0], rates])

@@ -11,8 +11,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import reduce
-from itertools import permutations
 from typing import TYPE_CHECKING, Any
 
 from gapwalk.errors import ModelError
@@ -20,8 +18,8 @@ from gapwalk.model import bounds
 from gapwalk.model.bounds import Finite, has
 from gapwalk.model.contact import OF_FRICTION, Side
 from gapwalk.model.drivetrain.planetary import QUANTITIES, Mesh
-from gapwalk.model.drivetrain.train_parts import GROUND, Force, Friction, Gear, Link, links_of
-from gapwalk.model.drivetrain.train_tree import LinkForm
+from gapwalk.model.drivetrain.train_parts import GROUND, Force, Friction, Gear, Link
+from gapwalk.model.drivetrain.train_rows import LinkForm
 from gapwalk.model.loads import Load
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.units import QuantityKind, kind_of
@@ -116,10 +114,10 @@ def with_load(counted: Load | Counted, load: Load) -> Load | Counted:
 def real_orders(train: Train) -> list[Fraction]:
     """Return the orders of the loads: per turn of the reference shaft, or as multiples of the frequency."""
     unit = Fraction((train.units and train.units.turns) or 1)
-    paths, found = _speeds(train), []
+    found = []
     for load in train.harmonics:
         if isinstance(load, Counted):
-            found.append(load.exact_order * load.periods * _counted(train, load, paths)[0])
+            found.append(load.exact_order * load.periods * _counted(train, load)[0])
         else:  # until they are counted, the orders of a curve over a cycle of two turns are halves
             found.append(load.turn_order if train.speed is not None else load.order * unit)
     return found
@@ -127,18 +125,18 @@ def real_orders(train: Train) -> list[Fraction]:
 
 def fixed_ratios(train: Train) -> frozenset[str]:
     """Return the gears on whose ratios orders depend; these are no parameters: the orders would change with them."""
-    paths, loads = _speeds(train), (load for load in train.harmonics if isinstance(load, Counted))
-    return frozenset(gear for load in loads for gear in _counted(train, load, paths)[1])
+    loads = (load for load in train.harmonics if isinstance(load, Counted))
+    return frozenset(gear for load in loads for gear in _counted(train, load)[1])
 
 
-def _counted(train: Train, load: Counted, paths: _Paths) -> tuple[Fraction, tuple[str, ...]]:
+def _counted(train: Train, load: Counted) -> tuple[Fraction, tuple[str, ...]]:
     """Return what a load counts per turn of the reference shaft, and the gears on which that depends."""
     gear = _gear(train, load) if load.mesh else None
     if isinstance(gear, Mesh):
-        return abs(tooth_rate(train, load, gear, paths)), tuple(each.name for each in train.gears)
+        return abs(tooth_rate(train, load, gear)), tuple(each.name for each in train.gears)
     if not (at := gear.between[0] if gear else load.turns_of):
         return Fraction(1), ()
-    speed, path = _speed(train, load, at, paths)
+    speed, path = _speed(train, load, at)
     return (abs(speed) * (gear.first_teeth or 0), (*path, gear.name)) if gear else (abs(speed), path)
 
 
@@ -175,11 +173,8 @@ def multiples_of(train: Train, turns: Fraction) -> list[int]:
 
 
 def _common(orders: Sequence[Fraction]) -> Fraction:
-    def divisor(first: Fraction, second: Fraction) -> Fraction:
-        bottom = first.denominator * second.denominator
-        return Fraction(math.gcd(first.numerator * second.denominator, second.numerator * first.denominator), bottom)
-
-    return reduce(divisor, orders) if orders else Fraction(1)
+    bottom = math.lcm(*(order.denominator for order in orders))
+    return Fraction(math.gcd(*(int(order * bottom) for order in orders)) or 1, bottom)
 
 
 def _too_long(train: Train, orders: Sequence[Fraction], turns: Fraction, periods: Fraction) -> str:
@@ -207,11 +202,10 @@ def _turns(count: Fraction) -> str:
     return f"{count} turn" if count <= 1 else f"{count} turns"
 
 
-def tooth_rate(train: Train, load: Counted, mesh: Mesh, paths: _Paths | None = None) -> Fraction:
+def tooth_rate(train: Train, load: Counted, mesh: Mesh) -> Fraction:
     """Return the teeth of a planetary set that pass a planet per turn of the reference, forwards or backwards."""
-    paths = _speeds(train) if paths is None else paths
     name, teeth = mesh.counted
-    speeds = [Fraction(0) if each == GROUND else _speed(train, load, each, paths)[0] for each in (name, mesh.carrier)]
+    speeds = [Fraction(0) if each == GROUND else _speed(train, load, each)[0] for each in (name, mesh.carrier)]
     if speeds[0] == speeds[1]:
         raise ModelError(f"{load.name} counts teeth of {mesh.name}, which do not roll on each other as the train turns")
     return teeth * (speeds[0] - speeds[1])
@@ -240,65 +234,24 @@ def _gear(train: Train, load: Counted) -> Gear | Mesh:
     return gears[load.mesh]
 
 
-_Paths = Mapping[str, tuple[Fraction | None, tuple[str, ...]]]
-
-
-def walked(train: Train) -> dict[str, tuple[str, Any, bool]]:
-    """Return how the reference reaches all inertias: the one before each, the link, whether forwards; drags last."""
-    links = [(link, [end for end in link.row or link.between if end != GROUND]) for link in links_of(train)]
-    ends: dict[str, list[tuple[str, Any, bool]]] = {}
-    for link, own in links:
-        for one, other in permutations(own, 2) if not (link.is_drag or link.only_follows) else ():
-            ends.setdefault(one, []).append((other, link, one == own[0]))
-    sliding = [(link, own) for link, own in links if link.is_drag and not isinstance(link, Friction) and own[1:]]
-    found, waiting = dict[str, tuple[str, Any, bool]](), [train.reference]
-    while waiting:
-        for name in waiting:
-            for other, link, forward in ends.get(name, ()):
-                if other not in found and other != train.reference:
-                    found[other] = name, link, forward
-                    waiting.append(other)
-        reached = {train.reference, *found}
-        across = ((link, own) for link, own in sliding if len(reached & {*own}) == 1)
-        link, own = next(across, (None, []))
-        waiting = [end for end in own if end not in reached]
-        found |= {end: (own[own[0] == end], link, own[0] != end) for end in waiting}
-    return found
-
-
-def _speeds(train: Train) -> _Paths:
-    """Return the speeds of all inertias over that of the reference, and the gears between, along the shortest paths."""
-    if train.branches:
-        gears = tuple(gear.name for gear in train.gears)
-        exact = all(gear.exact_ratio is not None for gear in train.gears)
-        return {name: (speed if exact else None, gears) for name, speed in train._whole.speeds(train.reference).items()}
-    paths: dict[str, tuple[Fraction | None, tuple[str, ...]]] = {train.reference: (Fraction(1), ())}
-    for name, (before, link, forward) in train._walked.items():
-        if link.is_drag:  # so is one before all that follow
-            break
-        speed, path = paths[before]
-        if isinstance(link, Gear):
-            ratio, path = link.exact_ratio, (*path, link.name)
-            speed = None if speed is None or ratio is None else speed / ratio if forward else speed * ratio
-        paths[name] = speed, path
-    return paths
-
-
-def _speed(train: Train, load: Counted, name: str, paths: _Paths) -> tuple[Fraction, tuple[str, ...]]:
+def _speed(train: Train, load: Counted, name: str) -> tuple[Fraction, tuple[str, ...]]:
+    """Return the speed of an inertia over that of the reference, and the gears on which it depends."""
     inertias = [inertia.name for inertia in train.inertias]
     if name not in inertias:
         raise ModelError(f"{load.name}.turns_of is {name!r}, which is no inertia; {did_you_mean(name, inertias)}")
-    if name not in paths:
+    speeds = train._exact_speeds
+    if name not in speeds:
         raise ModelError(f"{load.name} counts turns of {name}, which no shafts and gears join to {train.reference}")
-    speed, path = paths[name]
-    if speed is None:
-        gears = {gear.name: gear for gear in train.gears}
-        wrong = next(gear for gear in path if gears[gear].exact_ratio is None)
+    row = {name: Fraction(1)}
+    row[train.reference] = row.get(train.reference, 0) - speeds[name]
+    between = {gear.name for gear in train.gears} if train.branches else train._whole.made_of(row)
+    path = [gear for gear in train.gears if gear.name in between]
+    if wrong := next((gear for gear in path if gear.exact_ratio is None), None):
         raise ModelError(
-            f"{load.name} counts turns behind {wrong}, whose ratio {gears[wrong].ratio!r} is no fraction of small "
-            f"numbers, so the excitation would not repeat; write teeth = [27, 41] for {wrong}"
+            f"{load.name} counts turns behind {wrong.name}, whose ratio {wrong.ratio!r} is no fraction of small "
+            f"numbers, so the excitation would not repeat; write teeth = [27, 41] for {wrong.name}"
         )
-    return speed, path
+    return speeds[name], tuple(gear.name for gear in path)
 
 
 def phased_loads(train: Train) -> Iterator[Load | Counted]:
@@ -370,18 +323,6 @@ def formula_numbers(train: Train) -> list[str]:
     ]
 
 
-def turn_speeds(train: Train) -> dict[str, float]:
-    """Return the mean speeds of all inertias over that of the reference; empty if a spring holds the train still."""
-    if train.branches:
-        return {name: float(speed) for name, speed in train._whole.speeds(train.reference).items()}
-    if any(GROUND in link.between and not (link.is_drag or link.only_follows) for link in links_of(train)):
-        return {}
-    found = {train.reference: 1.0}
-    for name, (before, link, forward) in train._walked.items():
-        found[name] = found[before] * (1.0 / ratio_of(link) if forward else ratio_of(link))
-    return found
-
-
 def prescribed_inertias(train: Train) -> tuple[str, ...]:
     """Return the names of the inertias whose motion is prescribed."""
     varied = {name for load in map(plain_load, train.harmonics) for name in load.varies}
@@ -393,7 +334,7 @@ def gapless_links(train: Train) -> frozenset[str]:
     varied = {name for load in map(plain_load, train.harmonics) for name in load.varies}
     return frozenset(
         link.name
-        for link in links_of(train)
+        for link in train.links
         if link.acts_always and any(f"{link.name}.{each}" in varied for each in _SPRINGS)
     )
 
@@ -402,16 +343,15 @@ def displaced_gears(train: Train) -> frozenset[str]:
     """Return the gears whose ratio multiplies a prescribed motion, so that it is no parameter."""
     prescribed = prescribed_inertias(train)
     geared = [*train.gears, *(each for each in train.frictions if each.ratio is not None)]
-    if prescribed and train.branches:  # then mean speeds depend on all of them
-        return frozenset(each.name for each in geared)
-    return frozenset(each.name for each in geared if each.between[1] in prescribed)
+    branched = bool(prescribed and train.branches)  # then mean speeds depend on all of them
+    return frozenset(each.name for each in geared if branched or each.between[1] in prescribed)
 
 
 def targets_of(
     train: Train, load: Load, links: Sequence[LinkForm]
 ) -> tuple[tuple[tuple[str, float], ...], tuple[tuple[int, float], ...]]:
     """Return the numbers and deflections of contacts that a load varies, and the linear links that it displaces."""
-    numbers = {link.name: number for number, link in enumerate(links_of(train))}
+    numbers = {link.name: number for number, link in enumerate(train.links)}
     beside = {each.name for link in links for each in link.beside}
     varies: list[tuple[str, float]] = []
     displaces: list[tuple[int, float]] = []
@@ -423,7 +363,7 @@ def targets_of(
         elif first not in numbers and first not in beside:
             moved = [*_ends_at(train, first)]
         else:
-            link = links_of(train)[numbers[first]] if first in numbers else None
+            link = train.links[numbers[first]] if first in numbers else None
             apart = link is not None and link.centre and link.side is Side.BOTH and "." not in rest
             halves = ["positive.", "negative."] if apart else [""]
             varies += [(f"{first}.{half}{rest}", factor) for half in halves]
@@ -440,7 +380,7 @@ def targets_of(
 
 def _ends_at(train: Train, inertia: str) -> Iterator[tuple[int, float]]:
     """Iterate over the links that end at an inertia, with their deflections by its angle."""
-    for number, link in enumerate(links_of(train)):
+    for number, link in enumerate(train.links):
         if link.row is not None:
             if inertia in link.row:
                 yield number, float(link.row[inertia])
@@ -458,7 +398,7 @@ def ratio_of(link: Link) -> float:
 
 def load_problems(train: Train) -> Iterator[str]:
     """List the errors of what the loads vary, and of inertias whose motion is prescribed."""
-    links = {link.name: link for link in links_of(train)}
+    links = {link.name: link for link in train.links}
     for load in map(plain_load, train.harmonics):
         displaced = {name.rpartition(".")[2] in _DISPLACED for name in load.varies}
         if len(displaced) > 1:
@@ -541,7 +481,7 @@ def _prescription_problems(train: Train) -> Iterator[str]:
             yield f"mean names {name}, whose motion is prescribed; leave it out"
     if train.reaction in prescribed:
         yield f"reaction is {train.reaction!r}, whose motion is prescribed, so it takes the mean torques; leave it out"
-    for link in links_of(train):
+    for link in train.links:
         ends = [*link.row] if link.row is not None else link.between
         held = [end for end in ends if end in (*prescribed, GROUND)]
         if len(held) == len(ends):

@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from copy import copy
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from fractions import Fraction
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Finite, has
@@ -96,6 +96,8 @@ class Link:
     #: The middle of the gap, at most as far from 0 as the clearance. Then each side has parameters of its own, as in
     #: ``mesh.positive.clearance``.
     centre: float = 0.0
+    _toothed: ClassVar[bool] = False
+    """True if it is rigid without springs."""
 
     def __init__(
         self,
@@ -132,8 +134,8 @@ class Link:
 
     @property
     def is_rigid(self) -> bool:
-        """True if it connects its two inertias rigidly."""
-        return False
+        """True if it connects its inertias rigidly."""
+        return self._toothed and not self.has_springs
 
     @property
     def is_drag(self) -> bool:
@@ -219,13 +221,6 @@ class Link:
             yield f"is refused: {str(error).removeprefix(f'contact {self.name!r}: ')}"
 
 
-def links_of(train: Any) -> tuple[Link, ...]:
-    """Return the shafts, then the gears, the forces, the friction, the drags, and the links of sets and bearings."""
-    made = [link for each in train.planetaries for link in each.links]
-    made += [each.shaft(train.units) for each in train.bearings]
-    return (*train.shafts, *train.meshes, *train.forces, *train.frictions, *train.drags, *made)
-
-
 @dataclass(frozen=True, init=False)
 class Shaft(Link):
     """A spring with a damper between two inertias, or between one and the ground, with or without clearance.
@@ -276,6 +271,7 @@ class Gear(Link):
     #: Number of teeth of the first gear, or of both; of the second there are `ratio` times as many. Loads may then
     #: count their orders per tooth: see `Counted`.
     teeth: int | tuple[int, int] | None
+    _toothed = True
 
     def __init__(
         self,
@@ -306,11 +302,6 @@ class Gear(Link):
     def first_teeth(self) -> int | None:
         """The number of teeth of the first gear, if it is known."""
         return self.teeth[0] if isinstance(self.teeth, tuple) else self.teeth
-
-    @property
-    def is_rigid(self) -> bool:
-        """True if it connects its two inertias rigidly."""
-        return not self.has_springs
 
     def problems(self) -> Iterator[str]:
         """List the errors of its numbers, one sentence each, without its name."""

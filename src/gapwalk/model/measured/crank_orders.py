@@ -158,10 +158,8 @@ def orders_of(
     >>> [(each.order, round(abs(each.cosine), 9), round(abs(each.sine), 9)) for each in table.lines]
     [(0.5, 0.0, 9.0), (2.0, 40.0, 0.0)]
     """
-    if per not in _TURNS:
-        raise ModelError(f'per is {per!r}; it is "turn", or "cycle" for two turns')
+    turns = turns_in(per)
     check("error", error, Fraction)
-    turns = _TURNS[per]
     angles, values = one_period(angle, torque, turns)
     scale = float(np.max(np.abs(values)))
     if not scale > 0.0:
@@ -176,6 +174,13 @@ def orders_of(
     share = max(energy - sum(each.energy for each in kept), 0.0) / energy if energy else 0.0
     lines = tuple(OrderLine(each.order, scale * each.cosine, scale * each.sine) for each in kept)
     return OrderTable(turns, scale * mean, lines, share, len(angles), is_even)
+
+
+def turns_in(per: str) -> int:
+    """Return the turns in a period."""
+    if per not in _TURNS:
+        raise ModelError(f'per is {per!r}; it is "turn", or "cycle" for two turns')
+    return _TURNS[per]
 
 
 def displacement_orders(

@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.model.measured.crank_orders import ERROR, OrderTable, displacement_orders, orders_of
+from gapwalk.model.measured.crank_orders import ERROR, OrderTable, displacement_orders, orders_of, turns_in
 from gapwalk.model.measured.measured_table import finite_row
 
 Array = NDArray[np.float64]
 
-_TURNS = {"turn": 1, "cycle": 2}
 _TURN = 2.0 * math.pi
 _LEAST = 8  # samples of a record
 _GAP = 4.0  # of the median step: samples are missing
@@ -124,9 +123,10 @@ class TurnedRecord:
             return found
         if np.ptp(speeds) > _STEADY * np.mean(speeds):
             ends = f"{_said(speeds.min(), self.unit)} to {_said(speeds.max(), self.unit)}"
+            mark = '"' * bool(self.unit)
             raise ModelError(
                 f"its speed goes from {ends}, so its orders differ from speed to speed; say at which speed they are "
-                f"wanted, as in speed = {_key(float(np.median(speeds)), self.unit)}"
+                f"wanted, as in speed = {mark}{_said(float(np.median(speeds)), self.unit, 4)}{mark}"
             )
         return np.arange(len(speeds))
 
@@ -169,12 +169,8 @@ Where = Callable[[int], str]
 """Says where a sample stands, for messages."""
 
 
-def _said(speed: float, unit: str) -> str:
-    return f"{speed * 60.0 / _TURN:.6g} rpm" if unit else f"{speed:.6g}"
-
-
-def _key(speed: float, unit: str) -> str:
-    return f'"{speed * 60.0 / _TURN:.4g} rpm"' if unit else f"{speed:.4g}"
+def _said(speed: float, unit: str, digits: int = 6) -> str:
+    return f"{speed * 60.0 / _TURN:.{digits}g} rpm" if unit else f"{speed:.{digits}g}"
 
 
 def _check_axis(what: str, axis: Array, where: Where) -> None:
@@ -294,9 +290,7 @@ def turning_orders(
     >>> table.orders[0], round(abs(complex(table.lines[0].cosine, table.lines[0].sine)), 3)  # 5 / (2 * 100)
     (2.0, 0.025)
     """
-    if per not in _TURNS:
-        raise ModelError(f'per is {per!r}; it is "turn", or "cycle" for two turns')
-    turns = _TURNS[per]
+    turns = turns_in(per)
     rows = {
         name: finite_row(row, name)
         for name, row in zip(("time", "speed", "signal", "angle"), (time, speed, signal, angle), strict=True)

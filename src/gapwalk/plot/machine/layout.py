@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gapwalk.model.contact import ContactForm
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly, TrainNumbers
-from gapwalk.model.drivetrain.train_tree import LinkForm
+from gapwalk.model.drivetrain.train_rows import LinkForm
 from gapwalk.model.system import System
 from gapwalk.plot.machine.elements import (
     BASE,
