@@ -64,8 +64,7 @@ def command(sort_key: float, *examples: str) -> Callable[[Callable[..., int]], C
         def guarded(*arguments: Any, debug: bool = False, quiet: bool = False, **options: Any) -> int:
             from gapwalk.cli.output import guard
 
-            how = {"json": options.get("json", False), "debug": debug, "quiet": quiet}
-            return guard(lambda: job(*arguments, **options), **how)
+            return guard(lambda: job(*arguments, **options), json=options.get("json", False), debug=debug, quiet=quiet)
 
         guarded.__doc__ = _PARAGRAPH.sub(lambda each: each[1] + " ".join(each[0].split()), cleandoc(job.__doc__ or ""))
         return app.command(guarded, sort_key=sort_key, help_epilogue=shown)
@@ -270,8 +269,7 @@ def export(
     result: Path,
     /,
     *,
-    format: Literal["csv", "json", "netcdf", "mat", "parquet", "xlsx", "png", "svg", "pdf", "html", "wav"]
-    | None = None,
+    format: Form | None = None,
     output: Annotated[list[Path] | None, Parameter(alias="-o", negative=())] = None,
     measure: str | None = None,
     size: Literal["screen", "column", "page", "slide"] | None = None,
