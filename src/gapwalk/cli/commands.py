@@ -46,7 +46,6 @@ Json = Annotated[bool, _SWITCH, Parameter(alias="-j", help="Print one JSON docum
 Debug = Annotated[bool, _SWITCH, Parameter(help="Show the traceback of an error.")]
 Quiet = Annotated[bool, _SWITCH, Parameter(alias="-q", help="Print only errors, and what --json asks for.")]
 Changes = Annotated[list[str] | None, Parameter(name="--set", negative=())]
-Form = Literal["csv", "json", "netcdf", "mat", "parquet", "xlsx", "png", "svg", "pdf", "html", "wav"]
 Names = Annotated[list[str] | None, Parameter(negative=())]
 Output = Annotated[Path | None, Parameter(alias="-o")]
 _PARAGRAPH = re.compile(r"^( *)(?![ -]).+(?:\n\1(?![ -]).+)+", re.M)  # its lines are broken by the terminal
@@ -269,7 +268,8 @@ def export(
     result: Path,
     /,
     *,
-    format: Form | None = None,
+    format: Literal["csv", "json", "netcdf", "mat", "parquet", "xlsx", "png", "svg", "pdf", "html", "wav"]
+    | None = None,
     output: Annotated[list[Path] | None, Parameter(alias="-o", negative=())] = None,
     measure: str | None = None,
     size: Literal["screen", "column", "page", "slide"] | None = None,
@@ -380,7 +380,7 @@ def verify(result: Path, /, *, json: Json = False, quiet: Quiet = False, debug: 
 @command(
     7,
     "gapwalk measure examples/rattle.toml examples/rattle.csv",
-    "gapwalk measure model.toml record.mat --fit stage2.impact_damping --fit mean.q1",
+    "gapwalk measure model.toml run.mat --fit stage2.impact_damping --fit mean.q1",
 )
 def measure(
     file: Path,
