@@ -16,16 +16,16 @@ from jupyter_cache.base import CacheBundleIn
 from jupyter_cache.cache.main import JupyterCacheBase
 from jupyter_cache.executors.utils import ExecutionResult, single_nb_execution
 from myst_nb.core.read import create_nb_reader
+from myst_nb.sphinx_ import SphinxEnvType
 from nbformat import NotebookNode
 from sphinx.application import Sphinx
-from sphinx.environment import BuildEnvironment
 from sphinx.errors import ExtensionError
 from sphinx.util import logging
 
 LOG = logging.getLogger(__name__)
 
 
-def run_all(app: Sphinx, env: BuildEnvironment, docnames: Sequence[str]) -> None:
+def run_all(app: Sphinx, env: SphinxEnvType, docnames: Sequence[str]) -> None:
     """Run the code of all pages that will be read and whose results are not in the cache."""
     settings = env.mystnb_config
     if settings.execution_mode != "cache":
@@ -46,7 +46,7 @@ def run_all(app: Sphinx, env: BuildEnvironment, docnames: Sequence[str]) -> None
             LOG.info(f"ran the code of {env.path2doc(path)} in {result.time:.0f} s ({number} of {len(work)})")
 
 
-def _notebook(path: Path, env: BuildEnvironment) -> NotebookNode | None:
+def _notebook(path: Path, env: SphinxEnvType) -> NotebookNode | None:
     """Return the notebook of a page; None for a page without code that is run."""
     text = path.read_text(encoding="utf-8")
     reader = create_nb_reader(str(path), env.myst_config, env.mystnb_config, text)
