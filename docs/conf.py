@@ -26,6 +26,7 @@ extensions = [
     "file_reference",
     "api_links",
     "docstrings",
+    "notebooks",
 ]
 root_doc = "index"
 exclude_patterns = ["_ext", "_templates"]

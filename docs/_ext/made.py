@@ -3,8 +3,8 @@
     python -m docs._ext.made [--check] [PICTURE OR PAGE ...]
 
 makes pictures again (all, or those that are named), and says which quotes are not what their command answers. With
-``--check`` it writes no picture, but compares, and exits with 1 if something differs. Results are kept in out/made, and
-computed again where they are missing.
+``--check`` it writes no picture, but compares, and exits with 1 if something differs. Results are kept in out/made;
+what is missing of them, as after Ctrl-C, is computed.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from gapwalk.cli import main
@@ -141,12 +142,12 @@ def kept(words: str) -> Path:
     return KEPT / f"{Path(file).stem}{f'-{study}' if study else ''}.gapwalk"
 
 
+@cache
 def answer(words: str) -> str:
-    """Return what the command of a file and a study answers; its result is computed if it is not kept."""
+    """Return what the command of a file and a study answers; what is not kept of its result is computed."""
     result = kept(words)
-    if not result.exists():
-        result.parent.mkdir(parents=True, exist_ok=True)
-        _run(f"run {words} --output {shlex.quote(str(result))} --quiet")
+    result.parent.mkdir(parents=True, exist_ok=True)
+    _run(f"run {words} --output {shlex.quote(str(result))} --quiet{' --resume' * result.exists()}")
     return _run(f"show {shlex.quote(str(result))}")
 
 

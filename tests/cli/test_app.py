@@ -1,5 +1,6 @@
 """The commands that compute nothing, help, errors in words, and exit codes."""
 
+import itertools
 import json
 import subprocess
 import sys
@@ -220,3 +221,18 @@ def test_every_command_on_files_is_silent_if_asked(result, capsys) -> None:
     assert "none.gapwalk" in capsys.readouterr().err
     assert main(["show", result]) == 0  # the next command speaks again
     assert "stop" in capsys.readouterr().out
+
+
+def test_help_is_broken_by_the_terminal_alone_and_examples_fit_80_columns() -> None:
+    for name in ("new", "run", "export", "compare", "measure", "completion", "manual"):
+        command = app[name]
+        paragraphs = (command.default_command.__doc__ or "").split("\n")
+        assert not [
+            (one, other)
+            for one, other in itertools.pairwise(paragraphs)
+            if one.strip("- ")
+            and other.strip("- ")
+            and len(one) - len(one.lstrip()) == len(other) - len(other.lstrip())
+        ], name
+        examples = (command.help_epilogue or "").partition("\n\nExit codes")[0].splitlines()
+        assert max(map(len, examples)) <= 80, name

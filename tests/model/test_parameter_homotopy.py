@@ -51,7 +51,7 @@ def test_an_orbit_is_followed_along_the_way() -> None:
 @pytest.mark.parametrize(
     ("to", "message"),
     [
-        ({"frequency": 0.3, "mean.q1": 0.2}, "frequency cannot move together with others"),
+        ({"frequency": 0.3, "mean.q1": 0.2}, "frequency cannot vary together with other parameters"),
         ({"mean.q9": 0.3}, "there is no parameter 'mean.q9'"),
         ({"stage2.clearance": -1.0}, "it must be >= 0"),
     ],

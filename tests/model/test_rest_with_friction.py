@@ -28,8 +28,8 @@ def test_friction_is_left_out_and_said(load: float) -> None:
     assert found.position[0] == pytest.approx(expected, rel=1e-14)
     assert [contact.name for contact in found.contacts] == ["clutch"]
     assert rest.notes == (
-        "dry friction is left out (clutch_friction): with it there is a continuum of rests, all positions about an "
-        "equilibrium in which it can hold",
+        "dry friction is left out (clutch_friction): with it all positions about an "
+        "equilibrium at which it can hold are equilibria too",
     )
     assert rest.complete
 

@@ -355,7 +355,7 @@ def problems_of_several(old: str, new: str, changes=None):
 def test_what_is_wrong_with_several_studies() -> None:
     ((path, line, message),) = problems_of_several('name = "strong"\n', "")
     assert (path, line) == ("study[1].name", 27)
-    assert "is missing; the result is called by it" in message
+    assert "is missing; it names the file of the result" in message
     ((path, line, message),) = problems_of_several('"strong"', '"Light"')
     assert (path, line) == ("study[1].name", 28)
     assert "is taken already" in message

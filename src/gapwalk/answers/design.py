@@ -461,7 +461,7 @@ class JudgedGoal:
 
     @property
     def is_reached(self) -> bool:
-        """True if the new design reaches it."""
+        """True if the new design reaches the goal."""
         return self.after >= -EXACT
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import wraps
+from inspect import cleandoc
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -44,9 +46,9 @@ Json = Annotated[bool, _SWITCH, Parameter(alias="-j", help="Print one JSON docum
 Debug = Annotated[bool, _SWITCH, Parameter(help="Show the traceback of an error.")]
 Quiet = Annotated[bool, _SWITCH, Parameter(alias="-q", help="Print only errors, and what --json asks for.")]
 Changes = Annotated[list[str] | None, Parameter(name="--set", negative=())]
-Form = Literal["csv", "json", "netcdf", "mat", "parquet", "xlsx", "png", "svg", "pdf", "html", "wav"]
 Names = Annotated[list[str] | None, Parameter(negative=())]
 Output = Annotated[Path | None, Parameter(alias="-o")]
+_PARAGRAPH = re.compile(r"^( *)(?![ -]).+(?:\n\1(?![ -]).+)+", re.M)  # its lines are broken by the terminal
 
 
 def command(sort_key: float, *examples: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
@@ -61,9 +63,9 @@ def command(sort_key: float, *examples: str) -> Callable[[Callable[..., int]], C
         def guarded(*arguments: Any, debug: bool = False, quiet: bool = False, **options: Any) -> int:
             from gapwalk.cli.output import guard
 
-            how = {"json": options.get("json", False), "debug": debug, "quiet": quiet}
-            return guard(lambda: job(*arguments, **options), **how)
+            return guard(lambda: job(*arguments, **options), json=options.get("json", False), debug=debug, quiet=quiet)
 
+        guarded.__doc__ = _PARAGRAPH.sub(lambda each: each[1] + " ".join(each[0].split()), cleandoc(job.__doc__ or ""))
         return app.command(guarded, sort_key=sort_key, help_epilogue=shown)
 
     return add
@@ -256,11 +258,11 @@ def show(
 @command(
     6,
     "gapwalk export rattle.gapwalk --format csv",
-    "gapwalk export rattle.gapwalk --output rattle.nc  # for xarray; .mat, .parquet and .xlsx likewise",
+    "gapwalk export rattle.gapwalk --output rattle.nc  # for xarray",
     "gapwalk export rattle.gapwalk --output rattle.pdf --output rattle.html",
     "gapwalk export rattle.gapwalk --format html  # for a colleague without gapwalk",
     "gapwalk export rattle.gapwalk --size column --no-legend --output rattle.pdf",
-    "gapwalk export start.gapwalk --format wav --signal mesh.force  # the sound of a run-up",
+    "gapwalk export start.gapwalk --format wav --signal mesh.force  # sound",
 )
 def export(
     result: Path,
@@ -273,8 +275,8 @@ def export(
     size: Literal["screen", "column", "page", "slide"] | None = None,
     signal: str | None = None,
     full_scale: float | None = None,
-    title: bool = True,
-    legend: bool = True,
+    title: Annotated[bool, Parameter(show_default=False)] = True,
+    legend: Annotated[bool, Parameter(show_default=False)] = True,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> int:
@@ -378,7 +380,7 @@ def verify(result: Path, /, *, json: Json = False, quiet: Quiet = False, debug: 
 @command(
     7,
     "gapwalk measure examples/rattle.toml examples/rattle.csv",
-    "gapwalk measure model.toml record.mat --fit stage2.impact_damping --fit mean.q1",
+    "gapwalk measure model.toml run.mat --fit stage2.impact_damping --fit mean.q1",
 )
 def measure(
     file: Path,
@@ -461,11 +463,11 @@ def explore(
 
 @command(
     9,
-    'gapwalk completion bash  # write eval "$(gapwalk completion bash)" into ~/.bashrc; zsh likewise, into ~/.zshrc',
-    "gapwalk completion fish  # its output belongs into ~/.config/fish/completions/gapwalk.fish",
+    'gapwalk completion bash  # eval "$(gapwalk completion bash)" in ~/.bashrc',
+    "gapwalk completion fish  # into ~/.config/fish/completions/gapwalk.fish",
 )
 def completion(shell: Literal["bash", "zsh", "fish"], /, *, debug: Debug = False) -> int:
-    """Print the script with which a shell completes the commands and their options.
+    """Print the script with which a shell completes the commands and their options; for zsh as for bash, in ~/.zshrc.
 
     Parameters
     ----------
@@ -476,7 +478,7 @@ def completion(shell: Literal["bash", "zsh", "fish"], /, *, debug: Debug = False
     return 0
 
 
-@command(9, "gapwalk manual  # into a file gapwalk.1 where man looks, such as ~/.local/share/man/man1")
+@command(9, "gapwalk manual > ~/.local/share/man/man1/gapwalk.1")
 def manual(*, debug: Debug = False) -> int:
     """Print the manual page of all commands, for man."""
     from gapwalk import __version__

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from gapwalk.cli.output import BROKEN, DONE, console, print_json, show, show_files, show_title
 from gapwalk.errors import ModelError
+from gapwalk.summary import Table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,11 +27,9 @@ def new_file(file: Path | None, table: Path | None) -> int:
     from gapwalk.studies.study_file import machine_text, machines, text_of_sheet, write_template
 
     if file is None:
-        known = machines()
-        width = max(map(len, known))
-        rows = (f"    gapwalk new {name:{width}}  {title}" for name, title in known.items())
-        sheet = "    gapwalk new train.toml --from train.csv  A drive train from a spreadsheet (csv, xlsx)"
-        show(["machines to begin with:", *rows, sheet])
+        rows = Table(["NAME", "machine"], [*machines().items()])
+        sheet = "gapwalk new train.toml --from train.csv makes a drive train from a spreadsheet (csv, xlsx)"
+        show(["gapwalk new NAME writes a machine to begin with to NAME.toml:", rows, sheet])
         return DONE
     text = "" if table is None else text_of_sheet(table)
     if table is None and file.name and not file.suffix and len(file.parts) == 1:

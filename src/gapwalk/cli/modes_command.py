@@ -128,7 +128,7 @@ def train_lines(system: System) -> list[str]:
         lines = [f"  train: {parts}; connected to the ground"]
         if unbalanced:
             size = f"{abs(unbalanced):.6g}{' N m' if units else ''}"
-            lines.append(f"  the ground takes the mean torques, {size} in terms of {form.inertias[0]}; {hint} would")
+            lines.append(f"  the ground takes the mean torques, {size} at {form.inertias[0]}; or write {hint}")
         return lines
     lines = [f"  train: {parts}; free to rotate as a whole; this rotation is removed"]
     if unbalanced:

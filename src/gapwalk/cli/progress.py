@@ -55,7 +55,7 @@ class ProgressLine:
             SpinnerColumn(),
             TextColumn("{task.description}", table_column=Column(no_wrap=True)),
             *([BarColumn(bar_width=16)] if bar else []),
-            TextColumn("{task.fields[reached]}", table_column=Column(no_wrap=True)),
+            TextColumn("{task.fields[reached]}"),  # in two lines rather than cut
             TimeElapsedColumn(table_column=Column(no_wrap=True, min_width=7)),
             console=screen,
             transient=True,
@@ -187,8 +187,9 @@ def _job_line(options: StudyKind, title: str, show: bool) -> ProgressLine:
         line.update(name, reached)
 
     line = ProgressLine(name, words, total=1.0, show=show)
-    line.begin, reached = begin, _Reached(line, options.plan)
-    line.update(name, options.plan)
+    plan = options.plan if title else options.plan.removeprefix(f"{name} ")
+    line.begin, reached = begin, _Reached(line, plan)
+    line.update(name, plan)
     return line
 
 

@@ -2,8 +2,8 @@
 
 The walk is by harmonic balance to a hundredth, from the static equilibrium, with long steps and without special points.
 It needs no compiled flow, so a changed structure costs no more than a changed number. What harmonic balance does not
-describe (rigid stops, some friction) is walked by shooting. Where the walk gives up, as among many grazes,
-the motion is settled by equal steps to the end of the range.
+describe (rigid stops, some friction) is walked by shooting. Where the walk gives up, as among many grazes, or has
+turned back at a fold, the motion is settled by equal steps to the end of the range.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _LONGEST = 15.0  # seconds that a walk may take
 _LABELS = ("stable", "below", "above", "pair", "neutral")
 _SETTLED = len(_LABELS)
 _LEVEL = {"min": 0, "max": 2}  # of least, middle and largest height
-_ENDS = (EndReason.RANGE, EndReason.TABLE, EndReason.TURNED_BACK, EndReason.CLOSED)
+_ENDS = (EndReason.RANGE, EndReason.TABLE, EndReason.CLOSED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,9 +111,10 @@ def _walk(system: System, options: RangeStudy, period: int) -> Iterator[BranchPo
     (direction,) = directions(options.begin, options.end)
     beginning = start_branch(start, options.parameter, options.end, direction, method)
     walk = Walk(beginning.first, beginning.within, beginning.corrector, STEPS)
-    point = beginning.first
+    point = furthest = beginning.first
     yield point
     for point in walk:
+        furthest = max(furthest, point, key=lambda each: direction * each.value)
         yield point
     if walk.end is None or walk.end.reason is EndReason.RANGE:
         return
@@ -121,7 +122,7 @@ def _walk(system: System, options: RangeStudy, period: int) -> Iterator[BranchPo
         if walk.end.reason in _ENDS:
             yield walk.end.reason_words
         else:
-            yield from _settled(system, options, point)
+            yield from _settled(system, options, furthest if walk.end.reason is EndReason.TURNED_BACK else point)
     except GapwalkError:  # what does not settle here either
         yield walk.end.reason_words
 

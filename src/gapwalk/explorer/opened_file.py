@@ -235,7 +235,7 @@ class Exploration:
         """Return a result by its key; raise a ModelError if there is none."""
         with self.guard:
             if key not in self.entries:
-                raise ModelError(f"there is no result {key[:100]!r} on this page; reload it")
+                raise ModelError(f"there is no result {key[:100]!r} on this page; reload the page")
             return self.entries[key]
 
     def motion(self, place: Place) -> Orbit | Settled:

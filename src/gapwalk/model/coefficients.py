@@ -577,7 +577,7 @@ def on_the_way(system: System, to: Mapping[str, float]) -> System:
     structure = system.structure
     if structure.pace in to:
         raise ModelError(
-            f"{structure.pace} cannot move together with others: everything is scaled by it; follow it by itself"
+            f"{structure.pace} cannot vary together with other parameters: time is scaled by it; follow it alone"
         )
     if isinstance(structure.assembly, PathAssembly):
         raise ModelError("the system already has a parameter path; start from the system without one")

@@ -489,8 +489,8 @@ def left_out(system: System) -> tuple[str, ...]:
     notes = []
     if dry:
         notes.append(
-            f"dry friction is left out ({', '.join(dry)}): with it there is a continuum of rests, all positions about "
-            "an equilibrium in which it can hold"
+            f"dry friction is left out ({', '.join(dry)}): with it all positions about an "
+            "equilibrium at which it can hold are equilibria too"
         )
     if rigid:
         notes.append(f"rigid stops are open ({', '.join(rigid)}): a rest against one is not computed")

@@ -243,7 +243,7 @@ class StudyPart(Part):
     def _can_name_a_file(cls, name: str | None, info: ValidationInfo[Surroundings]) -> str | None:
         if name is None:
             if not info.context.alone:
-                raise ValueError('is missing; the result is called by it, as in name = "light-load"')
+                raise ValueError('is missing; it names the file of the result, as in name = "light-load"')
             return None
         if not re.fullmatch(r"\w[\w-]*", name):
             raise ValueError(f"is {given(name)}; write letters, digits, - and _, as in light-load")

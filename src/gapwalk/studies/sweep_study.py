@@ -574,7 +574,7 @@ class SweepStudy(RangeStudy):
         for number, lane in enumerate(found.lanes):
             bands = found.bands(number)
             unsettled = int((~found.settled[number] & (found.regimes[number] != "")).sum())
-            text = f"{lane.way.value}, start {lane.start}: {len(bands)} bands of equal motions"
+            text = f"{lane.way.value}, start {lane.start}: {len(bands)} band{'s' * (len(bands) != 1)} of equal motions"
             if unsettled:
                 text += f"; at {unsettled} values the transient had not settled within the allowed time"
             yield text

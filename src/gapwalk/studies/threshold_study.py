@@ -33,8 +33,8 @@ class ThresholdStudy(RangeStudy):
     """The value of a parameter beyond which gaps do not rattle over a whole range of another parameter.
 
     Grazing points and folds at which rattle begins or ceases are followed in both parameters, exactly, to the extremum.
-    Then many motions from random starts are tried just beyond it; the border of one that rattles is followed too. The
-    range goes from a value at which a gap rattles somewhere to one at which all are quiet.
+    Then motions from random starts are computed just beyond it. If one rattles, the border of its rattle is followed
+    too. The range goes from a value at which a gap rattles somewhere to one at which all are quiet.
 
     Raises
     ------

@@ -101,7 +101,7 @@ _STRONG = 4  # the largest denominator of such a fraction
 
 
 class CurveEquation(TorusEquation):
-    """Equation of tori whose solutions continuation can ask for a record."""
+    """Equation of tori that makes a record of each of its solutions for continuation."""
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Torus:
         """Return the torus of a solution."""

@@ -110,7 +110,7 @@ def test_a_reaction_relieves_a_weak_spring_to_the_ground() -> None:
         }
         assert 40.0 * of_links["ac"] == pytest.approx(through, abs=1e-9)
         assert 30.0 * of_links["ab"] == pytest.approx(loose, abs=1e-9)
-    assert "the ground takes the mean torques, 9 in terms of a; " in train_lines(grounded)[-1]
+    assert "the ground takes the mean torques, 9 at a; " in train_lines(grounded)[-1]
     assert train_lines(held)[1:] == []
 
 

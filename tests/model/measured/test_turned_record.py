@@ -143,7 +143,7 @@ def with_one(values, place: int, value: float):
             {"time": T, "pulses": 60, "signal": np.ones(1000)},
             "the channel of pulses is 1 throughout; name the",
         ),
-        ({"time": T}, "has a speed, over time or over the angle; or pulses"),
+        ({"time": T}, "needs its speed over time or angle, or the times of pulses"),
         ({"time": T[:4], "speed": speed(T[:4])}, "it has 4 samples; a record of a turning shaft has 8 at least"),
     ],
 )

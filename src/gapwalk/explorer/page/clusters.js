@@ -20,9 +20,7 @@ export const RADIUS = 10; // pixels of the mark of a cluster
  * far off that is. A cluster has its middle { x, y }, its `points`, and `box`, the range that they cover.
  */
 export function sorted(points, view, width, height, lines = [], covered = []) {
-  const place = ({ x, y }) => [
-    ((x - view.x[0]) / (view.x[1] - view.x[0])) * width, ((view.y[1] - y) / (view.y[1] - view.y[0])) * height,
-  ];
+  const place = placing(view, width, height);
   const rank = ({ kind }) => { const k = FIRST.indexOf(kind); return k < 0 ? FIRST.length + (kind === "grazing") : k; };
   const there = points.map((point) => ({ point, at: place(point) })).filter(({ at: [px, py] }) => px >= -RADIUS && py >= -RADIUS && px <= width + RADIUS && py <= height + RADIUS);
   // ticks at grazing points hide nothing: there may be hundreds, and they would hide the others in a cluster; a cluster
@@ -35,6 +33,11 @@ export function sorted(points, view, width, height, lines = [], covered = []) {
   const clusters = groups.filter(({ own }) => own.length >= LEAST).map(clusterOf);
   const single = groups.filter(({ own }) => own.length < LEAST).flatMap(({ own }) => own).concat(ticks).sort((a, b) => rank(a.point) - rank(b.point));
   return { single: labelled(single, [...clusters.map((each) => square(place(each), RADIUS)), ...covered], width, height, crossings(lines, place)), clusters };
+}
+
+/** A function of a point: where it is in a window of some pixels. */
+export function placing(view, width, height) {
+  return ({ x, y }) => [((x - view.x[0]) / (view.x[1] - view.x[0])) * width, ((view.y[1] - y) / (view.y[1] - view.y[0])) * height];
 }
 
 /** Merge what would lie on one another until nothing does. */
@@ -142,7 +145,7 @@ function labelled(single, covered, width, height, crossed) {
 }
 
 /** A function of a box in pixels: how many pieces of lines cross it. */
-function crossings(lines, place) {
+export function crossings(lines, place) {
   const pieces = new Map(); // by cells of CLUSTERS pixels that they may touch
   for (const [xs, ys] of lines) {
     let last = null;

@@ -1,11 +1,11 @@
 // The diagram: Plotly draws it, and this says what is drawn and which point a click meets.
 
 import { zoom } from "./chart.js";
-import { describeCluster, letters, opened, RADIUS, sorted } from "./clusters.js";
+import { crossings, describeCluster, letters, opened, placing, RADIUS, sorted } from "./clusters.js";
 import { unitOf } from "./dom.js";
 import { Lines } from "./lines.js";
 import { kindOf } from "./table.js";
-import { arrowBoxes, arrowsOf, cellTraces, labelsOf, shapesOf, tracesOf } from "./overlay.js";
+import { arrowsOf, cellTraces, labelsOf, shapesOf, tracesOf } from "./overlay.js";
 
 const SYMBOLS = {
   fold: ["circle", "--above", 8], flip: ["diamond", "--below", 9], "neimark-sacker": ["star", "--pair", 12],
@@ -135,9 +135,15 @@ export class Diagram {
     this.draw();
   }
 
+  /** Arrows where their labels cross the curves least. */
+  laidArrows(view, width, height) {
+    const lines = this.arrows.length && this.lines.vertices < MANY ? this.lines.thinned : [];
+    return arrowsOf(this.arrows, view, width - BESIDE, height - ABOVE, color, crossings(lines, placing(view, width - BESIDE, height - ABOVE)));
+  }
+
   /** Arrows and labels, for a layout. */
   decoration(view, width = this.place.clientWidth || 600, height = this.place.clientHeight || 400) {
-    const { shapes, labels } = arrowsOf(this.arrows, view, width - BESIDE, height - ABOVE, color);
+    const { shapes, labels } = this.laidArrows(view, width, height);
     return { shapes, annotations: [...(this.over ? labelsOf(this.over, view, width - BESIDE, color) : []), ...labels] };
   }
 
@@ -155,7 +161,7 @@ export class Diagram {
 
   marks(all, view, width = this.place.clientWidth || 600, height = this.place.clientHeight || 400) {
     const special = all.flatMap((curve) => curve.special.filter((s) => !s.again).map((s) => ({ ...s, branch: curve.name, pale: Boolean(curve.earlier), label: s.kind === "grazing" || curve.earlier ? "" : s.label, size: sizeOf(s.kind) })));
-    const { single, clusters } = sorted(special, view, width - BESIDE, height - ABOVE, this.lines.vertices < MANY ? this.lines.thinned : [], arrowBoxes(this.arrows, view, width - BESIDE, height - ABOVE, color));
+    const { single, clusters } = sorted(special, view, width - BESIDE, height - ABOVE, this.lines.vertices < MANY ? this.lines.thinned : [], this.laidArrows(view, width, height).boxes);
     this.clusters = clusters;
     return [...this.added(view), ...this.specialPoints(single), this.codim2Points(single), this.settledPoints(), this.clusterPoints()];
   }

@@ -47,7 +47,7 @@ const table = new CurveTable(page, curves, {
   choose: (found) => choice.choose(found), titles: () => [diagram.names.x, diagram.names.y], name: () => `${page.about?.file ?? "curve"}`.replace(/\.\w+$/, ""), tell,
 });
 const quick = new Quick({ begun: showQuickAxes, changed: () => { drawDiagram(); showEmpty(); } });
-diagram.pale = () => tell({ message: "The pale curve is a quick response: its points have no motions. Press Compute; then a click on the curve shows the motion there." });
+diagram.pale = () => tell({ message: "The pale curve is a quick response: its points have no motions. Press Compute; then a click on the curve shows the motion there.", isHint: true });
 const extras = new Extras($("legend"), curves, diagram, answer, movers);
 const depth = new Depth({ page, curves, diagram, answer, tell, changed: changeAxes, choose: (found) => choice.choose(found) });
 
@@ -502,6 +502,7 @@ function showPlan() {
 
 function tell(error) {
   $("error").hidden = false;
+  $("error").classList.toggle("hint-only", Boolean(error.isHint));
   $("error").querySelector("p").textContent = error.message;
   if (!error.message) throw error;
 }

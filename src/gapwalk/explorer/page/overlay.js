@@ -1,6 +1,6 @@
 // What an answer adds to the diagram over two axes: shades and cells behind the lines, series and clouds above them.
 
-import { letters } from "./clusters.js";
+import { letters, placing } from "./clusters.js";
 
 /** Tints of shades and cells, as variables of the style sheet. */
 const TINTS = { one: "--tint-one", both: "--tint-both", quiet: "--tint-quiet", goal: "--tint-goal", closed: "--tint-closed", open: "--tint-open", none: "--stop", undone: "--page" };
@@ -134,36 +134,45 @@ export function labelsOf(over, view, width, color) {
 
 const APART = 15, FIRST = 20, LETTER = 6.4; // pixels between arrows, from the point to the first, and of a letter
 
-/** Arrows as shapes, and their labels: across below the point, or upright beside it. */
-export function arrowsOf(arrows, view, width, height, color) {
-  const shapes = [], labels = [];
-  arrows.forEach(({ from, to, text, chosen }, k) => {
-    const upright = from[0] === to[0], shift = upright ? to[1] - from[1] : to[0] - from[0];
-    const [axis, room] = upright ? [view.y, height] : [view.x, width], unit = (axis[1] - axis[0]) / room, head = Math.sign(shift) * Math.min(7 * unit, Math.abs(shift));
-    // below the point; above it where there is no room below
-    const level = upright ? (from[0] - view.x[0]) / (view.x[1] - view.x[0]) * width : (from[1] - view.y[0]) / (view.y[1] - view.y[0]) * height;
-    const side = level > FIRST + APART * (arrows.length + 1) ? -1 : 1, off = side * (FIRST + APART * k), shade = color(chosen ? "--chosen" : "--accent");
-    const [a, b] = upright ? [from[1], to[1]] : [from[0], to[0]];
-    const point = (along, across) => (upright ? `${across},${along}` : `${along},${across}`);
-    const path = `M${point(a, off - 4)}L${point(a, off + 4)}M${point(a, off)}L${point(b, off)}M${point(b - head, off - 4)}L${point(b, off)}L${point(b - head, off + 4)}`;
-    const fixed = upright ? { xsizemode: "pixel", xanchor: from[0] } : { ysizemode: "pixel", yanchor: from[1] };
-    shapes.push({ type: "path", path, xref: "x", yref: "y", ...fixed, line: { color: shade, width: chosen ? 2.6 : 1.8 } });
-    const away = Math.sign(shift), along = (a - axis[0]) / unit, wide = LETTER * text.length;
-    const fits = away > 0 ? along - wide > 0 : along + wide < room, [x, y] = fits ? from : to, back = fits ? -away : away; // beside the tail, or the tip
-    const beside = upright ? { xshift: off, yshift: 8 * back, textangle: -90, yanchor: back < 0 ? "top" : "bottom" } : { yshift: off, xshift: 6 * back, xanchor: back < 0 ? "right" : "left" };
-    labels.push({ x, y, xref: "x", yref: "y", text, showarrow: false, font: { size: 11, color: shade }, bgcolor: color("--card"), opacity: 0.9, borderpad: 0, ...beside });
-  });
-  return { shapes, labels };
-}
-
-/** The boxes of the labels of arrows, in pixels of the window. */
-export function arrowBoxes(arrows, view, width, height, color) {
-  return arrowsOf(arrows, view, width, height, color).labels.map(({ x, y, text, xshift = 0, yshift = 0, textangle, xanchor, yanchor }) => {
-    const px = ((x - view.x[0]) / (view.x[1] - view.x[0])) * width + xshift, py = ((view.y[1] - y) / (view.y[1] - view.y[0])) * height - yshift;
-    const [wide, high] = textangle ? [14, LETTER * text.length] : [LETTER * text.length, 14];
-    const left = textangle ? px - 7 : xanchor === "right" ? px - wide : px, top = textangle ? (yanchor === "top" ? py : py - high) : py - 7;
-    return [left, top, left + wide, top + high];
-  });
+/**
+ * Arrows as shapes, and their labels with the `boxes` in pixels: across below or above the point, or upright beside it.
+ *
+ * A label is beside the tail or the tip of its arrow. Of the sides and places with room those are taken where the labels
+ * are `crossed` least, by a function of a box.
+ */
+export function arrowsOf(arrows, view, width, height, color, crossed = () => 0) {
+  const place = placing(view, width, height), pixels = ([x, y]) => place({ x, y });
+  const laid = (side) => {
+    const all = { shapes: [], labels: [], boxes: [], cost: 0 };
+    arrows.forEach(({ from, to, text, chosen }, k) => {
+      const upright = from[0] === to[0], shift = upright ? to[1] - from[1] : to[0] - from[0], away = Math.sign(shift);
+      const unit = upright ? (view.y[1] - view.y[0]) / height : (view.x[1] - view.x[0]) / width, head = away * Math.min(7 * unit, Math.abs(shift));
+      const off = side * (FIRST + APART * k), shade = color(chosen ? "--chosen" : "--accent"), wide = LETTER * text.length;
+      const [a, b] = upright ? [from[1], to[1]] : [from[0], to[0]];
+      const point = (along, across) => (upright ? `${across},${along}` : `${along},${across}`);
+      const path = `M${point(a, off - 4)}L${point(a, off + 4)}M${point(a, off)}L${point(b, off)}M${point(b - head, off - 4)}L${point(b, off)}L${point(b - head, off + 4)}`;
+      const fixed = upright ? { xsizemode: "pixel", xanchor: from[0] } : { ysizemode: "pixel", yanchor: from[1] };
+      all.shapes.push({ type: "path", path, xref: "x", yref: "y", ...fixed, line: { color: shade, width: chosen ? 2.6 : 1.8 } });
+      const [tail, tip] = [[from, -away], [to, away]].map(([at, back]) => {
+        const [px, py] = pixels(at);
+        const box = upright
+          ? [px + off - 7, py - 8 * back - (back < 0 ? 0 : wide), px + off + 7, py - 8 * back + (back < 0 ? wide : 0)]
+          : [px + 6 * back - (back < 0 ? wide : 0), py - off - 7, px + 6 * back + (back < 0 ? 0 : wide), py - off + 7];
+        const fits = upright ? box[1] > 0 && box[3] < height : box[0] > 0 && box[2] < width;
+        const beside = upright ? { xshift: off, yshift: 8 * back, textangle: -90, yanchor: back < 0 ? "top" : "bottom" } : { yshift: off, xshift: 6 * back, xanchor: back < 0 ? "right" : "left" };
+        return { at, box, beside, cost: fits ? crossed(box) : Infinity };
+      });
+      const { at: [x, y], box, beside, cost } = tail.cost < Infinity && tail.cost <= tip.cost ? tail : tip;
+      all.labels.push({ x, y, xref: "x", yref: "y", text, showarrow: false, font: { size: 11, color: shade }, bgcolor: color("--card"), opacity: 0.9, borderpad: 0, ...beside });
+      all.boxes.push(box);
+      all.cost += Math.min(cost, 1e6);
+    });
+    return all;
+  };
+  if (!arrows.length) return { shapes: [], labels: [], boxes: [] };
+  const [px, py] = pixels(arrows[0].from), upright = arrows[0].from[0] === arrows[0].to[0], need = FIRST + APART * (arrows.length + 1);
+  const sides = [[-1, upright ? px : height - py], [1, upright ? width - px : py]].filter(([, room]) => room > need).map(([side]) => side);
+  return (sides.length ? sides : [1]).map(laid).reduce((best, other) => (other.cost < best.cost ? other : best));
 }
 
 /** Show in the legend what an answer adds; `arrows` is true if there are any. */

@@ -307,7 +307,7 @@ def turning_orders(
         own = where if x is None else lambda row: f"pulse {row + 1}"
         record, x = TurnedRecord.of_pulses(times, pulses, turns, own, unit), None
     elif "speed" not in rows or ("time" in rows) == ("angle" in rows):
-        raise ModelError("a record of a turning shaft has a speed, over time or over the angle; or pulses")
+        raise ModelError("a record of a turning shaft needs its speed over time or angle, or the times of pulses")
     else:
         axis, over_angle = rows["angle" if "angle" in rows else "time"], "angle" in rows
         record = TurnedRecord.of_speed(axis, rows["speed"], turns, where, unit, over_angle=over_angle)
