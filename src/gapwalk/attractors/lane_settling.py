@@ -224,7 +224,7 @@ class _Settling:
     def _extrapolate(self, lane: int) -> None:
         """Take the slow modes of a transient to where they end."""
         end = self._slow_end(lane)
-        if end is None:
+        if end is None or self._is_there(lane, end):
             return
         state = self.strobes[lane][-1].copy()
         state[self.slow] = end
@@ -288,7 +288,9 @@ class _Settling:
             q = period or 1
             shrinks, left, of_energy, at = self._left(recent, q)
             distance = np.min([np.abs(each - bound) for each in at for bound in self.clear[lane]], axis=0)
-            if np.all(_SAFE * left <= distance) and np.all(of_energy <= _SETTLED) and (q > 1 or self._is_there(lane)):
+            if np.all(_SAFE * left <= distance) and np.all(of_energy <= _SETTLED) and (
+                q > 1 or (end := self._slow_end(lane)) is None or self._is_there(lane, end)
+            ):
                 return q, q
         if age < (_WARM if start.is_warm else _TRANSIENT) + _WATCHED or (
             age < _PATIENCE and (shrinks < _SHRINKS or self._calms(lane))
@@ -296,10 +298,8 @@ class _Settling:
             return None
         return (period, period) if period else (0, _WATCHED)
 
-    def _is_there(self, lane: int) -> bool:
+    def _is_there(self, lane: int, end: NDArray[np.float64]) -> bool:
         """Return True if the slow modes are where they end: one that oscillates slowly hardly changes as it turns."""
-        if (end := self._slow_end(lane)) is None:
-            return True
         notes = self.notes[lane][-1]
         spans = notes[self.kinds["most"]] - notes[self.kinds["least"]]
         half = len(self.slow) // 2
