@@ -37,7 +37,7 @@ from gapwalk.model.system import System
 
 NARROW = 5e-5
 """Width to which the ends of bands are narrowed down, as a share of the range."""
-_PART = 20  # steps of a part, at most
+_PART = 10  # steps of a part, at most
 _STEPS = 5  # steps of each part in one piece of work, at least
 _AT_ONCE = WIDTH // 2  # parts in a register, each in both directions
 _BETWEEN = 3  # values between two steps
