@@ -179,19 +179,19 @@ def _names(system: System) -> list[str]:
 
 def _taken_over(system: System, parameter: str, before: LaneMotion, own: list[LaneMotion]) -> list[LaneMotion]:
     """Go on with a sweep through a part that began with another motion, until both are the same."""
-    found, ways = [before], {(): [motion.value for motion in own]}
+    found, line = [before], ParameterLine(system, parameter)
+
+    def ahead(place: int, motion: LaneMotion) -> Start:
+        return Start((place,), own[place].value, line.system_at(own[place].value), motion.state, (own[place],))
 
     def step(start: Start, motion: LaneMotion) -> Start | None:
         (place,) = start.key
         found.append(motion)
         if place + 1 >= len(own) or motion.diverged or motion.is_like(own[place]):
             return None
-        value = ways[()][place + 1]
-        return Start((place + 1,), value, ParameterLine(system, parameter).system_at(value), motion.state)
+        return ahead(place + 1, motion)
 
-    value = own[1].value
-    first = Start((1,), value, ParameterLine(system, parameter).system_at(value), before.state)
-    for _ in settle_lanes([first], step):
+    for _ in settle_lanes([ahead(1, before)], step):
         pass
     return [*found, *own[len(found) :]]
 
