@@ -36,6 +36,7 @@ _SAME = 2e-3  # difference of two sections, relative to the range of each coordi
 _SAFE = 3.0  # factor by which the distance of a gap from a change exceeds what is left of the transient
 _WATCHED, _BATCHES, _STUDENT = 64, 8, 2.365  # periods and batches of a motion without period; 95 % of 7 degrees
 _GLANCE = 32  # periods, the latest, in which a motion without period that is known is recognised
+_RARE = 3.0  # closings that are expected in these periods, up to which there may be none: with 95 % confidence
 _TRANSIENT, _WARM = 40, 16  # periods before them, and after a small step
 _DOUBT = 128  # periods of a motion without period that is none of those known, before it counts as another
 _PATIENCE = 400  # the most periods of a transient that shrinks
@@ -337,7 +338,7 @@ class _Settling:
                 if self._is_amid(lane, motion):
                     return motion
                 continue
-            if len(self.notes[lane]) < _ENVELOPE + q:
+            if len(self.notes[lane]) < _ENVELOPE + q - 1:
                 continue
             scale = np.maximum(motion.extremes[2] - motion.extremes[0], np.finfo(float).tiny)
             if self.lanes.turn is not None:
@@ -359,8 +360,9 @@ class _Settling:
         if len(self.notes[lane]) < _GLANCE or self.waits[lane] + len(self.notes[lane]) < _TRANSIENT + _GLANCE:
             return False
         rms, error = _accelerations(np.array(self.notes[lane][-_GLANCE:])[:, self.kinds["energy"]])
-        parts = self._closings(lane, _GLANCE).any(axis=0) == (motion.sides[self.staged].T.ravel() > 0.0)
-        return bool(parts.all() and np.all(error <= _NEAR * rms)) and motion.has_like(rms, error)
+        seen, known = self._closings(lane, _GLANCE).sum(axis=0), _GLANCE * motion.sides[self.staged].T.ravel()
+        differs = np.maximum(seen, known)[np.minimum(seen, known) == 0.0] > _RARE
+        return bool(not differs.any() and np.all(error <= _NEAR * rms)) and motion.has_like(rms, error)
 
     def _calms(self, lane: int) -> bool:
         """Return True if the steps between the last sections are at most half as long as those before."""
