@@ -83,8 +83,8 @@ class Piece(NamedTuple):
 
 
 def stages_of(steps: int) -> int:
-    """Return in how many pieces, one after the other, each register goes through its parts."""
-    return -(-max(high - low for low, high in bounds_of(steps)) // _STEPS)
+    """Return in how many pieces, one after the other, each register goes through its parts: their edges are first."""
+    return 1 + -(-max(high - low for low, high in bounds_of(steps)) // _STEPS)
 
 
 def pieces_of(steps: int, stage: int, known: Mapping[int, LanePiece]) -> dict[int, Piece]:
@@ -108,15 +108,13 @@ def sweep_piece(system: System, parameter: str, within: tuple[float, float], ste
             systems[place] = line.system_at(values[place])
         return systems[place]
 
-    known: dict[tuple[int, Direction], list[LaneMotion]] = {}
     if piece.before is None:
         edges = sorted({place for part in piece.parts for place in bounds[part]})
         rests = [Start(place, values[place], at(place), state_at_rest(at(place))) for place in edges]
         begun = {start.key: motion for start, motion in settle_lanes(rests)}
-        for part, way in product(piece.parts, Direction):
-            known[part, way] = [begun[bounds[part][way is Direction.DOWN]]]
-    else:
-        known = {(part.number, part.direction): list(part.motions) for part in piece.before.parts}
+        ways = product(piece.parts, Direction)
+        return LanePiece(tuple(LanePart(k, way, (begun[bounds[k][way is Direction.DOWN]],)) for k, way in ways))
+    known = {(part.number, part.direction): list(part.motions) for part in piece.before.parts}
     found, slow = {key: [motions[-1]] for key, motions in known.items()}, slow_places(system)
 
     def ahead(part: int, way: Direction) -> Start | None:

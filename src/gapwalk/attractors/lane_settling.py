@@ -307,8 +307,10 @@ class _Settling:
             q = period or 1
             shrinks, left, of_energy, at = self._left(recent, q)
             distance = np.min([np.abs(each - bound) for each in at for bound in self.clear[lane]], axis=0)
-            if np.all(_SAFE * left <= distance) and np.all(of_energy <= _SETTLED) and (
-                q > 1 or (end := self._slow_end(lane)) is None or self._is_there(lane, end)
+            if (
+                np.all(_SAFE * left <= distance)
+                and np.all(of_energy <= _SETTLED)
+                and (q > 1 or (end := self._slow_end(lane)) is None or self._is_there(lane, end))
             ):
                 return q, q
         if age < (_WARM if start.is_warm else _TRANSIENT) + _WATCHED or (
@@ -381,8 +383,9 @@ class _Settling:
             scale[self.lanes.turn] = np.inf
         steps = (np.abs(np.diff(strobes, axis=0)) / scale).max(axis=1)
         for q in range(1, _LONGEST + 1):
-            apart = (np.abs(strobes[-1] - strobes[-1 - q]) / scale).max()
-            if apart <= _SAME and np.array_equal(counts[-q:], counts[-2 * q : -q]):
+            if not np.array_equal(counts[-q:], counts[-2 * q : -q]):
+                continue
+            if (np.abs(strobes[-1] - strobes[-1 - q]) / scale).max() <= _SAME:
                 # a slow mode that dies away may come back after some periods: the period is that without it
                 dies = q > 1 and (
                     len(steps) < 3 * _APART or steps[-_ENVELOPE:].max() < _SHRINKS * steps[:_ENVELOPE].max()
