@@ -93,7 +93,7 @@ class LaneMotion:
         return self.has_like(other.rms, other.error)
 
     def has_like(self, rms: NDArray[np.float64], error: NDArray[np.float64]) -> bool:
-        """Return True if accelerations are its own: intervals overlap, by four standard errors, of which one has two."""
+        """Return True if intervals of accelerations overlap: four standard errors, of which an interval has two."""
         within = np.maximum(2.0 * np.hypot(self.error, error), _ALIKE * (self.rms + rms))
         return bool(np.all(np.abs(self.rms - rms) <= within))
 
