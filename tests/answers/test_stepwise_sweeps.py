@@ -135,9 +135,10 @@ def second_train() -> gw.System:
 
 def test_a_second_motion_is_found_by_random_starts_and_followed_both_ways() -> None:
     system, within, steps = second_train(), (1460.0, 1540.0), 4
-    piece = sweep_piece(system, "speed", within, steps, Piece((0,), None))
+    edges = sweep_piece(system, "speed", within, steps, Piece((0,), None))
+    pieces = [edges, sweep_piece(system, "speed", within, steps, Piece((0,), edges))]
     gaps = ("mesh", "idle")
-    sweeps = [joined(system, "speed", within, steps, way, [piece], gaps) for way in Direction]
+    sweeps = [joined(system, "speed", within, steps, way, pieces, gaps) for way in Direction]
     known = known_at(sweeps, [1500.0])
     started = started_piece(system, "speed", 16, 0, known)
     assert started[0].count == 16

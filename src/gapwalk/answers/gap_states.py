@@ -162,9 +162,10 @@ class SettledSweep:
 
 def lane_states(motion: LaneMotion, contacts: Sequence[str], gaps: Sequence[str]) -> list[GapState]:
     """Return the state of each gap in a motion settled by equal steps."""
-    places = [contacts.index(gap) for gap in gaps]
-    codes = state_codes(np.nan_to_num(motion.sides[places]), motion.closed[places])
-    return [list(GapState)[code] for code in codes.tolist()]
+    sides, closed = motion.sides.tolist(), motion.closed.tolist()
+    quiet, rattles = (GapState.OPEN, GapState.CLOSED), (GapState.ONE_SIDE, GapState.BOTH_SIDES)
+    places = ((closed[place], sum(each > 0.0 for each in sides[place])) for place in map(contacts.index, gaps))
+    return [rattles[hits - 1] if hits else quiet[is_closed] for is_closed, hits in places]
 
 
 def start_of(piece: Stretch | Sample) -> float:

@@ -57,6 +57,7 @@ JUMP = "jump"
 _FIRST, _LONGEST, _SHORTEST = 1 / 128, 1 / 16, 1 / 4096  # steps of the response, as shares of the range
 _GOOD, _ASTRAY = 0.02, 0.2  # distance from the guess, as a share of the motion, from which steps shrink; are refused
 _ITERATIONS, _STEP = 16, 1e-7  # of Broyden's method, and of the differences with which it begins
+_LOOKS, _HOPE = 5, 0.1  # iterations after which it fails if the residual, relative to the first, has not come so far
 _ROUGH, _ENOUGH, _EXACT = 1e-8, 1e-10, 1e-14  # residuals relative to the state: of a walk, of an end, of rounding
 _NEAR, _ABOUT = 1e-9, 1e-4  # shares of the range to which ends are located that are exact, and the others
 _ROUNDING = 1e-12  # relative error of an end, beside the last step of Newton's method
@@ -260,15 +261,17 @@ class _Response:
         flow, coefficients = flow_of(system), coefficients_of(system)
         for jacobian in (self.jacobian, None):
             x, last, best = guess / self.scales, None, (math.inf, guess)
+            first = 0.0
             with suppress(FlowError):
                 jacobian = self._differences(flow, coefficients, x) if jacobian is None else jacobian
-                for _ in range(_ITERATIONS):
+                for number in range(_ITERATIONS):
                     residual = flow.integrate(coefficients, x * self.scales).state / self.scales - x
                     error = float(np.abs(residual).max() / max(float(np.abs(x).max()), _TINY))
                     if last is not None:
                         wrong = residual - last[1] - jacobian @ last[0]
                         jacobian = jacobian + np.outer(wrong, last[0]) / float(last[0] @ last[0])
-                    if error >= best[0] and best[0] <= enough:
+                    first = error if not number else first
+                    if error >= best[0] and (best[0] <= enough or (number >= _LOOKS and best[0] > _HOPE * first)):
                         break
                     best = (error, x * self.scales) if error < best[0] else best
                     if error <= goal:

@@ -38,7 +38,7 @@ from gapwalk.model.system import System
 
 NARROW = 5e-5
 """Width to which the ends of bands are narrowed down, as a share of the range."""
-_PART = 20  # steps of a part, at most
+_PART = 10  # steps of a part, at most
 _STEPS = 5  # steps of each part in one piece of work, at least
 _AT_ONCE = WIDTH // 2  # parts in a register, each in both directions
 _BETWEEN = 3  # values between two steps
@@ -84,8 +84,8 @@ class Piece(NamedTuple):
 
 
 def stages_of(steps: int) -> int:
-    """Return in how many pieces, one after the other, each register goes through its parts."""
-    return -(-max(high - low for low, high in bounds_of(steps)) // _STEPS)
+    """Return in how many pieces, one after the other, each register goes through its parts: their edges are first."""
+    return 1 + -(-max(high - low for low, high in bounds_of(steps)) // _STEPS)
 
 
 def pieces_of(steps: int, stage: int, known: Mapping[int, LanePiece]) -> dict[int, Piece]:
@@ -109,15 +109,13 @@ def sweep_piece(system: System, parameter: str, within: tuple[float, float], ste
             systems[place] = line.system_at(values[place])
         return systems[place]
 
-    known: dict[tuple[int, Direction], list[LaneMotion]] = {}
     if piece.before is None:
         edges = sorted({place for part in piece.parts for place in bounds[part]})
         rests = [Start(place, values[place], at(place), state_at_rest(at(place))) for place in edges]
         begun = {start.key: motion for start, motion in settle_lanes(rests)}
-        for part, way in product(piece.parts, Direction):
-            known[part, way] = [begun[bounds[part][way is Direction.DOWN]]]
-    else:
-        known = {(part.number, part.direction): list(part.motions) for part in piece.before.parts}
+        ways = product(piece.parts, Direction)
+        return LanePiece(tuple(LanePart(k, way, (begun[bounds[k][way is Direction.DOWN]],)) for k, way in ways))
+    known = {(part.number, part.direction): list(part.motions) for part in piece.before.parts}
     found, slow = {key: [motions[-1]] for key, motions in known.items()}, slow_places(system)
 
     def ahead(part: int, way: Direction) -> Start | None:
@@ -180,19 +178,19 @@ def _names(system: System) -> list[str]:
 
 def _taken_over(system: System, parameter: str, before: LaneMotion, own: list[LaneMotion]) -> list[LaneMotion]:
     """Go on with a sweep through a part that began with another motion, until both are the same."""
-    found, ways = [before], {(): [motion.value for motion in own]}
+    found, line = [before], ParameterLine(system, parameter)
+
+    def ahead(place: int, motion: LaneMotion) -> Start:
+        return Start((place,), own[place].value, line.system_at(own[place].value), motion.state, (own[place],))
 
     def step(start: Start, motion: LaneMotion) -> Start | None:
         (place,) = start.key
         found.append(motion)
         if place + 1 >= len(own) or motion.diverged or motion.is_like(own[place]):
             return None
-        value = ways[()][place + 1]
-        return Start((place + 1,), value, ParameterLine(system, parameter).system_at(value), motion.state)
+        return ahead(place + 1, motion)
 
-    value = own[1].value
-    first = Start((1,), value, ParameterLine(system, parameter).system_at(value), before.state)
-    for _ in settle_lanes([first], step):
+    for _ in settle_lanes([ahead(1, before)], step):
         pass
     return [*found, *own[len(found) :]]
 

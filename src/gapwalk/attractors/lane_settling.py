@@ -35,7 +35,10 @@ _ENVELOPE = 6  # of them in succession, whose largest change counts: a mode that
 _SAME = 2e-3  # difference of two sections, relative to the range of each coordinate, up to which they are the same
 _SAFE = 3.0  # factor by which the distance of a gap from a change exceeds what is left of the transient
 _WATCHED, _BATCHES, _STUDENT = 64, 8, 2.365  # periods and batches of a motion without period; 95 % of 7 degrees
+_GLANCE = 32  # periods, the latest, in which a motion without period that is known is recognised
+_RARE = 3.0  # closings that are expected in these periods, up to which there may be none: with 95 % confidence
 _TRANSIENT, _WARM = 40, 16  # periods before them, and after a small step
+_DOUBT = 128  # periods of a motion without period that is none of those known, before it counts as another
 _PATIENCE = 400  # the most periods of a transient that shrinks
 _SHRINKS = 0.9  # ratio of the changes over `_APART` periods up to which it does
 _NEAR = 0.1  # distance from a known motion, relative to its ranges and accelerations, within which one approaches it
@@ -87,11 +90,12 @@ class LaneMotion:
         """Return True if both are the same motion, by what their gaps do and by their accelerations."""
         if self.diverged or other.diverged:
             return self.diverged and other.diverged
-        # intervals of the means overlap: four standard errors, of which an interval has two
-        apart = np.abs(self.rms - other.rms)
-        return bool(
-            np.all(apart <= np.maximum(2.0 * np.hypot(self.error, other.error), _ALIKE * (self.rms + other.rms)))
-        )
+        return self.has_like(other.rms, other.error)
+
+    def has_like(self, rms: NDArray[np.float64], error: NDArray[np.float64]) -> bool:
+        """Return True if intervals of accelerations overlap: four standard errors, of which an interval has two."""
+        within = np.maximum(2.0 * np.hypot(self.error, error), _ALIKE * (self.rms + rms))
+        return bool(np.all(np.abs(self.rms - rms) <= within))
 
 
 _ALIKE = 0.01  # of the sum of two accelerations: half the relative difference up to which they count as equal
@@ -108,6 +112,15 @@ def acceleration_rows(system: System) -> NDArray[np.float64]:
     train = assembly.numbers(system.values)
     quick = [place for place, name in enumerate(assembly.form.inertias) if name not in assembly.form.slow]
     return np.hstack((train.angles, train.driven(orders)))[quick] * factors[:, None]
+
+
+def _accelerations(energy: NDArray[np.float64], *, is_sample: bool = True) -> tuple[Any, Any]:
+    """Return root mean squares from those of successive periods, and half the width of their intervals at 95 %."""
+    rms = np.sqrt(energy.mean(axis=0))
+    if not is_sample:
+        return rms, np.zeros_like(rms)
+    spread = energy.reshape(_BATCHES, -1, len(rms)).mean(axis=1).std(axis=0, ddof=1) / math.sqrt(_BATCHES)
+    return rms, _STUDENT * spread / (2.0 * np.maximum(rms, np.finfo(float).tiny))
 
 
 class Start(NamedTuple):
@@ -218,13 +231,19 @@ class _Settling:
                     self.notes[lane].append(taken[lane])
                     self.strobes[lane].append(states[lane])
         for lane, start in enumerate(self.starts):
-            if start is not None and len(self.notes[lane]) % _EXTRAPOLATED == 0 and self.waits[lane] <= _TRANSIENT:
+            if start is None or len(self.notes[lane]) % _EXTRAPOLATED or self.waits[lane] > _TRANSIENT:
+                continue
+            if not start.is_warm or np.ptp(self._closings(lane, _ENVELOPE), axis=0).max(initial=0.0) == 0.0:
                 self._extrapolate(lane)
+
+    def _closings(self, lane: int, count: int) -> NDArray[np.float64]:
+        """Return the closings on both sides of each gap in the latest periods."""
+        return np.array(self.notes[lane][-count:])[:, [*self.kinds["up"], *self.kinds["down"]]]
 
     def _extrapolate(self, lane: int) -> None:
         """Take the slow modes of a transient to where they end."""
         end = self._slow_end(lane)
-        if end is None:
+        if end is None or self._is_there(lane, end):
             return
         state = self.strobes[lane][-1].copy()
         state[self.slow] = end
@@ -282,24 +301,31 @@ class _Settling:
         if age < 2 * _APART + _ENVELOPE:
             return None
         recent = np.array(self.notes[lane][-(2 * _APART + _ENVELOPE + 3 * _LONGEST) :])
-        counts = np.hstack((recent[:, self.kinds["up"]], recent[:, self.kinds["down"]]))
+        counts = self._closings(lane, len(recent))
         period, shrinks = self._period(lane, counts), 1.0
         if period or not counts[-_APART:].any():
             q = period or 1
             shrinks, left, of_energy, at = self._left(recent, q)
             distance = np.min([np.abs(each - bound) for each in at for bound in self.clear[lane]], axis=0)
-            if np.all(_SAFE * left <= distance) and np.all(of_energy <= _SETTLED) and (q > 1 or self._is_there(lane)):
+            if (
+                np.all(_SAFE * left <= distance)
+                and np.all(of_energy <= _SETTLED)
+                and (q > 1 or (end := self._slow_end(lane)) is None or self._is_there(lane, end))
+            ):
                 return q, q
         if age < (_WARM if start.is_warm else _TRANSIENT) + _WATCHED or (
             age < _PATIENCE and (shrinks < _SHRINKS or self._calms(lane))
         ):
             return None
-        return (period, period) if period else (0, _WATCHED)
+        if period:
+            return period, period
+        # chaos that dies out after a hundred periods is no other motion than the one that is known
+        about = _accelerations(np.array(self.notes[lane][-_WATCHED:])[:, self.kinds["energy"]])
+        is_new = bool(start.known) and not any(each.has_like(*about) for each in start.known)
+        return None if is_new and self.waits[lane] + age < _DOUBT else (0, _WATCHED)
 
-    def _is_there(self, lane: int) -> bool:
+    def _is_there(self, lane: int, end: NDArray[np.float64]) -> bool:
         """Return True if the slow modes are where they end: one that oscillates slowly hardly changes as it turns."""
-        if (end := self._slow_end(lane)) is None:
-            return True
         notes = self.notes[lane][-1]
         spans = notes[self.kinds["most"]] - notes[self.kinds["least"]]
         half = len(self.slow) // 2
@@ -309,10 +335,12 @@ class _Settling:
 
     def _arrives(self, lane: int, start: Start) -> LaneMotion | None:
         """Return the known periodic motion that a motion approaches, near it in section and accelerations."""
-        if len(self.notes[lane]) < 2 * _APART:
-            return None
         for motion in start.known:
             if not (q := motion.period):
+                if self._is_amid(lane, motion):
+                    return motion
+                continue
+            if len(self.notes[lane]) < _ENVELOPE + q - 1:
                 continue
             scale = np.maximum(motion.extremes[2] - motion.extremes[0], np.finfo(float).tiny)
             if self.lanes.turn is not None:
@@ -320,14 +348,23 @@ class _Settling:
             strobes = np.array(self.strobes[lane][-(_APART + _ENVELOPE + q) :])[:, : len(scale)]
             apart = (np.abs(strobes - motion.state[: len(scale)]) / scale).max(axis=1)
             now, before = (
-                np.lib.stride_tricks.sliding_window_view(each, q).min(axis=1)
+                np.lib.stride_tricks.sliding_window_view(each, q).min(axis=1).max()
                 for each in (apart[-_ENVELOPE - q + 1 :], apart[: _ENVELOPE + q - 1])
             )
+            shrinks = len(self.notes[lane]) >= 2 * _APART and now <= min(_NEAR, _SHRINKS * before)
             energy = np.array(self.notes[lane][-q:])[:, self.kinds["energy"]].mean(axis=0)
-            alike = np.abs(np.sqrt(energy) - motion.rms) <= _NEAR * motion.rms
-            if now.max() <= _NEAR and (now.max() <= _SHRINKS * before.max() or now.max() <= _SAME) and alike.all():
+            if (shrinks or now <= _SAME) and np.all(np.abs(np.sqrt(energy) - motion.rms) <= _NEAR * motion.rms):
                 return motion
         return None
+
+    def _is_amid(self, lane: int, motion: LaneMotion) -> bool:
+        """Return True if what gaps do after a transient, and accelerations, are those of a motion without period."""
+        if len(self.notes[lane]) < _GLANCE or self.waits[lane] + len(self.notes[lane]) < _TRANSIENT + _GLANCE:
+            return False
+        rms, error = _accelerations(np.array(self.notes[lane][-_GLANCE:])[:, self.kinds["energy"]])
+        seen, known = self._closings(lane, _GLANCE).sum(axis=0), _GLANCE * motion.sides[self.staged].T.ravel()
+        differs = np.maximum(seen, known)[np.minimum(seen, known) == 0.0] > _RARE
+        return bool(not differs.any() and np.all(error <= _NEAR * rms)) and motion.has_like(rms, error)
 
     def _calms(self, lane: int) -> bool:
         """Return True if the steps between the last sections are at most half as long as those before."""
@@ -346,8 +383,9 @@ class _Settling:
             scale[self.lanes.turn] = np.inf
         steps = (np.abs(np.diff(strobes, axis=0)) / scale).max(axis=1)
         for q in range(1, _LONGEST + 1):
-            apart = (np.abs(strobes[-1] - strobes[-1 - q]) / scale).max()
-            if apart <= _SAME and np.array_equal(counts[-q:], counts[-2 * q : -q]):
+            if not np.array_equal(counts[-q:], counts[-2 * q : -q]):
+                continue
+            if (np.abs(strobes[-1] - strobes[-1 - q]) / scale).max() <= _SAME:
                 # a slow mode that dies away may come back after some periods: the period is that without it
                 dies = q > 1 and (
                     len(steps) < 3 * _APART or steps[-_ENVELOPE:].max() < _SHRINKS * steps[:_ENVELOPE].max()
@@ -396,11 +434,7 @@ class _Settling:
         closed = np.zeros(contacts, dtype=bool)
         closed[staged] = np.abs(kind["side"][-1]) > 0.5
         energy, fourth = (kind[name].mean(axis=0) for name in ("energy", "fourth"))
-        error = np.zeros_like(energy)
-        if not period and watched >= _BATCHES:
-            batches = kind["energy"].reshape(_BATCHES, -1, len(energy)).mean(axis=1)
-            spread = _STUDENT * batches.std(axis=0, ddof=1) / math.sqrt(_BATCHES)
-            error = spread / (2.0 * np.sqrt(np.maximum(energy, np.finfo(float).tiny)))
+        rms, error = _accelerations(kind["energy"], is_sample=not period and watched >= _BATCHES)
         n_mean = kind["total"].mean(axis=0)
         return LaneMotion(
             start.value,
@@ -414,7 +448,7 @@ class _Settling:
             of_contacts(kind["power"].mean(axis=0)),
             of_contacts(kind["approach"].max(axis=0)),
             np.array([kind["least"].min(axis=0), n_mean, kind["most"].max(axis=0)]),
-            np.sqrt(energy),
+            rms,
             kind["summit"].max(axis=0),
             fourth / np.maximum(energy**2, np.finfo(float).tiny),
             error,

@@ -213,11 +213,14 @@ def run(
     scheduler
         Scheduler of a Dask cluster (gapwalk[cluster]) for the work, such as tcp://node7:8786, or its scheduler file.
     """
+    from gapwalk.cli.output import saying
+
     if scheduler is None:
         from gapwalk.cli.foreseen import foresee
 
         foresee(file)
-    from gapwalk.cli.run_command import run_file
+    with saying("gapwalk is loading"):  # takes a second or two
+        from gapwalk.cli.run_command import run_file
 
     how = {"resume": resume, "force": force, "json": json, "plain": units == "none"}
     return run_file(file, output, changes or [], [*studies, *(study or [])], **how, scheduler=scheduler)

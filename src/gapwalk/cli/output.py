@@ -6,7 +6,8 @@ import json as json_format
 import os
 import sys
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,19 @@ def console(*, stderr: bool = False) -> Console:
 def show(summary: SummaryParts, screen: Console | None = None) -> None:
     """Print the summary of a record."""
     render(summary, screen or console())
+
+
+@contextmanager
+def saying(text: str) -> Iterator[None]:
+    """Show a text on the terminal while something takes time, then remove it."""
+    is_shown = sys.stderr.isatty() and not is_quiet
+    if is_shown:
+        print(f"{text} ...", end="\r", file=sys.stderr, flush=True)
+    try:
+        yield
+    finally:
+        if is_shown:
+            print("\x1b[2K", end="\r", file=sys.stderr, flush=True)
 
 
 def show_files(files: Iterable[Path | str], screen: Console | None = None) -> None:

@@ -22,6 +22,7 @@ from gapwalk.cli.output import (
     failure_text,
     print_json,
     printable,
+    saying,
     show,
     show_files,
     show_title,
@@ -55,8 +56,9 @@ def run_file(
     """Run the studies of a model file, or the named ones; return the highest exit code."""
     # With the address of a scheduler the work is done on its cluster. With `plain` it is done in non-dimensional form.
     # The keywords `how` are resume, force and json.
-    studies = list(read_studies(file, parse_changes(changes), names))
-    check_work(studies)
+    with saying(f"reading {file}"):
+        studies = list(read_studies(file, parse_changes(changes), names))
+        check_work(studies)
     if plain:
         from gapwalk.studies.study_file import without_units  # imported late: it needs the options of all kinds
 

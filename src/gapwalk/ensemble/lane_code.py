@@ -492,6 +492,7 @@ class Code:
         self.layout, self.dry, self.rows = writer.layout, writer.dry, writer.rows
         self.columns, self.notes = writer.columns, writer.notes
         self.begin = np.array([_BEGIN.get(kind, 0.0) for kind, _ in self.notes])
+        self.known_steps = dict[bytes, float]()  # that a period of systems needs, by their coefficients
         self._engine = engine_of(text)
         self.advance = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5, ctypes.c_int64)(
             self._engine.get_function_address("advance")

@@ -65,6 +65,11 @@ class Lanes:
         self.count = len(states)
         blocks, n = -(-self.count // WIDTH), self.layout.structure.size
         self._numbers = aligned((blocks, 1 + len(self.code.rows), WIDTH))
+        for key, row in self.code.rows.items():
+            if isinstance(key, tuple) and isinstance(key[0], int):
+                self._numbers[:, row] = self._signals[key]
+        slots = [(slot, row) for slot, row in self.code.rows.items() if isinstance(slot, int)]
+        self._slots = np.array(slots, dtype=int).reshape(-1, 2).T  # of coefficients, with the rows of their numbers
         self._state = aligned((blocks, 2 * n + 2 * len(self.code.dry), WIDTH))
         self._scratch = aligned((4 * n, WIDTH))
         self._notes = aligned((blocks, max(len(self.code.notes), 1), WIDTH))
@@ -77,7 +82,7 @@ class Lanes:
             np.zeros((blocks * WIDTH, len(self.layout))),
             np.zeros(blocks * WIDTH, dtype=bool),
         )
-        self.turn, self._known_steps = turn_of(structure), dict[bytes, int]()
+        self.turn = turn_of(structure)
         places = np.minimum(np.arange(blocks * WIDTH), self.count - 1)  # the last block is filled with copies
         self.put(np.arange(blocks * WIDTH), coefficients[places], states[places])
         self._used[self.count :] = False
@@ -86,19 +91,15 @@ class Lanes:
         """Give some lanes the numbers of a system, and a state at theta = 0."""
         self._coefficients[lanes] = coefficients
         keys = [each.tobytes() for each in coefficients]
-        if new := {key: place for place, key in enumerate(keys) if key not in self._known_steps}:
-            found = np.ceil(self.finer * steps_of(self.layout, coefficients[list(new.values())]))
-            self._known_steps |= dict(zip(new, found.astype(int).tolist(), strict=True))
-        self._needed.reshape(-1)[lanes] = [self._known_steps[key] for key in keys]
+        known = self.code.known_steps
+        if new := {key: place for place, key in enumerate(keys) if key not in known}:
+            found = steps_of(self.layout, coefficients[list(new.values())])
+            known |= dict(zip(new, found.tolist(), strict=True))
+        self._needed.reshape(-1)[lanes] = np.ceil([self.finer * known[key] for key in keys])
         self.restart(lanes, states)
         block, lane = np.divmod(lanes, WIDTH)
-        slots = [(slot, row) for slot, row in self.code.rows.items() if isinstance(slot, int)]
-        if slots:
-            from_, to = map(list, zip(*slots, strict=True))
-            self._numbers[block[:, None], to, lane[:, None]] = coefficients[:, from_]
-        for key, row in self.code.rows.items():
-            if isinstance(key, tuple) and isinstance(key[0], int):
-                self._numbers[:, row] = self._signals[key]
+        from_, to = self._slots
+        self._numbers[block[:, None], to, lane[:, None]] = coefficients[:, from_]
         for one in np.unique(block):
             self._set_steps(int(one))
 

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import math
 import os
+from contextlib import suppress
 from dataclasses import replace
 from itertools import chain
 
 from gapwalk.answers.threshold import Threshold
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
-from gapwalk.errors import ModelError, NumericalError
+from gapwalk.errors import ModelError, NumericalError, StoreError
 from gapwalk.free.equilibrium_walk import Rests, verify_rests
 from gapwalk.free.self_excitation import SelfExcited
-from gapwalk.results.result_file import lock, seal_fault, write_more
+from gapwalk.results.result_file import lock, reading, seal_fault, write_more
 from gapwalk.studies.bifurcation_map import Map
 from gapwalk.studies.branch_family import Family
 from gapwalk.studies.options import BranchOptions
-from gapwalk.studies.result import CHECKS, VERIFICATION, FullCheck, Result, load_result
+from gapwalk.studies.result import CHECKS, REQUEST, VERIFICATION, FullCheck, Result, load_result
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.tori.tongue import Tongue
 from gapwalk.tori.torus import Torus
@@ -93,6 +94,10 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
 
 def verified_result(path: str | os.PathLike[str], report: Advance | None = None) -> tuple[Result, Verification]:
     """Return the result in a file, and its verification; parameters and errors as in `verify`."""
+    with reading(path, sealed=False) as parts, suppress(StoreError):
+        options = parts.one(REQUEST).options
+        if options.answer is not None and not issubclass(options.answer.type, Verifiable):
+            raise _nothing(options)  # before what may be hundreds of motions is read
     ledger = Ledger()
     fault = seal_fault(path)
     ledger.enter(Check.SEAL, Spot("the file", "its parts", math.nan), 1.0 if fault else 0.0, fault)
@@ -187,14 +192,17 @@ def _verify_diagram(ledger: Ledger, diagram: Diagram, report: Advance | None) ->
 def _found(result: Result) -> Verifiable:
     """Return the record of a result that can be verified."""
     if result.finding is not None:
-        record = result.finding.record
-        if isinstance(record, Family | Threshold | TorusDiagram | SelfExcited):
-            return record
-        raise ModelError(
-            f"this result of the kind {result.options.kind} has neither branches nor loci to verify; those of "
-            "responses, diagrams, maps, families, tori, thresholds and self-excited motions have"
-        )
+        if not isinstance(result.finding.record, Verifiable):
+            raise _nothing(result.options)
+        return result.finding.record
     return result.map or result.diagram or result.branches[0]
+
+
+def _nothing(options: StudyKind) -> ModelError:
+    return ModelError(
+        f"this result of the kind {options.kind} has neither branches nor loci to verify; those of responses, "
+        "diagrams, maps, families, tori, thresholds and self-excited motions have"
+    )
 
 
 def with_verification(result: Result, options: StudyKind, output: str | os.PathLike[str] | None) -> Result:
