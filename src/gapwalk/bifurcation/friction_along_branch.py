@@ -801,11 +801,7 @@ def _removed(contact: int, phases: list[FrictionPhase], text: str, most: int) ->
 
 
 def find_changes(
-    interval: StepInterval,
-    before: BranchPoint | None,
-    first: BranchPoint,
-    last: BranchPoint,
-    bend: float = math.inf,
+    interval: StepInterval, before: BranchPoint | None, first: BranchPoint, last: BranchPoint, bend: float = math.inf
 ) -> list[Located]:
     """Find the changes of friction between two neighbouring points of a walk, in order; `before` is the point before.
 
@@ -814,9 +810,8 @@ def find_changes(
     """
     changes, length = changes_between(first.orbit, last.orbit), last.arclength - first.arclength
     if changes == []:
-        if length > interval.finest:
-            bend = _hiding_bend(before, first, last, held_in(interval.corrector), bend)
-        if length <= interval.finest or not bend:
+        held = held_in(interval.corrector)
+        if length <= interval.finest or not (bend := _hiding_bend(before, first, last, held, bend)):
             return []
     if changes:
         onsets = [change for change in changes if change.alone]
