@@ -84,7 +84,7 @@ class CompiledReadings:
                 given[row] = stage.sign * deflections > coefficients[stage.clearance]
         return self.readings(given)[: equations.layout.accelerations.shape[1] + 3 * len(slips)].T
 
-    def slipping(self, columns: Array, slips: Array) -> Array:
+    def slipping(self, columns: Array, slips: NDArray[Any]) -> Array:
         """Return the columns of `along` for other modes: rigid friction that slips has the force of its limit."""
         found, structure = columns.copy(), self._equations.layout.structure
         first = 2 * structure.size
