@@ -734,6 +734,7 @@ _DOUBT = 0.5  # share of its bend by which a margin may have moved between two p
 _NEAR = 0.05  # share of its range within which a least value that appears counts as near zero
 _FAR, _LONG = 0.6, 4e-3  # the same in steps of more than this arclength
 _BIRTH = 2e-4  # arclength to which the appearance of such a value is narrowed down
+_FALLS = 0.75  # share of its bend before that the bend of a margin has at most, in a half of a step
 _JUMPS = 1e-11  # arclength from a located point within which the margin is that small too
 _UNSEEN = 1e-6  # arclength within which the margin of a change is zero if it was found by halving
 _AT_ONE = 1e-12  # arclength within which two changes are at one point
@@ -800,17 +801,18 @@ def _removed(contact: int, phases: list[FrictionPhase], text: str, most: int) ->
 
 
 def find_changes(
-    interval: StepInterval, before: BranchPoint | None, first: BranchPoint, last: BranchPoint
+    interval: StepInterval, before: BranchPoint | None, first: BranchPoint, last: BranchPoint, bend: float = math.inf
 ) -> list[Located]:
     """Find the changes of friction between two neighbouring points of a walk, in order; `before` is the point before.
 
-    A step in which they cannot be told apart is halved, and one in which changes that cancel each other may hide.
+    A step in which they cannot be told apart is halved, and one in which changes that cancel each other may hide:
+    `bend` is the largest bend of a margin that may hide some in the step of which this is a half.
     """
     changes, length = changes_between(first.orbit, last.orbit), last.arclength - first.arclength
-    if changes == [] and not (
-        length > interval.finest and _may_change(before, first, last, held_in(interval.corrector))
-    ):
-        return []
+    if changes == []:
+        held = held_in(interval.corrector)
+        if length <= interval.finest or not (bend := _hiding_bend(before, first, last, held, bend)):
+            return []
     if changes:
         onsets = [change for change in changes if change.alone]
         found = [_locate(interval, first, last, change) for change in changes if not change.alone]
@@ -821,18 +823,25 @@ def find_changes(
     if length < _SMALLEST:
         return [_locate_beside(interval, first, last, change) for change in changes or []]
     middle = interval.middle(first, last)
-    return find_changes(interval, before, first, middle) + find_changes(interval, first, middle, last)
+    halves = (before, first, middle), (first, middle, last)
+    return [each for half in halves for each in find_changes(interval, *half, bend)]
 
 
-def _may_change(before: BranchPoint | None, first: BranchPoint, last: BranchPoint, held: Held) -> bool:
-    """Return True if changes that cancel each other may hide between two points of a walk with the same sequence."""
+def _hiding_bend(before: BranchPoint | None, first: BranchPoint, last: BranchPoint, held: Held, known: float) -> float:
+    """Return the largest bend of a margin, if changes that cancel each other may hide between two points; 0 if not.
+
+    Where such a step is halved, the bend of a margin falls to a quarter, or to .7 of it where it is a root. A jump
+    stays as it is, as where its place passes a sample: halving does not tell more about it, and short steps are not
+    halved for it. `known` is the bend before.
+    """
     # Springs that are held do not slip.
     if not any(any(phase.mode for phase in phases) for phases in first.orbit.friction.values()):
-        return False
+        return 0.0
     full, length = PERIOD * first.orbit.period, last.arclength - first.arclength
     now, then = ([each for each in point.orbit.margins if each.contact not in held] for point in (first, last))
     past = None if before is None or first.arclength <= before.arclength else before.orbit.margins
     ratio = math.nan if past is None or before is None else length / (first.arclength - before.arclength)
+    most, found = math.inf if length > _BIRTH else _FALLS * known, 0.0
     for own in now:
         following = _become(own, then, full)
         if following is None:
@@ -840,14 +849,14 @@ def _may_change(before: BranchPoint | None, first: BranchPoint, last: BranchPoin
         preceding = None if past is None else _become(own, past, full)
         if preceding is not None:
             bend = abs((following.value - own.value) - ratio * (own.value - preceding.value))
-            if min(abs(own.value), abs(following.value)) < _DOUBT * bend:
-                return True
-    if length <= _BIRTH:
-        return False
+            if min(abs(own.value), abs(following.value)) < _DOUBT * bend <= _DOUBT * most:
+                found = max(found, bend)
+    if found or length <= _BIRTH:
+        return found
     lonely = [each for each in now if _become(each, then, full) is None]
     lonely += [each for each in then if _become(each, now, full) is None]
     near = _NEAR if length <= _LONG else _FAR
-    return any(each.what != "stop" and 0.0 <= each.value < near * each.range for each in lonely)
+    return math.inf if any(each.what != "stop" and 0.0 <= each.value < near * each.range for each in lonely) else 0.0
 
 
 def _become(own: Margin, others: Sequence[Margin], full: float) -> Margin | None:

@@ -31,7 +31,7 @@ class CompiledReadings:
 
     def __init__(self, equations: Equations) -> None:
         self._equations = equations
-        self._table: tuple[Any, Array] | None = None  # the last one, with what it is for
+        self._tables = b"", dict[tuple[int, ...], Array]()  # the last system, and its tables by what is held
         self.state = [*equations.positions, *equations.velocities, *equations.extensions]
         self.readings, self.used = self._of_one_array(
             [*self.state[: 2 * equations.layout.structure.size], *equations.readings], self.state
@@ -84,16 +84,29 @@ class CompiledReadings:
                 given[row] = stage.sign * deflections > coefficients[stage.clearance]
         return self.readings(given)[: equations.layout.accelerations.shape[1] + 3 * len(slips)].T
 
+    def slipping(self, columns: Array, slips: NDArray[Any]) -> Array:
+        """Return the columns of `along` for other modes: rigid friction that slips has the force of its limit."""
+        found, structure = columns.copy(), self._equations.layout.structure
+        first = 2 * structure.size
+        limits = columns.shape[1] - 3 * len(slips) + 1
+        for place, contact in enumerate(structure.friction):
+            if contact not in structure.memories:
+                found[:, first + contact] = slips[place] * columns[:, limits + 3 * place]
+        return found
+
     def table(self, coefficients: Array, held: Sequence[int]) -> Array:
         """Return the rows by which accelerations, then reactions, follow from the columns of `along`."""
-        key = coefficients[1:].tobytes(), tuple(held)
-        if self._table is None or self._table[0] != key:
+        numbers, key = coefficients[1:].tobytes(), tuple(held)
+        known, tables = self._tables
+        if known != numbers:
+            self._tables = _, tables = numbers, {}
+        if key not in tables:
             layout = self._equations.layout
             own = Constraint(layout, coefficients, held).coefficients()
             found = np.vstack((own[layout.accelerations], own[layout.reactions]))
             found[:, : 2 * layout.structure.size + len(layout.contacts)] *= -1.0
-            self._table = key, found
-        return self._table[1]
+            tables[key] = found
+        return tables[key]
 
     @cached_property
     def _tangents(self) -> tuple[Evaluator, slice]:

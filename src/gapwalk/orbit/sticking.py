@@ -110,9 +110,12 @@ class FrictionGauge:
         bound, force = self.bound_and_force(coefficients, theta, y, modes)
         return bound - side * force
 
-    def bound_and_force(self, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes) -> tuple[Any, NDArray]:
+    def bound_and_force(
+        self, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes, known: NDArray | None = None
+    ) -> tuple[Any, NDArray]:
         """Return the force at which slip begins, and the force in stick, under the modes of one instant."""
-        if self.reaction is not None and (read := self._read(coefficients, theta, y, modes)) is not None:
+        # `known` are the columns of `CompiledReadings.along` while nothing slips.
+        if self.reaction is not None and (read := self._read(coefficients, theta, y, modes, known)) is not None:
             columns, table = read
             force = columns[..., : table.shape[1]] @ table[self.n + self.reaction]
             return columns[..., table.shape[1] + 3 * self.place + 2], force
@@ -141,13 +144,16 @@ class FrictionGauge:
         return self.memory is not None and self._law.by == "limit" and not self._slots.varies
 
     def _read(
-        self, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes
+        self, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes, known: NDArray | None = None
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """Return the columns of `CompiledReadings.along` for states, and its table; None where they do not serve."""
         if self._readings is None or np.iscomplexobj(coefficients) or np.iscomplexobj(y) or np.iscomplexobj(theta):
             return None
         states, thetas = y.reshape(-1, y.shape[-1]), np.atleast_1d(theta)
-        read = self._readings.along(coefficients, states, thetas, modes.slips.astype(float))
+        if known is not None:
+            read = self._readings.slipping(known, modes.slips)
+        else:
+            read = self._readings.along(coefficients, states, thetas, modes.slips.astype(float))
         if read is None:
             return None
         return read.reshape(*y.shape[:-1], -1), self._readings.table(coefficients, modes.order(self.layout.structure))
@@ -311,23 +317,42 @@ def margins_of(
     orbit: Orbit, thetas: Array, found: Variations, readings: CompiledReadings | None = None
 ) -> list[Margin]:
     """Return the margins of all friction over one period."""
-    layout = layout_of(orbit.system.structure)
+    structure, along = orbit.system.structure, _Along(None, None)
+    if structure.reactions and len(structure.friction) + len(structure.reactions) > 2:
+        modes, still = modes_along(structure, thetas, *found.logs[1:3], before=True), np.zeros(len(structure.friction))
+        columns = readings and readings.along(coefficients_of(orbit.system), found.states, thetas, still)
+        along = _Along(columns, modes)
     return [
         each
         for contact, phases in orbit.friction.items()
-        for each in _Margins(orbit, thetas, found, FrictionGauge(layout, contact, readings), phases).all()
+        for each in _Margins(
+            orbit, thetas, found, FrictionGauge(layout_of(structure), contact, readings), phases, along
+        ).all()
     ]
+
+
+class _Along(NamedTuple):
+    """Readings of a motion while nothing slips, and the modes just before its samples, which all contacts share."""
+
+    columns: Array | None
+    modes: Any
 
 
 class _Margins:
     """Margins of one contact that is friction."""
 
     def __init__(
-        self, orbit: Orbit, thetas: Array, found: Variations, gauge: FrictionGauge, phases: list[FrictionPhase]
+        self,
+        orbit: Orbit,
+        thetas: Array,
+        found: Variations,
+        gauge: FrictionGauge,
+        phases: list[FrictionPhase],
+        along: _Along,
     ) -> None:
         self._gauge, self._phases, self._contact = gauge, phases, gauge.contact
         self._thetas, self._states, self._full = thetas, found.states, float(thetas[-1])
-        self._coefficients, self._logs = coefficients_of(orbit.system), (found.slips, found.holds)
+        self._coefficients, self._along = coefficients_of(orbit.system), along
         self._structure = orbit.system.structure
 
     def all(self) -> list[Margin]:
@@ -374,7 +399,8 @@ class _Margins:
         for modes, numbers in groups.values():
             samples = np.concatenate([asked[number][0] for number in numbers])
             states, thetas = self._states[samples], self._thetas[samples]
-            bound, force = self._gauge.bound_and_force(self._coefficients, thetas, states, modes)
+            read = None if self._along.columns is None else self._along.columns[samples]
+            bound, force = self._gauge.bound_and_force(self._coefficients, thetas, states, modes, read)
             bound, first = bound + 0.0 * force, 0
             for number in numbers:
                 last = first + len(asked[number][0])
@@ -388,8 +414,7 @@ class _Margins:
         # the force of a spring in series depends on no modes, and there may be no others
         if self._gauge.memory is not None or friction == reactions == 1:
             return [DryModes(np.zeros(friction, dtype=np.int8), np.ones(reactions, dtype=bool))] * len(samples)
-        modes = modes_along(structure, self._thetas[samples], *self._logs, before=True)
-        return [self._gauge.sticking(modes.at(number)) for number in range(len(samples))]
+        return [self._gauge.sticking(self._along.modes.at(sample)) for sample in samples]
 
     def _least(self, phase: FrictionPhase, side: int, samples: NDArray[np.intp], values: Array) -> list[Margin]:
         """Return the least values of a quantity within a phase, by parabolas."""
