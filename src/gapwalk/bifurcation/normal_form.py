@@ -97,7 +97,7 @@ def normal_form_of_map(matrices: Matrices, slope: Array, multiplier: complex, or
     Shapes: `slope` (N,), the derivative of the map by the parameter. `order` is 2 at a fold, otherwise 3.
     """
     size = len(slope)
-    here, nothing, mu = matrices(np.zeros(size), 0.0), np.zeros(size), multiplier / abs(multiplier)
+    here, mu = matrices(np.zeros(size), 0.0), complex(multiplier / abs(multiplier))
     is_real = mu.imag == 0.0
     left, values, right = np.linalg.svd(here - (mu.real if is_real else mu) * np.eye(size))
     q, p = right[-1].conj(), left[:, -1]
@@ -106,7 +106,7 @@ def normal_form_of_map(matrices: Matrices, slope: Array, multiplier: complex, or
     p = p / (p.conj() @ q).conj()
     dual = p.conj()
     # along the branch, which turns back at a fold, whose rate needs no differences
-    along = np.linalg.solve(np.eye(size) - here, slope) if order > 2 else nothing
+    along = np.linalg.solve(np.eye(size) - here, slope) if order > 2 else 0.0 * slope
     reach = 1.0 / max(float(np.linalg.norm(along)), 1.0 / unit)
 
     def differences(way: Array, step: float, parameter: float = 0.0) -> tuple[Array, Array]:
@@ -150,7 +150,7 @@ def normal_form_of_map(matrices: Matrices, slope: Array, multiplier: complex, or
     if order == 2:
         words = f"opens to {'lower' if rate * sign > 0.0 else 'higher'} values"
     else:
-        words = "supercritical" if (sign > 0.0) is is_real else "subcritical"
+        words = "supercritical" if (sign > 0.0) == is_real else "subcritical"
     return NormalForm(value, error, rate, q, words if sign and rate else "")
 
 
@@ -172,8 +172,8 @@ def normal_form(special: SpecialPoint) -> NormalForm | None:
                 raise NumericalError(_NOT_ALIKE)
             return found.by_unknowns / units[:, None] * units + np.eye(len(units))
 
-        unit = abs(value) or 1.0
-        found = normal_form_of_map(matrices, start.by_parameter / units, special.multiplier, order, unit)
+        multiplier, unit = special.kind.target or special.multiplier, abs(value) or 1.0
+        found = normal_form_of_map(matrices, start.by_parameter / units, multiplier, order, unit)
     except (NumericalError, ModelError, np.linalg.LinAlgError):
         return None
     if not found.error < math.inf:
