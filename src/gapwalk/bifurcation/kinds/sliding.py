@@ -38,7 +38,7 @@ from gapwalk.bifurcation.touch_map import Beyond, TouchMap, beyond
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit import Orbit, apart
 from gapwalk.orbit.sticking import stick_words, text_of
 
 if TYPE_CHECKING:
@@ -52,6 +52,7 @@ _ROOT = 9.0  # growth of the square of that length between them, which is 4 for 
 _STAYS = 1e-3  # share of the distance that friction moves on one side of its onset, below which it stays on the other
 _TOUCHES = 1e-4  # slip rate, as a share of its range, that is zero within the error of the point
 _ASIDE = (1e-9, 1e-7, 1e-6, 1e-5, 1e-4)  # the same share, by which an orbit that touches is moved back
+_BEFORE = 1e-4  # radians before a stick at which the rate still tells its derivatives
 _NEAR = 1e-2  # radians around the touch within which a phase is its own
 _SIGNS = {1: "+", -1: "-"}
 
@@ -245,25 +246,28 @@ def slide_map(orbit: Orbit, contact: int, side: int) -> TouchMap | None:
     # Where the slip rate would reverse by d it becomes zero instead, and slip goes on when it would have been least:
     # so to leading order the rate changes by d there, at once.
     structure, full, n = orbit.system.structure, PERIOD * orbit.period, orbit.system.size
-    rates = [each for each in orbit.margins if each.what == "rate" and abs(each.value) < _TOUCHES * each.range]
+    touches = [each.theta for each in orbit.margins if each.what == "rate" and abs(each.value) < _TOUCHES * each.range]
+    for phases in orbit.friction.values():  # it may be found where it sticks for an instant
+        touches += [each.start - _BEFORE for each in phases if not each.mode and each.length < _NEAR]
     layout, coefficients = layout_of(structure), coefficients_of(orbit.system)
-    slots = layout.contacts[contact]
+    slots, flow, state = layout.contacts[contact], flow_of(orbit.system, transition=True), orbit.state
     more = coefficients[slots.numbers["static"]] if "static" in slots.numbers else 1.0
-    if contact in structure.memories or len(rates) != 1 or more != 1.0:
+    if contact in structure.memories or len(touches) != 1 or more != 1.0:
         return None
-    (rate,), flow, vector = rates, flow_of(orbit.system, transition=True), np.zeros(len(orbit.state))
-    along, push, theta = side * coefficients[slots.deflection], coefficients[slots.force], rate.theta % full
-    vector[n : 2 * n] = push / float(along @ push)
-    state = orbit.state
+    theta, vector, size = touches[0] % full, np.zeros(len(state)), float(np.abs(orbit.extremes[:, :2]).max())
+    along, push, speed = side * coefficients[slots.deflection], coefficients[slots.force], orbit.system.frequency * size
+    vector[n : 2 * n], way = push / float(along @ push), vector
     for share in _ASIDE:
         found = flow.vary(coefficients, state, np.array([0.0, theta, full]))
-        covector = -along @ found.transitions[1][n : 2 * n]
-        if not any(each.contact == contact and abs(each.theta - theta) < _NEAR for each in found.slips):
-            there = found.states[1] + _ASIDE[0] * rate.range * vector
+        row = -along @ found.transitions[1][n : 2 * n]
+        if not any(each.contact == contact and apart(each.theta % full, theta, full) < _NEAR for each in found.slips):
+            there = found.states[1] + _ASIDE[0] * speed * vector
             after = flow.vary(coefficients, there, np.array([theta, full])).transitions[1]
-            size = float(np.abs(orbit.extremes[:, :2]).max())
-            return TouchMap(1.0, 1.0, covector, after @ vector, after @ found.transitions[1], size)
-        state = orbit.state - share * rate.range * covector / float(covector @ covector)
+            return TouchMap(1.0, 1.0, row, after @ vector, after @ found.transitions[1], size)
+        way = row if state is orbit.state else way
+        if not way.any():
+            break
+        state = orbit.state - share * speed * way / float(way @ way)
     return None
 
 
