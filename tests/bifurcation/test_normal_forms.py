@@ -178,7 +178,9 @@ def deviations(kind: str, seeds: range) -> dict[str, list[float]]:
     return found
 
 
-@pytest.mark.parametrize(("kind", "seed"), [("stop", 0), ("van der pol", 1), in_campaign("two", 1), in_campaign("rigid", 2)])
+@pytest.mark.parametrize(
+    ("kind", "seed"), [("stop", 0), ("van der pol", 1), in_campaign("two", 1), in_campaign("rigid", 2)]
+)
 def test_coefficients_agree_with_differences_of_motions(kind, seed):
     found = [each for of_kind in deviations(kind, range(seed, seed + 1)).values() for each in of_kind]
     assert found
@@ -191,7 +193,7 @@ def test_a_hundred_coefficients():
     for kind, count in zip(KINDS, (8, 6, 10, 6, 5, 6), strict=True):
         for name, own in deviations(kind, range(20, 20 + count)).items():
             found.setdefault(name, []).extend(own)
-    known = {name: [each for each in own if each == each] for name, own in found.items()}
+    known = {name: [each for each in own if not math.isnan(each)] for name, own in found.items()}
     assert sum(map(len, known.values())) >= 100
     assert {name: len(own) >= 10 for name, own in known.items()} == {
         "fold": True, "flip": True, "neimark-sacker": True,

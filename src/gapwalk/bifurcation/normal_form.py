@@ -1,7 +1,7 @@
 """Normal forms of folds, flips and Neimark-Sacker points: coefficients, criticality, and the amplitude of what leaves.
 
 The map of the state over the period of the motion is reduced to the critical direction q, with A q = mu q and
-p^* A = mu p^*, p^* q = 1. With B and C, the second and third derivatives of the map, and R(z) = (z - A)^-1, the terms are
+p^* A = mu p^*, p^* q = 1. With the second and third derivatives B and C of the map, and R(z) = (z - A)^-1, the terms are
 
     fold             s -> s + rate d + c s^2                    c = p B(q, q) / 2
     flip             s -> (-1 + rate d) s + c s^3               c = p [C(q, q, q) / 6 + B(q, R(1) B(q, q)) / 2]
@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-Matrices = Callable[[Array, float], Array]
+Matrices = Callable[[NDArray[Any], float], Array]
 """Derivative of a map by its state, at a displacement of the state and of the parameter."""
 
 PLACES = (-2.0, -1.0, 1.0, 2.0)
@@ -109,7 +109,7 @@ def normal_form_of_map(matrices: Matrices, slope: Array, multiplier: complex, or
     along = np.linalg.solve(np.eye(size) - here, slope) if order > 2 else 0.0 * slope
     reach = 1.0 / max(float(np.linalg.norm(along)), 1.0 / unit)
 
-    def differences(way: Array, step: float, parameter: float = 0.0) -> tuple[Array, Array]:
+    def differences(way: NDArray[Any], step: float, parameter: float = 0.0) -> tuple[Array, Array]:
         found = [matrices(place * step * way, place * step * parameter) for place in PLACES]
         second = (np.tensordot(SECOND, found, 1) + SECOND_HERE * here) / step**2
         return np.tensordot(FIRST, found, 1) / step, second

@@ -261,6 +261,13 @@ def slide_map(orbit: Orbit, contact: int, side: int) -> TouchMap | None:
         found = flow.vary(coefficients, state, np.array([0.0, theta, full]))
         row = -along @ found.transitions[1][n : 2 * n]
         if not any(each.contact == contact and apart(each.theta % full, theta, full) < _NEAR for each in found.slips):
+            # where the rate is least, by a parabola
+            window = theta + 0.1 * _NEAR * np.arange(-2.0, 3.0)
+            rates = along @ flow.vary(coefficients, state, np.array([0.0, *window])).states[1:, n : 2 * n].T
+            bend, slope, _ = np.polyfit(window - theta, rates, 2)
+            theta -= 0.5 * float(slope / bend)
+            found = flow.vary(coefficients, state, np.array([0.0, theta, full]))
+            row = -along @ found.transitions[1][n : 2 * n]
             there = found.states[1] + _ASIDE[0] * speed * vector
             after = flow.vary(coefficients, there, np.array([theta, full])).transitions[1]
             return TouchMap(1.0, 1.0, row, after @ vector, after @ found.transitions[1], size)
