@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from gapwalk.bifurcation.branch_start import BranchStart
     from gapwalk.bifurcation.kinds.critical_multipliers import Criticality, Crossing
     from gapwalk.bifurcation.loci.gradient import Gradient
+    from gapwalk.bifurcation.normal_form import NormalForm
     from gapwalk.bifurcation.touch_map import Beyond
     from gapwalk.continuation.corrector import Range
     from gapwalk.orbit.method import Method
@@ -604,6 +605,8 @@ class Kind(str):
         Periods of this branch in one period of those branches.
     is_turning
         True if the branch turns back, so that the parameter is stationary there.
+    order
+        Order of the leading term of its normal form: 2 at a fold, 3 at a flip; 0 if it has none.
     sign_change
         Meaning of a sign change of the function in a step, as a clause; empty if the function may change its sign for
         another reason, so that nothing can be concluded.
@@ -628,6 +631,7 @@ class Kind(str):
     ways: ClassVar[int] = 0
     times: ClassVar[int] = 1
     is_turning: ClassVar[bool] = False
+    order: ClassVar[int] = 0
     sign_change: ClassVar[str] = ""
     noise: ClassVar[float] = 1e-6
     turn: ClassVar[int] = 2
@@ -877,6 +881,7 @@ class SpecialPoint(Shown):
         "stability": "change",
         "multiplicity": "multiplicity",
         "nature": "nature",
+        "coefficient": "coefficient",
         "judged": "judged",
         "beyond": "beyond_words",
         "contact": "contact",
@@ -982,6 +987,27 @@ class SpecialPoint(Shown):
         """Verdict on the motion beyond the point, as in a table; empty at kinds other than grazing."""
         return self.beyond.words if self.beyond is not None else ""
 
+    @cached_property
+    def normal_form(self) -> NormalForm | None:
+        """Normal form of a fold, a flip or a Neimark-Sacker point; None at other kinds, and where it is not known.
+
+        It is that of the exact motion: at a point that was found by harmonic balance, its error has what the truncation
+        leaves out. Where friction sticks throughout, or several multipliers are critical at once, there is none.
+
+        Examples
+        --------
+        >>> fold.normal_form.criticality == fold.nature
+        True
+        """
+        from gapwalk.bifurcation.normal_form import normal_form
+
+        return normal_form(self)
+
+    @property
+    def coefficient(self) -> float:
+        """Coefficient of the normal form; nan where it is not known."""
+        return self.normal_form.coefficient if self.normal_form else math.nan
+
     @property
     def kind_words(self) -> str:
         """Name of the kind, with the number of multipliers if several become critical at once: ``double flip``."""
@@ -990,6 +1016,8 @@ class SpecialPoint(Shown):
     @property
     def nature_words(self) -> str:
         """Criticality of the point, with the amplitude up to which it holds if the doubled branch soon turns back."""
+        if self.kind is Kind.NEIMARK_SACKER and self.normal_form:
+            return self.normal_form.criticality
         whole = self.kind is not Kind.FLIP or not self.nature
         if whole or self.judged >= _WHOLE * REACH * magnitude(self.orbit.state, self.orbit.system):
             return self.nature

@@ -31,6 +31,9 @@ _RETURNS = 400  # periods over which a touch is followed
 # share of the largest return, or of the root of the motion, below which the sign of another one decides nothing
 _LITTLE = 1e-3
 _RESONANT = 0.02  # size of the square-root term below which the motion beyond soon is stable again
+# distance, in depths, from which a motion does not come back; relative distance of states that are the same, periods
+# up to which one repeats, and growth a period of what is chaos
+_AWAY, _SAME, _PERIODS, _GROWS = 1e6, 1e-6, 33, 0.02
 _ANGLES = 720  # arguments of multipliers on the unit circle that are tried
 _ALONE = 0.9  # largest ratio of the second multiplier to the leading one, of which the theory knows only one
 _OVERLAP, _CHAOS, _CLOSE = 0.25, 2.0 / 3.0, 0.03  # leading multipliers at which the scenario changes, and their doubt
@@ -42,7 +45,8 @@ Array = NDArray[np.float64]
 class TouchMap:
     """Leading term ``b d^order`` that a touch of depth d adds to a motion; vectors are carried to the section."""
 
-    order: float  #: 1/2 if the force jumps or the velocity does, 1 if damping acts one way only, otherwise 3/2.
+    #: 1/2 if the force jumps or the velocity does, 1 if damping acts one way only or friction sticks, otherwise 3/2.
+    order: float
     #: Coefficient b of the rate of the deflection: a touch of depth d changes that rate by ``coefficient d^order``.
     coefficient: float
     covector: Array  #: shape (N,): c, the derivative of the depth by the state at the section.
@@ -81,8 +85,8 @@ class TouchMap:
 class Beyond:
     """Motion beyond a graze, by the leading term of the touch."""
 
-    #: ``goes on``, ``doubles``, ``jumps``, ``period adding``, ``period adding and chaos``, ``chaos at once`` or
-    #: ``unknown``, where the theory does not decide.
+    #: ``goes on``, ``doubles``, ``period 3`` or more, ``jumps``, ``period adding``, ``period adding and chaos``,
+    #: ``chaos at once`` or ``unknown``, where the theory does not decide.
     verdict: str
     #: order, coefficient: A touch of depth d changes the rate of the deflection by ``coefficient d^order``, at once.
     order: float
@@ -138,16 +142,26 @@ def beyond(touch: TouchMap | None) -> Beyond:
 
 
 def _across(touch: TouchMap) -> str:
-    """Return the verdict of a map that is linear on either side of the graze."""
-    beyond = touch.monodromy + np.outer(touch.vector, touch.covector)
-    both = [np.asarray(np.linalg.eigvals(each), dtype=complex) for each in (touch.monodromy, beyond)]
-    real = [np.real(each[np.abs(np.imag(each)) < 1e-12]) for each in both]
-    if sum(int(np.sum(each > 1.0)) for each in real) % 2:
-        return "unknown"  # both motions end there
-    if float(np.abs(both[1]).max()) < 1.0:
-        return "goes on"
-    twice = float(np.abs(np.linalg.eigvals(beyond @ touch.monodromy)).max())
-    return "doubles" if sum(int(np.sum(each < -1.0)) for each in real) % 2 and twice < 1.0 else "unknown"
+    """Return the verdict of a map that is linear on either side of the graze, from its motion just beyond it."""
+    # Distances are from the motion that would not touch, in units of the depth to which that would reach.
+    both = touch.monodromy, touch.monodromy + np.outer(touch.vector, touch.covector)
+    state, along, growth, found = np.zeros(len(touch.vector)), touch.vector, 0.0, list[Array]()
+    for step in range(2 * _RETURNS):
+        depth = float(touch.covector @ state) + 1.0
+        matrix = both[depth > 0.0]
+        state = touch.monodromy @ state + touch.vector * max(depth, 0.0)
+        if not float(np.abs(touch.covector @ state)) < _AWAY:
+            return "jumps"
+        if step >= _RETURNS:
+            along = matrix @ along
+            size = float(np.linalg.norm(along)) or 1.0
+            along, growth = along / size, growth + math.log(size)
+            found.append(state)
+    last, scale = found[-1], float(np.abs(found).max())
+    period = next((n for n in range(1, _PERIODS) if float(np.abs(found[-1 - n] - last).max()) < _SAME * scale), 0)
+    if not period:
+        return "chaos at once" if growth > _GROWS * _RETURNS else "unknown"
+    return {1: "goes on", 2: "doubles"}.get(period, f"period {period}")
 
 
 def _reach(touch: TouchMap) -> float:

@@ -19,6 +19,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch_start import BranchStart, posed_for
+from gapwalk.bifurcation.normal_form import FIRST, PLACES, SECOND, SECOND_HERE, alike
 from gapwalk.bifurcation.special_point import (
     REACH,
     ROUNDING,
@@ -162,6 +163,7 @@ class Fold(Kind):
     target = 1.0
     moves_through_one = True
     is_turning = True
+    order = 2
     sign_change = "the branch turns back"
     noise = 1e-5
 
@@ -247,11 +249,6 @@ class Fold(Kind):
 # Method: docs/numerics/notes/continuation.md
 
 _DISPLACEMENTS = (6e-5, 6e-6)  # in units of the unknowns: longer ones show curvature, shorter ones rounding
-_ALIKE = 0.05  # relative change of an impact velocity within which displaced orbits make the same contact
-_PLACES = (-2.0, -1.0, 1.0, 2.0)
-_FIRST = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0  # fourth-order differences at those places
-_SECOND = np.array([-1.0, 16.0, 16.0, -1.0]) / 12.0
-_SECOND_HERE = -30.0 / 12.0
 
 _STEPS = (6e-5, 6e-6, 6e-7, 6e-8, 6e-9, 6e-10)
 """Displacements, in units of the unknowns, for the cubic coefficient: the longest without a graze is used.
@@ -281,7 +278,7 @@ class Flip(Kind):
 
     symbol = Symbol("flip (PD)", "PD", "D", 4.3, "vermillion", (0.0, (4.5, 1.4)))
     target = -1.0
-    ways, times = 1, 2
+    ways, times, order = 1, 2, 3
     sign_change = "a flip is passed"
 
     def function(self, point: BranchPoint) -> float:
@@ -433,9 +430,9 @@ def flip_coefficient(
     v, w = critical
     for step in steps:
         matrices = []
-        for place in _PLACES:
+        for place in PLACES:
             matrix, contacts = matrix_at(unknowns + place * step * units * v)
-            if not _alike(contacts, here[1]):
+            if not alike(contacts, here[1]):
                 break
             matrices.append(matrix)
         else:
@@ -444,21 +441,13 @@ def flip_coefficient(
                 bent = np.linalg.solve(response, first @ v)
                 return float(w @ (second @ v / 6.0 + first @ bent / 2.0))
 
-            first = np.tensordot(_FIRST, matrices, 1) / step
-            second = (np.tensordot(_SECOND, matrices, 1) + _SECOND_HERE * here[0]) / step**2
+            first = np.tensordot(FIRST, matrices, 1) / step
+            second = (np.tensordot(SECOND, matrices, 1) + SECOND_HERE * here[0]) / step**2
             value = coefficient(first, second)
             _, before, after, _ = matrices
             coarser = coefficient((after - before) / (2.0 * step), (after + before - 2.0 * here[0]) / step**2)
             return Cubic(value, abs(coarser - value))
     return Cubic(float("nan"), float("inf"))
-
-
-def _alike(some: Sequence[ContactEvent], others: Sequence[ContactEvent]) -> bool:
-    """Return True if two motions make the same contacts, at nearly the same velocities."""
-    return len(some) == len(others) and all(
-        a.switch == b.switch and a.enters is b.enters and abs(a.velocity - b.velocity) < _ALIKE * abs(b.velocity)
-        for a, b in zip(some, others, strict=True)
-    )
 
 
 def _amplitude(doubled: Doubled, start: DoubledStart, limit: _Limit) -> float:
@@ -679,6 +668,7 @@ class NeimarkSacker(Kind):
     """
 
     symbol = Symbol("Neimark–Sacker (NS)", "NS", "*", 8.0, "green", (0.0, (6.0, 1.3, 1.2, 1.3)))
+    order = 3
 
     def function(self, point: BranchPoint) -> float:
         """Return the product of ``mu_i mu_j - 1``."""

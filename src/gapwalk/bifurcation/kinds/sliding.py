@@ -34,8 +34,11 @@ from gapwalk.bifurcation.special_point import (
     Zero,
     location_error,
 )
+from gapwalk.bifurcation.touch_map import Beyond, TouchMap, beyond
 from gapwalk.continuation.curve_points import BranchPoint
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.orbit.orbit import Orbit, apart
 from gapwalk.orbit.sticking import stick_words, text_of
 
 if TYPE_CHECKING:
@@ -47,6 +50,10 @@ _FARTHEST = 1e-6  # largest arclength within which two computations may place a 
 _LENGTHS = (1e-8, 4e-8)  # arclengths from a change at which the length of its phase tells where it vanishes
 _ROOT = 9.0  # growth of the square of that length between them, which is 4 for a root, and 16 for a line
 _STAYS = 1e-3  # share of the distance that friction moves on one side of its onset, below which it stays on the other
+_TOUCHES = 1e-4  # slip rate, as a share of its range, that is zero within the error of the point
+_ASIDE = (1e-9, 1e-7, 1e-6, 1e-5, 1e-4)  # the same share, by which an orbit that touches is moved back
+_BEFORE = 1e-4  # radians before a stick at which the rate still tells its derivatives
+_NEAR = 1e-2  # radians around the touch within which a phase is its own
 _SIGNS = {1: "+", -1: "-"}
 
 
@@ -58,6 +65,10 @@ class Sliding(Kind):
     is_corner = True
     what: ClassVar[str]
     """Quantity that vanishes there, as in `gapwalk.orbit.sticking.Margin`."""
+    touch_order: ClassVar[float]
+    """Power of its value with which what the phase adds grows beyond, where friction sticks rigidly: an acceleration
+    that grows over the length of the phase, to which a rate and a position are its integrals. (The last three are of
+    theorems 8.1 to 8.4 in the book of di Bernardo and others.)"""
 
     def owns(self, change: Change) -> bool:
         """Return True if a change of the sequence of phases is a point of this kind."""
@@ -115,6 +126,18 @@ class Sliding(Kind):
         if not own:
             return [f"no phase of {special.contact} appears or vanishes as at a {self}"], None
         return [], located_again(special.orbit, own[0])
+
+    def foretold(self, special: SpecialPoint) -> Beyond | None:
+        """See `Kind.foretold`: what the phase adds is of higher order than its onset, so that a stable motion stays."""
+        contact, _ = special.contact.rsplit(" ", 1)
+        return self._foretold(special, [each.name for each in special.orbit.system.structure.contacts].index(contact))
+
+    def _foretold(self, special: SpecialPoint, contact: int) -> Beyond | None:
+        """Return the motion beyond from the multipliers on both sides."""
+        stays = special.before.total == special.after.total == 0
+        springs = contact in special.orbit.system.structure.memories
+        order, leading = math.nan if springs else self.touch_order, complex(special.orbit.free_multipliers[0])
+        return Beyond("goes on" if stays else "unknown", order, math.nan, leading)
 
     def residual(self, orbit: Orbit, multipliers: NDArray[np.complex128]) -> float:
         """Return the least margin of the kind, as a share of its range."""
@@ -183,7 +206,7 @@ def _new(search: Search, found: list[Located]) -> list[Located]:
 class CrossingSliding(Sliding):
     """Crossing-sliding: where the slip rate reverses, friction begins or ceases to stick for a moment."""
 
-    what = "stop"
+    what, touch_order = "stop", 2.0
     symbol = Symbol("crossing-sliding", "", "x", 5.0, "purple", (0.0, (9.0, 1.6)))
 
     def owns(self, change: Change) -> bool:
@@ -194,7 +217,7 @@ class CrossingSliding(Sliding):
 class SwitchingSliding(Sliding):
     """Switching-sliding: before it sticks, friction begins or ceases to slip back for a moment."""
 
-    what = "stop"
+    what, touch_order = "stop", 3.0
     symbol = Symbol("switching-sliding", "", "1", 6.0, "purple", (0.0, (4.5, 1.1, 1.0, 1.1)))
 
     def owns(self, change: Change) -> bool:
@@ -205,18 +228,60 @@ class SwitchingSliding(Sliding):
 class GrazingSliding(Sliding):
     """Grazing-sliding: within slip the slip rate just touches zero, and friction begins or ceases to stick there."""
 
-    what = "rate"
+    what, touch_order = "rate", 1.0
     symbol = Symbol("grazing-sliding", "", "2", 6.0, "purple", (0.0, (2.4, 1.3)))
 
     def owns(self, change: Change) -> bool:
         """See `Sliding.owns`: slip, stick, and slip in the same direction."""
         return not change.reverses and change.before != 0
 
+    def _foretold(self, special: SpecialPoint, contact: int) -> Beyond | None:
+        """Return the motion beyond by the map of the touch, which is linear on either side."""
+        touch = slide_map(special.orbit, contact, 1 if special.contact.endswith("+") else -1)
+        return beyond(touch) if touch else super()._foretold(special, contact)
+
+
+def slide_map(orbit: Orbit, contact: int, side: int) -> TouchMap | None:
+    """Return the map of a moment of stick within slip to a side; None if several begin at once, or by a spring."""
+    # Where the slip rate would reverse by d it becomes zero instead, and slip goes on when it would have been least:
+    # so to leading order the rate changes by d there, at once.
+    structure, full, n = orbit.system.structure, PERIOD * orbit.period, orbit.system.size
+    touches = [each.theta for each in orbit.margins if each.what == "rate" and abs(each.value) < _TOUCHES * each.range]
+    for phases in orbit.friction.values():  # it may be found where it sticks for an instant
+        touches += [each.start - _BEFORE for each in phases if not each.mode and each.length < _NEAR]
+    layout, coefficients = layout_of(structure), coefficients_of(orbit.system)
+    slots, flow, state = layout.contacts[contact], flow_of(orbit.system, transition=True), orbit.state
+    more = coefficients[slots.numbers["static"]] if "static" in slots.numbers else 1.0
+    if contact in structure.memories or len(touches) != 1 or more != 1.0:
+        return None
+    theta, vector, size = touches[0] % full, np.zeros(len(state)), float(np.abs(orbit.extremes[:, :2]).max())
+    along, push, speed = side * coefficients[slots.deflection], coefficients[slots.force], orbit.system.frequency * size
+    vector[n : 2 * n], way = push / float(along @ push), vector
+    for share in _ASIDE:
+        found = flow.vary(coefficients, state, np.array([0.0, theta, full]))
+        row = -along @ found.transitions[1][n : 2 * n]
+        if not any(each.contact == contact and apart(each.theta % full, theta, full) < _NEAR for each in found.slips):
+            # where the rate is least, by a parabola
+            window = theta + 0.1 * _NEAR * np.arange(-2.0, 3.0)
+            rates = along @ flow.vary(coefficients, state, np.array([0.0, *window])).states[1:, n : 2 * n].T
+            bend, slope, _ = np.polyfit(window - theta, rates, 2)
+            theta -= 0.5 * float(slope / bend)
+            found = flow.vary(coefficients, state, np.array([0.0, theta, full]))
+            row = -along @ found.transitions[1][n : 2 * n]
+            there = found.states[1] + _ASIDE[0] * speed * vector
+            after = flow.vary(coefficients, there, np.array([theta, full])).transitions[1]
+            return TouchMap(1.0, 1.0, row, after @ vector, after @ found.transitions[1], size)
+        way = row if state is orbit.state else way
+        if not way.any():
+            break
+        state = orbit.state - share * speed * way / float(way @ way)
+    return None
+
 
 class AddingSliding(Sliding):
     """Adding-sliding: within stick the force just touches its bound, and a phase of slip divides the stick in two."""
 
-    what = "reserve"
+    what, touch_order = "reserve", 2.0
     symbol = Symbol("adding-sliding", "", "+", 6.0, "purple", (0.0, (0.9, 1.1)))
 
     def owns(self, change: Change) -> bool:
@@ -229,6 +294,9 @@ class SlipOnset(Sliding):
 
     what = "reserve"
     symbol = Symbol("onset of slip", "", "h", 5.0, "purple", (0.0, (5.0, 1.1, 1.0, 1.1, 1.0, 1.1)))
+
+    def foretold(self, special: SpecialPoint) -> None:
+        """See `Kind.foretold`: before it, the motion is one of a continuum."""
 
     def owns(self, change: Change) -> bool:
         """See `Sliding.owns`: slip where there was stick all the time."""
