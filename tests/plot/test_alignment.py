@@ -25,7 +25,7 @@ def record_of(orbit: gw.Orbit, samples: int, name: str = "a$b_") -> gw.measure.R
 @pytest.mark.parametrize(("samples", "marker"), [(60, "o"), (400, "None")])
 def test_a_record_is_drawn_over_the_motion(orbit, samples, marker) -> None:
     found = gw.measure.align(orbit, record_of(orbit, samples), "q1''")
-    figure = found.plot("A clutch")
+    figure = found.plot("A clutch").figure
     history, lines, rest = figure.axes
     measured, computed = history.lines
     assert measured.get_marker() == marker

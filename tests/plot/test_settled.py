@@ -165,7 +165,7 @@ def test_a_settled_motion_draws_itself(three):
     import matplotlib.pyplot as plt
 
     with mpl.rc_context({"figure.dpi": 50}):
-        figure = three.plot("q1'")
+        figure = three.plot("q1'").figure
     assert len(figure.axes) == 4
     plt.close(figure)
 

@@ -478,7 +478,7 @@ class Orbit(Shown):
 
         It is ``open`` for a contact that never closes, ``closed+`` or ``closed-`` for one that never opens, ``held+``
         or ``held-`` for a rigid stop on which the motion rests all the time, and ``closed`` for one without a gap. Dry
-        friction has the number of times it sticks, as in ``lining 2 sticks``.
+        friction has the number of times it sticks, as in ``lining 2 sticks``. It is ``none`` without contacts.
         """
         texts, breakpoints = [], self.system.breakpoints
         contacts = [pair for pair in enumerate(self.system.structure.contacts) if pair[1].stages]
@@ -501,7 +501,7 @@ class Orbit(Shown):
             texts.append(text if len(contacts) == 1 else f"{contact.name} {text}")
         names = [contact.name for contact in self.system.structure.contacts]
         texts += [f"{names[contact]} {stick_words(phases)}" for contact, phases in self.friction.items()]
-        return ", ".join(texts)
+        return ", ".join(texts) or "none"
 
     @cached_property
     def friction(self) -> dict[int, list[FrictionPhase]]:
