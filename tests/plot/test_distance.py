@@ -17,7 +17,7 @@ def beyond_graze() -> gw.Branch:
     """A branch across the graze of a soft stop, whose linear motion is known below it."""
     system = gw.System(
         ["x"],
-        [[1.0]],
+        mass=[[1.0]],
         stiffness=[[1.0]],
         damping=[[DAMPING]],
         contacts=[gw.stop("stop", {"x": 1.0}, 1.0, 5.0)],
@@ -79,7 +79,7 @@ def test_an_orbit_is_verified_and_a_wrong_one_is_not() -> None:
 
 
 def test_an_orbit_without_contacts_says_so() -> None:
-    linear = gw.System(["x"], [[1.0]], stiffness=[[1.0]], damping=[[0.1]], harmonics=[gw.Harmonic(0.5, {"x": 1.0})])
+    linear = gw.System(["x"], mass=[[1.0]], stiffness=[[1.0]], damping=[[0.1]], harmonics=[gw.Harmonic(0.5, {"x": 1.0})])
     assert "contacts none, state" in repr(gw.find_orbit(linear, frequency=0.5))
 
 
