@@ -194,6 +194,7 @@ class Branch(Curve, Measured):
         columns["stable"] = [point.stable for point in self.points]
         columns["instability"] = [point.instability.label for point in self.points]
         columns["contacts"] = [point.orbit.pattern for point in self.points]
+        columns["z"] = [point.orbit.z for point in self.points]
         columns.update({name: self.measure(name) for name in names})
         return pd.DataFrame(columns)
 

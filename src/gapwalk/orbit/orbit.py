@@ -503,6 +503,14 @@ class Orbit(Shown):
         texts += [f"{names[contact]} {stick_words(phases)}" for contact, phases in self.friction.items()]
         return ", ".join(texts) or "none"
 
+    @property
+    def z(self) -> str:
+        """Impacts p in n forcing periods, such as ``3/2``, on both sides of a contact together; of several, by name."""
+        stages = [contact.name for contact in self.system.structure.contacts if contact.stages]
+        found = {name: round(self.period * self.measure(f"impacts.{name}")) for name in stages}
+        texts = [f"{count}/{self.period}" if len(stages) == 1 else f"{n} {count}/{self.period}" for n, count in found.items()]
+        return ", ".join(texts)
+
     @cached_property
     def friction(self) -> dict[int, list[FrictionPhase]]:
         """Phases of slip and stick in one full period of each contact that is dry friction, by its number.
