@@ -79,15 +79,15 @@ def test_an_orbit_is_verified_and_a_wrong_one_is_not() -> None:
 
 
 def test_an_orbit_without_contacts_says_so() -> None:
-    linear = gw.System(["x"], mass=[[1.0]], stiffness=[[1.0]], damping=[[0.1]], harmonics=[gw.Harmonic(0.5, {"x": 1.0})])
+    linear = gw.System(
+        ["x"], mass=[[1.0]], stiffness=[[1.0]], damping=[[0.1]], harmonics=[gw.Harmonic(0.5, {"x": 1.0})]
+    )
     assert "contacts none, state" in repr(gw.find_orbit(linear, frequency=0.5))
 
 
 def test_a_locus_has_a_summary_and_tables() -> None:
     branch = beyond_graze()
-    locus = gw.follow_locus(
-        branch.special("grazing")[0], "harmonic1.amplitude", "frequency", ((0.1, 5.0), (1.5, 1.8))
-    )
+    locus = gw.follow_locus(branch.special("grazing")[0], "harmonic1.amplitude", "frequency", ((0.1, 5.0), (1.5, 1.8)))
     assert "grazing: period 1 of stop +; " in str(locus.summary())
     table = locus.to_xarray()["points"]
     omega = table["frequency"].to_numpy()

@@ -66,9 +66,11 @@ class Distance(NamedTuple):
             value, least = found[int(read[3] or 1) - 1]
         except (AssertionError, IndexError, ValueError):
             kinds = [each.kind for branch in branches for each in branch.special_points]
-            known = ", ".join(f"{kind} {kinds[: n + 1].count(kind)}" for n, kind in enumerate(kinds)) or "no special points"
+            known = (
+                ", ".join(f"{kind} {kinds[: n + 1].count(kind)}" for n, kind in enumerate(kinds)) or "no special points"
+            )
             raise ModelError(
-                f"x = {text!r} is no distance here: write \"above grazing 1\", \"below fold 2\" or \"distance from 0.8\"; "
+                f'x = {text!r} is no distance here: write "above grazing 1", "below fold 2" or "distance from 0.8"; '
                 f"there are {known}"
             ) from None
         return cls(value, {"above": 1, "below": -1}.get(read[1], 0), max(least, 1e-15 * abs(value)))

@@ -323,7 +323,9 @@ def friction(
     if stages_of and limit is None:
         limit = 0.0
     given = {"limit": limit, "coefficient": coefficient, "stiffness": stiffness, "static": static, "speed": speed}
-    return Contact(name, deflection, (), force, law, {each: value for each, value in given.items() if value is not None})
+    return Contact(
+        name, deflection, (), force, law, {each: value for each, value in given.items() if value is not None}
+    )
 
 
 def backlash(

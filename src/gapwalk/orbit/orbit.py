@@ -508,7 +508,9 @@ class Orbit(Shown):
         """Impacts p in n forcing periods, such as ``3/2``, on both sides of a contact together; of several, by name."""
         stages = [contact.name for contact in self.system.structure.contacts if contact.stages]
         found = {name: round(self.period * self.measure(f"impacts.{name}")) for name in stages}
-        texts = [f"{count}/{self.period}" if len(stages) == 1 else f"{n} {count}/{self.period}" for n, count in found.items()]
+        texts = [
+            f"{count}/{self.period}" if len(stages) == 1 else f"{n} {count}/{self.period}" for n, count in found.items()
+        ]
         return ", ".join(texts)
 
     @cached_property

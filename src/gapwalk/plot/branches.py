@@ -357,7 +357,7 @@ def drawable(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Leave out the points that have no place along the axis; raise a ModelError if none has one."""
     found = points[~np.isnan(points[:, 0])]
     if not len(found):
-        raise ModelError("no point of the branches is there: write x = \"below ...\" or \"above ...\", as they lie")
+        raise ModelError('no point of the branches is there: write x = "below ..." or "above ...", as they lie')
     return found
 
 
@@ -365,7 +365,11 @@ def over_distance(ax: Axes, away: Distance | None, units: Any, parameter: str) -
     """Make the axis of the parameter one of distances, if wanted."""
     if away is not None:
         words = parameter_words(parameter, units)
-        shown = {0: f"|{words} − {away.value:.10g}|", 1: f"{words} − {away.value:.10g}", -1: f"{away.value:.10g} − {words}"}
+        shown = {
+            0: f"|{words} − {away.value:.10g}|",
+            1: f"{words} − {away.value:.10g}",
+            -1: f"{away.value:.10g} − {words}",
+        }
         ax.set(xscale="log", xlabel=shown[away.side])
 
 

@@ -147,8 +147,8 @@ def styled(style: Mapping[str, Any] | None) -> Iterator[None]:
         known = (*LINES, *map(str, Kind.known()), *(codim2.value for codim2 in CODIM2))
         if name not in known and name not in mpl.rcParams and period_of(name) is None:
             raise ModelError(
-                f"there is no style {name!r}; write a setting of matplotlib, as in style={{\"font.size\": 8}}, or one of "
-                f"{', '.join(known)}, period 2, as in style={{\"stable\": {{\"color\": \"tab:blue\"}}}}"
+                f'there is no style {name!r}; write a setting of matplotlib, as in style={{"font.size": 8}}, or one of '
+                f'{", ".join(known)}, period 2, as in style={{"stable": {{"color": "tab:blue"}}}}'
             )
     with sized(replace(present(), style={**present().style, **(style or {})})):
         yield
@@ -338,7 +338,9 @@ def symbol_style(kind: Kind) -> SymbolStyle:
     symbol = kind.symbol
     edge = (GREY, 0.9) if kind is Kind.GRAZING else (BLACK, 0.6)
     text = symbol.label or str(kind)
-    return SymbolStyle(text, symbol.letters, symbol.marker, color_of(_NAMES[symbol.color]), symbol.size, *edge, str(kind))
+    return SymbolStyle(
+        text, symbol.letters, symbol.marker, color_of(_NAMES[symbol.color]), symbol.size, *edge, str(kind)
+    )
 
 
 def in_order(kinds: Iterable[Kind]) -> list[Kind]:
@@ -401,7 +403,9 @@ def birth_options(period: int, rank: int) -> dict[str, Any]:
 def locus_style(kind: Kind) -> LineStyle:
     """Return the line style of the loci of a kind."""
     style = symbol_style(kind)
-    return LineStyle(style.text.split(" (")[0], style.color, kind.symbol.dashes or "-", kind.symbol.width, name=str(kind))
+    return LineStyle(
+        style.text.split(" (")[0], style.color, kind.symbol.dashes or "-", kind.symbol.width, name=str(kind)
+    )
 
 
 def locus_options(kind: Kind, rank: int = 0) -> dict[str, Any]:
