@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from tests.computed import once
 
 import gapwalk as gw
 from gapwalk.attractors.basins import Uncertainty
+from tests.computed import once
 
 DAMPING = 0.1
 

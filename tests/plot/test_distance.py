@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
-from tests.computed import once
 
 import gapwalk as gw
+from tests.computed import once
 
 DAMPING, OMEGA = 0.1, 1.6
 
@@ -34,7 +34,8 @@ def test_distances_below_a_graze_are_those_of_the_linear_motion() -> None:
     branch = beyond_graze()
     below = branch.distances("below grazing 1")
     known = ~np.isnan(below)
-    assert known.any() and not known.all()
+    assert known.any()
+    assert not known.all()
     np.testing.assert_allclose(below[known], GRAZE * (1.0 - branch.measure("max.x")[known]), rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(branch.distances(f"distance from {GRAZE!r}")[known], below[known], atol=1e-11)
     ax = branch.plot("max.x", x="below grazing 1", labels=False)
@@ -73,7 +74,8 @@ def test_colours_lines_and_fonts_are_keywords() -> None:
 def test_an_orbit_is_verified_and_a_wrong_one_is_not() -> None:
     orbit = beyond_graze().points[-1].orbit
     found = gw.verify(orbit)
-    assert found.ok and found.points == 1 and len(found.summaries) >= 6
+    assert found.ok
+    assert (found.points, len(found.summaries) >= 6) == (1, True)
     wrong = gw.verify(replace(orbit, state=orbit.state + 1e-6))
     assert "closure" in {each.check.word for each in wrong.breaches}
 

@@ -1,7 +1,8 @@
 """Boundaries of basins: the saddle on one by bisection, one-dimensional manifolds of saddles, and their crossings.
 
-A manifold of a period map P with the multiplier mu is the image of a short piece of its tangent at the saddle: the point
-``P^k(s + d |mu|^t v)`` for t from 0 to 1 and k = 0, 1, ... (Hobson 1993, J. Comput. Phys. 104, 14-22). The stable one is
+A manifold of a period map P with the multiplier mu is the image of a short piece of its tangent at the saddle: the
+point ``P^k(s + d |mu|^t v)`` for t from 0 to 1 and k = 0, 1, ... (Hobson 1993, J. Comput. Phys. 104, 14-22). The stable
+one is
 that of the motion backwards in time. The piece is so short that its distance from the manifold is below rounding.
 """
 
@@ -9,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -124,8 +126,8 @@ def manifold(
     places = np.flatnonzero(outside if which == "unstable" else ~outside)
     if len(places) != 1:
         raise ModelError(
-            f"the orbit has {len(places)} multipliers {'outside' if which == 'unstable' else 'inside'} the unit circle; "
-            f"its {which} manifold is a line only if there is exactly one"
+            f"the orbit has {len(places)} multipliers {'outside' if which == 'unstable' else 'inside'} the unit "
+            f"circle; its {which} manifold is a line only if there is exactly one"
         )
     place = int(places[0])
     multiplier, direction = float(orbit.multipliers[place].real), np.real(orbit.eigenvectors[:, place])
@@ -197,8 +199,8 @@ def _check_backwards(found: Manifold, periods: int) -> None:
             after = strobe.arc(state, periods).state
             if float(_distances(after, side).min()) > 2.0 * found.accuracy:
                 raise ModelError(
-                    "the motions cannot be followed backwards: a force depends on a rate, or a load is no harmonic; the "
-                    "unstable manifold, or that of a system without them, can be computed"
+                    "the motions cannot be followed backwards: a force depends on a rate, or a load is no harmonic; "
+                    "the unstable manifold, or that of a system without them, can be computed"
                 )
 
 
@@ -217,7 +219,7 @@ def _crossings(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.flo
     found = [np.empty((0, 2))]
     d, start = np.diff(b, axis=0), b[:-1]
     low, high = np.minimum(b[:-1], b[1:]), np.maximum(b[:-1], b[1:])
-    for p, q in zip(a[:-1], a[1:], strict=True):
+    for p, q in pairwise(a):
         near = ((high >= np.minimum(p, q)) & (low <= np.maximum(p, q))).all(axis=1)
         if not near.any():
             continue
@@ -303,8 +305,8 @@ def edge_state(
             break
         ends = np.array(near) if label(near[0]) == labels[0] else np.array(near[::-1])
     raise ConvergenceError(
-        f"no orbit up to period {max_period} on the boundary was found; raise max_period, or begin with other states: the "
-        "boundary may have a chaotic saddle, as a small exponent of gw.basins(...).uncertainty() says"
+        f"no orbit up to period {max_period} on the boundary was found; raise max_period, or begin with other states: "
+        "the boundary may have a chaotic saddle, as a small exponent of gw.basins(...).uncertainty() says"
     )
 
 

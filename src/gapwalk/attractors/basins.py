@@ -495,9 +495,9 @@ class Basins(Shown):
     def uncertainty(self, confidence: float = 0.95) -> Uncertainty:
         """Return the exponent with which the share of uncertain starts shrinks with their error, with its limits.
 
-        It is 1 for smooth boundaries; the dimension of the boundary is that of the plane, 2, less the exponent. (Grebogi,
-        McDonald, Ott and Yorke 1983, Physics Letters A 99, 415-418.) The limits are those of a bootstrap of blocks of
-        rows and of columns.
+        It is 1 for smooth boundaries; the dimension of the boundary is that of the plane, 2, less the exponent.
+        (Grebogi, McDonald, Ott and Yorke 1983, Physics Letters A 99, 415-418.) The limits are those of a bootstrap of blocks
+        of rows and of columns, for the slope over these distances.
         """
         return Uncertainty.of(self.labels, confidence)
 
@@ -576,8 +576,8 @@ class Uncertainty:
         shares = np.mean([each.mean(axis=1) for each in counts], axis=0)
         if len(distances) < 3 or not (shares > 0.0).all():
             raise ModelError(
-                f"the {labels.shape[1]} x {labels.shape[0]} cells show no boundary over enough distances; write a finer "
-                "resolution, at least 64, over a plane with a boundary"
+                f"the {labels.shape[1]} x {labels.shape[0]} cells show no boundary over enough distances; write a "
+                "finer resolution, at least 64, over a plane with a boundary"
             )
 
         def slope(values: NDArray[np.float64]) -> float:

@@ -62,7 +62,8 @@ class Distance(NamedTuple):
                 if read[4]
                 else [(each.value, each.uncertainty) for branch in branches for each in branch.special(read[2])]
             )
-            assert read and found
+            assert read
+            assert found
             value, least = found[int(read[3] or 1) - 1]
         except (AssertionError, IndexError, ValueError):
             kinds = [each.kind for branch in branches for each in branch.special_points]

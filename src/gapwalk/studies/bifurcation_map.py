@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.loci import Codim2, Codim2Point, Locus, LocusEnd, LocusPoint
+from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusEnd, LocusPoint
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.curve_points import method_document, method_values
 from gapwalk.errors import ModelError

@@ -52,8 +52,8 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
     Parameters
     ----------
     what
-        An orbit, a branch, a diagram, a map, a family, tori, a threshold, equilibria with self-excited motions, a result, or the
-        name of a result file. An incomplete result is verified as far as it goes.
+        An orbit, a branch, a diagram, a map, a family, tori, a threshold, equilibria with self-excited motions, a
+        result, or the name of a result file. An incomplete result is verified as far as it goes.
     report
         Called with a word for what is verified, the number of pieces that are done, and the number of all.
 
@@ -85,8 +85,8 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
         return verified_result(what, report)[1]
     if not isinstance(what, Verifiable):
         raise ModelError(
-            f"{what!r:.60} cannot be verified; give an orbit, a branch, a diagram, a map, a family, tori, a threshold, a result, "
-            'or the name of a result file, as in gw.verify("clutch.gapwalk")'
+            f"{what!r:.60} cannot be verified; give an orbit, a branch, a diagram, a map, a family, tori, a threshold, "
+            'a result, or the name of a result file, as in gw.verify("clutch.gapwalk")'
         )
     ledger = Ledger()
     _verify(ledger, what, report)
