@@ -43,7 +43,7 @@ class Manifold(Shown):
     orbit: Orbit  #: The saddle.
     which: str  #: ``stable`` or ``unstable``.
     multiplier: float  #: Its multiplier.
-    #: shape (points, state_size): The sides of the manifold, each from the saddle on.
+    #: first, second: shape (points, state_size): The sides of the manifold, each from the saddle on.
     first: NDArray[np.float64]
     second: NDArray[np.float64]
     accuracy: float  #: Largest distance of the manifold from the lines between neighbouring points.

@@ -496,8 +496,8 @@ class Basins(Shown):
         """Return the exponent with which the share of uncertain starts shrinks with their error, with its limits.
 
         It is 1 for smooth boundaries; the dimension of the boundary is that of the plane, 2, less the exponent.
-        (Grebogi, McDonald, Ott and Yorke 1983, Physics Letters A 99, 415-418.) The limits are those of a bootstrap of blocks
-        of rows and of columns, for the slope over these distances.
+        (Grebogi, McDonald, Ott and Yorke 1983, Physics Letters A 99, 415-418.) The limits are those of a bootstrap
+        of blocks of rows and of columns, for the slope over these distances.
         """
         return Uncertainty.of(self.labels, confidence)
 
