@@ -114,7 +114,7 @@ def manifold(
     ...     harmonics=[gw.Harmonic(0.05, {"x": 1.0})],
     ...     frequency=1.0,
     ... )
-    >>> saddle = gw.find_orbit(wells, start=np.zeros(2))
+    >>> saddle = gw.find_orbit(wells, start=np.array([-0.025, 0.0]))
     >>> gw.analysis.manifold(saddle, "unstable", 2.0).multiplier > 1.0
     True
     """
@@ -265,9 +265,13 @@ def edge_state(
 
     Examples
     --------
-    >>> saddle = gw.analysis.edge_state(system.at(frequency=1.3), np.array([-2.0, 0.0]), np.array([1.0, 0.0]))
-    >>> saddle.period, saddle.instability.label
-    (1, 'unstable, beyond +1')
+    >>> wells = gw.System(
+    ...     ["x"], [[0.0]], damping=[[0.1]], contacts=[gw.force("well", {"x": 1.0}, "x**3 - x")],
+    ...     harmonics=[gw.Harmonic(0.05, {"x": 1.0})], frequency=1.0,
+    ... )
+    >>> saddle = gw.analysis.edge_state(wells, np.array([-1.0, 0.0]), np.array([1.0, 0.0]))
+    >>> saddle.period, int((abs(saddle.multipliers) > 1.0).sum())
+    (1, 1)
     """
     check("max_period", max_period, Counted)
     ends = np.array([check_state(system, np.asarray(first)), check_state(system, np.asarray(second))])
