@@ -2,6 +2,8 @@
 
 from .answers.order_map import order_map as order_map
 from .answers.tolerance import Spreads as Spreads
+from .attractors.basin_boundary import edge_state as edge_state
+from .attractors.basin_boundary import manifold as manifold
 from .attractors.compare_motions import contrast as contrast
 from .attractors.lyapunov import LyapunovOptions as LyapunovOptions
 from .attractors.lyapunov import lyapunov as lyapunov

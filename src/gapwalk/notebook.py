@@ -31,7 +31,7 @@ class Pictured:
     __slots__ = ()
 
     def plot(self, *arguments: Any, **options: Any) -> Any:
-        """Draw the record, and return the axes, or the figure if there are several panels; see `gapwalk.plot.draw`."""
+        """Draw the record, and return its axes, the first of several panels; see `gapwalk.plot.draw`."""
         from gapwalk.plot import draw
 
         return draw(self, *arguments, **options)

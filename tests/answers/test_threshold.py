@@ -116,7 +116,7 @@ def test_bad_requests_teach(gear: gw.System) -> None:
 
 def test_a_picture_without_a_threshold_says_why(gear: gw.System) -> None:
     found = gw.ask.threshold(gear, "mean.x", (1.2, 0.2), {"frequency": (0.7, 1.6)}, **FEW)
-    figure = found.plot()
+    figure = found.plot().figure
     assert any("widen the range" in " ".join(text.get_text().split()) for text in figure.axes[0].texts)
 
 

@@ -46,7 +46,7 @@ def test_tables_and_json_have_motions_and_equilibria(stored):
 
 def test_pictures_show_equilibria_motions_and_frequency(stored):
     found = stored[0].finding.record
-    figure = gw.plot.draw(found)
+    figure = gw.plot.draw(found).figure
     upper, lower = figure.axes
     assert lower.get_ylabel() == "frequency of the motion"
     top = max(np.nanmax(line.get_ydata()) for line in upper.lines if len(line.get_ydata()) > 2)

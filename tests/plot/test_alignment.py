@@ -25,7 +25,7 @@ def record_of(orbit: gw.Orbit, samples: int, name: str = "a$b_") -> gw.measure.R
 @pytest.mark.parametrize(("samples", "marker"), [(60, "o"), (400, "None")])
 def test_a_record_is_drawn_over_the_motion(orbit, samples, marker) -> None:
     found = gw.measure.align(orbit, record_of(orbit, samples), "q1''")
-    figure = found.plot("A clutch")
+    figure = found.plot("A clutch").figure
     history, lines, rest = figure.axes
     measured, computed = history.lines
     assert measured.get_marker() == marker
@@ -53,14 +53,14 @@ def test_files_of_a_record_are_written(orbit, tmp_path) -> None:
 
 def test_two_motions_are_drawn_signal_by_signal(orbit) -> None:
     other = gw.find_orbit(clutch(frequency=0.8, **{"stage2.impact_damping": 0.3}))
-    figure = gw.analysis.contrast(orbit, other, names=("light", "heavy")).plot()
+    figure = gw.analysis.contrast(orbit, other, names=("light", "heavy")).plot().figure
     assert len(figure.axes) == 4
     assert figure.get_suptitle() == "light and heavy at Ω = 0.8"
     assert [axes.get_ylabel() for axes in figure.axes[::2]] == ["q1''", "force of stage2"]
     assert figure.axes[0].get_title("left").startswith("rms difference 0.")
     mpl.pyplot.close(figure)
     chaos = gw.settle(gw.paper.case("15").at(frequency=0.4), options=gw.SettleOptions(max_periods=64))
-    figure = gw.analysis.contrast(chaos, orbit, ["q1"]).plot("")
+    figure = gw.analysis.contrast(chaos, orbit, ["q1"]).plot("").figure
     assert len(figure.axes[1].lines) == 2
     mpl.pyplot.close(figure)
 

@@ -144,7 +144,7 @@ def test_loci_are_drawn_over_the_regimes(chart):
 
 def test_records_draw_themselves(basins, chart):
     assert basins.plot("Title").get_title("left") == "Title"
-    assert len(chart.plot(panels=()).axes) == 1
+    assert len(chart.plot(panels=()).figure.axes) == 1
 
 
 def test_a_rigid_stop_has_impacts_and_no_panel_of_zero_force(chart):

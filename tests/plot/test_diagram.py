@@ -119,7 +119,7 @@ def test_only_the_loops_of_the_second_period_have_names(figure) -> None:
 def test_a_part_can_be_enlarged(result) -> None:
     figure = Figure(layout="constrained")
     options = {"closeup": (0.68, 0.69), "labels": False, "legend": False, "strobes": True}
-    assert result.diagram.plot("q3", figure=figure, **options) is figure
+    assert result.diagram.plot("q3", figure=figure, **options) is figure.axes[0]
     upper, middle, lower = figure.axes
     assert middle.get_xlim() == (0.68, 0.69)
     assert lower.get_xlim() == upper.get_xlim()

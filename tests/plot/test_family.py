@@ -50,7 +50,7 @@ def test_joined_special_points_are_lines_through_them(family) -> None:
 
 def test_the_legend_tells_what_there_is() -> None:
     found = gw.family(clutch(), "frequency", (1.4, 1.15), {"mean.q1": (0.43, 0.44)}, workers=1)
-    figure = found.plot(figure=Figure(layout="constrained"))
+    figure = found.plot(figure=Figure(layout="constrained")).figure
     (legend,) = figure.legends
     texts = [text.get_text() for text in legend.get_texts()]
     assert texts == ["stable", "unstable, beyond −1", "flip (PD)", "grazing", "two special points meet"]

@@ -79,7 +79,7 @@ def test_what_cannot_be_drawn_says_what_can(branch, tmp_path) -> None:
         gw.plot.save(branch, tmp_path / "a.jpg")
     gw.plot.save(branch, tmp_path / "a.dat", form="png")
     with pytest.raises(
-        TypeError, match="the picture of Branch takes measure, labels, legend, closeup, within; not 'color'"
+        TypeError, match="the picture of Branch takes measure, labels, legend, closeup, within, x; not 'color'"
     ):
         branch.plot(color="red")
 

@@ -33,7 +33,7 @@ def rendered(figure) -> bytes:
 
 
 def test_a_period_three_motion_in_four_panels(three):
-    figure = draw(three, figure=Figure(figsize=(9, 6), layout="constrained"))
+    figure = draw(three, figure=Figure(figsize=(9, 6), layout="constrained")).figure
     assert len(figure.axes) == 4
     labels = {ax.get_xlabel() for ax in figure.axes}
     assert labels == {"forcing periods", "multiples of the excitation frequency Ω", "q1", "deflection of stage2"}
@@ -53,7 +53,7 @@ def test_a_period_three_motion_in_four_panels(three):
 def test_tori_and_chaos_are_drawn_too(frequency, word):
     options = gw.ClassifyOptions(lyapunov=LyapunovOptions(max_periods=2048))  # enough to tell, and to draw
     found = classify(gw.paper.case("15"), "rest", options, frequency=frequency)
-    figure = draw(found, "q3''", figure=Figure(figsize=(9, 6), layout="constrained"))
+    figure = draw(found, "q3''", figure=Figure(figsize=(9, 6), layout="constrained")).figure
     assert figure.get_suptitle().startswith(word)
     section = next(ax for ax in figure.axes if ax.get_xlabel() == "q3")
     assert len(section.lines[0].get_xdata()) == 2000
@@ -61,7 +61,7 @@ def test_tori_and_chaos_are_drawn_too(frequency, word):
 
 
 def test_without_contacts_there_is_no_loop():
-    figure = draw(settle(linear()), figure=Figure(layout="constrained"))
+    figure = draw(settle(linear()), figure=Figure(layout="constrained")).figure
     assert len(figure.axes) == 3
     rendered(figure)
 
@@ -79,7 +79,7 @@ def test_without_contacts_there_is_no_loop():
 )
 def test_the_loop_is_that_of_a_contact_that_is_named_or_touches(options, shown):
     settled = settle(far_and_near())
-    figure = draw(settled, **options, figure=Figure(layout="constrained"))
+    figure = draw(settled, **options, figure=Figure(layout="constrained")).figure
     (loop,) = [ax for ax in figure.axes if ax.get_xlabel().startswith("deflection")]
     assert loop.get_ylabel() == f"force of {shown}"
     assert (np.ptp(loop.lines[0].get_ydata()) > 0.0) == (shown != "far")
@@ -165,7 +165,7 @@ def test_a_settled_motion_draws_itself(three):
     import matplotlib.pyplot as plt
 
     with mpl.rc_context({"figure.dpi": 50}):
-        figure = three.plot("q1'")
+        figure = three.plot("q1'").figure
     assert len(figure.axes) == 4
     plt.close(figure)
 

@@ -72,10 +72,10 @@ def test_long_periods_share_a_colour_and_many_starts_the_strips() -> None:
 
 def test_it_is_drawn_where_it_is_asked_for() -> None:
     figure = Figure(layout="constrained")
-    assert sweep_of([["period 1"] * 5]).plot(figure=figure, legend=False) is figure
+    assert sweep_of([["period 1"] * 5]).plot(figure=figure, legend=False) is figure.axes[0]
     assert not figure.legends
     part = Figure(layout="constrained").subfigures(1, 2)[0]
-    assert draw(sweep_of([["period 1"] * 5]), figure=part) is part
+    assert draw(sweep_of([["period 1"] * 5]), figure=part) is part.axes[0]
 
 
 def test_what_cannot_be_drawn() -> None:

@@ -71,7 +71,7 @@ def test_a_velocity_has_one_unit_as_a_state_and_as_a_signal(orbit) -> None:
 def test_a_settled_motion_is_told_at_its_speed() -> None:
     mpl.use("Agg")
     settled = gw.settle(gw.read_study(EXAMPLE, name="load").system, speed=2500.0)
-    figure = draw(settled, "gearbox''")
+    figure = draw(settled, "gearbox''").figure
     assert figure.get_suptitle() == "Motion of period 1 at speed = 2500 rpm"
     labels = {ax.get_ylabel() for ax in figure.axes}
     assert {"gearbox'' [rad/s^2]", "amplitude of gearbox'' [rad/s^2]"} <= labels

@@ -155,7 +155,7 @@ def test_in_a_model_file(tmp_path, is_verified):
     assert again is not None
     assert again.record.families[0].values == pytest.approx(family.values)
     assert str(found.summary()).splitlines()[0] == "1 family of tori"
-    assert found.plot().axes
+    assert found.plot().figure.axes
     assert not is_verified or gw.verify(result).ok
     file.write_text(FILE.replace("x = 1.0 }, frequency", "y = 1.0 }, frequency"))
     with pytest.raises(ModelError, match="no coordinate"):

@@ -16,7 +16,7 @@ def found() -> Gain:
 
 
 def test_paper_has_its_panels_legend_and_answer(found: Gain) -> None:
-    figure = found.plot(figure=Figure(layout="constrained"))
+    figure = found.plot(figure=Figure(layout="constrained")).figure
     upper, lower = figure.axes
     line, star = (each for each in upper.lines if len(each.get_xdata()) != 2)
     np.testing.assert_array_equal(line.get_ydata(), found.gains)

@@ -253,5 +253,5 @@ def test_another_range_is_found() -> None:
 
 @pytest.mark.parametrize("what", [5, None, [], object(), gw.find_orbit])
 def test_what_cannot_be_verified_is_said(what) -> None:
-    with pytest.raises(ModelError, match=r"cannot be verified; give a branch, .* or the name of a result file"):
+    with pytest.raises(ModelError, match=r"cannot be verified; give an orbit, a branch, .* or the name of a result"):
         gw.verify(what)

@@ -385,6 +385,9 @@ def centres(within: tuple[float, float], count: int) -> NDArray[np.float64]:
 
 _ORDER = tuple(AttractorKind)
 _WORDS = {UNRESOLVED: "unresolved", RUNAWAY: "diverges", IMPOSSIBLE: "beyond a rigid stop"}
+_WIDEST = 16  # cells of the plane in the largest error of a start
+_BLOCKS = 32  # blocks of rows, and of columns, of which the bootstrap draws
+_SAMPLES = 400
 _LETTERS = "abcdefghijklmnopqrstuvwxyz"
 
 
@@ -489,6 +492,15 @@ class Basins(Shown):
         counts = Counter(self.labels.ravel().tolist())
         return {name: counts[index] for index, name in enumerate(self.names)}
 
+    def uncertainty(self, confidence: float = 0.95) -> Uncertainty:
+        """Return the exponent with which the share of uncertain starts shrinks with their error, with its limits.
+
+        It is 1 for smooth boundaries; the dimension of the boundary is that of the plane, 2, less the exponent.
+        (Grebogi, McDonald, Ott and Yorke 1983, Physics Letters A 99, 415-418.) The limits are those of a bootstrap
+        of blocks of rows and of columns, for the slope over these distances.
+        """
+        return Uncertainty.of(self.labels, confidence)
+
     @property
     def unresolved(self) -> int:
         """Number of cells that lead to no known attractor."""
@@ -531,6 +543,53 @@ class Basins(Shown):
         parts = [f"{name}: {count}" for name, count in self.cells.items()]
         parts += [f"{text}: {n}" for text, n in self.others.items() if n]
         return f"Basins({self.window.across}, {self.window.up}; {columns} x {rows} cells; {', '.join(parts)})"
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Exponent with which the share of starts whose attractor is uncertain shrinks with the error of a start."""
+
+    exponent: float  #: The exponent; 1 for a smooth boundary.
+    #: low, high: Its confidence limits.
+    low: float
+    high: float
+    distances: tuple[int, ...]  #: Errors of the start, in cells.
+    shares: tuple[float, ...]  #: Share of the cells from which a start moved by that distance leads elsewhere.
+
+    @property
+    def dimension(self) -> float:
+        """Box-counting dimension of the boundary in the plane."""
+        return 2.0 - self.exponent
+
+    @classmethod
+    def of(cls, labels: NDArray[np.int_], confidence: float) -> Uncertainty:
+        """Compute it from the labels of cells, shape (rows, columns)."""
+        most = min(labels.shape) // _WIDEST
+        distances = [2**k for k in range(int(np.log2(max(most, 1))) + 1)]
+        counts: list[NDArray[np.float64]] = []  # of a direction, shape (distances, blocks)
+        for cells in (labels, labels.T):
+            found = np.zeros((len(distances), len(cells)))
+            for row, k in zip(found, distances, strict=True):
+                middle = cells[:, k:-k]
+                row[:] = ((middle != cells[:, : -2 * k]) | (middle != cells[:, 2 * k :])).mean(axis=1)
+            counts.append(np.array([block.mean(axis=1) for block in np.array_split(found, _BLOCKS, axis=1)]).T)
+        shares = np.mean([each.mean(axis=1) for each in counts], axis=0)
+        if len(distances) < 3 or not (shares > 0.0).all():
+            raise ModelError(
+                f"the {labels.shape[1]} x {labels.shape[0]} cells show no boundary over enough distances; write a "
+                "finer resolution, at least 64, over a plane with a boundary"
+            )
+
+        def slope(values: NDArray[np.float64]) -> float:
+            return float(np.polyfit(np.log(distances), np.log(np.maximum(values, 1e-12)), 1)[0])
+
+        random, samples = np.random.default_rng(0), []
+        for _ in range(_SAMPLES):
+            picked = [each[:, random.integers(_BLOCKS, size=_BLOCKS)].mean(axis=1) for each in counts]
+            samples.append(slope(np.mean(picked, axis=0)))
+        half = 50.0 * (1.0 - confidence)
+        low, high = np.percentile(samples, [half, 100.0 - half])
+        return cls(slope(shares), float(low), float(high), tuple(distances), tuple(shares.tolist()))
 
 
 @dataclass(frozen=True)

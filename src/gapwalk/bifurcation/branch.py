@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gapwalk.bifurcation.band import Band, band_rows, graze_words
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, at_once, words_of
 from gapwalk.continuation.curve import Curve, Measured
 from gapwalk.continuation.curve_points import BranchPoint, motion_row, point_row
 from gapwalk.continuation.walk import End, EndReason
+from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol, told_apart
 from gapwalk.orbit.floquet import Instability
+from gapwalk.orbit.orbit import Orbit
 from gapwalk.summary import Rows, SummaryParts, Table, Tables, row_of, rows_of, summarizes
 
 if TYPE_CHECKING:
@@ -33,6 +38,48 @@ class Unexplained:
 
     def __str__(self) -> str:
         return f"between {self.first:.10g} and {self.last:.10g}: {self.text}"
+
+
+_AXIS = re.compile(r"(distance from|above|below) (?:(\S+) ([1-9]\d*)|(\S+))")
+
+
+class Distance(NamedTuple):
+    """Distance from a value of a parameter, an axis of pictures."""
+
+    value: float
+    side: int
+    """1 above, -1 below, 0 for both."""
+    least: float
+    """Error of the value: nearer points have no distance."""
+
+    @classmethod
+    def of(cls, branches: Sequence[Branch], text: str) -> Distance:
+        """Read ``above grazing 1``, ``below fold 2`` or ``distance from 0.8``; special points are counted along all."""
+        read = _AXIS.fullmatch(text)
+        try:
+            found = read and (
+                [(float(read[4]), 0.0)]
+                if read[4]
+                else [(each.value, each.uncertainty) for branch in branches for each in branch.special(read[2])]
+            )
+            assert read
+            assert found
+            value, least = found[int(read[3] or 1) - 1]
+        except (AssertionError, IndexError, ValueError):
+            kinds = [each.kind for branch in branches for each in branch.special_points]
+            known = (
+                ", ".join(f"{kind} {kinds[: n + 1].count(kind)}" for n, kind in enumerate(kinds)) or "no special points"
+            )
+            raise ModelError(
+                f'x = {text!r} is no distance here: write "above grazing 1", "below fold 2" or "distance from 0.8"; '
+                f"there are {known}"
+            ) from None
+        return cls(value, {"above": 1, "below": -1}.get(read[1], 0), max(least, 1e-15 * abs(value)))
+
+    def __call__(self, values: Any) -> NDArray[np.float64]:
+        """Return the distances of values; nan on the other side and within the error."""
+        away = (np.asarray(values) - self.value) * self.side if self.side else np.abs(np.asarray(values) - self.value)
+        return np.where(away > self.least, away, np.nan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +147,17 @@ class Branch(Curve, Measured):
         """Return the special points of one kind, which may be given by its name, such as ``fold``."""
         return tuple(special for special in self.special_points if special.kind == kind)
 
+    def distances(self, place: str) -> NDArray[np.float64]:
+        """Return the distance of each point from a special point, ``above fold 1``; nan on the other side of it."""
+        # It may also be "below grazing 2", "distance from fold 1" (both sides), or a value: "above 0.85".
+        return Distance.of([self], place)(self.values)
+
+    def orbits_at(self, value: float) -> list[Orbit]:
+        """Return all orbits of the branch at a value of its parameter, corrected there."""
+        from gapwalk.bifurcation.orbit_on_branch import Curve as Line  # it reads branches
+
+        return Line(self).orbits_at(value)
+
     @summarizes
     def summary(self, points: bool = True) -> SummaryParts:
         """Return range and counts of the branch, where and why it ends, and the table of special points if wanted."""
@@ -139,6 +197,7 @@ class Branch(Curve, Measured):
         columns["stable"] = [point.stable for point in self.points]
         columns["instability"] = [point.instability.label for point in self.points]
         columns["contacts"] = [point.orbit.pattern for point in self.points]
+        columns["z"] = [point.orbit.z for point in self.points]
         columns.update({name: self.measure(name) for name in names})
         return pd.DataFrame(columns)
 

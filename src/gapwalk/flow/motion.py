@@ -10,7 +10,7 @@ the paper shows u3'' of three inertias. Absolute angles and speeds depend on the
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from operator import attrgetter
@@ -37,6 +37,8 @@ from gapwalk.model.paced_matrices import PacedMatrices
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
+from gapwalk.notebook import Shown
+from gapwalk.summary import Rows, TableRows, Tables, rows_of
 
 # Forces and accelerations along a motion with dry friction and rigid stops, from the modes of the flow.
 #
@@ -160,7 +162,7 @@ def forces_and_accelerations(
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(Shown):
     """A motion of `system`, sampled at `theta` and exact at each sample."""
 
     system: System  #: The system that moves.
@@ -285,6 +287,16 @@ class Motion:
                 return getattr(self, kind)[:, place] * signal_factor(self.system, name)
             place -= width
         return self._of_train[:, place] * signal_factor(self.system, name)
+
+    def tables(self) -> Tables:
+        """Return the tables of all signals over the angle, and of the contact log."""
+        return {"signals": TableRows(self._signal_rows, 1), "contacts": lambda: rows_of(map(asdict, self.contacts))}
+
+    def _signal_rows(self) -> Rows:
+        names = signal_names(self.system)
+        columns = [self.theta, self.time, *map(self.signal, names)]
+        yield ["theta", "time", *names]
+        yield from np.column_stack(columns).tolist()
 
     def impulses(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the impulses of a signal where rigid stops strike, which `signal` leaves out."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
@@ -249,8 +250,9 @@ def force(
 def friction(
     name: str,
     deflection: Mapping[str, float],
-    limit: float | None = None,
+    limit: float | str | None = None,
     *,
+    numbers: Mapping[str, float] | None = None,
     coefficient: float | None = None,
     normal: str = "",
     stages_of: str = "",
@@ -258,7 +260,7 @@ def friction(
     static: float | None = None,
     speed: float | None = None,
     force: Mapping[str, float] | None = None,
-) -> Contact:
+) -> Any:
     """Make dry friction on a deflection: rigid (Coulomb), or in series with a spring (a Jenkins element).
 
     Parameters
@@ -268,7 +270,10 @@ def friction(
     deflection
         The vector by coordinate name; friction acts against its rate.
     limit
-        The force in slip, >= 0.
+        The force in slip, >= 0; or a formula of it, of the slip rate ``v`` and the deflection ``x``, as in
+        ``"mu*(n0 + k*x)/(1 + d*abs(v))"``. It must stay positive: write ``max(..., 0)`` if it could be negative.
+    numbers
+        The parameters of the formula by name.
     coefficient, normal
         Instead of the limit: the coefficient of friction, and the name of the contact whose force presses.
     stages_of
@@ -286,7 +291,8 @@ def friction(
     Returns
     -------
     Contact
-        The friction.
+        The friction; of a formula, two contacts in one entry of the contacts of a system: the second, ``<name>_load``,
+        has the parameters of the formula, and acts on nothing.
 
     Raises
     ------
@@ -298,6 +304,12 @@ def friction(
     >>> gw.friction("brake", {"x": 1.0}, 0.3, static=1.2).numbers
     {'limit': 0.3, 'static': 1.2, 'speed': 0.0}
     """
+    if isinstance(limit, str):
+        text = limit if speed is None else re.sub(r"\bv\b", "(v - speed)", limit)
+        moving = {} if speed is None or text == limit else {"speed": speed}
+        load = globals()["force"](f"{name}_load", deflection, text, acts_on={}, numbers={**(numbers or {}), **moving})
+        more = {"static": static, "speed": speed, "force": force, "coefficient": coefficient or 1.0}
+        return friction(name, deflection, normal=load.name, **more), load
     ways = (limit is not None and not stages_of, coefficient is not None, bool(stages_of))
     if sum(ways) != 1 or bool(normal) is (coefficient is None):
         given = {"limit": limit, "coefficient": coefficient, "normal": normal, "stages_of": stages_of}
@@ -311,8 +323,9 @@ def friction(
     if stages_of and limit is None:
         limit = 0.0
     given = {"limit": limit, "coefficient": coefficient, "stiffness": stiffness, "static": static, "speed": speed}
-    numbers = {each: value for each, value in given.items() if value is not None}
-    return Contact(name, deflection, (), force, law, numbers)
+    return Contact(
+        name, deflection, (), force, law, {each: value for each, value in given.items() if value is not None}
+    )
 
 
 def backlash(

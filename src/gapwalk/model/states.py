@@ -302,7 +302,7 @@ def carried(
 ) -> tuple[list[Contact], list[Any], dict[str, str]]:
     """Return contacts, loads and copies of numbers, as the coordinates that carry states without inertia have them."""
     if not massless:
-        return [*contacts], [*loads], {}
+        return [*contacts], [*loads], dict(copies)
     pairs = [lagged(contact, massless) for contact in contacts]
     found = dict(copies) | {name: copies.get(own, own) for _, each in pairs for name, own in each}
     forms = [ContactForm.of(contact) for contact, _ in pairs]

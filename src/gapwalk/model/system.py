@@ -230,7 +230,9 @@ class System(Shown):
     ) -> None:
         names, n = (*coordinates, *(state.name for state in states)), len(coordinates)
         problems: list[str] = []
-        contacts, copies = [*contacts], {}
+        contacts, copies = [part for each in contacts for part in (each if isinstance(each, tuple) else (each,))], {}
+        for load in (each for each in contacts if "speed" in (each.numbers or {}) and each.name.endswith("_load")):
+            copies[f"{load.name}.speed"] = f"{load.name.removesuffix('_load')}.speed"
         for state in states:
             try:
                 made = state.contacts(names)
@@ -281,7 +283,7 @@ class System(Shown):
         inner = tuple(f"{name}{LAG}" if name in slow else name for name in names)
         structure = Structure(inner, forms, tuple(map(LoadForm.of, harmonics)))
         factors = tuple((name, FactorOverSpeed(text)) for name, text in (over_speed or {}).items())
-        if slow or growing or factors or any(is_computed(name) for form in forms for name in form.parameters):
+        if slow or growing or factors or copies or any(is_computed(name) for form in forms for name in form.parameters):
             lag = 1.0 / frequency if slow and frequency > 0.0 else 0.0
             assembly = PacedMatrices(structure, growing, factors, massless, lag, len(states), tuple(copies.items()))
             structure = replace(structure, assembly=assembly)

@@ -165,7 +165,8 @@ def _pull(host: ContactForm, structure: Structure, values: NDArray[np.float64]) 
     if base.rebounds:
         return "which is rigid: its force is a reaction, which friction cannot depend on; give that stop a stiffness"
     if not host.stages:
-        return "which is a formula, without stages, and may pull; name a contact with a clearance"
+        acts = structure.expand(values)[structure.equations.block(host.push, structure.size)].any()
+        return "which is a formula, without stages, and may pull; name a contact with a clearance" if acts else ""
     if type(base) not in (Elastic, Pushing, Piecewise):
         return f"whose law {base.name!r} may pull as the contact opens, because of its damping; {presses}"
 

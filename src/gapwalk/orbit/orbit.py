@@ -478,7 +478,7 @@ class Orbit(Shown):
 
         It is ``open`` for a contact that never closes, ``closed+`` or ``closed-`` for one that never opens, ``held+``
         or ``held-`` for a rigid stop on which the motion rests all the time, and ``closed`` for one without a gap. Dry
-        friction has the number of times it sticks, as in ``lining 2 sticks``.
+        friction has the number of times it sticks, as in ``lining 2 sticks``. It is ``none`` without contacts.
         """
         texts, breakpoints = [], self.system.breakpoints
         contacts = [pair for pair in enumerate(self.system.structure.contacts) if pair[1].stages]
@@ -501,6 +501,16 @@ class Orbit(Shown):
             texts.append(text if len(contacts) == 1 else f"{contact.name} {text}")
         names = [contact.name for contact in self.system.structure.contacts]
         texts += [f"{names[contact]} {stick_words(phases)}" for contact, phases in self.friction.items()]
+        return ", ".join(texts) or "none"
+
+    @property
+    def z(self) -> str:
+        """Impacts p in n forcing periods, such as ``3/2``, on both sides of a contact together; of several, by name."""
+        stages = [contact.name for contact in self.system.structure.contacts if contact.stages]
+        found = {name: round(self.period * self.measure(f"impacts.{name}")) for name in stages}
+        texts = [
+            f"{count}/{self.period}" if len(stages) == 1 else f"{n} {count}/{self.period}" for n, count in found.items()
+        ]
         return ", ".join(texts)
 
     @cached_property

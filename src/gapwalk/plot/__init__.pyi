@@ -9,3 +9,4 @@ from .picture import figure as figure
 from .picture import save as save
 from .style import in_style as in_style
 from .style import sized as sized
+from .style import styled as styled

@@ -21,7 +21,7 @@ from scipy.interpolate import Akima1DInterpolator
 from scipy.sparse.csgraph import connected_components
 
 from gapwalk.answers.band_picture import band_series
-from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.branch import Branch, Distance
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.curve_points import BranchPoint
@@ -293,13 +293,17 @@ class Piece(NamedTuple):
     y: NDArray[np.float64]  #: shape (points,) or (points, curves): One measure, or several.
 
 
-def pieces_of(branch: Branch, measure: str) -> list[Piece]:
+def pieces_of(branch: Branch, measure: str, away: Distance | None = None) -> list[Piece]:
     """Cut a branch into pieces, in the order in which it was computed."""
-    return [piece._replace(y=piece.y[:, 0]) for piece in cut(branch, lambda point: np.array([point.measure(measure)]))]
+    pieces = cut(branch, lambda point: np.array([point.measure(measure)]), away)
+    return [piece._replace(y=piece.y[:, 0]) for piece in pieces]
 
 
-def cut(branch: Branch, curves: Curves) -> list[Piece]:
-    """Cut a branch into pieces, with curves whose heights a function of the points returns."""
+def cut(branch: Branch, curves: Curves, away: Distance | None = None) -> list[Piece]:
+    """Cut a branch into pieces, with curves whose heights a function of the points returns.
+
+    Over distances the computed points alone are joined: between them, a root has no smooth curve.
+    """
     states = zip(branch.points, branch.instabilities, strict=True)
     nodes = [(point.arclength, point, state.label, False) for point, state in states]
     nodes += [(each.point.arclength, each.point, each.after.label, True) for each in branch.special_points]
@@ -313,7 +317,11 @@ def cut(branch: Branch, curves: Curves) -> list[Piece]:
         if end > start or len(nodes) == 1:
             special = [i for i in range(start, end + 1) if nodes[i][3] or i in (start, end)]
             special = special if len(special) > 1 else [start, end]
-            line = np.concatenate([smooth_line(s[a : b + 1], values[a : b + 1]) for a, b in pairwise(special)])
+            if away is not None:
+                line = values[start : end + 1]
+                line = np.column_stack((away(line[:, 0]), line[:, 1:]))
+            else:
+                line = np.concatenate([smooth_line(s[a : b + 1], values[a : b + 1]) for a, b in pairwise(special)])
             pieces.append(Piece(nodes[start][2], line[:, 0], line[:, 1:]))
     return pieces
 
@@ -342,7 +350,27 @@ def joined(
 
 def curve_of(pieces: Sequence[Piece]) -> NDArray[np.float64]:
     """Return the points of pieces with one measure, one after the other, shape (points, 2)."""
-    return np.concatenate([np.column_stack((piece.x, piece.y)) for piece in pieces])
+    return drawable(np.concatenate([np.column_stack((piece.x, piece.y)) for piece in pieces]))
+
+
+def drawable(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Leave out the points that have no place along the axis; raise a ModelError if none has one."""
+    found = points[~np.isnan(points[:, 0])]
+    if not len(found):
+        raise ModelError('no point of the branches is there: write x = "below ..." or "above ...", as they lie')
+    return found
+
+
+def over_distance(ax: Axes, away: Distance | None, units: Any, parameter: str) -> None:
+    """Make the axis of the parameter one of distances, if wanted."""
+    if away is not None:
+        words = parameter_words(parameter, units)
+        shown = {
+            0: f"|{words} − {away.value:.10g}|",
+            1: f"{words} − {away.value:.10g}",
+            -1: f"{away.value:.10g} − {words}",
+        }
+        ax.set(xscale="log", xlabel=shown[away.side])
 
 
 def extent_of(curve: NDArray[np.float64], left: float, right: float) -> tuple[float, float]:
@@ -447,10 +475,16 @@ def draw_branches(
     legend: bool | Literal["above"] = True,
     closeup: bool = False,
     within: tuple[float, float] | None = None,
+    x: str = "",
 ) -> Finish:
-    """Draw a branch, or several over the same parameter."""
+    """Draw a branch, or several over the same parameter.
+
+    `x` is instead the distance from a special point or value, on a logarithmic axis: ``"above grazing 1"``, ``"below
+    fold 2"``, ``"distance from 0.85"``.
+    """
     branches = [branches, *branches.beyond] if isinstance(branches, Branch) else list(branches)
-    drawing = BranchDrawing(branches, measure)
+    drawing = BranchDrawing(branches, measure, x)
+    closeup = closeup and not x
     settled = drawing.draw(ax, within)
     if legend:
         drawing.legend = (settled, "above" if legend == "above" else "below")
@@ -474,20 +508,23 @@ def _draw_bands(ax: Axes, branches: Sequence[Branch], measure: str) -> list[tupl
 class BranchDrawing:
     """Lines and symbols of some branches, for the whole picture and for a close-up, and the legend of what is drawn."""
 
-    def __init__(self, branches: Sequence[Branch], measure: str) -> None:
+    def __init__(self, branches: Sequence[Branch], measure: str, x: str = "") -> None:
         self.branches = branches
+        self.away = away = Distance.of(branches, x) if x else None
         self.measure = measure = full_measure(measure, branches[0].system.coordinates)
-        self.pieces = [piece for branch in branches for piece in pieces_of(branch, measure)]
+        self.pieces = [piece for branch in branches for piece in pieces_of(branch, measure, away)]
         self.curve = curve_of(self.pieces)
         self.special_points = [
-            (special.kind, special.value, special.point.measure(measure))
+            (special.kind, place, special.point.measure(measure))
             for branch in branches
             for special in branch.special_points
+            if not np.isnan(place := special.value if away is None else float(away(special.value)))
         ]
         self.unexplained = [
             place
             for branch in branches
             for place in unexplained_places(branch, lambda point: np.array([point.measure(measure)]))
+            if away is None
         ]
         self.legend: tuple[Sequence[tuple[str, Any]], Literal["above", "below"]] | None = None
         self._drawn: set[str] = set()  # texts of the legend of the symbols that were drawn in the final layout
@@ -495,8 +532,9 @@ class BranchDrawing:
     def draw(self, ax: Axes, within: tuple[float, float] | None) -> list[tuple[str, dict[str, Any]]]:
         """Draw the lines and set the limits; return the entries of a legend of settled motions."""
         self.draw_lines(ax)
-        settled = _draw_bands(ax, self.branches, self.measure)
+        settled = _draw_bands(ax, self.branches, self.measure) if self.away is None else []
         name_axes(ax, self.branches[0], self.measure)
+        over_distance(ax, self.away, self.branches[0].system.units, self.branches[0].parameter)
         ax.margins(x=0.02, y=0.06)
         ax.autoscale_view()
         if within:
@@ -672,9 +710,10 @@ def _size(
     closeup: Range | Literal[False] | None = None,
     strobes: bool = False,
     stable: bool = False,
+    x: str = "",
     **_: object,
 ) -> Inches:
-    return stacked((2 if _closeup(diagram, closeup, stable) else 1) + strobes)
+    return stacked((2 if _closeup(diagram, False if x else closeup, stable) else 1) + strobes)
 
 
 @draws(Diagram, panels=True, size=_size)
@@ -690,19 +729,20 @@ def draw_diagram(
     instabilities: bool = False,
     stable: bool = False,
     up_to: int | None = None,
+    x: str = "",
     title: str = "",
 ) -> Finish:
     """Draw a measure of all motions of a diagram in the colours of their periods, and a close-up if they are crowded.
 
     With `strobes`, the last panel shows their states once every forcing period: a motion of period m gives m curves.
     With `instabilities`, unstable motions have the line of their kind. With `stable`, only stable motions are drawn;
-    `up_to` is the longest period.
+    `up_to` is the longest period. `x` is as in `draw_branches`.
     """
     diagram = _part_of(diagram, up_to)
     measure = full_measure(measure, diagram.branches[0].system.coordinates)
-    crowd = _closeup(diagram, closeup, stable)
-    main = Motions(diagram, measure, stable)
-    drawn = [main, *[main] * bool(crowd), *[Motions(diagram, measure.partition(".")[2], stable)] * strobes]
+    crowd = _closeup(diagram, False if x else closeup, stable)
+    main = Motions(diagram, measure, stable, x)
+    drawn = [main, *[main] * bool(crowd), *[Motions(diagram, measure.partition(".")[2], stable, x)] * strobes]
     panels = figure.subplots(len(drawn), 1, squeeze=False)[:, 0].tolist()
     write_heading(figure, title)
     if len(panels) > 1:
@@ -746,6 +786,7 @@ def draw_strobes(
     instabilities: bool = False,
     stable: bool = False,
     up_to: int | None = None,
+    x: str = "",
 ) -> Finish:
     """Draw one panel of a diagram: the states of all motions once per forcing period, or a measure of them.
 
@@ -757,9 +798,9 @@ def draw_strobes(
         if "." not in full_measure(measure, coordinates):
             raise ModelError(f"there is no coordinate {measure!r}; {did_you_mean(measure, coordinates)}")
         if not stable:
-            return draw_branches(diagram.branches, ax, measure, labels=labels, legend=legend, within=within)
-    motions = Motions(diagram, measure or coordinates[0], stable)
-    motions.draw(ax, instabilities, within or diagram.within, margin=0.0 if within else 0.02)
+            return draw_branches(diagram.branches, ax, measure, labels=labels, legend=legend, within=within, x=x)
+    motions = Motions(diagram, measure or coordinates[0], stable, x)
+    motions.draw(ax, instabilities, within or (None if x else diagram.within), margin=0.0 if within else 0.02)
     if legend:
         motions.write_legend(ax, instabilities, names=labels)
     return partial(motions.draw_names, ax) if labels else None
@@ -768,16 +809,19 @@ def draw_strobes(
 class Motions:
     """Curves of a measure of the motions of a diagram, or of a coordinate once every forcing period, by periods."""
 
-    def __init__(self, diagram: Diagram, measure: str, stable: bool = False) -> None:
+    def __init__(self, diagram: Diagram, measure: str, stable: bool = False, x: str = "") -> None:
         self.system = diagram.branches[0].system
+        self.away = away = Distance.of(diagram.branches, x) if x else None
         self.diagram, self.measure, self.stable = diagram, measure, stable
         self.is_strobed = measure in self.system.coordinates
         self.periods = sorted({member.period for member in diagram.members})
         self.pieces: list[tuple[DiagramBranch, list[Piece]]] = [
-            (member, [each for each in cut(member.branch, self._heights) if each.label == "stable" or not stable])
+            (member, [each for each in cut(member.branch, self._heights, away) if each.label == "stable" or not stable])
             for member in diagram.members
         ]
-        self.births = [] if stable else list(births_of(diagram))
+        births = [] if stable else births_of(diagram)
+        placed = (each if away is None else each._replace(value=float(away(each.value))) for each in births)
+        self.births = [each for each in placed if not np.isnan(each.value)]
 
     def draw(self, ax: Axes, instabilities: bool = False, within: Range | None = None, margin: float = 0.0) -> None:
         """Draw all curves (short periods over long ones), origins of branches, and unexplained steps."""
@@ -797,13 +841,16 @@ class Motions:
                 heights = [self._heights(birth.point) for birth in births]
                 values = np.repeat([birth.value for birth in births], [len(each) for each in heights])
                 ax.plot(values, np.concatenate(heights), zorder=5 - 0.1 * rank, **birth_options(period, rank))
-        for member in () if self.stable else self.diagram.members:
+        for member in () if self.stable or self.away else self.diagram.members:
             draw_unexplained(ax, unexplained_places(member.branch, self._heights))
         units, words = self.system.units, state_words if self.is_strobed else measure_words
         ax.set(xlabel=parameter_words(self.diagram.parameter, units), ylabel=broken(words(self.measure, units)))
-        left, right = within or self.diagram.within
+        over_distance(ax, self.away, units, self.diagram.parameter)
+        places = drawable(self.curve)[:, 0]
+        left, right = within or (self.diagram.within if self.away is None else (places.min(), places.max()))
         pad = margin * (right - left) if within else 0.02 * (right - left)
-        ax.set(xlim=(left - pad, right + pad), ylim=extent_of(self.curve, left, right))
+        limits = (left - pad, right + pad) if self.away is None else (left, right)
+        ax.set(xlim=limits, ylim=extent_of(self.curve, left, right))
         ax.set_autoscale_on(False)
 
     @staticmethod

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_rgb
 from numpy.typing import ArrayLike, NDArray
 
+from gapwalk.attractors.basin_boundary import Manifold
 from gapwalk.attractors.basins import IMPOSSIBLE, RUNAWAY, UNRESOLVED, Basins
 from gapwalk.attractors.regimes import Regime, Regimes, regime_word
 from gapwalk.attractors.settle import AttractorKind
@@ -54,6 +55,26 @@ def _fill(ax: Axes, cells: NDArray[Any], within: Ranges, words: tuple[str, str],
 def fill_colors(ax: Axes, codes: NDArray[Any], colors: Sequence[str], within: Ranges, words: tuple[str, str]) -> None:
     """Fill the cells of a plane with the colours of their codes 0, 1, ..."""
     _fill(ax, codes, within, words, cmap=ListedColormap(colors), vmin=-0.5, vmax=len(colors) - 0.5)
+
+
+@pictured(Manifold, size=(6.6, 6.2), forms=("axes",))
+def manifold_picture(found: Manifold) -> Picture:
+    """Describe both sides of a manifold, and its saddle, in the plane of the first coordinate and its rate."""
+    system, look = found.system, "first" if found.which == "unstable" else "second"
+    names = system.state_names[0], system.state_names[system.size]
+
+    def plane(states: NDArray[np.float64]) -> NDArray[np.float64]:
+        return states.reshape(-1, system.state_size)[:, [0, system.size]].T
+
+    axes = f"{START}{names[0]}", f"{START}{names[1]}"
+
+    def parts() -> Parts:
+        sides = [Series(*plane(side), "line", look, axes=axes) for side in (found.first, found.second)]
+        sides[0] = sides[0]._replace(text=f"{found.which} manifold")
+        saddle = Series(*plane(found.orbit.state), "dots", "main", "saddle", axes=axes)
+        return Parts(layers=[*sides, saddle], quantities=axes)
+
+    return Picture(system, axes, (), parts, words=tuple(f"{coordinate_words(name, system.units)}" for name in names))
 
 
 @pictured(Basins, size=(6.6, 6.2), forms=("axes",))

@@ -31,7 +31,7 @@ from matplotlib.textpath import TextToPath
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.notebook import Shown
 from gapwalk.picture_parts import described, description_of
-from gapwalk.plot.style import CARD, GREY, SizeName, in_style, points, present, rc, sheet_size, sized
+from gapwalk.plot.style import CARD, GREY, SizeName, in_style, points, present, rc, sheet_size, sized, styled
 from gapwalk.studies.export import write_whole
 from gapwalk.studies.result import Result
 from gapwalk.studies.study_kind import kind_of, kinds
@@ -370,8 +370,9 @@ def draw(
     figure: AnyFigure | None = None,
     title: str | None = None,
     size: SizeName | None = None,
+    style: Mapping[str, Any] | None = None,
     **options: Any,
-) -> Any:
+) -> Axes:
     """Draw a record: a branch, several of them in a list, a diagram, a motion, a result, ...
 
     Parameters
@@ -388,11 +389,13 @@ def draw(
         Plain text above the picture; by default taken from the record.
     size
         Size of a new figure: ``"column"``, ``"page"``, ``"slide"`` or ``"screen"``; see `sized`.
+    style
+        Colours, line styles, symbols and fonts by name; see `styled`.
 
     Returns
     -------
-    Axes or Figure
-        The axes that contain the picture, or a figure if there are several panels.
+    Axes
+        The axes that contain the picture, or the first of its panels; ``axes.figure.axes`` are all.
 
     Raises
     ------
@@ -406,7 +409,7 @@ def draw(
     >>> gw.plot.draw(branch, "max.x", size="column").get_xlabel() != ""
     True
     """
-    with sized(size):
+    with sized(size), styled(style):
         return _draw(record, arguments, options, title, open_window, ax, figure)
 
 
@@ -473,7 +476,9 @@ def begin(record: Any, *arguments: Any, ax: Axes, **options: Any) -> Callable[[]
 
 def picture_of(record: Any, *arguments: Any, title: str | None = None, **options: Any) -> Figure:
     """Draw a record on a separate sheet, without pyplot; parameters as in `draw`."""
-    return _draw(record, arguments, options, title, new_sheet).figure
+    sheet = _draw(record, arguments, options, title, new_sheet).get_figure(root=True)
+    assert isinstance(sheet, Figure)
+    return sheet
 
 
 def save(
@@ -483,6 +488,7 @@ def save(
     title: str | Literal[False] | None = None,
     size: SizeName | None = None,
     legend: bool = True,
+    style: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> None:
     """Draw a record and write it to files.
@@ -495,7 +501,7 @@ def save(
         The files. They end in ``.png``, ``.svg`` or ``.pdf``; in SVG and PDF, lines and text are not rasterised.
     form
         ``"png"``, ``"svg"`` or ``"pdf"`` for other file extensions.
-    title, size, **options
+    title, size, style, **options
         As in `draw`; the title is by default that of the study, False for none.
     legend
         False for a picture without a legend.
@@ -511,13 +517,13 @@ def save(
     --------
     >>> gw.plot.save(branch, "branch.pdf", "branch.svg", measure="max.x", size="column")
     """
-    if isinstance(record, Figure) and (title is not None or size is not None or options):
+    if isinstance(record, Figure) and (title is not None or size is not None or style is not None or options):
         raise ModelError("a figure has its own measure, title and size; leave them out, or draw it with others")
     forms = [form or Path(path).suffix.lower().removeprefix(".") for path in paths]
     for path, each in zip(paths, forms, strict=True):
         if each not in FORMS:
             raise ModelError(f"{os.fspath(path)} is not a name for a picture; give it the ending .png, .svg or .pdf")
-    with sized(size):
+    with sized(size), styled(style):
         now = present()
         bare = replace(now, title=now.title and title is not False, legend=now.legend and legend)
         with sized(bare):
@@ -534,7 +540,7 @@ def _draw(
     make: Callable[[Inches], Figure],
     ax: Axes | None = None,
     figure: AnyFigure | None = None,
-) -> Any:
+) -> Axes:
     """Draw a record into axes, a figure, or a new figure of the appropriate size."""
     record, options, title = unpacked(record, options, title, in_axes=ax is not None)
     drawing, in_axes = drawing_of(record, in_axes=ax is not None)
@@ -550,6 +556,7 @@ def _draw(
         figure = opened = make(drawing.sheet(record, options))
     try:
         with in_style():
+            first = 0 if figure is None else len(figure.axes)
             place: Any = ax if ax is not None else figure.add_subplot() if in_axes and figure else figure
             if in_axes and title:
                 place.set_title(title.replace("$", r"\$"), wrap=True)
@@ -558,13 +565,13 @@ def _draw(
             if finish and postponed is not None:
                 postponed.append(in_style()(finish))
             elif finish:
-                lay_out((place if in_axes else place.axes[0]).get_figure(root=True), keep=True)
+                lay_out(place.get_figure(root=True), keep=True)
                 finish()
     except BaseException:
         if opened is not None:
             close_window(opened)  # otherwise pyplot would show an empty window
         raise
-    return place
+    return place if in_axes else place.axes[first]
 
 
 def unpacked(

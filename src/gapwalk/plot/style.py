@@ -6,16 +6,18 @@ information depends on colour alone: every kind has its own line style and marke
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import as_file, files
 from math import inf
 from typing import Any, Literal
 
 import matplotlib as mpl
+from matplotlib.cbook import normalize_kwargs
+from matplotlib.lines import Line2D
 
 from gapwalk.attractors.regimes import Regime
 from gapwalk.bifurcation.loci import Codim2
@@ -49,6 +51,9 @@ class Size:
     dpi: int = 200  #: Pixels in an inch, if lines are no vectors.
     title: bool = True  #: False for pictures with a caption, which have no title and no sentences of their own.
     legend: bool = True  #: False for no legend.
+    #: What is drawn otherwise: settings of matplotlib by their names (``font.family``), and options of its lines by the
+    #: names of what they show (``stable``, ``flip``, ``period 2``).
+    style: Mapping[str, Any] = field(default_factory=dict, hash=False)
 
 
 SIZES: dict[str, Size] = {
@@ -109,6 +114,55 @@ def present() -> Size:
     return _now.get()
 
 
+@contextmanager
+def styled(style: Mapping[str, Any] | None) -> Iterator[None]:
+    """Draw all pictures of a block with other colours, lines, symbols or fonts.
+
+    Parameters
+    ----------
+    style
+        Settings of matplotlib by their names, as in ``{"font.family": "serif", "font.size": 8}``; and options of its
+        lines by the names of what they show: ``stable``, ``above``, ``below``, ``pair`` (unstable motions, by where
+        their multipliers are), kinds of special points and of loci (``fold``, ``flip``, ...), ``period 2``. The options
+        of a symbol begin with ``marker``; its ``color`` is that of its face.
+
+    Yields
+    ------
+    None
+        Nothing.
+
+    Raises
+    ------
+    ModelError
+        For any other name.
+
+    Examples
+    --------
+    >>> with gw.plot.styled({"stable": {"color": "tab:blue", "ls": ":"}, "font.family": "serif"}):
+    ...     axes = branch.plot("max.x")
+    >>> axes.lines[0].get_color()
+    'tab:blue'
+    """
+    for name in style or ():
+        known = (*LINES, *map(str, Kind.known()), *(codim2.value for codim2 in CODIM2))
+        if name not in known and name not in mpl.rcParams and period_of(name) is None:
+            raise ModelError(
+                f'there is no style {name!r}; write a setting of matplotlib, as in style={{"font.size": 8}}, or one of '
+                f'{", ".join(known)}, period 2, as in style={{"stable": {{"color": "tab:blue"}}}}'
+            )
+    with sized(replace(present(), style={**present().style, **(style or {})})):
+        yield
+
+
+def _other(name: str, is_symbol: bool = False) -> dict[str, Any]:
+    """Return the options that are asked for in place of those of what is shown."""
+    wanted = normalize_kwargs(dict(present().style.get(name, {})), Line2D)
+    if not is_symbol:
+        return wanted
+    faced = {"markerfacecolor": wanted["color"]} if "color" in wanted else {}
+    return faced | {key: value for key, value in wanted.items() if key.startswith("marker") or key == "alpha"}
+
+
 def points(length: float) -> float:
     """Scale a length in points (of letters, lines or symbols) to the present size."""
     return length * _now.get().scale
@@ -150,7 +204,7 @@ def rc() -> dict[str, Any]:
     return {
         name: points(value) if name.endswith(lengths) and isinstance(value, float) else value
         for name, value in _settings().items()
-    }
+    } | {name: value for name, value in present().style.items() if name in mpl.rcParams}
 
 
 @contextmanager
@@ -219,11 +273,13 @@ class LineStyle:
     line: Any
     width: float
     marker: str = ""  #: Marker, drawn sparsely, open and small; empty for none.
+    name: str = ""  #: Name in `styled`.
 
     def options(self, width: float = 1.0, **more: Any) -> dict[str, Any]:
         """Return the options of a matplotlib line, wider or thinner by a factor."""
         marker = symbols(self.marker, 3.4, edge=self.color) if self.marker else {}
-        return marker | stroke(self.color, width * self.width, self.line, solid_capstyle="butt", **more)
+        look = stroke(self.color, width * self.width, self.line, solid_capstyle="butt", **more)
+        return marker | look | _other(self.name)
 
     @property
     def entry(self) -> tuple[str, dict[str, Any]]:
@@ -244,6 +300,7 @@ class SymbolStyle:
     #: edge, width: Colour and width of its edge.
     edge: str = BLACK
     width: float = 0.6
+    name: str = ""  #: Name in `styled`.
 
     @property
     def legend(self) -> str:
@@ -252,7 +309,8 @@ class SymbolStyle:
 
     def options(self, scale: float = 1.0, **more: Any) -> dict[str, Any]:
         """Return the options of a matplotlib line for the symbol, larger or smaller by a factor."""
-        return symbols(self.marker, scale * self.size, self.color, self.edge, self.width, **more)
+        look = symbols(self.marker, scale * self.size, self.color, self.edge, self.width, **more)
+        return look | _other(self.name, is_symbol=True)
 
     @property
     def entry(self) -> tuple[str, dict[str, Any]]:
@@ -261,7 +319,7 @@ class SymbolStyle:
 
 
 LINES = {
-    each.name: LineStyle(text, each.color, each.dashes, width, each.marker)
+    each.name: LineStyle(text, each.color, each.dashes, width, each.marker, each.name)
     for text, width, each in (
         ("stable", 1.7, MEANINGS[0]),
         ("unstable, beyond −1", 1.3, MEANINGS[1]),
@@ -280,7 +338,9 @@ def symbol_style(kind: Kind) -> SymbolStyle:
     symbol = kind.symbol
     edge = (GREY, 0.9) if kind is Kind.GRAZING else (BLACK, 0.6)
     text = symbol.label or str(kind)
-    return SymbolStyle(text, symbol.letters, symbol.marker, color_of(_NAMES[symbol.color]), symbol.size, *edge)
+    return SymbolStyle(
+        text, symbol.letters, symbol.marker, color_of(_NAMES[symbol.color]), symbol.size, *edge, str(kind)
+    )
 
 
 def in_order(kinds: Iterable[Kind]) -> list[Kind]:
@@ -298,7 +358,7 @@ CLUSTER = SymbolStyle("number of points there", "", "o", "white", 11.0, GREY, 0.
 _GRAZES = SymbolStyle("a contact grazes too", "", "o", GREY, 2.6, GREY, 0.8)
 
 CODIM2 = {
-    kind: SymbolStyle(text, label, marker, color, size, width=0.8)
+    kind: SymbolStyle(text, label, marker, color, size, width=0.8, name=kind.value)
     for kind, text, label, marker, size, color in (
         (Codim2.CUSP, "cusp", "CP", "^", 5.0, "white"),
         (Codim2.FOLD_FLIP, "fold–flip", "FF", "D", 4.4, "white"),
@@ -330,7 +390,8 @@ def period_options(period: int, rank: int, stable: bool) -> dict[str, Any]:
     """Return the options of a matplotlib line for motions of a period, which has a rank (0: the shortest shown)."""
     width = (1.8, 1.5, 1.2, 1.0, 0.8)[min(rank, 4)]
     dashes = "-" if stable else (0, (3.2, 1.6))
-    return stroke(period_color(period), width if stable else 0.45 * width, dashes, solid_capstyle="butt")
+    look = stroke(period_color(period), width if stable else 0.45 * width, dashes, solid_capstyle="butt")
+    return look | _other(f"period {period}")
 
 
 def birth_options(period: int, rank: int) -> dict[str, Any]:
@@ -342,7 +403,9 @@ def birth_options(period: int, rank: int) -> dict[str, Any]:
 def locus_style(kind: Kind) -> LineStyle:
     """Return the line style of the loci of a kind."""
     style = symbol_style(kind)
-    return LineStyle(style.text.split(" (")[0], style.color, kind.symbol.dashes or "-", kind.symbol.width)
+    return LineStyle(
+        style.text.split(" (")[0], style.color, kind.symbol.dashes or "-", kind.symbol.width, name=str(kind)
+    )
 
 
 def locus_options(kind: Kind, rank: int = 0) -> dict[str, Any]:

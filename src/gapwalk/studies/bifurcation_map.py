@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.loci import Codim2, Codim2Point, Locus, LocusEnd, LocusPoint
+from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusEnd, LocusPoint
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.curve_points import method_document, method_values
 from gapwalk.errors import ModelError
@@ -94,25 +94,11 @@ class Map(Shown):
             f"{symbols[1]} = {values}"
         )
         for name, locus in zip(self.names, self.loci, strict=True):
-            yield from self._locus_lines(name, locus, symbols)
+            yield f"  {name}  {locus.range_words}"
+            yield from (f"    {words}" for words in locus.end_words)
         if measure is not None and any(locus.codim2_points for locus in self.loci):
             yield self._codim2_table(measure, symbols)
         yield from remarks(self.notes, self.failures)
-
-    @staticmethod
-    def _locus_lines(name: str, locus: Locus, symbols: list[str]) -> Iterator[str]:
-        low, high = locus.values.min(axis=0), locus.values.max(axis=0)
-        ranges = ", ".join(f"{symbol} {a:.8g} to {b:.8g}" for symbol, a, b in zip(symbols, low, high, strict=True))
-        counts = ", ".join(f"{len(locus.codim2(kind))} {kind.value}" for kind in Codim2 if locus.codim2(kind))
-        contact = f" of {locus.contact}" if locus.contact else ""
-        yield f"  {name}  period {locus.period}{contact}; " + "; ".join(
-            filter(None, (ranges, f"{len(locus.points)} points", counts))
-        )
-        places = [", ".join(f"{value:.8g}" for value in end.values) for end in locus.ends]
-        yield from dict.fromkeys(
-            f"    {end.reason.value}" if locus.is_closed else f"    ({place}): {end.reason_words}"
-            for place, end in zip(places, locus.ends, strict=True)
-        )
 
     def _codim2_table(self, measure: str, symbols: list[str]) -> Table:
         """Return the table of the points of codimension two, by loci."""
@@ -120,10 +106,7 @@ class Map(Shown):
         rows, groups = [], []
         for name, locus in zip(self.names, self.loci, strict=True):
             for index, codim2 in enumerate(locus.codim2_points):
-                values = (
-                    f"{value:#.10g} ± {error:.0e}" for value, error in zip(codim2.values, codim2.errors, strict=True)
-                )
-                numbers = (*values, f"{codim2.point.angle:.6f}", f"{codim2.point.measure(measure):#.8g}")
+                numbers = (*codim2.cells, f"{codim2.point.measure(measure):#.8g}")
                 rows.append([name if index == 0 else "", codim2.kind.value, *numbers, codim2.contact])
             groups.append(len(rows) - 1)
         return Table(

@@ -14,6 +14,7 @@ from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError, NumericalError, StoreError
 from gapwalk.free.equilibrium_walk import Rests, verify_rests
 from gapwalk.free.self_excitation import SelfExcited
+from gapwalk.orbit.orbit import Orbit
 from gapwalk.results.result_file import lock, reading, seal_fault, write_more
 from gapwalk.studies.bifurcation_map import Map
 from gapwalk.studies.branch_family import Family
@@ -31,13 +32,14 @@ from gapwalk.verification import (
     verify_branches,
     verify_distinct,
     verify_loci,
+    verify_orbit,
     verify_tree,
     verify_whole,
 )
 from gapwalk.verification.verification import Advance
 
 Tori = TorusDiagram | TorusFamily | Torus | Tongue
-Verifiable = Branch | Diagram | Map | Family | Threshold | Tori | Rests | SelfExcited | Result
+Verifiable = Orbit | Branch | Diagram | Map | Family | Threshold | Tori | Rests | SelfExcited | Result
 
 
 def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None = None) -> Verification:
@@ -51,8 +53,8 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
     Parameters
     ----------
     what
-        A branch, a diagram, a map, a family, tori, a threshold, equilibria with self-excited motions, a result, or the
-        name of a result file. An incomplete result is verified as far as it goes.
+        An orbit, a branch, a diagram, a map, a family, tori, a threshold, equilibria with self-excited motions, a
+        result, or the name of a result file. An incomplete result is verified as far as it goes.
     report
         Called with a word for what is verified, the number of pieces that are done, and the number of all.
 
@@ -84,8 +86,8 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
         return verified_result(what, report)[1]
     if not isinstance(what, Verifiable):
         raise ModelError(
-            f"{what!r:.60} cannot be verified; give a branch, a diagram, a map, a family, tori, a threshold, a result, "
-            'or the name of a result file, as in gw.verify("clutch.gapwalk")'
+            f"{what!r:.60} cannot be verified; give an orbit, a branch, a diagram, a map, a family, tori, a threshold, "
+            'a result, or the name of a result file, as in gw.verify("clutch.gapwalk")'
         )
     ledger = Ledger()
     _verify(ledger, what, report)
@@ -108,6 +110,8 @@ def verified_result(path: str | os.PathLike[str], report: Advance | None = None)
 
 def _verify(ledger: Ledger, what: Verifiable, report: Advance | None) -> None:
     match what:
+        case Orbit():
+            verify_orbit(ledger, what)
         case Branch():
             verify_branches(ledger, [(f"P{what.period}-1", what)], report)
         case Diagram():

@@ -2,7 +2,7 @@
 
 from gapwalk.verification.verification import Check, Figure, Ledger, Spot, Summary, Verification
 from gapwalk.verification.verify_branch import confirm, verify_branches
-from gapwalk.verification.verify_orbits import verify_distinct, verify_loci, verify_tree, verify_whole
+from gapwalk.verification.verify_orbits import verify_distinct, verify_loci, verify_orbit, verify_tree, verify_whole
 
 __all__ = [
     "Check",
@@ -15,6 +15,7 @@ __all__ = [
     "verify_branches",
     "verify_distinct",
     "verify_loci",
+    "verify_orbit",
     "verify_tree",
     "verify_whole",
 ]

@@ -9,6 +9,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import singledispatch
 from itertools import combinations, islice
 from typing import NamedTuple
@@ -25,8 +26,9 @@ from gapwalk.bifurcation.follow import BranchTracer
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
+from gapwalk.continuation.corrector import Corrector, Range, scales_of
 from gapwalk.continuation.curve_points import BranchPoint
-from gapwalk.continuation.walk import WalkOptions
+from gapwalk.continuation.walk import End, EndReason, WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.floquet import is_on_border, multipliers
@@ -351,6 +353,22 @@ def verify_orbits(ledger: Ledger, tracks: Sequence[Track], advance: Advance | No
             ledger.enter(Check.MULTIPLIERS, spot, math.inf, str(error))
         else:
             _verify_orbit(ledger, spot, track, point, kind, around, reshot)
+
+
+def verify_orbit(ledger: Ledger, orbit: Orbit) -> None:
+    """Check one orbit, as the only point of a branch along the frequency, or its first number if it has none."""
+    names = orbit.system.structure.names
+    parameter = "frequency" if "frequency" in names else names[0]
+    value = orbit.system[parameter]
+    method = orbit.own_method or orbit.posed_in(orbit.system.state_size)
+    equation = method.pose(orbit.system, parameter, orbit.period)
+    corrector = Corrector(equation, scales_of(equation, orbit, Range(value, value + (abs(value) or 1.0))))
+    x = np.append(equation.unknowns(orbit), value) / corrector.scales
+    point = corrector.uncorrected(x, np.eye(len(x))[-1], 0.0)
+    ends = (End(EndReason.POINTS, value), End(EndReason.POINTS, value))
+    track = Track("the orbit", Branch(parameter, orbit.period, (replace(point, orbit=orbit),), (), ends))
+    (verify_orbits(ledger, [track], None) if track.is_exact else verify_truncated(ledger, track))
+    ledger.points += 1
 
 
 def _verify_orbit(

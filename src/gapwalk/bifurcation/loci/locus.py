@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,9 @@ from gapwalk.continuation.walk import AnyEnd, Reason
 from gapwalk.errors import NumericalError
 from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD
+from gapwalk.model.words import parameter_symbol
 from gapwalk.orbit.orbit import Orbit, apart, describe_switch
+from gapwalk.summary import Described, SummaryParts, Table, Tables, rows_of, summarizes
 
 
 class LocusEndReason(Reason):
@@ -153,6 +155,12 @@ class Codim2Point:
         """Orbit at the point."""
         return self.point.orbit
 
+    @property
+    def cells(self) -> list[str]:
+        """Both values with their errors, and the angle, in words."""
+        values = (f"{value:#.10g} ± {error:.0e}" for value, error in zip(self.values, self.errors, strict=True))
+        return [*values, f"{self.point.angle:.6f}"]
+
     def __repr__(self) -> str:
         first, second = self.values
         contact = f", {self.contact}" if self.contact else ""
@@ -160,7 +168,7 @@ class Codim2Point:
 
 
 @dataclass(frozen=True, eq=False)
-class Locus(Measured):
+class Locus(Measured, Described):
     """Curve of special points of one kind in the plane of two parameters."""
 
     kind: Kind  #: Kind of the special points: fold, flip, Neimark-Sacker, grazing.
@@ -189,6 +197,51 @@ class Locus(Measured):
     def is_closed(self) -> bool:
         """True if it is a closed curve."""
         return self.ends[-1].reason is LocusEndReason.CLOSED
+
+    @property
+    def symbols(self) -> list[str]:
+        """Names of both parameters as readers see them."""
+        return [parameter_symbol(name, self.points[0].orbit.system.units) for name in (self.first, self.second)]
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return its range, its ends and its points of codimension two, in words."""
+        yield f"{self.kind.value}: {self.range_words}"
+        yield from self.end_words
+        if self.codim2_points:
+            rows = [[each.kind.value, *each.cells, each.contact] for each in self.codim2_points]
+            yield Table(["point", *(f">{symbol}" for symbol in self.symbols), ">angle", "contact"], rows)
+
+    def tables(self) -> Tables:
+        """Return the tables of the points and of the points of codimension two."""
+        return {
+            "points": lambda: rows_of(self._row_of(point) for point in self.points),
+            "codim2-points": lambda: rows_of(
+                {"point": each.kind.value, **self._row_of(each.point)} for each in self.codim2_points
+            ),
+        }
+
+    def _row_of(self, point: LocusPoint) -> dict[str, Any]:
+        about = {"angle": point.angle, "contacts": point.orbit.pattern}
+        return {**dict(zip((self.first, self.second), point.values, strict=True)), **about}
+
+    @property
+    def range_words(self) -> str:
+        """Period, ranges and numbers of points, in words."""
+        low, high = self.values.min(axis=0), self.values.max(axis=0)
+        ranges = ", ".join(f"{name} {a:.8g} to {b:.8g}" for name, a, b in zip(self.symbols, low, high, strict=True))
+        counts = ", ".join(f"{len(self.codim2(kind))} {kind.value}" for kind in Codim2 if self.codim2(kind))
+        contact = f" of {self.contact}" if self.contact else ""
+        parts = (f"period {self.period}{contact}", ranges, f"{len(self.points)} points", counts)
+        return "; ".join(filter(None, parts))
+
+    @property
+    def end_words(self) -> list[str]:
+        """Both ends in words; one if it is closed."""
+        places = [", ".join(f"{value:.8g}" for value in end.values) for end in self.ends]
+        ends = zip(places, self.ends, strict=True)
+        texts = (end.reason.value if self.is_closed else f"({place}): {end.reason_words}" for place, end in ends)
+        return [*dict.fromkeys(texts)]
 
     def codim2(self, kind: Codim2 | str) -> tuple[Codim2Point, ...]:
         """Return the points of codimension two of one kind, which may be given by its name, such as ``cusp``."""

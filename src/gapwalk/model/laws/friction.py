@@ -84,6 +84,8 @@ class Friction(Law):
         assert host is not None
         if self.by == "stages":
             return numbers["limit"] + host.stages.total(each.closed * each["hysteresis"] for each in host.stages)
+        if not [*host.stages]:  # a formula of the load
+            return numbers["coefficient"] * host.force
         side = host.stages.total(each.sign * each.closed for each in host.stages if each.innermost)
         return numbers["coefficient"] * (side * host.force)
 
