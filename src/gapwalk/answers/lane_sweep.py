@@ -149,14 +149,10 @@ def joined(
     direction: Direction,
     pieces: Sequence[LanePiece],
     gaps: Sequence[str],
-    other: SettledSweep | None = None,
     *,
     whole: bool = True,
 ) -> SettledSweep:
-    """Join the parts of a sweep, and narrow down the ends of its bands; with ``whole=False`` show what is known.
-
-    Where the `other` sweep has the same motions, its ends are taken.
-    """
+    """Join the parts of a sweep, and narrow down the ends of its bands; with ``whole=False`` show what is known."""
     parts: dict[int, list[LaneMotion]] = {}
     for part in (part for piece in pieces for part in piece.parts if part.direction is direction):
         known = parts.setdefault(part.number, [])
@@ -169,7 +165,7 @@ def joined(
             own = _taken_over(system, parameter, motions[-1], own)
         motions += own[1:] if motions and motions[-1].value == own[0].value else own
     sweep = SettledSweep(parameter, within, direction, (), (), lanes=tuple(motions), contacts=tuple(_names(system)))
-    return _narrowed(system, sweep, gaps, other) if whole else sweep
+    return _narrowed(system, sweep, gaps) if whole else sweep
 
 
 def _names(system: System) -> list[str]:
@@ -195,28 +191,20 @@ def _taken_over(system: System, parameter: str, before: LaneMotion, own: list[La
     return [*found, *own[len(found) :]]
 
 
-def _narrowed(
-    system: System, sweep: SettledSweep, gaps: Sequence[str], other: SettledSweep | None = None
-) -> SettledSweep:
+def _narrowed(system: System, sweep: SettledSweep, gaps: Sequence[str]) -> SettledSweep:
     """Add motions between two steps where a gap begins or ceases to rattle, until its ends are narrow."""
     motions, least = list(sweep.lanes), NARROW * (sweep.within[1] - sweep.within[0])
     edges = [motion.value for motion in motions]
-    there = {} if other is None else {motion.value: motion for motion in other.lanes}
     while True:
         ends = [tuple(motions[place : place + 2]) for place in _ends(motions, edges, sweep, gaps)]
-        wide = [(one, two, inside) for one, two in ends if (inside := inside_of(one.value, two.value, least))]
+        wide = [(one, inside) for one, two in ends if (inside := inside_of(one.value, two.value, least))]
         if not wide:
             return replace(sweep, lanes=tuple(motions))
-        more, starts = list[LaneMotion](), list[Start]()
-        for one, two, inside in wide:
-            low, high = sorted((one.value, two.value))
-            same = all(each.value in there and there[each.value].is_like(each) for each in (one, two))
-            known = [motion for value, motion in there.items() if low < value < high] if same else []
-            more += known
-            if not known:
-                line = ParameterLine(system, sweep.parameter)
-                starts += [Start((), value, line.system_at(value), one.state) for value in inside]
-        more += [motion for _, motion in settle_lanes(starts, width=2 * WIDTH, finer=_FINER_ENDS)]
+        starts = list[Start]()
+        for one, inside in wide:
+            line = ParameterLine(system, sweep.parameter)
+            starts += [Start((), value, line.system_at(value), one.state) for value in inside]
+        more = [motion for _, motion in settle_lanes(starts, width=2 * WIDTH, finer=_FINER_ENDS)]
         motions = sorted([*motions, *more], key=lambda motion: sweep.direction.sign * motion.value)
 
 

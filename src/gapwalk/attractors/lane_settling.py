@@ -385,7 +385,9 @@ class _Settling:
         for q in range(1, _LONGEST + 1):
             if not np.array_equal(counts[-q:], counts[-2 * q : -q]):
                 continue
-            if (np.abs(strobes[-1] - strobes[-1 - q]) / scale).max() <= _SAME:
+            # chaos comes near a longer motion by chance, and leaves it within some periods
+            held = 1 if q == 1 else min(_APART, len(strobes) - q)
+            if (np.abs(strobes[-held:] - strobes[-held - q : -q]) / scale).max() <= _SAME:
                 # a slow mode that dies away may come back after some periods: the period is that without it
                 dies = q > 1 and (
                     len(steps) < 3 * _APART or steps[-_ENVELOPE:].max() < _SHRINKS * steps[:_ENVELOPE].max()

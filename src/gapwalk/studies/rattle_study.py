@@ -370,9 +370,7 @@ class RattleStudy(RangeStudy):
 
     def _joined(self, job: Job, direction: Direction, *, whole: bool = True) -> SweepWithSeverity:
         about = job.system, self.parameter, self.ends, self.sweep.steps, direction
-        other = job.known[SWEEP].get(0) if direction is Direction.DOWN else None
-        pieces, gaps = job.all(PIECE), self.gaps
-        return self.severity(job.system, joined(*about, pieces, gaps, other and other.sweep, whole=whole))
+        return self.severity(job.system, joined(*about, job.all(PIECE), self.gaps, whole=whole))
 
     def _searched(self, job: Job) -> dict[int, list[tuple[LaneMotion, ...]]]:
         """Return the known motions at some values beside which random starts are followed, by the number of a part."""
