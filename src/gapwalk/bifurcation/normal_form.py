@@ -1,7 +1,7 @@
 """Normal forms of folds, flips and Neimark-Sacker points: coefficients, criticality, and the amplitude of what leaves.
 
 The map of the state over the period of the motion is reduced to the critical direction q, with A q = mu q and
-p^* A = mu p^*, p^* q = 1. With the second and third derivatives B and C of the map, and R(z) = (z - A)^-1, the terms are
+p^* A = mu p^*, p^* q = 1. With derivatives B and C of second and third order, and R(z) = (z - A)^-1, the terms are
 
     fold             s -> s + rate d + c s^2                    c = p B(q, q) / 2
     flip             s -> (-1 + rate d) s + c s^3               c = p [C(q, q, q) / 6 + B(q, R(1) B(q, q)) / 2]
