@@ -11,7 +11,16 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.answers.gap_states import OTHER, Direction, SettledSweep, seldom, spans_of
-from gapwalk.answers.lane_sweep import Piece, is_many, joined, known_at, other_sweeps, started_piece, sweep_piece
+from gapwalk.answers.lane_sweep import (
+    Piece,
+    is_many,
+    joined,
+    known_at,
+    lasting,
+    other_sweeps,
+    started_piece,
+    sweep_piece,
+)
 from gapwalk.answers.rattle_bands import RattleBands
 from gapwalk.attractors.lane_settling import LaneMotion
 from gapwalk.model.model_source import parse_source
@@ -194,3 +203,12 @@ def test_a_periodic_motion_that_does_not_part_is_quiet() -> None:
         (3, "end of the range"),
     ]
     assert seldom([sweep], "mesh") is None
+
+
+@pytest.mark.parametrize(("damping", "periods"), [(0.01, "40"), (0.1, None)])
+def test_a_free_vibration_that_outlasts_the_watch_is_told(damping: float, periods: str | None) -> None:
+    # x'' + c x' + x = 0 falls to 1/e in 2 / c, of periods of 2 pi / 1.25
+    system = gw.System(["x"], mass=[[1.0]], damping=[[damping]], stiffness=[[1.0]], frequency=1.25)
+    told = lasting(system, [sweep_of(motion(1, 0, 3.0), motion(2, 0, 3.0))])
+    assert told is None if periods is None else told is not None and f"of x takes {periods} forcing periods" in told
+    assert lasting(system, [sweep_of(motion(1, 1, 3.0), motion(2, 1, 3.0))]) is None

@@ -32,8 +32,10 @@ from gapwalk.bifurcation.isolated.search_starts import generator, spread_starts,
 from gapwalk.ensemble.batch_flow import state_at_rest
 from gapwalk.ensemble.lane_code import WIDTH
 from gapwalk.ensemble.lanes import prefers_lanes
+from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
+from gapwalk.model.modes import find_modes
 from gapwalk.model.system import System
 
 NARROW = 5e-5
@@ -45,6 +47,7 @@ _BETWEEN = 3  # values between two steps
 _FINER_ENDS = 1.5  # factor on the steps there
 _FEW = 4  # changes of a gap, from either end of a sweep, that are narrowed down
 _FLIES, _SWINGS = 0.02, (0.02, 0.1)  # rates of random starts, of the speed: of loose parts, and behind a spring
+_LASTS = 3.0  # of its times of decay, a free vibration is over in the periods that are watched
 _APART = 40  # random starts are at every fortieth of the range
 
 
@@ -231,6 +234,30 @@ def _ends(motions: Sequence[LaneMotion], edges: Sequence[float], sweep: SettledS
         places = [place for _, place in sorted(first.items())]
         found |= {*places[:_FEW], *places[-_FEW:]}
     return sorted(found)
+
+
+def lasting(system: System, sweeps: Sequence[SettledSweep]) -> str | None:
+    """Say which free vibration lasts too long for the means of motions without period; None if there is none."""
+    watched = [motion.watched for sweep in sweeps for motion in sweep.lanes if not (motion.period or motion.diverged)]
+    if not watched:
+        return None
+    try:
+        modes = find_modes(system)
+    except ModelError:
+        return None
+    decay = modes.damping_ratios * modes.frequencies * 2.0 * np.pi / system.frequency
+    # meshes that damp by their impacts alone leave fast modes without damping
+    slow = np.flatnonzero((modes.frequencies < system.frequency) & (decay * min(watched) < _LASTS))
+    if not len(slow):
+        return None
+    longest = slow[np.argmin(decay[slow])]
+    names, shapes = (modes.inertias, modes.angles) if modes.inertias else (modes.coordinates, modes.shapes)
+    part = names[int(np.abs(shapes[:, longest]).argmax())]
+    return (
+        f"a free vibration of {part} takes {1.0 / decay[longest]:.0f} forcing periods to fall to 1/e: where motions "
+        f"have no period, the figures of slow parts, means over {min(watched)} periods, may differ from those of a "
+        "long run, and motions met from random starts alone may be on their way to another"
+    )
 
 
 def start_values(within: tuple[float, float], steps: int, asked: int | None) -> list[float]:

@@ -32,6 +32,7 @@ from gapwalk.answers.lane_sweep import (
     is_many,
     joined,
     known_at,
+    lasting,
     other_sweeps,
     pieces_of,
     stages_of,
@@ -404,7 +405,8 @@ class RattleStudy(RangeStudy):
         given = starts, self.seed, sweeps, dict[tuple[str, float], float]()
         worst = (worst_of(job.system, self.parameter, severities, gap, *given) for gap in self.gaps)
         notes = [*(note for sweep in sweeps for note in sweep.notes), *others.notes]
-        notes += [note for gap in self.gaps if (note := seldom(sweeps, gap)) is not None]
+        told = *(seldom(sweeps, gap) for gap in self.gaps), lasting(job.system, sweeps)
+        notes += [note for note in told if note is not None]
         if sampled := sum(sample.motion.orbit is None for sweep in sweeps for sample in sweep.samples):
             step = abs((self.end - self.begin) / self.sweep.steps)
             notes.append(
