@@ -11,7 +11,6 @@ import gapwalk as gw
 from gapwalk.bifurcation.touch_map import Beyond, beyond, touch_map
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
-from tests.tiers import in_campaign
 
 KINDS = ("rigid", "preloaded", "soft", "pushing")
 
@@ -112,7 +111,7 @@ def test_motions_settle_as_the_touch_foretells(kind):
     assert verdicts.count("unknown") < 2, verdicts
 
 
-@in_campaign
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_two_hundred_grazes(kind):
     verdicts = [tried(kind, seed) for seed in range(100, 150)]
