@@ -91,8 +91,8 @@ def is_right(grazing: Grazing, found: Beyond) -> bool:
         return grazing.settled(depth / found.ratio)[0] == period + 1
     if found.verdict == "period adding":  # the next window may be within the rounding of a motion
         return 0 <= period - grazing.settled(1e-4)[0] <= math.ceil(math.log(100.0) / math.log(found.ratio))
-    if found.verdict == "doubles":
-        return period == 2
+    if found.verdict == "doubles" or found.verdict[-1].isdigit():
+        return period == (2 if found.verdict == "doubles" else int(found.verdict.split()[1]))
     return found.verdict == "period adding and chaos" or period == 0 or period > 8
 
 
