@@ -12,7 +12,6 @@ from gapwalk.bifurcation.loci import Codim2, LocusEndReason
 from gapwalk.bifurcation.touch_map import touch_map
 from tests.bifurcation.test_beyond_grazes import Grazing
 from tests.computed import once
-from tests.tiers import in_campaign
 
 
 def oscillator(c: float, frequency: float, amplitude: float, restitution: float = 0.8) -> gw.System:
@@ -74,7 +73,7 @@ def test_flips_touch_the_grazing_locus_like_a_parabola():
     assert ((heights[near] / away[near] ** 2 > 7.40) & (heights[near] / away[near] ** 2 < 7.48)).all()
 
 
-@in_campaign
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_loci_of_random_rigid_oscillators_end_at_named_points(seed):
     random = np.random.default_rng([seed, 5])

@@ -187,7 +187,7 @@ def test_coefficients_agree_with_differences_of_motions(kind, seed):
     assert max(found) < 1e-5
 
 
-@in_campaign
+@pytest.mark.slow
 def test_a_hundred_coefficients():
     found: dict[str, list[float]] = {}
     for kind, count in zip(KINDS, (8, 6, 10, 6, 5, 6), strict=True):

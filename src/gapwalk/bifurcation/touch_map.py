@@ -31,6 +31,7 @@ _RETURNS = 400  # periods over which a touch is followed
 # share of the largest return, or of the root of the motion, below which the sign of another one decides nothing
 _LITTLE = 1e-3
 _RESONANT = 0.02  # size of the square-root term below which the motion beyond soon is stable again
+_STARTS = (0.0, 1.0, -1.0, 2.0, -2.0, 4.0, -4.0)  # displacements of motions that must settle alike, in touches
 # distance, in depths, from which a motion does not come back; relative distance of states that are the same, periods
 # up to which one repeats, and growth a period of what is chaos
 _AWAY, _SAME, _PERIODS, _GROWS = 1e6, 1e-6, 33, 0.02
@@ -142,10 +143,16 @@ def beyond(touch: TouchMap | None) -> Beyond:
 
 
 def _across(touch: TouchMap) -> str:
-    """Return the verdict of a map that is linear on either side of the graze, from its motion just beyond it."""
-    # Distances are from the motion that would not touch, in units of the depth to which that would reach.
+    """Return the verdict of a map that is linear on either side of the graze, if its motions settle alike."""
+    verdicts = {_settled(touch, share * touch.vector) for share in _STARTS}
+    return verdicts.pop() if len(verdicts) == 1 else "unknown"
+
+
+def _settled(touch: TouchMap, state: Array) -> str:
+    """Return the verdict of the motion from a state, whose distance is from the motion that would not touch."""
+    # The unit is the depth to which that motion would reach.
     both = touch.monodromy, touch.monodromy + np.outer(touch.vector, touch.covector)
-    state, along, growth, found = np.zeros(len(touch.vector)), touch.vector, 0.0, list[Array]()
+    along, growth, found = touch.vector, 0.0, list[Array]()
     for step in range(2 * _RETURNS):
         depth = float(touch.covector @ state) + 1.0
         matrix = both[depth > 0.0]
