@@ -165,7 +165,12 @@ def _settled(touch: TouchMap, state: Array) -> str:
             along, growth = along / size, growth + math.log(size)
             found.append(state)
     last, scale = found[-1], float(np.abs(found).max())
-    period = next((n for n in range(1, _PERIODS) if float(np.abs(found[-1 - n] - last).max()) < _SAME * scale), 0)
+
+    def is_same(back: int) -> bool:
+        return float(np.abs(found[-1 - back] - last).max()) < _SAME * scale
+
+    # what still decays with a change of sign repeats after two periods, too, but not for long
+    period = next((n for n in range(1, _PERIODS) if is_same(n) and is_same(n * (_RETURNS // 2 // n))), 0)
     if not period:
         return "chaos at once" if growth > _GROWS * _RETURNS else "unknown"
     return {1: "goes on", 2: "doubles"}.get(period, f"period {period}")
