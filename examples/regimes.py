@@ -22,4 +22,5 @@ found = gw.regimes(
 )
 print(found)
 print(f"{len(found.check.different)} of {found.check.checked} cells have another kind by the exact flow")
-found.plot("What a start from rest settles on", panels=("peak force", "impacts")).savefig("regimes.png")
+axes = found.plot("What a start from rest settles on", panels=("peak force", "impacts"))
+axes.figure.savefig("regimes.png")

@@ -210,7 +210,7 @@ def test_a_wrong_claim_in_a_file_is_explained(claim: str, text: str) -> None:
 
 
 def test_the_picture_has_the_answer_the_best_variations_and_both_groups() -> None:
-    figure = with_scores(2, 2, 1, neighbours=200).plot(title="Clutch")
+    figure = with_scores(2, 2, 1, neighbours=200).plot(title="Clutch").figure
     texts = [text.get_text() for ax in figure.axes for text in ax.texts]
     assert texts.count("holds") == 2  # the one that is best
     assert texts.count("no") == 2  # the system itself

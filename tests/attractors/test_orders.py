@@ -67,7 +67,7 @@ def test_two_motions_are_compared_line_by_line_at_the_same_orders(system, orbit)
     (pair,) = gw.analysis.contrast(orbit, other, ["shaft.torque"]).pairs
     assert [line.order for line in pair.agreement.lines[:3]] == [2.0, 4.0, 6.0]
     assert pair.agreement.lines[0].first == pytest.approx(torque(2), rel=1e-6)
-    figure = gw.analysis.contrast(orbit, other, ["shaft.torque"], names=("soft", "hard")).plot(figure=Figure())
+    figure = gw.analysis.contrast(orbit, other, ["shaft.torque"], names=("soft", "hard")).plot(figure=Figure()).figure
     assert figure.get_suptitle() == "soft and hard at speed = 902 rpm"
     assert figure.axes[1].get_xlabel() == "order (per turn of disc)"
 

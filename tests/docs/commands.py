@@ -14,9 +14,10 @@ _SHOWN = re.compile(r"^(?: {4}|\$ |  )(gapwalk [a-z-].*)$", re.M)
 
 
 def commands_in(text: str) -> Iterator[list[str]]:
-    """List the commands in the blocks of a text, word by word."""
+    """List the commands in the blocks of a text, word by word, without the file that a shell writes."""
     for line in _SHOWN.findall(text):
-        yield shlex.split(line, comments=True)
+        words = shlex.split(line, comments=True)
+        yield words[: words.index(">")] if ">" in words else words
 
 
 def parse_command(words: list[str]) -> None:

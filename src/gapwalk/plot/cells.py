@@ -63,8 +63,9 @@ def manifold_picture(found: Manifold) -> Picture:
     system, look = found.system, "first" if found.which == "unstable" else "second"
     names = system.state_names[0], system.state_names[system.size]
 
-    def plane(states: NDArray[np.float64]) -> NDArray[np.float64]:
-        return states.reshape(-1, system.state_size)[:, [0, system.size]].T
+    def plane(states: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        rows = states.reshape(-1, system.state_size)
+        return rows[:, 0], rows[:, system.size]
 
     axes = f"{START}{names[0]}", f"{START}{names[1]}"
 
@@ -74,7 +75,8 @@ def manifold_picture(found: Manifold) -> Picture:
         saddle = Series(*plane(found.orbit.state), "dots", "main", "saddle", axes=axes)
         return Parts(layers=[*sides, saddle], quantities=axes)
 
-    return Picture(system, axes, (), parts, words=tuple(f"{coordinate_words(name, system.units)}" for name in names))
+    x_words, y_words = (coordinate_words(name, system.units) for name in names)
+    return Picture(system, axes, (), parts, words=(x_words, y_words))
 
 
 @pictured(Basins, size=(6.6, 6.2), forms=("axes",))
