@@ -2,8 +2,8 @@
 
 A manifold of a period map P with the multiplier mu is the image of a short piece of its tangent at the saddle: the
 point ``P^k(s + d |mu|^t v)`` for t from 0 to 1 and k = 0, 1, ... (Hobson 1993, J. Comput. Phys. 104, 14-22). The stable
-one is
-that of the motion backwards in time. The piece is so short that its distance from the manifold is below rounding.
+one is that of the motion backwards in time. The piece is so short that its distance from the manifold is below
+rounding.
 """
 
 from __future__ import annotations

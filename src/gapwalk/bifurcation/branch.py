@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -55,17 +56,14 @@ class Distance(NamedTuple):
     @classmethod
     def of(cls, branches: Sequence[Branch], text: str) -> Distance:
         """Read ``above grazing 1``, ``below fold 2`` or ``distance from 0.8``; special points are counted along all."""
-        read = _AXIS.fullmatch(text)
-        try:
-            found = read and (
-                [(float(read[4]), 0.0)]
-                if read[4]
-                else [(each.value, each.uncertainty) for branch in branches for each in branch.special(read[2])]
-            )
-            assert read
-            assert found
-            value, least = found[int(read[3] or 1) - 1]
-        except (AssertionError, IndexError, ValueError):
+        read, found = _AXIS.fullmatch(text), list[tuple[float, float]]()
+        if read and read[4]:
+            with suppress(ValueError):  # neither a number nor a special point
+                found = [(float(read[4]), 0.0)]
+        elif read:
+            found = [(each.value, each.uncertainty) for branch in branches for each in branch.special(read[2])]
+        place = int(read[3] or 1) - 1 if read else 0
+        if place >= len(found):
             kinds = [each.kind for branch in branches for each in branch.special_points]
             known = (
                 ", ".join(f"{kind} {kinds[: n + 1].count(kind)}" for n, kind in enumerate(kinds)) or "no special points"
@@ -73,7 +71,9 @@ class Distance(NamedTuple):
             raise ModelError(
                 f'x = {text!r} is no distance here: write "above grazing 1", "below fold 2" or "distance from 0.8"; '
                 f"there are {known}"
-            ) from None
+            )
+        assert read
+        value, least = found[place]
         return cls(value, {"above": 1, "below": -1}.get(read[1], 0), max(least, 1e-15 * abs(value)))
 
     def __call__(self, values: Any) -> NDArray[np.float64]:
