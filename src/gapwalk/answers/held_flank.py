@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
@@ -217,7 +217,7 @@ class _Response:
             ahead = value + way * step
             ahead = end if way * (end - ahead) < _NEAR * self.width else ahead
             guess = self._guess(ahead, self.points[-3:])
-            state = self._solved(ahead, guess)
+            state = self._solved(ahead, guess, anew=step > _FIRST * self.width)
             far = math.inf if state is None else self._apart(state, guess)
             if state is None or far > _ASTRAY:
                 if step <= _SHORTEST * self.width:
@@ -228,13 +228,13 @@ class _Response:
             factor = 2.0 if far < _GOOD else 1.0 if far < 0.5 * _ASTRAY else 0.5
             value, step = ahead, min(step * factor, _LONGEST * self.width)
 
-    def at(self, value: float) -> _Point:
+    def at(self, value: float, goal: float = _EXACT) -> _Point:
         """Return the held orbit at a value between those of the walk."""
         near = sorted(self.points, key=lambda point: abs(point.value - value))[:3]
         if near[0].value == value:
             return near[0]
         for guess in self._guess(value, near), near[0].state:
-            if (state := self._solved(value, guess, _EXACT)) is not None:
+            if (state := self._solved(value, guess, goal)) is not None:
                 return self._add(value, state)
         raise ConvergenceError(f"no motion with held flanks was found at {self.words(value)}, beside one")
 
@@ -254,12 +254,14 @@ class _Response:
             found += one.state * math.prod((value - other) / (one.value - other) for other in others)
         return found
 
-    def _solved(self, value: float, guess: NDArray[np.float64], goal: float = _ROUGH) -> NDArray[np.float64] | None:
-        """Return the periodic state near a guess by Broyden's method; None if it does not converge."""
+    def _solved(
+        self, value: float, guess: NDArray[np.float64], goal: float = _ROUGH, *, anew: bool = True
+    ) -> NDArray[np.float64] | None:
+        """Return the periodic state near a guess by Broyden's method, maybe begun anew; None if it fails."""
         # What friction keeps that never slips leaves a direction without a residual, hence least squares.
         system, enough = self.line.system_at(value), max(goal, _ENOUGH)
         flow, coefficients = flow_of(system), coefficients_of(system)
-        for jacobian in (self.jacobian, None):
+        for jacobian in (self.jacobian, None) if anew or self.jacobian is None else (self.jacobian,):
             x, last, best = guess / self.scales, None, (math.inf, guess)
             first = 0.0
             with suppress(FlowError):
@@ -330,10 +332,14 @@ def _ends(response: _Response, gap: str) -> Iterator[BandEnd]:
     for one, other in pairwise(response.ordered):
         if one.depths[gap] * other.depths[gap] >= 0.0:
             continue
-        near = (_NEAR if one.is_first(gap) or other.is_first(gap) else _ABOUT) * response.width
-        root = find_root(lambda value: response.at(value).depths[gap], one.value, other.value, absolute=near)
-        point = response.at(root.place)
-        located = point.is_first(gap) and near < _ABOUT * response.width
+        is_first = one.is_first(gap) or other.is_first(gap)
+        near, at = (
+            (_NEAR if is_first else _ABOUT) * response.width,
+            partial(response.at, goal=_EXACT if is_first else _ROUGH),
+        )
+        root = find_root(lambda value, at=at: at(value).depths[gap], one.value, other.value, absolute=near)
+        point = at(root.place)
+        located = point.is_first(gap) and is_first
         yield _located(response, point, gap) if located else BandEnd(point.value, str(Kind.GRAZING), 2.0 * near)
 
 

@@ -43,7 +43,7 @@ NARROW = 5e-5
 _PART = 10  # steps of a part, at most
 _STEPS = 5  # steps of each part in one piece of work, at least
 _AT_ONCE = WIDTH // 2  # parts in a register, each in both directions
-_BETWEEN = 3  # values between two steps
+_BETWEEN = 3  # values between two steps, at least
 _FINER_ENDS = 3.0  # factor on the steps there: with half of that an end of train A was .1 rpm off
 _FEW = 4  # changes of a gap, from either end of a sweep, that are narrowed down
 _FLIES, _SWINGS = 0.02, (0.02, 0.1)  # rates of random starts, of the speed: of loose parts, and behind a spring
@@ -200,20 +200,22 @@ def _narrowed(system: System, sweep: SettledSweep, gaps: Sequence[str]) -> Settl
     edges = [motion.value for motion in motions]
     while True:
         ends = [tuple(motions[place : place + 2]) for place in _ends(motions, edges, sweep, gaps)]
-        wide = [(one, inside) for one, two in ends if (inside := inside_of(one.value, two.value, least))]
+        wide = [(one, two) for one, two in ends if abs(two.value - one.value) > least]
         if not wide:
             return replace(sweep, lanes=tuple(motions))
-        starts = list[Start]()
-        for one, inside in wide:
-            line = ParameterLine(system, sweep.parameter)
+        # all lanes are used: one that is idle costs as much
+        between = WIDTH * -(-len(wide) * _BETWEEN // WIDTH) // len(wide)
+        starts, line = list[Start](), ParameterLine(system, sweep.parameter)
+        for one, two in wide:
+            inside = inside_of(one.value, two.value, least, between)
             starts += [Start((), value, line.system_at(value), one.state) for value in inside]
         more = [motion for _, motion in settle_lanes(starts, width=2 * WIDTH, finer=_FINER_ENDS)]
         motions = sorted([*motions, *more], key=lambda motion: sweep.direction.sign * motion.value)
 
 
-def inside_of(one: float, other: float, least: float) -> list[float]:
+def inside_of(one: float, other: float, least: float, between: int = _BETWEEN) -> list[float]:
     """Return values that narrow the range of an end down: inside it, or none if it is narrow."""
-    return np.linspace(one, other, _BETWEEN + 2)[1:-1].tolist() if abs(other - one) > least else []
+    return np.linspace(one, other, between + 2)[1:-1].tolist() if abs(other - one) > least else []
 
 
 def _ends(motions: Sequence[LaneMotion], edges: Sequence[float], sweep: SettledSweep, gaps: Sequence[str]) -> list[int]:

@@ -48,6 +48,7 @@ _STILL = 1e-7  # change of an extreme, relative to the width of its gap, that co
 _FINER = 4.0  # factor on the steps of motions that failed
 _SUMS = ("total", "drift", "power", "energy", "fourth")  # notes of which the means over a period are kept
 _EXTRAPOLATED, _SECTIONS = 12, 12  # periods between extrapolations, and sections of each
+_TINY = float(np.finfo(float).tiny)
 _CANCELS, _SPREAD = 0.1, 50.0  # what may be left of the changes, of the largest; the most that weights may add up to
 _KINDS = (*OF_CONTACT, *OF_COORDINATE, *OF_SIGNAL)
 
@@ -120,7 +121,7 @@ def _accelerations(energy: NDArray[np.float64], *, is_sample: bool = True) -> tu
     if not is_sample:
         return rms, np.zeros_like(rms)
     spread = energy.reshape(_BATCHES, -1, len(rms)).mean(axis=1).std(axis=0, ddof=1) / math.sqrt(_BATCHES)
-    return rms, _STUDENT * spread / (2.0 * np.maximum(rms, np.finfo(float).tiny))
+    return rms, _STUDENT * spread / (2.0 * np.maximum(rms, _TINY))
 
 
 class Start(NamedTuple):
@@ -132,6 +133,11 @@ class Start(NamedTuple):
     state: NDArray[np.float64]
     known: tuple[LaneMotion, ...] = ()  #: Settled motions at this value, to one of which it may lead.
     is_warm: bool = False  #: True for a state on a settled motion nearby.
+
+
+def _of_periods(rows: NDArray[np.float64], q: int, over: Callable[..., Any]) -> NDArray[np.float64]:
+    """Return the least, mean or largest of each q successive rows."""
+    return rows if q == 1 else over(np.lib.stride_tricks.sliding_window_view(rows, q, axis=0), axis=-1)
 
 
 def starts_at(system: System, states: NDArray[np.float64], values: Mapping[str, NDArray[np.float64]]) -> list[Start]:
@@ -200,19 +206,21 @@ class _Settling:
         self.signals = acceleration_rows(system)
         kinds = [kind for kind in _KINDS if kind != "drift" or turn_of(structure) is not None]
         self.lanes = Lanes(structure, coefficients, states, kinds=kinds, signals=self.signals, finer=finer)
-        self.kinds = {kind: [row for (own, _), row in self.lanes.code.notes.items() if own == kind] for kind in _KINDS}
-        self.sums = [row for kind in _SUMS for row in self.kinds[kind]]
+        rows = [kind for kind, _ in self.lanes.code.notes]  # those of a kind follow one another
+        self.kinds = {kind: slice(rows.index(kind), rows.index(kind) + rows.count(kind)) for kind in kinds}
+        self.closes = slice(self.kinds["up"].start, self.kinds["down"].stop)
+        self.sums = np.flatnonzero([kind in _SUMS for kind in rows])
         count = len(starts)
-        self.notes: list[list[NDArray[np.float64]]] = [[] for _ in range(count)]
-        self.strobes: list[list[NDArray[np.float64]]] = [[] for _ in range(count)]
-        self.waits = [0] * count
+        #: The notes of each lane over each period that it was followed, and the states at its end; and their number.
+        self.notes, self.strobes = np.zeros((count, _WATCHED, len(rows))), np.zeros((count, _WATCHED, states.shape[1]))
+        self.ages, self.waits = [0] * count, [0] * count
         self.slow = slow_places(system)
         self.clear = np.array([self._clearances(row) for row in coefficients]).reshape(count, 2, -1)
 
     def take(self, lane: int, start: Start | None) -> None:
         """Give a lane another motion, or none."""
         self.starts[lane] = start
-        self.notes[lane], self.strobes[lane], self.waits[lane] = [], [], 0
+        self.ages[lane], self.waits[lane] = 0, 0
         if start is not None:
             numbers = coefficients_of(start.system)
             self.lanes.put(np.array([lane]), numbers[None], start.state[None])
@@ -222,33 +230,43 @@ class _Settling:
 
     def advance(self) -> None:
         """Advance all motions by some forcing periods."""
-        for _ in range(_BLOCK):
-            self.lanes.advance()
-            taken, states = self.lanes.all_notes, self.lanes.states
-            taken[:, self.sums] /= self.lanes.steps[:, None]
-            for lane, start in enumerate(self.starts):
-                if start is not None:
-                    self.notes[lane].append(taken[lane])
-                    self.strobes[lane].append(states[lane])
+        notes, states = self.lanes.advance(_BLOCK)
+        notes[..., self.sums] /= self.lanes.steps[:, None]
+        if max(self.ages) + _BLOCK > self.notes.shape[1]:
+            self.notes, self.strobes = (np.concatenate((each, each), axis=1) for each in (self.notes, self.strobes))
         for lane, start in enumerate(self.starts):
-            if start is None or len(self.notes[lane]) % _EXTRAPOLATED or self.waits[lane] > _TRANSIENT:
+            if start is None:
+                continue
+            age = self.ages[lane] = self.ages[lane] + _BLOCK
+            self.notes[lane, age - _BLOCK : age], self.strobes[lane, age - _BLOCK : age] = (
+                notes[:, lane],
+                states[:, lane],
+            )
+            if age % _EXTRAPOLATED or self.waits[lane] > _TRANSIENT:
                 continue
             if not start.is_warm or np.ptp(self._closings(lane, _ENVELOPE), axis=0).max(initial=0.0) == 0.0:
                 self._extrapolate(lane)
 
+    def _noted(self, lane: int, count: int) -> NDArray[np.float64]:
+        """Return the notes of the latest periods."""
+        return self.notes[lane, max(self.ages[lane] - count, 0) : self.ages[lane]]
+
+    def _sections(self, lane: int, count: int) -> NDArray[np.float64]:
+        """Return the latest sections."""
+        return self.strobes[lane, max(self.ages[lane] - count, 0) : self.ages[lane]]
+
     def _closings(self, lane: int, count: int) -> NDArray[np.float64]:
         """Return the closings on both sides of each gap in the latest periods."""
-        return np.array(self.notes[lane][-count:])[:, [*self.kinds["up"], *self.kinds["down"]]]
+        return self._noted(lane, count)[:, self.closes]
 
     def _extrapolate(self, lane: int) -> None:
         """Take the slow modes of a transient to where they end."""
         end = self._slow_end(lane)
         if end is None or self._is_there(lane, end):
             return
-        state = self.strobes[lane][-1].copy()
+        state = self._sections(lane, 1)[0].copy()
         state[self.slow] = end
-        self.waits[lane] += len(self.notes[lane])
-        self.notes[lane], self.strobes[lane] = [], []
+        self.waits[lane], self.ages[lane] = self.waits[lane] + self.ages[lane], 0
         self.lanes.restart(np.array([lane]), state[None])
 
     def _slow_end(self, lane: int) -> NDArray[np.float64] | None:
@@ -259,7 +277,7 @@ class _Settling:
         """
         # half as many changes as there are numbers: more would cancel in chaos as well
         count = min(_SECTIONS, 2 + len(self.slow) // 2)
-        sections = np.array(self.strobes[lane][-count:])[:, self.slow]
+        sections = self._sections(lane, count)[:, self.slow]
         changes = np.diff(sections, axis=0)
         largest = np.abs(changes).max(axis=0)
         scaled = changes / np.where(largest <= _STILL * np.abs(sections).max(axis=0), np.inf, largest)
@@ -297,11 +315,11 @@ class _Settling:
 
     def _judge(self, lane: int, start: Start) -> tuple[int, int] | None:
         """Return the period and the number of watched periods once the motion of a lane is decided; else None."""
-        age = len(self.notes[lane])
+        age = self.ages[lane]
         if age < 2 * _APART + _ENVELOPE:
             return None
-        recent = np.array(self.notes[lane][-(2 * _APART + _ENVELOPE + 3 * _LONGEST) :])
-        counts = self._closings(lane, len(recent))
+        recent = self._noted(lane, 2 * _APART + _ENVELOPE + 3 * _LONGEST)
+        counts = recent[:, self.closes]
         period, shrinks = self._period(lane, counts), 1.0
         if period or not counts[-_APART:].any():
             q = period or 1
@@ -320,18 +338,18 @@ class _Settling:
         if period:
             return period, period
         # chaos that dies out after a hundred periods is no other motion than the one that is known
-        about = _accelerations(np.array(self.notes[lane][-_WATCHED:])[:, self.kinds["energy"]])
+        about = _accelerations(self._noted(lane, _WATCHED)[:, self.kinds["energy"]])
         is_new = bool(start.known) and not any(each.has_like(*about) for each in start.known)
         return None if is_new and self.waits[lane] + age < _DOUBT else (0, _WATCHED)
 
     def _is_there(self, lane: int, end: NDArray[np.float64]) -> bool:
         """Return True if the slow modes are where they end: one that oscillates slowly hardly changes as it turns."""
-        notes = self.notes[lane][-1]
+        (notes,) = self._noted(lane, 1)
         spans = notes[self.kinds["most"]] - notes[self.kinds["least"]]
         half = len(self.slow) // 2
         own = [k for k in range(half) if self.slow[k] != self.lanes.turn]
-        apart = np.abs(end - self.strobes[lane][-1][self.slow])[own]
-        return bool(np.all(apart <= _ENDED * np.maximum(spans[np.array(self.slow)[own]], np.finfo(float).tiny)))
+        apart = np.abs(end - self._sections(lane, 1)[0, self.slow])[own]
+        return bool(np.all(apart <= _ENDED * np.maximum(spans[np.array(self.slow)[own]], _TINY)))
 
     def _arrives(self, lane: int, start: Start) -> LaneMotion | None:
         """Return the known periodic motion that a motion approaches, near it in section and accelerations."""
@@ -340,35 +358,32 @@ class _Settling:
                 if self._is_amid(lane, motion):
                     return motion
                 continue
-            if len(self.notes[lane]) < _ENVELOPE + q - 1:
+            if self.ages[lane] < _ENVELOPE + q - 1:
                 continue
-            scale = np.maximum(motion.extremes[2] - motion.extremes[0], np.finfo(float).tiny)
-            if self.lanes.turn is not None:
-                scale[self.lanes.turn] = np.inf
-            strobes = np.array(self.strobes[lane][-(_APART + _ENVELOPE + q) :])[:, : len(scale)]
+            scale = self._scale(motion.extremes[2] - motion.extremes[0])
+            strobes = self._sections(lane, _APART + _ENVELOPE + q)[:, : len(scale)]
             apart = (np.abs(strobes - motion.state[: len(scale)]) / scale).max(axis=1)
             now, before = (
-                np.lib.stride_tricks.sliding_window_view(each, q).min(axis=1).max()
-                for each in (apart[-_ENVELOPE - q + 1 :], apart[: _ENVELOPE + q - 1])
+                _of_periods(each, q, np.min).max() for each in (apart[-_ENVELOPE - q + 1 :], apart[: _ENVELOPE + q - 1])
             )
-            shrinks = len(self.notes[lane]) >= 2 * _APART and now <= min(_NEAR, _SHRINKS * before)
-            energy = np.array(self.notes[lane][-q:])[:, self.kinds["energy"]].mean(axis=0)
+            shrinks = self.ages[lane] >= 2 * _APART and now <= min(_NEAR, _SHRINKS * before)
+            energy = self._noted(lane, q)[:, self.kinds["energy"]].mean(axis=0)
             if (shrinks or now <= _SAME) and np.all(np.abs(np.sqrt(energy) - motion.rms) <= _NEAR * motion.rms):
                 return motion
         return None
 
     def _is_amid(self, lane: int, motion: LaneMotion) -> bool:
         """Return True if what gaps do after a transient, and accelerations, are those of a motion without period."""
-        if len(self.notes[lane]) < _GLANCE or self.waits[lane] + len(self.notes[lane]) < _TRANSIENT + _GLANCE:
+        if self.ages[lane] < _GLANCE or self.waits[lane] + self.ages[lane] < _TRANSIENT + _GLANCE:
             return False
-        rms, error = _accelerations(np.array(self.notes[lane][-_GLANCE:])[:, self.kinds["energy"]])
+        rms, error = _accelerations(self._noted(lane, _GLANCE)[:, self.kinds["energy"]])
         seen, known = self._closings(lane, _GLANCE).sum(axis=0), _GLANCE * motion.sides[self.staged].T.ravel()
         differs = np.maximum(seen, known)[np.minimum(seen, known) == 0.0] > _RARE
         return bool(not differs.any() and np.all(error <= _NEAR * rms)) and motion.has_like(rms, error)
 
     def _calms(self, lane: int) -> bool:
         """Return True if the steps between the last sections are at most half as long as those before."""
-        strobes = np.array(self.strobes[lane][-_WATCHED:])
+        strobes = self._sections(lane, _WATCHED)
         steps = np.abs(np.diff(strobes, axis=0))
         third = len(steps) // 3
         early, late = steps[:third].max(axis=0), steps[-third:].max(axis=0)
@@ -376,15 +391,16 @@ class _Settling:
 
     def _period(self, lane: int, counts: NDArray[np.float64]) -> int:
         """Return after how many forcing periods sections and closings repeat; 0 if they do not."""
-        strobes = np.array(self.strobes[lane][-(3 * _APART + _ENVELOPE) :])[:, : self.layout.structure.size]
-        spans = self.notes[lane][-1][self.kinds["most"]] - self.notes[lane][-1][self.kinds["least"]]
-        scale = np.maximum(spans, np.finfo(float).tiny)
-        if self.lanes.turn is not None:
-            scale[self.lanes.turn] = np.inf
+        rows = [row.tobytes() for row in counts[-2 * _LONGEST :]]
+        periods = [q for q in range(1, _LONGEST + 1) if rows[-q:] == rows[-2 * q : -q]]
+        if not periods:
+            return 0
+        strobes = self._sections(lane, 3 * _APART + _ENVELOPE)[:, : self.layout.structure.size]
+        (notes,) = self._noted(lane, 1)
+        spans = notes[self.kinds["most"]] - notes[self.kinds["least"]]
+        scale = self._scale(spans)
         steps = (np.abs(np.diff(strobes, axis=0)) / scale).max(axis=1)
-        for q in range(1, _LONGEST + 1):
-            if not np.array_equal(counts[-q:], counts[-2 * q : -q]):
-                continue
+        for q in periods:
             # chaos comes near a longer motion by chance, and leaves it within some periods
             held = 1 if q == 1 else min(_APART, len(strobes) - q)
             if (np.abs(strobes[-held:] - strobes[-held - q : -q]) / scale).max() <= _SAME:
@@ -395,20 +411,24 @@ class _Settling:
                 return 0 if dies else q
         return 0
 
+    def _scale(self, spans: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the ranges of coordinates as scales, of which the rotation as a whole has none."""
+        scale = np.maximum(spans, _TINY)
+        if self.lanes.turn is not None:
+            scale[self.lanes.turn] = np.inf
+        return scale
+
     def _left(self, recent: NDArray[np.float64], q: int) -> tuple[float, Any, Any, tuple[Any, Any]]:
         """Return the contraction of a transient, and what is left of it by that.
 
         That is of the extremes of each contact, and of the energy of each signal, relative to it; and the latest
         extremes. The figures are those of q periods; the envelope of their changes over some periods contracts.
         """
-        low, high, energy = (
-            np.lib.stride_tricks.sliding_window_view(recent[:, self.kinds[kind]], q, axis=0)
-            for kind in ("low", "high", "energy")
-        )
+        of = (("low", np.min), ("high", np.max), ("energy", np.mean))
+        low, high, energy = (_of_periods(recent[:, self.kinds[kind]], q, over) for kind, over in of)
         apart = q * -(-_APART // q)
-        low, high, energy = low.min(axis=2), high.max(axis=2), energy.mean(axis=2)
-        width = np.maximum(high[-1] - low[-1], np.finfo(float).tiny)
-        parts = low / width, high / width, energy / np.maximum(energy[-1], np.finfo(float).tiny)
+        width = np.maximum(high[-1] - low[-1], _TINY)
+        parts = low / width, high / width, energy / np.maximum(energy[-1], _TINY)
         changes = [np.abs(each[apart:] - each[:-apart]) for each in parts]
         if len(changes[0]) <= apart:
             return 1.0, np.full(len(width), np.inf), np.inf, (low[-1], high[-1])
@@ -416,14 +436,14 @@ class _Settling:
         before = [each[:-apart][-_ENVELOPE:].max(axis=0) for each in changes]
         now = [np.where(each <= _STILL, 0.0, each) for each in now]
         largest = max(float(each.max(initial=0.0)) for each in now)
-        ratio = largest / max(*(float(each.max(initial=0.0)) for each in before), np.finfo(float).tiny)
+        ratio = largest / max(*(float(each.max(initial=0.0)) for each in before), _TINY)
         # what changes fast at first hides a slow mode: by a ratio below one half nothing is taken for granted
         rest = max(ratio / (1.0 - ratio), 1.0) if ratio < 1.0 else 1.0 / np.finfo(float).eps
         left = [each * rest if each.any() else each for each in now]
         return ratio, np.maximum(left[0], left[1]) * width, left[2], (low[-1], high[-1])
 
     def _motion(self, lane: int, start: Start, state: NDArray[np.float64], period: int, watched: int) -> LaneMotion:
-        notes = np.array(self.notes[lane][-watched:])
+        notes = self._noted(lane, watched)
         contacts, staged = len(self.layout.contacts), self.staged
 
         def of_contacts(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -442,7 +462,7 @@ class _Settling:
             start.value,
             state,
             period,
-            self.waits[lane] + len(self.notes[lane]) - watched,
+            self.waits[lane] + self.ages[lane] - watched,
             watched,
             of_contacts(sides),
             closed,
@@ -452,6 +472,6 @@ class _Settling:
             np.array([kind["least"].min(axis=0), n_mean, kind["most"].max(axis=0)]),
             rms,
             kind["summit"].max(axis=0),
-            fourth / np.maximum(energy**2, np.finfo(float).tiny),
+            fourth / np.maximum(energy**2, _TINY),
             error,
         )

@@ -8,6 +8,7 @@ that the code serves every value of every parameter; a fraction of a second comp
 from __future__ import annotations
 
 import ctypes
+import re
 import struct
 from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
@@ -18,14 +19,16 @@ import numpy as np
 from gapwalk.ensemble.force_source import FUNCTIONS, Sheet, Switch, Term, either, floor, greatest, least, size
 from gapwalk.errors import UnfitError
 from gapwalk.flow.forces import stages_of
-from gapwalk.machine_code import engine_of
+from gapwalk.machine_code import engine_of, has_feature
 from gapwalk.model.coefficients import ContactSlots, Wave, layout_of
 from gapwalk.model.laws import Friction, Host, Stages
 from gapwalk.model.structure import Structure
 
 WIDTH = 8
-"""Motions in a register."""
-_VECTOR, _MASK = f"<{WIDTH} x double>", f"<{WIDTH} x i1>"
+"""Motions that are advanced together."""
+_PART = WIDTH if has_feature("avx512f") else 4  # of them in a register
+_PARTS = range(WIDTH // _PART)
+_VECTOR, _MASK = f"<{_PART} x double>", f"<{_PART} x i1>"
 _WIDE = '"prefer-vector-width"="512" "min-legal-vector-width"="512"'  # one register where there are such
 _FAST = "nsz arcp contract reassoc"  # not-a-number and infinity stay what they are: they tell a motion that diverged
 _OPERATIONS = {"{} + {}": "fadd", "{} - {}": "fsub", "{} * {}": "fmul", "{} / {}": "fdiv"}
@@ -44,7 +47,13 @@ class VectorSheet(Sheet):
             less = "olt" if pattern.startswith("min") else "ogt"
             return self._select(self._line(f"fcmp {less} {_VECTOR} {{}}, {{}}", *parts), *parts)
         if pattern == "np.copysign(1.0, {})":
-            return self._line(f"call {_VECTOR} @llvm.copysign.v8f64({_VECTOR} {_splat(1.0)}, {_VECTOR} {{}})", *parts)
+            return self._line(
+                f"call {_VECTOR} @llvm.copysign.v{_PART}f64({_VECTOR} {_splat(1.0)}, {_VECTOR} {{}})", *parts
+            )
+        if pattern in ("{} and {}", "{} < {}"):
+            return self._line(
+                f"and {_MASK} {{}}, {{}}" if "and" in pattern else f"fcmp olt {_VECTOR} {{}}, {{}}", *parts
+            )
         if pattern == "not {}":
             return self._line(f"xor {_MASK} {{}}, {_splat('true', 'i1')}", *parts)
         if pattern.endswith("{} > 0.0"):
@@ -62,12 +71,12 @@ class VectorSheet(Sheet):
             given = ", ".join(f"{_VECTOR} {{}}" for _ in parts)
             return self._line(f"call {_VECTOR} @lanes.{name}({given})", *parts)
         intrinsic = {"abs": "fabs"}.get(name, name)  # floor and sqrt are instructions
-        return self._line(f"call {_VECTOR} @llvm.{intrinsic}.v8f64({_VECTOR} {{}})", *parts)
+        return self._line(f"call {_VECTOR} @llvm.{intrinsic}.v{_PART}f64({_VECTOR} {{}})", *parts)
 
     def read(self, pointer: str, row: int) -> Term:
         """Read a row of all lanes."""
-        place = self._line(f"getelementptr {_VECTOR}, ptr %{pointer}, i64 {row}")
-        return self._line(f"load {_VECTOR}, ptr {{}}, align 64", place)
+        place = self._line(f"getelementptr {_VECTOR}, ptr %{pointer}, i64 {row * len(_PARTS)}")
+        return self._line(f"load {_VECTOR}, ptr {{}}, align {8 * _PART}", place)
 
     def read_one(self, pointer: str, place: int) -> Term:
         """Read a number that all lanes share."""
@@ -78,7 +87,7 @@ class VectorSheet(Sheet):
         """Give a number to all lanes."""
         given = number if isinstance(number, Term) else Term(self, number)
         first = self._line(f"insertelement {_VECTOR} poison, double {{}}, i64 0", given)
-        return self._line(f"shufflevector {_VECTOR} {{}}, {_VECTOR} poison, <{WIDTH} x i32> zeroinitializer", first)
+        return self._line(f"shufflevector {_VECTOR} {{}}, {_VECTOR} poison, <{_PART} x i32> zeroinitializer", first)
 
     def _select(self, condition: Any, one: Any, other: Any) -> Term:
         return self._line(f"select {_MASK} {{}}, {_VECTOR} {{}}, {_VECTOR} {{}}", condition, one, other)
@@ -98,23 +107,23 @@ class VectorSheet(Sheet):
         then: list[list[str]] = [[] for _ in range(len(lines) + 1)]
         for number, ((pointer, row, _), value) in enumerate(zip(stores, values, strict=True)):
             last = max(at.get(value.text, -1), at.get(self.read(pointer, row).text, -1)) + 1
-            then[last].append(f"%s{number} = getelementptr {_VECTOR}, ptr %{pointer}, i64 {row}")
+            then[last].append(f"%s{number} = getelementptr {_VECTOR}, ptr %{pointer}, i64 {row * len(_PARTS)}")
             # volatile: else a largest value becomes a masked store, which takes 20 times as long on some processors
-            then[last].append(f"store volatile {_VECTOR} {value.text}, ptr %s{number}, align 64")
+            then[last].append(f"store volatile {_VECTOR} {value.text}, ptr %s{number}, align {8 * _PART}")
         lines = [*then[0], *(each for line, more in zip(lines, then[1:], strict=True) for each in (line, *more))]
         return "\n".join([f"define internal void {head} noinline nounwind {_WIDE} {{", *lines, "ret void", "}"])
 
 
 def _splat(value: Any, kind: str = "double") -> str:
     text = value if isinstance(value, str) else f"0x{struct.pack('>d', float(value)).hex().upper()}"
-    return f"<{', '.join([f'{kind} {text}'] * WIDTH)}>"
+    return f"<{', '.join([f'{kind} {text}'] * _PART)}>"
 
 
 class Form(NamedTuple):
     """The properties of a system on which its code depends."""
 
     structure: Structure
-    pattern: bytes  #: The coefficients that may differ from 0, as a mask.
+    pattern: bytes  #: What each coefficient is: 0 if it is always 0, `ONE` if it is always 1, 1 if it may vary.
     #: The entries of each row of signals that may differ from 0, as masks: by what `_noted` has, then earlier signals.
     signals: tuple[bytes, ...] = ()
     #: Kinds of notes that are taken, of `OF_CONTACT`, `OF_COORDINATE`, `OF_SIGNAL`, `GRIP`.
@@ -123,6 +132,8 @@ class Form(NamedTuple):
     sampled: bool = False  #: True for code that writes down states, see `CodeWriter.sample_rows`.
 
 
+ONE = 2
+"""Mark of a coefficient that is always 1."""
 #: Notes of each contact with stages: closings of the innermost stage on both sides; least and largest deflection;
 #: largest size of the force; sum of the power that it takes; fastest approach; side at the end.
 OF_CONTACT = ("up", "down", "low", "high", "peak", "power", "approach", "side")
@@ -147,8 +158,9 @@ class _Motion:
         self.base, self.zero = base, Term(self.sheet, _splat(0.0))
 
     def number(self, slot: int) -> Any:
-        """Return a coefficient; 0 if it is always 0."""
-        return self.sheet.read("C", self.writer.row(slot)) if self.writer.active[slot] else 0.0
+        """Return a coefficient; a plain number if it is always 0 or 1."""
+        active = self.writer.active[slot]
+        return self.sheet.read("C", self.writer.row(slot)) if active == 1 else 1.0 if active else 0.0
 
     def dot(self, slots: Sequence[int], terms: Sequence[Any]) -> Any:
         """Return the sum of some terms, each with a coefficient."""
@@ -267,7 +279,7 @@ class CodeWriter:
     def __init__(self, form: Form) -> None:
         self.form, self.layout = form, layout_of(form.structure)
         self.size = self.layout.structure.size
-        self.active = np.frombuffer(form.pattern, dtype=bool)
+        self.active = np.frombuffer(form.pattern, dtype=np.uint8)
         self.signals = [np.frombuffer(row, dtype=bool) for row in form.signals]
         self.dry = [k for k, slots in enumerate(self.layout.contacts) if slots.form.law.is_dry]
         #: Rows of the numbers, after the length of a step: entries of signals, coefficients, springs for friction.
@@ -289,6 +301,20 @@ class CodeWriter:
         return 2 * len(self.layout.orders) + 1
 
     @cached_property
+    def alike(self) -> dict[tuple[str, int], tuple[str, int]]:
+        """Notes that are others: the least and largest deflection of a contact that is a coordinate."""
+        found = {}
+        for k, slots in enumerate(self.layout.contacts):
+            places = np.flatnonzero(self.active[slots.deflection]).tolist()
+            if (
+                slots.stages
+                and [self.active[slots.deflection[place]] for place in places] == [ONE]
+                and slots.sway is None
+            ):
+                found |= {("low", k): ("least", places[0]), ("high", k): ("most", places[0])}
+        return {one: other for one, other in found.items() if {one, other} <= self.notes.keys()}
+
+    @cached_property
     def notes(self) -> dict[tuple[str, int], int]:
         """The row of each note, by its kind and the number of the contact, coordinate or signal; the sides are last."""
         staged = [k for k, slots in enumerate(self.layout.contacts) if slots.stages]
@@ -303,15 +329,28 @@ class CodeWriter:
         parts = ["first", "stage"] if self.notes else ["stage"]
         text = [self._stage(name) for name in parts]
         sizes: dict[str, Any] = {"columns": self.columns, "height": self.sample_rows, "rows": 2 * self.size}
-        sizes |= {"v": _VECTOR, "number": _VECTOR if self.form.apart else "double"}
-        text += [self._after(), _ADVANCE.format(first=parts[0], **sizes, **_SHARES)]
+        sizes |= {"width": WIDTH, "number": f"[{WIDTH} x double]" if self.form.apart else "double"}
+        steps = self._in_parts(_STEP.format(first=parts[0], **_SHARES))
+        text += [self._after(), _ADVANCE.format(steps=steps, **sizes)]
         if self.form.sampled:
-            text += [self._sample(), _SAMPLED.format(**sizes)]
+            text += [self._sample(), _SAMPLED.format(sample=self._in_parts(_SAMPLE), **sizes)]
         text += [_called(name) for name in _CALLED if any(f"@lanes.{name}(" in each for each in text)]
-        names = [name for name in ("fabs", "floor", "sqrt") if any(f"@llvm.{name}.v8f64" in each for each in text)]
-        text += [f"declare {_VECTOR} @llvm.{name}.v8f64({_VECTOR})" for name in names]
-        text.append(f"declare {_VECTOR} @llvm.copysign.v8f64({_VECTOR}, {_VECTOR})")
+        names = [
+            name for name in ("fabs", "floor", "sqrt") if any(f"@llvm.{name}.v{_PART}f64" in each for each in text)
+        ]
+        text += [f"declare {_VECTOR} @llvm.{name}.v{_PART}f64({_VECTOR})" for name in names]
+        text.append(f"declare {_VECTOR} @llvm.copysign.v{_PART}f64({_VECTOR}, {_VECTOR})")
         return "\n\n".join(text)
+
+    def _in_parts(self, calls: str) -> str:
+        """Return calls for the lanes of one register after the other, which needs fewer registers than for all."""
+        lines = []
+        for part in _PARTS:
+            for name in dict.fromkeys(re.findall(r"ptr %(\w+)", calls)):
+                row = 0 if name.startswith("T") and not self.form.apart else part
+                lines.append(f"%{name}.{part} = getelementptr {_VECTOR}, ptr %{name}, i64 {row}")
+            lines.append(re.sub(r"ptr %(\w+)", rf"ptr %\1.{part}", calls))
+        return "\n".join(lines)
 
     def _stage(self, name: str) -> str:
         motion = _Motion(self, "X", "Y")
@@ -357,26 +396,25 @@ class CodeWriter:
         found: list[tuple[str, int, Any]] = []
 
         def note(kind: str, place: int, change: Callable[[Any], Any]) -> None:
-            if (row := rows.get((kind, place))) is not None:
+            if (row := rows.get((kind, place))) is not None and (kind, place) not in self.alike:
                 found.append(("S", row, change(sheet.read("S", row))))
 
         for k, slots in enumerate(self.layout.contacts):
             if ("side", k) not in rows:
                 continue
             (x, rate), force = motion.moved[k][0], forces[k]
-            side: Any = 0.0
+            before, side = sheet.read("S", rows["side", k]), Term(sheet, _splat(0.0))
+            closes = {1.0: side, -1.0: side}
             for stage in (stage for stage in slots.stages if stage.innermost):
-                clearance = motion.named(stage.numbers, stage.waves)["clearance"]
-                side = either(
-                    sheet.write("{} > 0.0", (x if stage.sign > 0 else -x) - clearance), float(stage.sign), side
-                )
-            before, closes = sheet.read("S", rows["side", k]), []
-            for sign in (1.0, -1.0):  # a side that is not known yet is no number, and compares with nothing
-                reached = sheet.write("{} > 0.0", sign * side - 0.5)
-                closes.append(Switch.of(either(reached, 0.5 - sign * before, -1.0)))
-            note("up", k, lambda old, closes=closes: old + closes[0])
-            note("down", k, lambda old, closes=closes: old + closes[1])
-            struck = closes[0] + closes[1]
+                depth = x - stage.sign * motion.named(stage.numbers, stage.waves)["clearance"]
+                is_closed = sheet.write("{} > 0.0", depth if stage.sign > 0 else -depth)
+                side = either(is_closed, float(stage.sign), side)
+                # a side that is not known yet is no number, and compares with nothing
+                fresh = sheet.write("{} < {}", before if stage.sign > 0 else -before, 0.5)
+                closes[stage.sign] = sheet.write("1.0 if {}", sheet.write("{} and {}", is_closed, fresh))
+            note("up", k, lambda old, closes=closes: old + closes[1])
+            note("down", k, lambda old, closes=closes: old + closes[-1])
+            struck = closes[1] + closes[-1]
             note("approach", k, lambda old, rate=rate, struck=struck: greatest(old, struck * size(rate)))
             note("low", k, lambda old, x=x: least(old, x))
             note("high", k, lambda old, x=x: greatest(old, x))
@@ -407,10 +445,17 @@ _SHARES = {
     "sixth": "double 0x3FC5555555555555",
     "third": "double 0x3FD5555555555555",
 }  # of the slopes of the four stages
+_STEP = """\
+call void @{first}(ptr %C, ptr %T0, ptr %Y, ptr %Y, ptr %Y, ptr %B, ptr %Z, ptr %S, double 0.5, {sixth}, double 0.0)
+call void @stage(ptr %C, ptr %T1, ptr %Y, ptr %Z, ptr %B, ptr %B, ptr %Z, ptr %S, double 0.5, {third}, double 0.5)
+call void @stage(ptr %C, ptr %T1, ptr %Y, ptr %Z, ptr %B, ptr %B, ptr %Z, ptr %S, double 1.0, {third}, double 0.5)
+call void @stage(ptr %C, ptr %T2, ptr %Y, ptr %Z, ptr %B, ptr %Y, ptr %Z, ptr %S, double 0.0, {sixth}, double 1.0)
+call void @after(ptr %C, ptr %T2, ptr %Y, double 1.0)"""
+_SAMPLE = "call void @sample(ptr %C, ptr %T1, ptr %Y, ptr %row, double 0.0)"
 _ADVANCE = """\
 define void @advance(ptr %C, ptr %T, ptr %Y, ptr %B, ptr %S, i64 %steps) {{
 entry:
-%Z = getelementptr {v}, ptr %B, i64 {rows}
+%Z = getelementptr [{width} x double], ptr %B, i64 {rows}
 br label %loop
 loop:
 %i = phi i64 [ 0, %entry ], [ %next, %loop ]
@@ -418,11 +463,7 @@ loop:
 %T0 = getelementptr [{columns} x {number}], ptr %T, i64 %twice
 %T1 = getelementptr [{columns} x {number}], ptr %T0, i64 1
 %T2 = getelementptr [{columns} x {number}], ptr %T0, i64 2
-call void @{first}(ptr %C, ptr %T0, ptr %Y, ptr %Y, ptr %Y, ptr %B, ptr %Z, ptr %S, double 0.5, {sixth}, double 0.0)
-call void @stage(ptr %C, ptr %T1, ptr %Y, ptr %Z, ptr %B, ptr %B, ptr %Z, ptr %S, double 0.5, {third}, double 0.5)
-call void @stage(ptr %C, ptr %T1, ptr %Y, ptr %Z, ptr %B, ptr %B, ptr %Z, ptr %S, double 1.0, {third}, double 0.5)
-call void @stage(ptr %C, ptr %T2, ptr %Y, ptr %Z, ptr %B, ptr %Y, ptr %Z, ptr %S, double 0.0, {sixth}, double 1.0)
-call void @after(ptr %C, ptr %T2, ptr %Y, double 1.0)
+{steps}
 %next = add i64 %i, 1
 %more = icmp ult i64 %next, %steps
 br i1 %more, label %loop, label %end
@@ -441,9 +482,9 @@ loop:
 %first = mul i64 %i, %halves
 %T0 = getelementptr [{columns} x {number}], ptr %T, i64 %first
 %T1 = getelementptr [{columns} x {number}], ptr %T0, i64 %halves
-%row = getelementptr [{height} x {v}], ptr %R, i64 %i
+%row = getelementptr [{height} x [{width} x double]], ptr %R, i64 %i
 call void @advance(ptr %C, ptr %T0, ptr %Y, ptr %B, ptr %S, i64 %steps)
-call void @sample(ptr %C, ptr %T1, ptr %Y, ptr %row, double 0.0)
+{sample}
 %next = add i64 %i, 1
 %more = icmp ult i64 %next, %samples
 br i1 %more, label %loop, label %end
@@ -464,7 +505,7 @@ def _called(name: str) -> str:
         ],
         "poison",
     )
-    for lane in range(WIDTH):
+    for lane in range(_PART):
         given = []
         for k in range(count):
             lines.append(f"%{'xy'[k]}{lane} = extractelement {_VECTOR} %{'xy'[k]}, i64 {lane}")
@@ -491,6 +532,8 @@ class Code:
         text = writer.text()
         self.layout, self.dry, self.rows = writer.layout, writer.dry, writer.rows
         self.columns, self.notes = writer.columns, writer.notes
+        pairs = [(writer.notes[one], writer.notes[other]) for one, other in writer.alike.items()]
+        self.alike = np.array(pairs, dtype=int).reshape(-1, 2).T  # rows of notes that are others, and those
         self.begin = np.array([_BEGIN.get(kind, 0.0) for kind, _ in self.notes])
         self.known_steps = dict[bytes, float]()  # that a period of systems needs, by their coefficients
         self._engine = engine_of(text)

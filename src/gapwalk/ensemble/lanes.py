@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gapwalk.ensemble.batch_flow import LIMIT, fastest
 from gapwalk.ensemble.kernel_source import Linear
-from gapwalk.ensemble.lane_code import LABELS, WIDTH, Code, Form, code_of, refuse
+from gapwalk.ensemble.lane_code import LABELS, ONE, WIDTH, Code, Form, code_of, refuse
 from gapwalk.errors import UnfitError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, coefficients_of, layout_of
@@ -56,39 +56,59 @@ class Lanes:
         **more: bool,
     ) -> None:
         self.structure, self.layout, self.finer = structure, layout_of(structure), finer
-        self._pattern = (coefficients != 0.0).any(axis=0) if pattern is None else pattern
-        self._signals = np.zeros((0, 0)) if signals is None else _chained(signals)
-        asked = self._pattern.tobytes(), tuple((row != 0.0).tobytes() for row in self._signals), tuple(kinds)
-        self.code: Code = code_of(Form(structure, *asked, **more))
+        self._pattern = self._pattern_of(coefficients) if pattern is None else pattern.astype(np.uint8)
+        self._signals = np.zeros((0, 0)) if signals is None else _chained(signals.tobytes(), len(signals))
+        self._asked = tuple((row != 0.0).tobytes() for row in self._signals), tuple(kinds), more
         for slots in self.layout.contacts:
             _refuse_static(slots, coefficients)
         self.count = len(states)
         blocks, n = -(-self.count // WIDTH), self.layout.structure.size
+        self._compile(blocks)
+        self._state = aligned((blocks, 2 * n + 2 * len(self.code.dry), WIDTH))
+        self._scratch = aligned((4 * n, WIDTH))
+        self._notes = aligned((blocks, max(len(self.code.notes), 1), WIDTH))
+        self._kept = len(self.code.begin) - sum(kind == "side" for kind, _ in self.code.notes)  # notes that begin again
+        self._steps, self._needed = np.zeros(blocks, dtype=int), np.ones((blocks, WIDTH), dtype=int)
+        self._coefficients, self._used = (
+            np.zeros((blocks * WIDTH, len(self.layout))),
+            np.zeros(blocks * WIDTH, dtype=bool),
+        )
+        self.turn, memories = turn_of(structure), self.layout.structure.memories
+        self._own = [*range(2 * n), *(2 * n + self.code.dry.index(index) for index in memories)]  # of a state
+        drift = self.code.notes.get(("drift", self.turn))
+        self._drift = None if drift is None else (n + self.turn, drift)
+        places = np.minimum(np.arange(blocks * WIDTH), self.count - 1)  # the last block is filled with copies
+        self.put(np.arange(blocks * WIDTH), coefficients[places], states[places])
+        self._used[self.count :] = False
+
+    def _pattern_of(self, coefficients: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """Return what each coefficient is in all systems: always 0, always 1 as some of deflections are, or neither."""
+        found, units = (coefficients != 0.0).any(axis=0).astype(np.uint8), np.zeros(len(self.layout), dtype=bool)
+        for slots in self.layout.contacts:
+            units[slots.deflection] = True
+        found[units & (coefficients == 1.0).all(axis=0)] = ONE
+        return found
+
+    def _compile(self, blocks: int) -> None:
+        """Compile the code for the pattern, and make room for its numbers."""
+        signals, kinds, more = self._asked
+        self.code: Code = code_of(Form(self.structure, self._pattern.tobytes(), signals, kinds, **more))
         self._numbers = aligned((blocks, 1 + len(self.code.rows), WIDTH))
         for key, row in self.code.rows.items():
             if isinstance(key, tuple) and isinstance(key[0], int):
                 self._numbers[:, row] = self._signals[key]
         slots = [(slot, row) for slot, row in self.code.rows.items() if isinstance(slot, int)]
         self._slots = np.array(slots, dtype=int).reshape(-1, 2).T  # of coefficients, with the rows of their numbers
-        self._state = aligned((blocks, 2 * n + 2 * len(self.code.dry), WIDTH))
-        self._scratch = aligned((4 * n, WIDTH))
-        self._notes = aligned((blocks, max(len(self.code.notes), 1), WIDTH))
-        self._kept = len(self.code.begin) - sum(kind == "side" for kind, _ in self.code.notes)  # notes that begin again
-        arrays = self._numbers, self._state, self._notes
-        places = [tuple(each[block].ctypes.data for each in arrays) for block in range(blocks)]
-        self._places = [(numbers, state, self._scratch.ctypes.data, notes) for numbers, state, notes in places]
-        self._steps, self._needed = np.zeros(blocks, dtype=int), np.ones((blocks, WIDTH), dtype=int)
-        self._coefficients, self._used = (
-            np.zeros((blocks * WIDTH, len(self.layout))),
-            np.zeros(blocks * WIDTH, dtype=bool),
-        )
-        self.turn = turn_of(structure)
-        places = np.minimum(np.arange(blocks * WIDTH), self.count - 1)  # the last block is filled with copies
-        self.put(np.arange(blocks * WIDTH), coefficients[places], states[places])
-        self._used[self.count :] = False
 
     def put(self, lanes: NDArray[np.intp], coefficients: NDArray[np.float64], states: NDArray[np.float64]) -> None:
         """Give some lanes the numbers of a system, and a state at theta = 0."""
+        if np.any(coefficients[:, self._pattern == 0]) or np.any(coefficients[:, self._pattern == ONE] != 1.0):
+            # what was always 0 or 1 before, is not
+            known = np.concatenate((self._coefficients[self._used], coefficients))
+            self._pattern = self._pattern_of(known)
+            self._compile(len(self._numbers))
+            every = np.flatnonzero(self._used)
+            self._write(every, self._coefficients[every])
         self._coefficients[lanes] = coefficients
         keys = [each.tobytes() for each in coefficients]
         known = self.code.known_steps
@@ -97,6 +117,10 @@ class Lanes:
             known |= dict(zip(new, found.tolist(), strict=True))
         self._needed.reshape(-1)[lanes] = np.ceil([self.finer * known[key] for key in keys])
         self.restart(lanes, states)
+        self._write(lanes, coefficients)
+
+    def _write(self, lanes: NDArray[np.intp], coefficients: NDArray[np.float64]) -> None:
+        """Write the numbers of systems."""
         block, lane = np.divmod(lanes, WIDTH)
         from_, to = self._slots
         self._numbers[block[:, None], to, lane[:, None]] = coefficients[:, from_]
@@ -145,9 +169,7 @@ class Lanes:
     @property
     def states(self) -> NDArray[np.float64]:
         """The states at theta = 0, shape (count, state_size); without meaning for motions that have diverged."""
-        n, dry = self.layout.structure.size, self.code.dry
-        rows = [*range(2 * n), *(2 * n + dry.index(index) for index in self.layout.structure.memories)]
-        return self._of(self._state[:, rows])
+        return self._of(self._state)[:, self._own]
 
     @property
     def diverged(self) -> NDArray[np.bool_]:
@@ -159,11 +181,6 @@ class Lanes:
         """Steps in a period of each motion, shape (count,)."""
         return np.repeat(self._steps, WIDTH)[: self.count]
 
-    @property
-    def all_notes(self) -> NDArray[np.float64]:
-        """All notes over the last period, shape (count, rows); their rows are `Code.notes`."""
-        return self._of(self._notes)
-
     def idle(self, lane: int) -> None:
         """Leave a lane out, if its whole register is; otherwise it goes on as a copy."""
         self._used[lane] = False
@@ -173,20 +190,36 @@ class Lanes:
         return self._of(self._notes[:, [row for (own, _), row in self.code.notes.items() if own == kind]])
 
     def _of(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        return rows.transpose(0, 2, 1).reshape(-1, rows.shape[1])[: self.count].copy()  # of one block it is a view
+        """Return rows of blocks, shape (..., blocks, rows, lanes), by lanes."""
+        found = rows.swapaxes(-1, -2).reshape(*rows.shape[:-3], -1, rows.shape[-2])
+        return found[..., : self.count, :].copy()  # of one block it is a view
 
-    def advance(self) -> None:
-        """Advance all motions by one forcing period, and take new notes."""
-        self._notes[:, : self._kept] = self.code.begin[: self._kept, None]
-        n = self.layout.structure.size
+    def advance(self, periods: int = 1) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Advance all motions by some forcing periods; return the notes over each, and the states at its end.
+
+        Shapes: (periods, count, rows), with the rows of `Code.notes`, and (periods, count, state_size).
+        """
+        notes, states = aligned((periods, *self._notes.shape)), np.zeros((periods, *self._state.shape))
+        notes[:, :, : self._kept], notes[0, :, self._kept :] = (
+            self.code.begin[: self._kept, None],
+            self._notes[:, self._kept :],
+        )
+        first, (long, wide) = notes.ctypes.data, notes.strides[:2]
         for block in np.flatnonzero(self._used.reshape(-1, WIDTH).any(axis=1)).tolist():
-            steps = int(self._steps[block])
-            numbers, *others = self._places[block]
-            self.code.advance(numbers, _table(self.layout.orders, steps).ctypes.data, *others, steps)
-            if self.turn is not None and ("drift", self.turn) in self.code.notes:
-                # the rotation as a whole returns to its mean within thousands of periods: it is put there
-                drift = self._notes[block, self.code.notes["drift", self.turn]]
-                self._state[block, n + self.turn] -= drift / steps
+            steps, given = int(self._steps[block]), (self._numbers[block], self._state[block], self._scratch)
+            numbers, state, scratch = (each.ctypes.data for each in given)
+            table = _table(self.layout.orders, steps).ctypes.data
+            for period in range(periods):
+                if period:
+                    notes[period, block, self._kept :] = notes[period - 1, block, self._kept :]
+                self.code.advance(numbers, table, state, scratch, first + period * long + block * wide, steps)
+                if self._drift is not None:
+                    # the rotation as a whole returns to its mean within thousands of periods: it is put there
+                    self._state[block, self._drift[0]] -= notes[period, block, self._drift[1]] / steps
+                states[period, block] = self._state[block]
+        notes[:, :, self.code.alike[0]] = notes[:, :, self.code.alike[1]]
+        self._notes[:] = notes[-1]
+        return self._of(notes), self._of(states)[..., self._own]
 
 
 def prefers_lanes(system: System) -> bool:
@@ -203,11 +236,13 @@ def prefers_lanes(system: System) -> bool:
     return True
 
 
-def _chained(signals: NDArray[np.float64]) -> NDArray[np.float64]:
+@lru_cache(maxsize=32)
+def _chained(content: bytes, count: int) -> NDArray[np.float64]:
     """Append a column for each row, and write a row as a multiple of an earlier one with the rest, where that is short.
 
     The acceleration of an inertia is that of its neighbour and of the link between: two numbers in place of all.
     """
+    signals = np.frombuffer(content).reshape(count, -1)
     found = np.hstack((signals, np.zeros((len(signals), len(signals)))))
     for k, row in enumerate(signals):
         for j, other in enumerate(signals[:k]):
