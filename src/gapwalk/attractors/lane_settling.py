@@ -207,7 +207,8 @@ class _Settling:
         kinds = [kind for kind in _KINDS if kind != "drift" or turn_of(structure) is not None]
         self.lanes = Lanes(structure, coefficients, states, kinds=kinds, signals=self.signals, finer=finer)
         rows = [kind for kind, _ in self.lanes.code.notes]  # those of a kind follow one another
-        self.kinds = {kind: slice(rows.index(kind), rows.index(kind) + rows.count(kind)) for kind in kinds}
+        begin = {kind: rows.index(kind) if kind in rows else 0 for kind in kinds}
+        self.kinds = {kind: slice(first, first + rows.count(kind)) for kind, first in begin.items()}
         self.closes = slice(self.kinds["up"].start, self.kinds["down"].stop)
         self.sums = np.flatnonzero([kind in _SUMS for kind in rows])
         count = len(starts)
