@@ -203,9 +203,10 @@ class _Settling:
         self.staged = [k for k, slots in enumerate(self.layout.contacts) if slots.stages]
         coefficients = np.array([coefficients_of(start.system) for start in starts])
         states = np.array([start.state for start in starts])
-        self.signals = acceleration_rows(system)
+        self.rows_of = dict[bytes, NDArray[np.float64]]()
+        signals = np.array([self._rows(start.system) for start in starts])
         kinds = [kind for kind in _KINDS if kind != "drift" or turn_of(structure) is not None]
-        self.lanes = Lanes(structure, coefficients, states, kinds=kinds, signals=self.signals, finer=finer)
+        self.lanes = Lanes(structure, coefficients, states, kinds=kinds, signals=signals, finer=finer)
         rows = [kind for kind, _ in self.lanes.code.notes]  # those of a kind follow one another
         begin = {kind: rows.index(kind) if kind in rows else 0 for kind in kinds}
         self.kinds = {kind: slice(first, first + rows.count(kind)) for kind, first in begin.items()}
@@ -218,13 +219,20 @@ class _Settling:
         self.slow = slow_places(system)
         self.clear = np.array([self._clearances(row) for row in coefficients]).reshape(count, 2, -1)
 
+    def _rows(self, system: System) -> NDArray[np.float64]:
+        """Return the rows of its accelerations; they do not depend on the speed itself, unless loads do."""
+        key = system.values[0 if self.layout.frequency_enters else 1 :].tobytes()
+        if key not in self.rows_of:
+            self.rows_of[key] = acceleration_rows(system)
+        return self.rows_of[key]
+
     def take(self, lane: int, start: Start | None) -> None:
         """Give a lane another motion, or none."""
         self.starts[lane] = start
         self.ages[lane], self.waits[lane] = 0, 0
         if start is not None:
             numbers = coefficients_of(start.system)
-            self.lanes.put(np.array([lane]), numbers[None], start.state[None])
+            self.lanes.put(np.array([lane]), numbers[None], start.state[None], self._rows(start.system)[None])
             self.clear[lane] = self._clearances(numbers)
         else:
             self.lanes.idle(lane)

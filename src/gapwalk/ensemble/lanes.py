@@ -39,8 +39,8 @@ DAMPED = 0.7
 class Lanes:
     """Motions of systems of one structure, from theta = 0 on, each with its own numbers.
 
-    Shapes: `coefficients` (count, number of coefficients), `states` (count, state_size), `signals` (count of signals, n
-    + 1 + 2 orders), by the accelerations, 1, and the cosines and sines of all orders.
+    Shapes: `coefficients` (count, number of coefficients), `states` (count, state_size), `signals` (count, number of
+    signals, n + 1 + 2 orders), by the accelerations, 1, and the cosines and sines of all orders.
     """
 
     def __init__(
@@ -57,12 +57,14 @@ class Lanes:
     ) -> None:
         self.structure, self.layout, self.finer = structure, layout_of(structure), finer
         self._pattern = self._pattern_of(coefficients) if pattern is None else pattern.astype(np.uint8)
-        self._signals = np.zeros((0, 0)) if signals is None else _chained(signals.tobytes(), len(signals))
-        self._asked = tuple((row != 0.0).tobytes() for row in self._signals), tuple(kinds), more
+        signals = np.zeros((len(states), 0, 0)) if signals is None else signals
+        found, self._parents = _chained(signals[0])
+        self._entries, self._kinds, self._more = found != 0.0, tuple(kinds), more
         for slots in self.layout.contacts:
             _refuse_static(slots, coefficients)
         self.count = len(states)
         blocks, n = -(-self.count // WIDTH), self.layout.structure.size
+        self._signals = np.zeros((blocks * WIDTH, *signals.shape[1:]))
         self._compile(blocks)
         self._state = aligned((blocks, 2 * n + 2 * len(self.code.dry), WIDTH))
         self._scratch = aligned((4 * n, WIDTH))
@@ -78,7 +80,7 @@ class Lanes:
         drift = self.code.notes.get(("drift", self.turn))
         self._drift = None if drift is None else (n + self.turn, drift)
         places = np.minimum(np.arange(blocks * WIDTH), self.count - 1)  # the last block is filled with copies
-        self.put(np.arange(blocks * WIDTH), coefficients[places], states[places])
+        self.put(np.arange(blocks * WIDTH), coefficients[places], states[places], signals[places])
         self._used[self.count :] = False
 
     def _pattern_of(self, coefficients: NDArray[np.float64]) -> NDArray[np.uint8]:
@@ -90,26 +92,38 @@ class Lanes:
         return found
 
     def _compile(self, blocks: int) -> None:
-        """Compile the code for the pattern, and make room for its numbers."""
-        signals, kinds, more = self._asked
-        self.code: Code = code_of(Form(self.structure, self._pattern.tobytes(), signals, kinds, **more))
+        """Compile the code for what may differ from 0, and make room for its numbers."""
+        entries = tuple(row.tobytes() for row in self._entries)
+        self.code: Code = code_of(Form(self.structure, self._pattern.tobytes(), entries, self._kinds, **self._more))
         self._numbers = aligned((blocks, 1 + len(self.code.rows), WIDTH))
-        for key, row in self.code.rows.items():
-            if isinstance(key, tuple) and isinstance(key[0], int):
-                self._numbers[:, row] = self._signals[key]
         slots = [(slot, row) for slot, row in self.code.rows.items() if isinstance(slot, int)]
         self._slots = np.array(slots, dtype=int).reshape(-1, 2).T  # of coefficients, with the rows of their numbers
+        keys = [
+            (*key, row) for key, row in self.code.rows.items() if isinstance(key, tuple) and isinstance(key[0], int)
+        ]
+        self._places = np.array(keys, dtype=int).reshape(-1, 3).T  # of entries of signals, with the rows of theirs
 
-    def put(self, lanes: NDArray[np.intp], coefficients: NDArray[np.float64], states: NDArray[np.float64]) -> None:
-        """Give some lanes the numbers of a system, and a state at theta = 0."""
-        if np.any(coefficients[:, self._pattern == 0]) or np.any(coefficients[:, self._pattern == ONE] != 1.0):
-            # what was always 0 or 1 before, is not
-            known = np.concatenate((self._coefficients[self._used], coefficients))
-            self._pattern = self._pattern_of(known)
+    def put(
+        self,
+        lanes: NDArray[np.intp],
+        coefficients: NDArray[np.float64],
+        states: NDArray[np.float64],
+        signals: NDArray[np.float64] | None = None,
+    ) -> None:
+        """Give some lanes the numbers of a system, and a state at theta = 0; signals stay as they are if not given."""
+        signals = self._signals[lanes] if signals is None else signals
+        fits = not np.any(coefficients[:, self._pattern == 0])
+        fits &= not np.any(coefficients[:, self._pattern == ONE] != 1.0)
+        if not fits:  # what was always 0 or 1 before, is not
+            self._pattern = self._pattern_of(np.concatenate((self._coefficients, coefficients)))
+        if any(np.any(_chained(each, self._parents)[0][~self._entries]) for each in signals):
+            fits, self._parents = False, (-1,) * len(self._entries)
+            every = np.concatenate((self._signals, signals))
+            self._entries = np.any([_chained(each, self._parents)[0] for each in every], axis=0)
+        self._coefficients[lanes], self._signals[lanes] = coefficients, signals
+        if not fits:
             self._compile(len(self._numbers))
-            every = np.flatnonzero(self._used)
-            self._write(every, self._coefficients[every])
-        self._coefficients[lanes] = coefficients
+            self._write(np.arange(len(self._signals)))
         keys = [each.tobytes() for each in coefficients]
         known = self.code.known_steps
         if new := {key: place for place, key in enumerate(keys) if key not in known}:
@@ -117,13 +131,16 @@ class Lanes:
             known |= dict(zip(new, found.tolist(), strict=True))
         self._needed.reshape(-1)[lanes] = np.ceil([self.finer * known[key] for key in keys])
         self.restart(lanes, states)
-        self._write(lanes, coefficients)
+        self._write(lanes)
 
-    def _write(self, lanes: NDArray[np.intp], coefficients: NDArray[np.float64]) -> None:
+    def _write(self, lanes: NDArray[np.intp]) -> None:
         """Write the numbers of systems."""
         block, lane = np.divmod(lanes, WIDTH)
         from_, to = self._slots
-        self._numbers[block[:, None], to, lane[:, None]] = coefficients[:, from_]
+        self._numbers[block[:, None], to, lane[:, None]] = self._coefficients[np.ix_(lanes, from_)]
+        signal, column, to = self._places
+        for one, place, own in zip(block, lane, self._signals[lanes], strict=True):
+            self._numbers[one, to, place] = _chained(own, self._parents)[0][signal, column]
         for one in np.unique(block):
             self._set_steps(int(one))
 
@@ -236,23 +253,33 @@ def prefers_lanes(system: System) -> bool:
     return True
 
 
-@lru_cache(maxsize=32)
-def _chained(content: bytes, count: int) -> NDArray[np.float64]:
+def _chained(
+    signals: NDArray[np.float64], parents: tuple[int, ...] | None = None
+) -> tuple[NDArray[np.float64], tuple[int, ...]]:
     """Append a column for each row, and write a row as a multiple of an earlier one with the rest, where that is short.
 
-    The acceleration of an inertia is that of its neighbour and of the link between: two numbers in place of all.
+    The acceleration of an inertia is that of its neighbour and of the link between: two numbers in place of all. Those
+    earlier rows are returned too, -1 for none.
     """
-    signals = np.frombuffer(content).reshape(count, -1)
+    return _chain(signals.tobytes(), signals.shape, parents)
+
+
+@lru_cache(maxsize=256)
+def _chain(content: bytes, shape: tuple[int, int], parents: tuple[int, ...] | None) -> Any:
+    signals, chosen = np.frombuffer(content).reshape(shape), list[int]()
     found = np.hstack((signals, np.zeros((len(signals), len(signals)))))
     for k, row in enumerate(signals):
-        for j, other in enumerate(signals[:k]):
+        chosen.append(-1)
+        for j in range(k) if parents is None else [parents[k]] * (parents[k] >= 0):
+            other = signals[j]
             common = row * other != 0.0
             factor = np.median(row[common] / other[common]) if common.any() else 0.0
             rest = row - factor * other
             rest[np.abs(rest) <= _ROUNDING * np.abs(row)] = 0.0
-            if np.count_nonzero(rest) + 1 < np.count_nonzero(found[k]):
+            if parents is not None or np.count_nonzero(rest) + 1 < np.count_nonzero(found[k]):
                 found[k, : len(row)], found[k, len(row) :] = rest, factor * (np.arange(len(signals)) == j)
-    return found
+                chosen[-1] = j
+    return found, tuple(chosen)
 
 
 def _refuse_static(slots: ContactSlots, coefficients: NDArray[np.float64]) -> None:
