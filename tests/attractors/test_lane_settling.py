@@ -227,3 +227,16 @@ def test_labels_are_those_of_runs_of_four_times_the_length_and_a_quarter_of_the_
     labels, different = compare(name, 8 if name == FIRST else 60, seed=1)
     assert labels >= 16
     assert not [each for each in different if each.verdict == "WRONG"]
+
+
+@pytest.mark.parametrize("changed", [{"gear1.inertia": 1.5}, {"dmf.damping": 0.0}])
+def test_a_motion_beside_that_of_another_system_has_its_own_numbers(changed: dict[str, float]) -> None:
+    here = train_a().at({"speed": 1300.0})
+    other = here.at({name: factor * here[name] for name, factor in changed.items()})
+    starts = [Start(number, 0.0, system, state_at_rest(system)) for number, system in enumerate((other, here))]
+    beside = {start.key: motion for start, motion in settle_lanes(starts)}
+    after = {start.key: motion for start, motion in settle_lanes(starts, width=1)}  # one after the other in a lane
+    for start in starts:
+        ((_, alone),) = settle_lanes([start])
+        assert beside[start.key].rms == pytest.approx(alone.rms, rel=1e-3)
+        assert after[start.key].rms == pytest.approx(alone.rms, rel=1e-3)
