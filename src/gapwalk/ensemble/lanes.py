@@ -53,6 +53,7 @@ class Lanes:
         signals: NDArray[np.float64] | None = None,
         pattern: NDArray[np.bool_] | None = None,
         finer: float = 1.0,
+        steps: int = 0,
         **more: bool,
     ) -> None:
         self.structure, self.layout, self.finer = structure, layout_of(structure), finer
@@ -77,7 +78,7 @@ class Lanes:
         arrays = self._numbers, self._state, self._notes
         places = [tuple(each[block].ctypes.data for each in arrays) for block in range(blocks)]
         self._places = [(numbers, state, self._scratch.ctypes.data, notes) for numbers, state, notes in places]
-        self._steps, self._needed = np.zeros(blocks, dtype=int), np.ones((blocks, WIDTH), dtype=int)
+        self._steps, self._needed = np.full(blocks, steps), np.ones((blocks, WIDTH), dtype=int)
         self._coefficients, self._used = (
             np.zeros((blocks * WIDTH, len(self.layout))),
             np.zeros(blocks * WIDTH, dtype=bool),
