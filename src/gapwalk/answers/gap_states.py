@@ -566,6 +566,7 @@ def _width(system: System, gap: str) -> float:
 # followed ends or loses its stability and the next one does something else; or between two samples of motions without
 # a branch.
 
+_FAR = 1.0  # margin of a gap in chaos (`LaneMotion.margin`) from which it counts as quiet
 _LOOK = 64  # forcing periods over which a motion without period is watched
 
 RANGE, BETWEEN, LOST, SELDOM = "end of the range", "between samples", "end of a motion", "seldom parts beyond"
@@ -659,35 +660,41 @@ def state_of(motion: Orbit | Sample, gap: str) -> GapState:
     return gap_state(Motion.of(settled.system, np.zeros(1), settled.state[None], watched.contacts), gap)
 
 
-def states_along(motions: Sequence[LaneMotion], contacts: Sequence[str], gap: str) -> list[GapState]:
-    """Return the states of a gap in successive motions of a sweep by steps.
+class GapLabel(NamedTuple):
+    """What a gap does in a motion by equal steps."""
+
+    state: GapState
+    seldom: bool  #: True if it is left open whether it rattles: it nearly parted, in a motion without period.
+
+
+def labels_along(motions: Sequence[LaneMotion], contacts: Sequence[str], gap: str) -> list[GapLabel]:
+    """Return what a gap does in successive motions of a sweep by steps.
 
     Between motions that rattle, one without period that did not part as long as it was watched parts seldom.
     """
-    states = [lane_states(motion, contacts, [gap])[0] for motion in motions]
-    sure = [k for k, (motion, state) in enumerate(zip(motions, states, strict=True)) if motion.period or state.rattles]
+    labels, place = list[GapLabel](), contacts.index(gap)
+    for motion in motions:
+        (state,) = lane_states(motion, contacts, [gap])
+        is_sure = motion.period or motion.diverged or state.rattles or motion.margin[place] > _FAR
+        labels.append(GapLabel(state, not is_sure))
+    sure = [k for k, label in enumerate(labels) if not label.seldom]
     for one, other in pairwise(sure):
-        if states[one].rattles and states[other].rattles:
-            states[one + 1 : other] = [states[one]] * (other - one - 1)
-    return states
-
-
-def parts_seldom(motion: LaneMotion, state: GapState) -> bool:
-    """Return True if it is left open whether a gap rattles: it did not part, in a motion without period."""
-    return not (motion.period or motion.diverged or state.rattles)
+        if labels[one].state.rattles and labels[other].state.rattles:
+            labels[one + 1 : other] = [labels[one]] * (other - one - 1)
+    return labels
 
 
 def _spans_of_lanes(sweep: SettledSweep, gap: str) -> list[GapSpan]:
     motions = [motion for motion in sweep.lanes if not motion.diverged]
     if not motions:
         return []
-    states = states_along(motions, sweep.contacts, gap)
-    ends, kept = [BandEnd(motions[0].value, RANGE)], [states[0]]
-    for (one, before), (other, after) in pairwise(zip(motions, states, strict=True)):
-        if after is not before:
-            kind = SELDOM if parts_seldom(one, before) or parts_seldom(other, after) else BETWEEN
+    labels = labels_along(motions, sweep.contacts, gap)
+    ends, kept = [BandEnd(motions[0].value, RANGE)], [labels[0].state]
+    for (one, before), (other, after) in pairwise(zip(motions, labels, strict=True)):
+        if after.state is not before.state:
+            kind = SELDOM if before.seldom or after.seldom else BETWEEN
             ends.append(BandEnd(0.5 * (one.value + other.value), kind, 0.5 * abs(other.value - one.value)))
-            kept.append(after)
+            kept.append(after.state)
     ends.append(BandEnd(motions[-1].value, RANGE))
     if sweep.direction is Direction.DOWN:
         ends, kept = ends[::-1], kept[::-1]
@@ -695,12 +702,12 @@ def _spans_of_lanes(sweep: SettledSweep, gap: str) -> list[GapSpan]:
 
 
 def seldom(sweeps: Sequence[SettledSweep], gap: str) -> str | None:
-    """Say how seldom a gap parts where it was never seen to, in motions without period; None if there are none."""
+    """Say how seldom a gap parts where it nearly did, in motions without period; None if there are none."""
     found = [
         motion
         for sweep in sweeps
-        for motion, state in zip(sweep.lanes, states_along(sweep.lanes, sweep.contacts, gap), strict=True)
-        if parts_seldom(motion, state)
+        for motion, label in zip(sweep.lanes, labels_along(sweep.lanes, sweep.contacts, gap), strict=True)
+        if label.seldom
     ]
     if not found:
         return None
@@ -708,8 +715,8 @@ def seldom(sweeps: Sequence[SettledSweep], gap: str) -> str | None:
     where = f"at {low:.6g}" if low == high else f"at {len(found)} values from {low:.6g} to {high:.6g}"
     watched = min(motion.watched for motion in found)
     return (
-        f"{gap} did not part {where}, where the motion has no period: with 95 % confidence it parts there less than "
-        f"once in {watched / 3.0:.0f} forcing periods"
+        f"{gap} was not seen to part {where}, where the motion has no period, in {watched} forcing periods or more: "
+        f"it parts there in less than one of {watched / 3.0:.0f} (95 %)"
     )
 
 

@@ -23,31 +23,29 @@ from gapwalk.answers.gap_states import (
     OTHER,
     Direction,
     SettledSweep,
-    parts_seldom,
-    states_along,
+    labels_along,
     usual_gaps,
 )
-from gapwalk.attractors.lane_settling import LaneMotion, Start, settle_lanes, slow_places
+from gapwalk.attractors.lane_settling import LONG, LaneMotion, Start, settle_lanes, slow_modes, slow_places
 from gapwalk.bifurcation.isolated.search_starts import generator, spread_starts, state_box
 from gapwalk.ensemble.batch_flow import state_at_rest
 from gapwalk.ensemble.lane_code import WIDTH
 from gapwalk.ensemble.lanes import prefers_lanes
-from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
-from gapwalk.model.modes import find_modes
 from gapwalk.model.system import System
 
 NARROW = 5e-5
 """Width to which the ends of bands are narrowed down, as a share of the range."""
+_ROUGH = 0.13  # the same beside chaos, as a share of a step: its life there is the longer, the nearer it is to its end
 _PART = 10  # steps of a part, at most
 _STEPS = 5  # steps of each part in one piece of work, at least
 _AT_ONCE = WIDTH // 2  # parts in a register, each in both directions
-_BETWEEN = 3  # values between two steps, at least
+_BETWEEN = WIDTH - 1  # values between two steps
 _FINER_ENDS = 3.0  # factor on the steps there: with half of that an end of train A was .1 rpm off
 _FEW = 4  # changes of a gap, from either end of a sweep, that are narrowed down
 _FLIES, _SWINGS = 0.02, (0.02, 0.1)  # rates of random starts, of the speed: of loose parts, and behind a spring
-_LASTS = 3.0  # of its times of decay, a free vibration is over in the periods that are watched
+_LASTS = 8.0  # of its times of decay, over which a free vibration in chaos is watched, at most
 _APART = 40  # random starts are at every fortieth of the range
 
 
@@ -112,10 +110,11 @@ def sweep_piece(system: System, parameter: str, within: tuple[float, float], ste
             systems[place] = line.system_at(values[place])
         return systems[place]
 
+    edges = sorted({place for part in piece.parts for place in bounds[part]})
+    ends = [at(place) for place in (edges[0], edges[-1])]
     if piece.before is None:
-        edges = sorted({place for part in piece.parts for place in bounds[part]})
         rests = [Start(place, values[place], at(place), state_at_rest(at(place))) for place in edges]
-        begun = {start.key: motion for start, motion in settle_lanes(rests)}
+        begun = {start.key: motion for start, motion in settle_lanes(rests, slowest=ends)}
         ways = product(piece.parts, Direction)
         return LanePiece(tuple(LanePart(k, way, (begun[bounds[k][way is Direction.DOWN]],)) for k, way in ways))
     known = {(part.number, part.direction): list(part.motions) for part in piece.before.parts}
@@ -138,7 +137,7 @@ def sweep_piece(system: System, parameter: str, within: tuple[float, float], ste
 
     # a lane that is ahead goes on until the slowest has made its steps: an idle one costs as much
     firsts = [ahead(*way) for way in known]
-    for _ in settle_lanes([each for each in firsts if each], step):
+    for _ in settle_lanes([each for each in firsts if each], step, slowest=ends):
         if all(len(found[way]) > _STEPS or ahead(*way) is None for way in known):
             break
     return LanePiece(tuple(LanePart(part, way, tuple(motions)) for (part, way), motions in found.items()))
@@ -154,8 +153,12 @@ def joined(
     gaps: Sequence[str],
     *,
     whole: bool = True,
+    other: SettledSweep | None = None,
 ) -> SettledSweep:
-    """Join the parts of a sweep, and narrow down the ends of its bands; with ``whole=False`` show what is known."""
+    """Join the parts of a sweep, and narrow down the ends of its bands; with ``whole=False`` show what is known.
+
+    What the sweep in the `other` direction found in chaos needs no second long watch.
+    """
     parts: dict[int, list[LaneMotion]] = {}
     for part in (part for piece in pieces for part in piece.parts if part.direction is direction):
         known = parts.setdefault(part.number, [])
@@ -168,7 +171,10 @@ def joined(
             own = _taken_over(system, parameter, motions[-1], own)
         motions += own[1:] if motions and motions[-1].value == own[0].value else own
     sweep = SettledSweep(parameter, within, direction, (), (), lanes=tuple(motions), contacts=tuple(_names(system)))
-    return _narrowed(system, sweep, gaps) if whole else sweep
+    if not whole:
+        return sweep
+    watched = (motion for motion in (other.lanes if other else ()) if not motion.period and motion.watched >= LONG)
+    return _narrowed(system, sweep, gaps, {motion.value: (motion,) for motion in watched})
 
 
 def _names(system: System) -> list[str]:
@@ -194,41 +200,87 @@ def _taken_over(system: System, parameter: str, before: LaneMotion, own: list[La
     return [*found, *own[len(found) :]]
 
 
-def _narrowed(system: System, sweep: SettledSweep, gaps: Sequence[str]) -> SettledSweep:
+def _narrowed(
+    system: System, sweep: SettledSweep, gaps: Sequence[str], watched: Mapping[float, tuple[LaneMotion, ...]]
+) -> SettledSweep:
     """Add motions between two steps where a gap begins or ceases to rattle, until its ends are narrow."""
-    motions, least = list(sweep.lanes), NARROW * (sweep.within[1] - sweep.within[0])
-    edges = [motion.value for motion in motions]
+    line, sign = ParameterLine(system, sweep.parameter), sweep.direction.sign
+    edges, least = [motion.value for motion in sweep.lanes], NARROW * (sweep.within[1] - sweep.within[0])
+    sweep = _watched_on(line, sweep, gaps, watched)
+    rough = _ROUGH * abs(edges[-1] - edges[0]) / max(len(edges) - 1, 1)
     while True:
-        ends = [tuple(motions[place : place + 2]) for place in _ends(motions, edges, sweep, gaps)]
-        wide = [(one, two) for one, two in ends if abs(two.value - one.value) > least]
-        if not wide:
-            return replace(sweep, lanes=tuple(motions))
-        # all lanes are used: one that is idle costs as much
-        between = WIDTH * -(-len(wide) * _BETWEEN // WIDTH) // len(wide)
-        starts, line = list[Start](), ParameterLine(system, sweep.parameter)
-        for one, two in wide:
-            inside = inside_of(one.value, two.value, least, between)
-            starts += [Start((), value, line.system_at(value), one.state) for value in inside]
-        more = [motion for _, motion in settle_lanes(starts, width=2 * WIDTH, finer=_FINER_ENDS)]
-        motions = sorted([*motions, *more], key=lambda motion: sweep.direction.sign * motion.value)
+        motions, starts = list(sweep.lanes), dict[bool, list[Start]]()
+        for place in _ends(motions, edges, sweep, gaps):
+            one, two = motions[place : place + 2]
+            is_chaotic = not (one.period and two.period)
+            for value in inside_of(one.value, two.value, max(least, rough * is_chaotic)):
+                start = Start((), value, line.system_at(value), one.state, watched.get(value, ()), is_chaotic, LONG)
+                starts.setdefault(is_chaotic, []).append(start)
+        if not starts:
+            return sweep
+        for is_chaotic, own in starts.items():
+            finer = 1.0 if is_chaotic else _FINER_ENDS
+            motions += [motion for _, motion in settle_lanes(own, width=2 * WIDTH, finer=finer)]
+        sweep = replace(sweep, lanes=tuple(sorted(motions, key=lambda motion: sign * motion.value)))
+
+
+def _watched_on(
+    line: ParameterLine,
+    sweep: SettledSweep,
+    gaps: Sequence[str],
+    watched: Mapping[float, tuple[LaneMotion, ...]],
+) -> SettledSweep:
+    """Watch motions without period longer where a gap begins or ceases to rattle: chaos may die, or part seldom."""
+    motions, notes = list(sweep.lanes), list(sweep.notes)
+    while True:
+        for k, motion in enumerate(motions):
+            (same,) = watched.get(motion.value, (motion,))
+            motions[k] = same if not motion.period and motion.is_like(same) else motion
+        known = [labels_along(motions, sweep.contacts, gap) for gap in gaps]
+        states = [[label.state.rattles for label in labels] for labels in known]
+        changes = {k for each in states for k, (one, two) in enumerate(pairwise(each), 1) if one is not two}
+        apart = {k: min(abs(k - change + 0.5) for change in changes) for k in range(len(motions)) if changes}
+        open_ = [k for k in apart if not motions[k].period and motions[k].watched < LONG and not motions[k].diverged]
+        near = sum(apart[k] < 1.0 for k in open_)
+        if not near:
+            return replace(sweep, lanes=tuple(motions), notes=tuple(notes))
+        # a register takes the time of its slowest lane, whether the others are filled or not
+        chosen = sorted(open_, key=lambda k: apart[k])[: -(-near // WIDTH) * WIDTH]
+        for k, motion in _confirmed(line, {k: motions[k] for k in chosen}).items():
+            motions[k] = motion
+            if not motion.watched >= LONG:
+                notes.append(f"{sweep.met}, at {motion.value:.6g}: {_DIED.format(motion.waited)}")
+
+
+_DIED = "transient chaos, which died out after {} forcing periods"
+
+
+def _confirmed(line: ParameterLine, motions: Mapping[int, LaneMotion]) -> dict[int, LaneMotion]:
+    """Watch motions without period for long."""
+    starts = [
+        Start(key, motion.value, line.system_at(motion.value), motion.state, is_warm=True, watch=LONG)
+        for key, motion in motions.items()
+    ]
+    before = {key: motion.waited + motion.watched for key, motion in motions.items()}
+    return {
+        start.key: replace(motion, waited=before[start.key] + motion.waited) for start, motion in settle_lanes(starts)
+    }
 
 
 def inside_of(one: float, other: float, least: float, between: int = _BETWEEN) -> list[float]:
     """Return values that narrow the range of an end down: inside it, or none if it is narrow."""
-    return np.linspace(one, other, between + 2)[1:-1].tolist() if abs(other - one) > least else []
+    return np.linspace(*sorted((one, other)), _BETWEEN + 2)[1:-1].tolist() if abs(other - one) > least else []
 
 
 def _ends(motions: Sequence[LaneMotion], edges: Sequence[float], sweep: SettledSweep, gaps: Sequence[str]) -> list[int]:
     """Return the places of motions after which a gap begins or ceases to rattle: the first of each step, few a gap."""
     found, sign = set[int](), sweep.direction.sign
     for gap in gaps:
-        states = states_along(motions, sweep.contacts, gap)
-        known = list(zip(motions, states, strict=True))
         changes = [
             place
-            for place, (one, other) in enumerate(pairwise(known))
+            for place, (one, other) in enumerate(pairwise(labels_along(motions, sweep.contacts, gap)))
             # an end at which a chaotic motion parts ever more seldom is nowhere to be narrowed down to
-            if one[1].rattles is not other[1].rattles and not (parts_seldom(*one) or parts_seldom(*other))
+            if one.state.rattles is not other.state.rattles and not (one.seldom or other.seldom)
         ]
         first = {
             int(np.searchsorted(np.multiply(edges, sign), sign * motions[k].value, "right")): k for k in changes[::-1]
@@ -239,26 +291,14 @@ def _ends(motions: Sequence[LaneMotion], edges: Sequence[float], sweep: SettledS
 
 
 def lasting(system: System, sweeps: Sequence[SettledSweep]) -> str | None:
-    """Say which free vibration lasts too long for the means of motions without period; None if there is none."""
-    watched = [motion.watched for sweep in sweeps for motion in sweep.lanes if not (motion.period or motion.diverged)]
-    if not watched:
+    """Say that a free vibration lasts too long for the means of motions without period; None if there is none."""
+    motions = [motion for sweep in sweeps for motion in sweep.lanes if motion.watched >= LONG]
+    longest = slow_modes(system, motions[0].extremes[1]).longest if motions else 0.0
+    if longest * _LASTS <= LONG:
         return None
-    try:
-        modes = find_modes(system)
-    except ModelError:
-        return None
-    decay = modes.damping_ratios * modes.frequencies * 2.0 * np.pi / system.frequency
-    # meshes that damp by their impacts alone leave fast modes without damping
-    slow = np.flatnonzero((modes.frequencies < system.frequency) & (decay * min(watched) < _LASTS))
-    if not len(slow):
-        return None
-    longest = slow[np.argmin(decay[slow])]
-    names, shapes = (modes.inertias, modes.angles) if modes.inertias else (modes.coordinates, modes.shapes)
-    part = names[int(np.abs(shapes[:, longest]).argmax())]
     return (
-        f"a free vibration of {part} takes {1.0 / decay[longest]:.0f} forcing periods to fall to 1/e: where motions "
-        f"have no period, the figures of slow parts, means over {min(watched)} periods, may differ from those of a "
-        "long run, and motions met from random starts alone may be on their way to another"
+        f"a free vibration takes {longest:.0f} forcing periods to fall to 1/e: where motions have no period, the "
+        f"figures of slow parts, means over {LONG} periods, may differ from those of a long run"
     )
 
 
@@ -345,9 +385,11 @@ def other_sweeps(
     """Follow the motions that no sweep meets in both directions, until they become one that is known."""
     parameter, within = sweeps[0].parameter, sweeps[0].within
     values, found = np.linspace(*within, steps + 1), list[SettledSweep]()
-    new = 0
-    for motion in (motion for each in started for motion in each.motions):
-        if motion.diverged or any(_meets(sweep, motion) for sweep in (*sweeps, *found)):
+    new, line = 0, ParameterLine(system, parameter)
+    every = dict(enumerate(motion for each in started for motion in each.motions if not motion.diverged))
+    chaotic = {k: motion for k, motion in every.items() if not motion.period and motion.watched < LONG}
+    for motion in (every | _confirmed(line, chaotic)).values():
+        if any(_meets(sweep, motion) for sweep in (*sweeps, *found)):
             continue
         new += 1
         place = int(np.argmin(np.abs(values - motion.value)))
@@ -362,13 +404,11 @@ def other_sweeps(
                 if start.key + 1 >= len(way):
                     return None
                 value = float(way[start.key + 1])
-                return Start(start.key + 1, value, ParameterLine(system, parameter).system_at(value), after.state)
+                return Start(start.key + 1, value, line.system_at(value), after.state)
 
             if len(way) > 1:
                 value = float(way[1])
-                for _ in settle_lanes(
-                    [Start(1, value, ParameterLine(system, parameter).system_at(value), motion.state)], step
-                ):
+                for _ in settle_lanes([Start(1, value, line.system_at(value), motion.state)], step):
                     pass
             found.append(
                 SettledSweep(

@@ -70,6 +70,7 @@ NOT_PERIODIC = "not periodic"
 _RANKED = {"approach": "fastest impacts", "rms": "largest acceleration", "peak": "largest force"}
 _SHOWN = 3  # movers of an end in the summary
 _LIKE = 0.98  # ratio of two accelerations above which they are those of one motion
+_OFTEN = 0.2  # share of periods in which a gap parts, up to which that is seldom
 _LISTED = 12  # rows of severity in the summary
 
 
@@ -106,6 +107,19 @@ class Severity:
     largest: float = math.nan
     error: float = 0.0
     part: str = ""  #: Name of that acceleration: ``x''``, ``gear1.acceleration``.
+    #: often, often_low, often_high: Share of forcing periods in which the gap parts, and its interval at 95 % (Clopper
+    #: and Pearson 1934); without width for a periodic motion, nan where a motion was followed by continuation.
+    often: float = math.nan
+    often_low: float = math.nan
+    often_high: float = math.nan
+
+    @property
+    def words(self) -> str:
+        """The state of the gap in words, with how often it parts if that is seldom."""
+        if self.often_low == self.often_high or not 0.0 < self.often < _OFTEN:
+            return str(self.state)
+        least, most = 1.0 / self.often_high, 1.0 / self.often_low
+        return f"{self.state}, once in {1.0 / self.often:.3g} periods ({least:.2g} to {most:.2g})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,7 +263,7 @@ class RattleBands(Shown):
                 (
                     f"{row.value:.6g}",
                     row.met,
-                    str(row.state),
+                    row.words,
                     str(row.period or "none"),
                     row.part.removesuffix(".acceleration"),
                     _figure(row.rms, row) + (f" ± {row.error:.1g}" if row.error else ""),
@@ -470,6 +484,7 @@ def _rows_of_lanes(
         place = sweep.contacts.index(gap)
         signal = max((every.index(name) for name in own), key=lambda k: motion.rms[k])
         impacts, rms = float(motion.sides[place].sum()), float(motion.rms[signal])
+        often = chance_of(int(motion.parted[place]), motion.watched)
         yield Severity(
             gap,
             sweep.met,
@@ -488,6 +503,8 @@ def _rows_of_lanes(
             float(motion.largest[signal]),
             float(motion.error[signal]),
             every[signal],
+            often.value,
+            *((often.value, often.value) if motion.period else (often.low, often.high)),
         )
 
 

@@ -3,7 +3,8 @@
 Each lane follows a motion until one of three rules decides. Quiet: nothing has touched or parted for eight periods, and
 what is left of the transient, by its contraction, is less than a third of every gap's distance from a change. Periodic:
 the section repeats after at most eight periods, and the same holds. Otherwise it has no period: 64 periods are watched,
-and means over batches of eight give intervals. Rules by a fixed number of periods are either wrong or wasteful.
+or more, and means over eight batches give intervals. Rules by a fixed number of periods are either wrong or wasteful.
+What a motion does is independent of those beside it.
 
 Method: docs/numerics/notes/ensembles.md
 """
@@ -12,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -20,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.ensemble.lane_code import OF_CONTACT, OF_COORDINATE, OF_SIGNAL, WIDTH
-from gapwalk.ensemble.lanes import Lanes, turn_of
+from gapwalk.ensemble.lanes import Lanes, even, steps_of, turn_of
+from gapwalk.flow.forces import accelerations
 from gapwalk.flow.motion import acceleration_names, signal_factor
 from gapwalk.model.coefficients import ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
@@ -35,6 +37,8 @@ _ENVELOPE = 6  # of them in succession, whose largest change counts: a mode that
 _SAME = 2e-3  # difference of two sections, relative to the range of each coordinate, up to which they are the same
 _SAFE = 3.0  # factor by which the distance of a gap from a change exceeds what is left of the transient
 _WATCHED, _BATCHES, _STUDENT = 64, 8, 2.365  # periods and batches of a motion without period; 95 % of 7 degrees
+LONG = 512
+"""Periods over which a motion without period is watched at most: where a label depends on it, or a swing lasts."""
 _GLANCE = 32  # periods, the latest, in which a motion without period that is known is recognised
 _RARE = 3.0  # closings that are expected in these periods, up to which there may be none: with 95 % confidence
 _TRANSIENT, _WARM = 40, 16  # periods before them, and after a small step
@@ -49,6 +53,9 @@ _FINER = 4.0  # factor on the steps of motions that failed
 _SUMS = ("total", "drift", "power", "energy", "fourth")  # notes of which the means over a period are kept
 _EXTRAPOLATED, _SECTIONS = 12, 12  # periods between extrapolations, and sections of each
 _TINY = float(np.finfo(float).tiny)
+_SWINGS = 0.03  # share of an acceleration from which a free swing counts
+_LASTING, _TURNS = 0.92, 0.2  # least factor of a free swing over a period, and its least distance from 1
+_TIMES = 8.0  # of the decay of a swing that chaos excites, over which it is watched
 _CANCELS, _SPREAD = 0.1, 50.0  # what may be left of the changes, of the largest; the most that weights may add up to
 _KINDS = (*OF_CONTACT, *OF_COORDINATE, *OF_SIGNAL)
 
@@ -81,6 +88,10 @@ class LaneMotion:
     kurtosis: NDArray[np.float64]
     #: shape (signals,): Half the width of the interval of the root mean square at 95 %.
     error: NDArray[np.float64]
+    #: parted, margin: shape (contacts,): Watched periods in which it closed; and how far it stays from that: its least
+    #: distance, as a share of how far that is below the mean of the least distances of single periods.
+    parted: NDArray[np.float64]
+    margin: NDArray[np.float64]
 
     @property
     def diverged(self) -> bool:
@@ -133,6 +144,45 @@ class Start(NamedTuple):
     state: NDArray[np.float64]
     known: tuple[LaneMotion, ...] = ()  #: Settled motions at this value, to one of which it may lead.
     is_warm: bool = False  #: True for a state on a settled motion nearby.
+    watch: int = _WATCHED  #: Periods over which a motion without period is watched at least; a multiple of eight.
+
+
+class _SlowModes(NamedTuple):
+    """Free vibrations slower than the excitation that outlast some of its periods."""
+
+    multipliers: NDArray[np.complex128]  #: shape (modes,): Factors over a forcing period.
+    left: NDArray[np.complex128]  #: shape (modes, 2n): Rows that give their coordinates from a state.
+    right: NDArray[np.complex128]  #: shape (2n, modes): States of a unit of each.
+    shares: NDArray[np.float64]  #: shape (signals, modes): Accelerations of a unit of each.
+
+    @property
+    def longest(self) -> float:
+        """The most forcing periods in which one of them falls to 1/e."""
+        return float((-1.0 / np.log(np.abs(self.multipliers))).max(initial=0.0))
+
+    def ends(self, sections: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return their coordinates at successive sections, and where these end, in chaos in the mean."""
+        own = sections[:, : self.left.shape[1]] @ self.left.T
+        return own, (own[1:] - self.multipliers * own[:-1]).mean(axis=0) / (1.0 - self.multipliers)
+
+
+def slow_modes(system: System, mean: NDArray[np.float64], signals: NDArray[np.float64] | None = None) -> _SlowModes:
+    """Return the slow free vibrations about the mean position of a motion."""
+    n, signals = system.size, acceleration_rows(system) if signals is None else signals
+    about, size = np.concatenate((mean, np.zeros(n))), 1e-30  # derivatives by a complex step
+    states = about + 1j * size * np.eye(2 * n)
+    moved = accelerations(layout_of(system.structure), coefficients_of(system), 0.0, states[:, :n], states[:, n:])
+    values, right = np.linalg.eig(np.vstack((np.eye(n, 2 * n, n), moved.imag.T / size)))
+    left, factors = np.linalg.pinv(right), np.exp(values * 2.0 * np.pi / system.frequency)
+    chosen = np.flatnonzero(
+        (np.abs(factors) > _LASTING)
+        & (np.abs(factors) < 1.0)
+        & (np.abs(1.0 - factors) > _TURNS)
+        & (values.imag > 0.0)
+        & (values.imag < system.frequency)
+    )
+    values, left, right = values[chosen], left[chosen], right[:, chosen]
+    return _SlowModes(factors[chosen], left, right, np.abs(signals[:, :n] @ (right[:n] * values**2)))
 
 
 def _of_periods(rows: NDArray[np.float64], q: int, over: Callable[..., Any]) -> NDArray[np.float64]:
@@ -154,32 +204,44 @@ def settle_lanes(
     *,
     width: int = WIDTH,
     finer: float = 1.0,
+    slowest: Sequence[System] = (),
 ) -> Iterator[tuple[Start, LaneMotion]]:
     """Follow motions of systems of one structure until they have settled; yield each once it is decided.
 
-    `next_start` returns what the lane of a settled motion does next, such as the next step of a sweep.
+    `next_start` returns what the lane of a settled motion does next, such as the next step of a sweep. Lanes of equal
+    steps share a register, so that no motion depends on its company: those that its system needs, or those of the
+    slowest of some systems.
     """
-    waiting, failed = deque(starts), list[Start]()
-    if not waiting:
-        return
-    first = waiting[0]
-    count = min(width, max(len(waiting), 1))
-    taken = [waiting.popleft() for _ in range(count)]
-    lanes = _Settling(taken, first.system, finer)
-    while any(start is not None for start in lanes.starts):
-        lanes.advance()
-        for lane, motion in lanes.decided():
-            start = lanes.starts[lane]
-            assert start is not None
-            if motion.diverged and finer < _FINER:
-                failed.append(start)
-                following = None
-            else:
-                following = next_start(start, motion)
-                yield start, motion
-            lanes.take(lane, following or (waiting.popleft() if waiting else None))
+    groups, failed = dict[int, deque[Start]](), list[Start]()
+    least = max((_steps(each, finer) for each in slowest), default=0)
+    known = dict[int, int]()
+    for start in starts:
+        key = id(start.system)
+        known[key] = known.get(key) or max(_steps(start.system, finer), least)
+        groups.setdefault(known[key], deque()).append(start)
+    for steps, waiting in sorted(groups.items()):
+        taken = [waiting.popleft() for _ in range(min(width, len(waiting)))]
+        lanes = _Settling(taken, taken[0].system, finer, steps)
+        while any(start is not None for start in lanes.starts):
+            lanes.advance()
+            for lane, motion in lanes.decided():
+                start = lanes.starts[lane]
+                assert start is not None
+                if motion.diverged and finer < _FINER:
+                    failed.append(start)
+                    following = None
+                else:
+                    following = next_start(start, motion)
+                    yield start, motion
+                lanes.take(lane, following or (waiting.popleft() if waiting else None))
     if failed:
-        yield from settle_lanes(failed, next_start, width=width, finer=_FINER)
+        yield from settle_lanes(failed, next_start, width=width, finer=_FINER, slowest=slowest)
+
+
+def _steps(system: System, finer: float) -> int:
+    """Return the equal steps of a period of a system."""
+    needed = steps_of(layout_of(system.structure), coefficients_of(system)[None])
+    return even(math.ceil(finer * float(needed[0])))
 
 
 def slow_places(system: System) -> list[int]:
@@ -196,7 +258,7 @@ def slow_places(system: System) -> list[int]:
 class _Settling:
     """Lanes, each with the motion that it follows."""
 
-    def __init__(self, starts: list[Start], system: System, finer: float) -> None:
+    def __init__(self, starts: list[Start], system: System, finer: float, steps: int) -> None:
         self.starts: list[Start | None] = list(starts)
         structure = system.structure
         self.layout = layout_of(structure)
@@ -206,7 +268,7 @@ class _Settling:
         self.rows_of = dict[bytes, NDArray[np.float64]]()
         signals = np.array([self._rows(start.system) for start in starts])
         kinds = [kind for kind in _KINDS if kind != "drift" or turn_of(structure) is not None]
-        self.lanes = Lanes(structure, coefficients, states, kinds=kinds, signals=signals, finer=finer)
+        self.lanes = Lanes(structure, coefficients, states, kinds=kinds, signals=signals, finer=finer, steps=steps)
         rows = [kind for kind, _ in self.lanes.code.notes]  # those of a kind follow one another
         begin = {kind: rows.index(kind) if kind in rows else 0 for kind in kinds}
         self.kinds = {kind: slice(first, first + rows.count(kind)) for kind, first in begin.items()}
@@ -217,6 +279,7 @@ class _Settling:
         self.notes, self.strobes = np.zeros((count, _WATCHED, len(rows))), np.zeros((count, _WATCHED, states.shape[1]))
         self.ages, self.waits = [0] * count, [0] * count
         self.slow = slow_places(system)
+        self.modes = dict[bytes, _SlowModes]()
         self.clear = np.array([self._clearances(row) for row in coefficients]).reshape(count, 2, -1)
 
     def _rows(self, system: System) -> NDArray[np.float64]:
@@ -253,8 +316,11 @@ class _Settling:
             )
             if age % _EXTRAPOLATED or self.waits[lane] > _TRANSIENT:
                 continue
-            if not start.is_warm or np.ptp(self._closings(lane, _ENVELOPE), axis=0).max(initial=0.0) == 0.0:
-                self._extrapolate(lane)
+            repeats = np.ptp(self._closings(lane, _ENVELOPE), axis=0).max(initial=0.0) == 0.0
+            if (repeats or not start.is_warm) and self._extrapolate(lane):
+                continue
+            if not (repeats or (start.is_warm and self.waits[lane])):
+                self._calm(lane, start)
 
     def _noted(self, lane: int, count: int) -> NDArray[np.float64]:
         """Return the notes of the latest periods."""
@@ -268,13 +334,46 @@ class _Settling:
         """Return the closings on both sides of each gap in the latest periods."""
         return self._noted(lane, count)[:, self.closes]
 
-    def _extrapolate(self, lane: int) -> None:
-        """Take the slow modes of a transient to where they end."""
+    def _extrapolate(self, lane: int) -> bool:
+        """Take the slow modes of a transient to where they end; return True if that was needed."""
         end = self._slow_end(lane)
         if end is None or self._is_there(lane, end):
-            return
+            return False
         state = self._sections(lane, 1)[0].copy()
         state[self.slow] = end
+        self._restart(lane, state)
+        return True
+
+    def _calm(self, lane: int, start: Start) -> None:
+        """Take free swings out of chaos, which would last longer than it is watched, and hide where slow modes end."""
+        modes = self._modes_of(lane, start)
+        own, end = modes.ends(self._sections(lane, _EXTRAPOLATED))
+        if self._swing(lane, modes, np.abs(end - own[-1])) > _SWINGS:
+            state = self._sections(lane, 1)[0].copy()
+            state[: len(modes.right)] += 2.0 * np.real(modes.right @ (end - own[-1]))
+            self._restart(lane, state)
+
+    def _modes_of(self, lane: int, start: Start) -> _SlowModes:
+        key = coefficients_of(start.system).tobytes()
+        if key not in self.modes:
+            mean = self._noted(lane, _EXTRAPOLATED)[:, self.kinds["total"]].mean(axis=0)
+            self.modes[key] = slow_modes(start.system, mean, self._rows(start.system))
+        return self.modes[key]
+
+    def _swing(self, lane: int, modes: _SlowModes, sizes: NDArray[np.float64]) -> float:
+        """Return the largest acceleration of free swings of some sizes, as a share of what is accelerated anyway."""
+        energy = self._noted(lane, _EXTRAPOLATED)[:, self.kinds["energy"]].mean(axis=0)
+        return float((math.sqrt(2.0) * modes.shares @ sizes / np.sqrt(energy)).max(initial=0.0))
+
+    def _watch(self, lane: int, start: Start) -> int:
+        """Return the periods to watch a motion without period: more if chaos excites a swing that lasts."""
+        modes, watched = self._modes_of(lane, start), start.watch
+        own, end = modes.ends(self._sections(lane, _WATCHED))
+        if self._swing(lane, modes, np.sqrt((np.abs(own - end) ** 2).mean(axis=0))) > _SWINGS:
+            watched = max(watched, _BATCHES * math.ceil(_TIMES * modes.longest / _BATCHES))
+        return max(start.watch, min(watched, LONG))
+
+    def _restart(self, lane: int, state: NDArray[np.float64]) -> None:
         self.waits[lane], self.ages[lane] = self.waits[lane] + self.ages[lane], 0
         self.lanes.restart(np.array([lane]), state[None])
 
@@ -340,16 +439,17 @@ class _Settling:
                 and (q > 1 or (end := self._slow_end(lane)) is None or self._is_there(lane, end))
             ):
                 return q, q
-        if age < (_WARM if start.is_warm else _TRANSIENT) + _WATCHED or (
-            age < _PATIENCE and (shrinks < _SHRINKS or self._calms(lane))
-        ):
+        transient = _WARM if start.is_warm else _TRANSIENT - min(self.waits[lane], _TRANSIENT - _WARM)
+        if age < transient + start.watch or (age < _PATIENCE and (shrinks < _SHRINKS or self._calms(lane))):
             return None
         if period:
             return period, period
+        if age < transient + (watched := self._watch(lane, start)):
+            return None
         # chaos that dies out after a hundred periods is no other motion than the one that is known
         about = _accelerations(self._noted(lane, _WATCHED)[:, self.kinds["energy"]])
         is_new = bool(start.known) and not any(each.has_like(*about) for each in start.known)
-        return None if is_new and self.waits[lane] + age < _DOUBT else (0, _WATCHED)
+        return None if is_new and self.waits[lane] + age < _DOUBT else (0, watched)
 
     def _is_there(self, lane: int, end: NDArray[np.float64]) -> bool:
         """Return True if the slow modes are where they end: one that oscillates slowly hardly changes as it turns."""
@@ -467,6 +567,10 @@ class _Settling:
         energy, fourth = (kind[name].mean(axis=0) for name in ("energy", "fourth"))
         rms, error = _accelerations(kind["energy"], is_sample=not period and watched >= _BATCHES)
         n_mean = kind["total"].mean(axis=0)
+        closings = kind["up"] + kind["down"]
+        breakpoints = self.clear[lane][:, None, :]
+        distances = np.minimum(*(np.abs(kind[side] - breakpoints).min(axis=0) for side in ("low", "high")))
+        least, mean = distances.min(axis=0), distances.mean(axis=0)
         return LaneMotion(
             start.value,
             state,
@@ -483,4 +587,6 @@ class _Settling:
             kind["summit"].max(axis=0),
             fourth / np.maximum(energy**2, _TINY),
             error,
+            of_contacts((closings > 0.0).sum(axis=0).astype(float)),
+            of_contacts(least / np.maximum(mean - least, _TINY)),
         )

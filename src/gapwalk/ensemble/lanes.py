@@ -53,6 +53,7 @@ class Lanes:
         signals: NDArray[np.float64] | None = None,
         pattern: NDArray[np.bool_] | None = None,
         finer: float = 1.0,
+        steps: int = 0,
         **more: bool,
     ) -> None:
         self.structure, self.layout, self.finer = structure, layout_of(structure), finer
@@ -70,7 +71,7 @@ class Lanes:
         self._scratch = aligned((4 * n, WIDTH))
         self._notes = aligned((blocks, max(len(self.code.notes), 1), WIDTH))
         self._kept = len(self.code.begin) - sum(kind == "side" for kind, _ in self.code.notes)  # notes that begin again
-        self._steps, self._needed = np.zeros(blocks, dtype=int), np.ones((blocks, WIDTH), dtype=int)
+        self._steps, self._needed = np.full(blocks, steps), np.ones((blocks, WIDTH), dtype=int)
         self._coefficients, self._used = (
             np.zeros((blocks * WIDTH, len(self.layout))),
             np.zeros(blocks * WIDTH, dtype=bool),

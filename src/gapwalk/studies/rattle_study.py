@@ -371,7 +371,9 @@ class RattleStudy(RangeStudy):
 
     def _joined(self, job: Job, direction: Direction, *, whole: bool = True) -> SweepWithSeverity:
         about = job.system, self.parameter, self.ends, self.sweep.steps, direction
-        return self.severity(job.system, joined(*about, job.all(PIECE), self.gaps, whole=whole))
+        first = job.known[SWEEP].get(0) if whole and direction is not Direction.UP else None
+        other = first.sweep if first is not None else None
+        return self.severity(job.system, joined(*about, job.all(PIECE), self.gaps, whole=whole, other=other))
 
     def _searched(self, job: Job) -> dict[int, list[tuple[LaneMotion, ...]]]:
         """Return the known motions at some values beside which random starts are followed, by the number of a part."""
