@@ -182,7 +182,7 @@ def test_the_interval_of_a_chaotic_motion_covers_a_run_of_eight_times_the_length
             coefficients_of(system)[None],
             motion.state[None],
             kinds=OF_SIGNAL,
-            signals=np.array([[1.0, 0.0, 0.0, 0.0]]),
+            signals=np.array([[[1.0, 0.0, 0.0, 0.0]]]),
         )
         total = 0.0
         for _ in range(8 * motion.watched):
