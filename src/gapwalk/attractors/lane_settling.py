@@ -350,7 +350,7 @@ class _Settling:
         own, end = modes.ends(self._sections(lane, _EXTRAPOLATED))
         if self._swing(lane, modes, np.abs(end - own[-1])) > _SWINGS:
             state = self._sections(lane, 1)[0].copy()
-            state[: len(modes.right)] += 2.0 * np.real(modes.right @ (end - own[-1]))
+            state[self.slow] += 2.0 * np.real(modes.right[self.slow] @ (end - own[-1]))
             self._restart(lane, state)
 
     def _modes_of(self, lane: int, start: Start) -> _SlowModes:
