@@ -74,7 +74,7 @@ platforms: $(STAMP)  ## look at the types of src as macOS and Windows have them
 
 docs: $(STAMP)  ## build the documentation into out/docs; check spelling, links, pictures and words; pack it for gapwalk docs
 	$(VENV)/bin/codespell README.md CONTRIBUTING.md CHANGELOG.md docs src examples reproductions
-	$(PY) -m sphinx --builder html --fail-on-warning --keep-going --doctree-dir out/doctrees docs out/docs
+	$(PY) -m sphinx --jobs auto --builder html --fail-on-warning --keep-going --doctree-dir out/doctrees docs out/docs
 	$(PY) docs/_ext/links.py out/docs
 	$(PY) docs/_ext/pictures.py out/docs
 	$(PY) docs/_ext/texts.py docs out/docs

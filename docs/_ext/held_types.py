@@ -34,7 +34,7 @@ HIDDEN += (
 HIDDEN += ("LaneMotion", "Link", "Quantity", "ResponseWork", "Spot", "Tally", "Work")
 HIDDEN += ("NamedFile", "PaceLimits", "ShootingEquation", "Structure", "TouchEquation", "Zero")
 
-_LONGEST = 24  # words of a description that the page of records shows whole
+_LONGEST = 12  # words of a description that the page of records shows whole
 
 
 def held_types(thing: object) -> list[type]:
@@ -82,8 +82,10 @@ def records_page() -> str:
 def description(kind: type) -> list[str]:
     """Describe a type in reStructuredText: its first sentence, its fields or members, and methods."""
     if issubclass(kind, Enum):
-        return [f"{first_sentence(kind)} One of {', '.join(f'``{member.value!r}``' for member in kind)}."]
-    entries = [(", ".join(each.names), each.words) for each in field_docs(kind)]
+        words = any(" " in str(member.value) for member in kind)  # sentences, which a reader meets where they are printed
+        members = (member.name if words else repr(member.value) for member in kind)
+        return [f"{first_sentence(kind)} One of {', '.join(f'``{each}``' for each in members)}."]
+    entries = [(", ".join(each.names), each.words) for each in field_docs(kind) if each.names[0][0] != "_"]
     entries += [(name, first_sentence(member)) for name, member in _members(kind)]
     if not entries:
         return []

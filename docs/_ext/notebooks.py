@@ -1,6 +1,6 @@
 """Code of pages, run before the pages are read: several at a time, each in a process of its own, into myst_nb's cache.
 
-Sphinx reads one page after the other. Its own processes (`--jobs`) cannot run the code instead: they would create
+The processes of Sphinx (`--jobs`), which read and write the pages, cannot run the code instead: they would create
 the cache at once, and each gets a fixed share of the pages, the dearest ones among them or not.
 """
 

@@ -15,15 +15,21 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from llvmlite import binding as llvm
-
 from gapwalk.cache_folder import trusted, write_whole
 
 _CHECKSUM = 32  # bytes of the checksum with which a file begins
 
 
 @cache
+def _llvm() -> Any:
+    from llvmlite import binding  # only now: a command that compiles nothing need not wait for it
+
+    return binding
+
+
+@cache
 def _target() -> Any:
+    llvm = _llvm()
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     # the mathematics of the interpreter itself, of which Windows has several
@@ -35,8 +41,8 @@ def _target() -> Any:
 
 def _machine(effort: int = 2) -> Any:
     """Return a target machine; an engine owns its own, which ends with it."""
-    features = llvm.get_host_cpu_features().flatten()
-    return _target().create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=effort, jit=True)
+    features = _llvm().get_host_cpu_features().flatten()
+    return _target().create_target_machine(cpu=_llvm().get_host_cpu_name(), features=features, opt=effort, jit=True)
 
 
 def has_feature(name: str) -> bool:
@@ -47,8 +53,8 @@ def has_feature(name: str) -> bool:
 def engine_of(text: str) -> Any:
     """Compile a module, and return the engine that has its functions."""
     machine = _machine(1)  # compiles twice as fast as 2; straight-line code on vectors is as fast
-    module = llvm.parse_assembly(f'target triple = "{_target().triple}"\n{text}')
-    engine = llvm.create_mcjit_compiler(module, machine)
+    module = _llvm().parse_assembly(f'target triple = "{_target().triple}"\n{text}')
+    engine = _llvm().create_mcjit_compiler(module, machine)
     engine.finalize_object()
     return engine
 
@@ -59,8 +65,8 @@ _engines: list[Any] = []  # functions live as long as their engines
 def engine_of_object(content: bytes) -> Any:
     """Load an object file, and return the engine that has its functions."""
     machine = _machine()
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
-    engine.add_object_file(llvm.object_file.ObjectFileRef.from_data(content))
+    engine = _llvm().create_mcjit_compiler(_llvm().parse_assembly(""), machine)
+    engine.add_object_file(_llvm().object_file.ObjectFileRef.from_data(content))
     engine.finalize_object()
     _engines.append(engine)
     return engine
@@ -69,14 +75,14 @@ def engine_of_object(content: bytes) -> Any:
 def object_of(text: str) -> bytes:
     """Compile a module to an object file."""
     _target()
-    return _machine().emit_object(llvm.parse_assembly(text))
+    return _machine().emit_object(_llvm().parse_assembly(text))
 
 
 def kept(
     name: str, source: bytes, compiled: Callable[[], list[tuple[str, bytes]]], folder: Path | None = None
 ) -> list[tuple[str, bytes]]:
     """Return (function, object file) of some parts, as they are kept for a source; else compile and keep them."""
-    about = f"{llvm.llvm_version_info} {llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
+    about = f"{_llvm().llvm_version_info} {_llvm().get_host_cpu_name()} {_llvm().get_host_cpu_features().flatten()}"
     stem = hashlib.sha256(about.encode() + source).hexdigest()[:24]
     folder = trusted(folder, "kernels")
     file = None if folder is None else folder / f"{name}-{stem}.bin"

@@ -33,6 +33,12 @@ class Table:
     groups: Sequence[int] = ()  #: Indices of the rows after which a gap separates groups of rows.
 
     @property
+    def filled(self) -> Table:
+        """The table without columns whose cells are all empty."""
+        places = [at for at in range(len(self.headings)) if any(row[at] for row in self.rows)]
+        return Table([self.headings[k] for k in places], [[row[k] for k in places] for row in self.rows], self.groups)
+
+    @property
     def columns(self) -> Iterator[tuple[str, bool]]:
         """Heading of each column, and True if the column is aligned to the right."""
         return ((heading.removeprefix(">"), heading.startswith(">")) for heading in self.headings)

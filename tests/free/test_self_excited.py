@@ -14,7 +14,8 @@ from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.free.free_shooting import FreeOrbit
 from gapwalk.free.self_excitation import SelfExcited, _exact, _shortest
 from gapwalk.orbit.orbit import sensitivity
-from gapwalk.verification import Ledger, verify_branches
+from gapwalk.verification import Ledger
+from gapwalk.verification.verify_branch import verify_branches
 from tests.tiers import in_campaign, keeps
 
 VAN_DER_POL = 6.6632868593231301896996820305  # its period at mu = 1

@@ -6,7 +6,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.cli import main
-from gapwalk.studies.study_file import machine_text, machines
+from gapwalk.studies.machine_templates import machine_text, machines
 from tests.tiers import keeps
 
 

@@ -15,9 +15,10 @@ from gapwalk.paper import case
 from gapwalk.studies.diagram_study import DiagramOptions
 from gapwalk.studies.family_study import FamilyStudy
 from gapwalk.studies.locus_study import LocusStudyOptions
+from gapwalk.studies.machine_templates import template, write_template
 from gapwalk.studies.map_study import MapStudyOptions
 from gapwalk.studies.options import BranchOptions
-from gapwalk.studies.study_file import check_study, read_studies, read_study, template, write_template
+from gapwalk.studies.study_file import check_study, read_studies, read_study
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FILES = sorted(path.name for path in EXAMPLES.glob("*.toml"))

@@ -12,9 +12,10 @@ import gapwalk as gw
 from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.laws import Jenkins
 from gapwalk.model.laws.friction import Hysteretic
-from gapwalk.verification import Check, confirm, verify_orbits
+from gapwalk.verification import Check, verify_orbits
 from gapwalk.verification.friction_dop853 import DryRound, _Motion, brackets, carry
 from gapwalk.verification.friction_equations import Change, Key, mismatch
+from gapwalk.verification.verify_branch import confirm
 from tests.dry.trials.random_systems import random_system
 from tests.tiers import keeps
 

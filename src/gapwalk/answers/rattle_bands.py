@@ -225,7 +225,7 @@ class RattleBands(Shown):
         if rows:
             yield ""
             headings = ("gap", "met", "", f">{symbol}", ">±", "end", "moved most by (% per %)", "gap closes on")
-            yield Table(headings, rows, groups)
+            yield Table(headings, rows, groups).filled
         for gap in self.gaps:
             yield from self._severity_parts(gap)
         if notes:

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gapwalk.answers.gap_states import contact_place
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.measures import full_measure
 from gapwalk.model.system import System
@@ -38,6 +37,7 @@ def _named(asked: object) -> Iterator[str]:
 
 def moved_by(system: System, gap: str) -> list[str]:
     """Return the coordinates that deflect a gap, those that deflect it most first."""
-    slots = layout_of(system.structure).contacts[contact_place(system, gap)]
+    place = [contact.name for contact in system.structure.contacts].index(gap)
+    slots = layout_of(system.structure).contacts[place]
     vector = np.abs(coefficients_of(system)[slots.deflection])
     return [system.coordinates[k] for k in np.argsort(-vector, kind="stable").tolist() if vector[k]]

@@ -761,7 +761,7 @@ def follow(
     """
     branch = _tracing(_beginnings(start, parameter, to, method), walk, events).to_end(join, report)
     if verify:
-        from gapwalk.verification import confirm
+        from gapwalk.verification.verify_branch import confirm
 
         confirm(branch)
     return branch

@@ -1097,4 +1097,5 @@ def is_one_place(other: SpecialPoint, special: SpecialPoint) -> bool:
 def words_of(group: Sequence[SpecialPoint]) -> dict[str, str]:
     """Return one row of a table for readers for special points at one place, with all their contacts."""
     contacts = ", ".join(dict.fromkeys(each.contact for each in group if each.contact))
-    return group[0].words | {"stability": change_words(group[0].before, group[-1].after), "contact": contacts}
+    count = {"kind": f"{len(group)} {group[0].kind_words}"} if group[1:] else {}
+    return group[0].words | count | {"stability": change_words(group[0].before, group[-1].after), "contact": contacts}

@@ -100,8 +100,9 @@ class Beyond:
 
     @property
     def words(self) -> str:
-        """The verdict in a table."""
-        return self.verdict + (f", windows by {self.ratio:.4g}" if self.ratio < math.inf else "")
+        """The verdict in a table: empty where the theory does not decide."""
+        verdict = {"goes on": "motion continues", "unknown": ""}.get(self.verdict, self.verdict)
+        return verdict + (f", windows by {self.ratio:.4g}" if self.ratio < math.inf else "")
 
 
 def beyond(touch: TouchMap | None) -> Beyond:

@@ -24,14 +24,18 @@ _PICTURES = ("png", "svg", "pdf")
 
 def new_file(file: Path | None, table: Path | None) -> int:
     """Write a template of a model file, that of a machine, or one made from the table of a drive train."""
-    from gapwalk.studies.study_file import machine_text, machines, text_of_sheet, write_template
+    from gapwalk.studies.machine_templates import machine_text, machines, write_template
 
     if file is None:
         rows = Table(["NAME", "machine"], [*machines().items()])
         sheet = "gapwalk new train.toml --from train.csv makes a drive train from a spreadsheet (csv, xlsx)"
         show(["gapwalk new NAME writes a machine to begin with to NAME.toml:", rows, sheet])
         return DONE
-    text = "" if table is None else text_of_sheet(table)
+    text = ""
+    if table is not None:
+        from gapwalk.studies.study_file import text_of_sheet
+
+        text = text_of_sheet(table)
     if table is None and file.name and not file.suffix and len(file.parts) == 1:
         text, file = machine_text(file.name), file.with_suffix(".toml")
     write_template(file, text=text)

@@ -26,7 +26,8 @@ from gapwalk.model.modes import dissipation_doubts
 from gapwalk.model.problems import ModelFileError, Problem
 from gapwalk.model.problems import Path as Place
 from gapwalk.model.system import System
-from gapwalk.studies.study_file import check_studies, template
+from gapwalk.studies.machine_templates import template
+from gapwalk.studies.study_file import check_studies
 
 MOST_LETTERS = 50_000
 """Length of the longest text that is edited on the page; requests are small."""

@@ -117,6 +117,10 @@ def read_source(path: str | os.PathLike[str] | io.StringIO, within: str = "") ->
         raise _refusal(_reason(name, error), name) from None
     if len(content) > MAX_BYTES:
         raise _refusal(f"the file is larger than {MAX_BYTES // 1_000_000} MB; a model file is a short text", name)
+    if name.endswith((".csv", ".xlsx")):
+        raise _refusal(
+            f"a table is no model file; gapwalk new train.toml --from {name} makes one of a drive train", name
+        )
     if content.startswith(_RESULT):
         message = "this is a result, not a model file; `gapwalk show` prints its content, and gw.open_result reads it"
         raise _refusal(message, name)

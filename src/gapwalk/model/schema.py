@@ -59,7 +59,7 @@ Choice = TypeVar("Choice", bound=str)
 class Part(BaseModel):
     """A table of a model file. Unknown keys are refused; the description of a field explains a missing key."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     @classmethod
     def hint_for(cls, key: str, value: object) -> str:

@@ -24,7 +24,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 from functools import cache
 from hashlib import blake2b
-from importlib import import_module, metadata
+from importlib import import_module
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
@@ -169,10 +169,12 @@ def check_not_newer(path: str | os.PathLike[str], writers: str) -> None:
 
 def versions(before: dict[str, str] | None = None) -> dict[str, str]:
     """Return the versions of the software that computes a result, after those of `before` that differ from them."""
+    from importlib.metadata import version as version_of  # only now: it loads slowly
+
     now = {
         "gapwalk": __version__,
         "llvmlite": llvmlite.__version__,
-        "numba": metadata.version("numba"),
+        "numba": version_of("numba"),
         "numpy": np.__version__,
         "python": platform.python_version(),
     }

@@ -84,7 +84,7 @@ def record_of(kind: type[StudyKind]) -> type:
     """Return the type of what the function of a study returns."""
     if kind.answer is None:
         what = 'answer: ClassVar[Part | None] = Part("peaks", Peaks)'
-        raise ModelError(f"{kind.__name__} does not say what its function returns; write {what}, say")
+        raise ModelError(f"{kind.__name__} does not say what its function returns; write, for example, {what}")
     return kind.answer.type
 
 

@@ -11,13 +11,11 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
-from importlib.resources import files
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
 from gapwalk.errors import GapwalkError, ModelError
-from gapwalk.files import why_no_file
 from gapwalk.model.drivetrain.nondimensional import NonDimensional, nondimensional
 from gapwalk.model.drivetrain.train_file import describes_train
 from gapwalk.model.drivetrain.train_sheet import train_of_sheet
@@ -29,8 +27,7 @@ from gapwalk.model.problems import ModelFileError, Path, Problem, did_you_mean, 
 from gapwalk.model.schema import Part, Positive, Text
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
-from gapwalk.studies.measurement_fit import check_measurement, measure_doubts
-from gapwalk.studies.options import BranchOptions, ParameterRange
+from gapwalk.studies.options import BranchOptions, ParameterRange, measure_doubts
 from gapwalk.studies.set_values import change_source, change_system, study_changes, study_tables, walked_parameters
 from gapwalk.studies.study_kind import StudyKind, kind_of, kinds
 from gapwalk.studies.study_schema import DerivedPart, StudyPart, Surroundings, all_keys, study_schema
@@ -317,7 +314,10 @@ def check_whole(
     if reduction and system and system.units:
         message = "reduces equations without units; write the numbers of this file without units"
         problems.append(source.problem(message, ("reduction",)))
-    problems += check_measurement(source, system)[1]
+    if "measurement" in source.data:
+        from gapwalk.studies.measurement_fit import check_measurement  # only now: few models have a record
+
+        problems += check_measurement(source, system)[1]
     tables = study_tables(source)
     if source.data.get("study") is None:
         example = 'add [study] with kind = "response", parameter, from and to'
@@ -439,31 +439,6 @@ def _check_names(source: Source, names: Iterable[str]) -> None:
             raise ModelError(f"{file} has no study {name!r}; {did_you_mean(name, known)}")
 
 
-def template() -> str:
-    """Return the text of a complete model file whose comments explain it."""
-    return files("gapwalk.studies").joinpath("template.toml").read_text(encoding="utf-8")
-
-
-def machines() -> dict[str, str]:
-    """Return the titles of the machines to begin with, by their names."""
-    found = {}
-    for file in sorted(files("gapwalk.studies").joinpath("templates").iterdir(), key=lambda each: each.name):
-        if file.name.endswith(".toml"):
-            found[file.name.removesuffix(".toml")] = str(parse_source(file.read_text(encoding="utf-8")).data["title"])
-    return found
-
-
-def machine_text(name: str) -> str:
-    """Return the model file of a machine to begin with."""
-    known = [*machines()]
-    if name not in known:
-        raise ModelError(
-            f"there is no machine {name!r} to begin with (any other file has an ending: gapwalk new {name}.toml); "
-            f"{did_you_mean(name, known)}"
-        )
-    return files("gapwalk.studies").joinpath("templates", f"{name}.toml").read_text(encoding="utf-8")
-
-
 def text_of_sheet(path: str | os.PathLike[str]) -> str:
     """Return the text of a model file that is made from a table of a drive train; see `train_of_sheet`."""
     text, places = train_of_sheet(path)
@@ -478,21 +453,6 @@ def _placed(problem: Problem, places: Mapping[str, str]) -> str:
     inside = [path for path in places if f"{problem.path}.".startswith(f"{path}.")]
     where = places[max(inside, key=len)] if inside else "the whole table"
     return f"{where}: {problem.place or problem.path} {problem.message}"
-
-
-def write_template(path: str | os.PathLike[str], *, overwrite: bool = False, text: str = "") -> None:
-    """Write the model file to begin with."""
-    name = os.fspath(path)
-    if overwrite and (why := why_no_file(name)):
-        raise ModelError(f"{name} {why}")
-    try:
-        with open(name, "w" if overwrite else "x", encoding="utf-8", newline="\n") as file:
-            file.write(text or template())
-    except FileExistsError:
-        raise ModelError(f"{name} exists already; choose another name") from None
-    except (OSError, ValueError) as error:  # a ValueError is a NUL in the name
-        reason = getattr(error, "strerror", None) or error
-        raise ModelError(f"{name} cannot be written: {reason}") from None
 
 
 # A study of a drive train with units in the non-dimensional form of that train.

@@ -24,19 +24,10 @@ from gapwalk.studies.study_kind import StudyKind
 from gapwalk.tori.tongue import Tongue
 from gapwalk.tori.torus import Torus
 from gapwalk.tori.torus_family import TorusDiagram, TorusFamily, verify_families, verify_torus
-from gapwalk.verification import (
-    Check,
-    Ledger,
-    Spot,
-    Verification,
-    verify_branches,
-    verify_distinct,
-    verify_loci,
-    verify_orbit,
-    verify_tree,
-    verify_whole,
-)
+from gapwalk.verification import Check, Ledger, Spot, Verification
 from gapwalk.verification.verification import Advance
+from gapwalk.verification.verify_branch import verify_branches
+from gapwalk.verification.verify_orbits import verify_distinct, verify_loci, verify_orbit, verify_tree, verify_whole
 
 Tori = TorusDiagram | TorusFamily | Torus | Tongue
 Verifiable = Orbit | Branch | Diagram | Map | Family | Threshold | Tori | Rests | SelfExcited | Result

@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Sequence
 from enum import Enum
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +28,8 @@ _NOTHING = _nothing.ctypes.data  # where a function that returns nothing writes 
 @cache
 def kernel() -> tuple[Callable[..., int], Callable[..., int]]:
     """Return the two functions of the kernel: machine code that is kept, or is compiled now, which takes seconds."""
+    from importlib.metadata import version  # only now: reading a model file needs no kernel
+
     files = (Path(__file__).with_name(f"{name}.py") for name in ("kernel", "header"))
     source = b"".join([*(file.read_bytes() for file in files), version("numba").encode()])
     parts = kept("taylor", source, _compile)

@@ -149,6 +149,7 @@ class Verification:
             size, where = f"{worst.size:.1e}" if worst.size else "0", str(worst.spot) if worst.size > 0.0 else ""
             rows.append([summary.check.word, str(summary.count), size, f"{summary.check.bound:g}", where])
         yield Table(["check", ">places", ">worst", ">allowed", "where"], rows)
+        yield from (f"{each.check.word}: {each.check.sentence}" for each in self.summaries)
         for figure in self.breaches[:_LISTED]:
             yield f"failed: {figure.check.sentence}\n  {figure}"
         if len(self.breaches) > _LISTED:

@@ -12,7 +12,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from gapwalk.model.drivetrain import PaperNumbers, Scales
 from gapwalk.paper import parameter_set
-from gapwalk.studies.study_file import machine_text
+from gapwalk.studies.machine_templates import machine_text
 from tests.model.drivetrain.trains import DEGREE, by_hand, physical
 
 SCALES = Scales(angle=3.0 * DEGREE, frequency=500.0, inertia=0.004)

@@ -51,7 +51,8 @@ export function showLegend(legend, curves, clusters = []) {
   const used = new Set(all.flatMap(({ label }) => [...new Set(label)].map((each) => kinds[each])));
   for (const kind of kinds.slice(0, STABILITY)) {
     const line = legend.querySelector(`li:not([class]) path.${kind}`)?.closest("li");
-    if (line) line.hidden = used.size > 0 && !used.has(kind);
+    const pale = kind === "stable" && all.every(({ earlier }) => earlier); // another entry shows that line
+    if (line) line.hidden = used.size > 0 && (!used.has(kind) || pale);
   }
   const points = new Map(all.flatMap(({ special }) => special).filter(({ kind }) => kind in SIGNS).map(({ kind, text }) => [kind, text]));
   for (const old of legend.querySelectorAll(".of-point")) old.remove();

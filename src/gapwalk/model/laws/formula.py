@@ -683,6 +683,7 @@ class Expression(Law):
         text = self.formula.text.replace(f"x' + {MEAN_SLIP}", "s").replace("(s)", "s").replace(GROUP_SCALE, "drag")
         text = re.sub(rf" - \(\w+ \+ {STATE_LAG}\*\w+'\)/{STATE_LAG}$", "", text)  # of the rate of a state
         text = re.sub(rf"(?<!\w)\((\w+) \+ {STATE_LAG}\*\w+'\)|(\w+) \+ {STATE_LAG}\*\w+'", r"\1\2", text)
+        text = re.sub(rf"\({math.radians(1.0)!r}\*([\w']+)\)", r"\1", text)  # in units per radian, as it was written
         return re.sub(rf"\b{PACE}\b", "W", text)
 
     def with_frequency(self, name: str) -> Expression:
