@@ -31,9 +31,9 @@ class Walk(StepInterval):
         if value < 0.0:
             ends = THETA + 1e-3 * arclength, THETA + 1e-3 * (arclength + math.sqrt(-value))
             slips[:1] = FrictionPhase(1, 0.0, ends[0]), FrictionPhase(0, *ends), FrictionPhase(1, ends[1], math.pi)
-        margins = [Margin(0, "rate", 1, THETA, value, 10.0)] * int(value >= 0.0) + [
-            Margin(1, "stop", 1, 2.0, other, 10.0)
-        ]
+        margins = [Margin(1, "stop", 1, 2.0, other, 10.0)]
+        if value >= 0.0:
+            margins.append(Margin(0, "rate", 1, THETA, value, 10.0))
         full = [FrictionPhase(1, 0.0, math.pi), FrictionPhase(-1, math.pi, PERIOD)]
         orbit = SimpleNamespace(
             friction={0: slips, 1: full}, margins=margins, is_exact=True, period=1, stuck=(), slips=(), value=value
@@ -46,7 +46,7 @@ class Walk(StepInterval):
 
 
 def margin(rng: np.random.Generator, middle: float, half: float, step: float) -> Callable[[float], float]:
-    """A margin that vanishes at two places at the same distance from a middle, and whose scale is the step or longer."""
+    """A margin that vanishes at two places beside a middle, and bends on the scale of the step or a longer one."""
     size = 10.0 ** rng.uniform(-3.0, 3.0)
     a, pace = rng.uniform(-0.3, 0.3) / step, rng.uniform(0.1, 1.0) / step
     own, by_cosine = size / step**2, rng.random() < 0.5
@@ -86,7 +86,7 @@ def test_no_pair_of_changes_in_a_step_is_missed(seed: int, monkeypatch) -> None:
         value = margin(own, middle, half, step)
         walk = Walk(first, first + step, value, other)
         ends = walk.points
-        found = find_changes(walk, walk.point(before), *ends)
+        found = find_changes(walk, walk.point(before), ends[0], ends[1])
         tried += walk.tried
         places = [each.point.arclength for each in found]
         if len(places) != 2 or np.abs(np.array(places) - [middle - half, middle + half]).max() > 1e-10:
