@@ -292,6 +292,7 @@ def test_a_locus_is_followed_and_shown_in_its_plane(page) -> None:
     assert page.evaluate("gapwalk.diagram.mark") == [x[0], y[0]]
 
 
+@pytest.mark.slow  # a search that is found complete, and jobs that are stopped, have tests of their own
 def test_a_search_is_begun_and_stopped(page) -> None:
     opened(page, "clutch.toml")
     count = page.evaluate("gapwalk.page.results.length")

@@ -89,27 +89,28 @@ def test_they_are_those_of_taylor_series(size: int, law: str, numbers: dict[str,
 
 @pytest.mark.parametrize(("law", "numbers"), CASES)
 def test_they_are_those_of_differences(law: str, numbers: dict[str, float]) -> None:
-    system, step = chain(7, 3, law=law, **numbers), 1e-6
+    system, step = chain(LARGE, 3, law=law, **numbers), 1e-6
     flow, coefficients = flow_of(system, transition=True), coefficients_of(system)
-    state = 0.4 * np.random.default_rng(3).normal(size=14)
+    state = 0.4 * np.random.default_rng(3).normal(size=2 * LARGE)
     assert flow.is_linear
     found = flow.integrate(coefficients, state).transition
     moved = [
-        [flow_of(system).integrate(coefficients, state + side * step * each).state for each in np.eye(14)]
+        [flow_of(system).integrate(coefficients, state + side * step * each).state for each in np.eye(2 * LARGE)]
         for side in (1.0, -1.0)
     ]
     assert found == pytest.approx((np.array(moved[0]) - moved[1]).T / (2.0 * step), abs=1e-7)
 
 
 def test_without_contact_they_are_the_exponential() -> None:
-    system = free(np.diag(np.arange(1.0, 7.0)) + 0.1, 0.1 * np.eye(6) + 0.02, 0.7)
-    n, found = 6, flow_of(system, transition=True).integrate(coefficients_of(system), np.full(12, 0.1))
+    n = LARGE
+    system = free(np.diag(np.arange(1.0, n + 1.0)) + 0.1, 0.1 * np.eye(n) + 0.02, 0.7)
+    found = flow_of(system, transition=True).integrate(coefficients_of(system), np.full(2 * n, 0.1))
     matrix = np.block([[np.zeros((n, n)), np.eye(n)], [-system.matrix("stiffness"), -system.matrix("damping")]])
     assert found.transition == pytest.approx(expm(matrix * PERIOD / 0.7), abs=1e-13)
 
 
 def test_a_system_without_contacts_has_its_linear_response() -> None:
-    names, size = [f"x{k}" for k in range(6)], 6
+    names, size = [f"x{k}" for k in range(LARGE)], LARGE
     stiffness = 2.0 * np.eye(size) - np.eye(size, k=1) - np.eye(size, k=-1)
     system = System(names, stiffness, 0.05 * stiffness, harmonics=[Harmonic(0.1, {names[0]: 1.0})], frequency=0.7)
     branch = gw.follow(gw.find_orbit(system), "frequency", 0.9)
@@ -121,7 +122,7 @@ def test_a_system_without_contacts_has_its_linear_response() -> None:
 
 
 def test_a_matrix_without_enough_eigenvectors_has_its_exponential_too() -> None:
-    n = 6
+    n = LARGE
     system = free(np.eye(n), 2.0 * np.eye(n), 2.0)  # critical damping
     found = flow_of(system, transition=True).integrate(coefficients_of(system), np.full(2 * n, 0.1)).transition
     t = PERIOD / 2.0

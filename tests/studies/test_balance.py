@@ -325,3 +325,16 @@ def test_a_damaged_balanced_result_is_named(growing, tmp_path) -> None:
             gw.open_result(path)
     path.write_bytes(content)
     assert_same_result(gw.open_result(path), growing)
+
+
+def test_a_study_of_many_unknowns_takes_shooting_and_says_so(tmp_path) -> None:
+    many = FILE.replace("to = 1.9", "to = 0.71").replace("harmonics = 12", "harmonics = 400")
+    shot, balanced = (check_study(parse_source(many.replace("400", text))) for text in ("400", "400, only = true"))
+    assert shot.walked.method.suited_to(shot.system) == gw.Shooting()
+    assert balanced.walked.method.suited_to(balanced.system) is balanced.walked.method
+    gw.run(shot, tmp_path / "many.gapwalk")
+    result = gw.open_result(tmp_path / "many.gapwalk")
+    assert all(point.orbit.is_exact for point in result.branches[0].points)
+    said = [line for line in result.summary() if "by shooting, in place of harmonic balance" in line]
+    assert len(said) == 1
+    assert "only = true" in said[0]

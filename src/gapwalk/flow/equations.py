@@ -26,8 +26,10 @@ from gapwalk.model.units import QuantityKind
 from gapwalk.taylor.symbols import (
     ANGLE,
     FUNCTIONS,
+    ONE,
     ZERO,
     Symbol,
+    changed,
     cos,
     derivative,
     number,
@@ -259,19 +261,10 @@ class Equations(RunTimeParameters):
 
     def creep(self, contact: int) -> Symbol:
         """Return the rate over time of the extension of a spring at its limit; 0 if the limit is constant."""
-        growth = self._along(self._contact_laws[contact].limits[0], self._motion)
+        growth = changed(self._contact_laws[contact].limits[0], {**dict(self._motion), ANGLE: ONE})
         if growth == ZERO:
             return growth
         return growth / (self.rate * self._coefficient(self.layout.contacts[contact].numbers["stiffness"]))
-
-    def _along(self, function: Symbol, motion: list) -> Symbol:
-        """Return the derivative of a function by theta along the motion, given the equations of what it depends on."""
-        known, parts = dict(motion), []
-        for leaf in sorted(function.leaves, key=repr):
-            if leaf.operation == "variable":
-                parts.append(derivative(function, leaf) * known[leaf])
-        parts.append(derivative(function, ANGLE))
-        return total(parts)
 
     def reaction(self, number: int) -> Symbol:
         """Return a reaction, by its number in the structure: a sum over the columns of the accelerations."""
@@ -302,12 +295,13 @@ class Equations(RunTimeParameters):
         # force at which slip begins. Then the length of the vector of the velocities, and of the positions times W.
         # Then the accelerations.
         found, turning = [], [each / self.rate for each in self._accelerations]
+        motion = {**dict(self.state), ANGLE: ONE}
         for place, contact in enumerate(self.dry):
             limits, force = self._contact_laws[contact].limits, ZERO
-            bent = self._along(self._base_rate(contact), self._motion) / self.rate
+            bent = changed(self._base_rate(contact), motion) / self.rate
             if (contact, -1) in self.layout.structure.reactions:
                 force = self.reaction(self.layout.structure.reactions.index((contact, -1)))
-            growths = [self._along(each, self.state) for each in (force, limits[1])]
+            growths = [changed(each, motion) for each in (force, limits[1])]
             found += [self.slip_rate(place), *limits, bent, force, *growths]
         speeds = [*self.velocities, *(q / self.rate for q in self.positions)]
         speed = sqrt(total([each * each for each in speeds]))
@@ -323,19 +317,9 @@ class Equations(RunTimeParameters):
         """Changes of the columns of the accelerations and of the limits of friction, and the symbols that they need."""
         # Those are the state, its change, the change of theta, and those of the coefficients of `tangent_slots`.
         state = [*self.positions, *self.velocities, *self.extensions]
-        moved = [variable(f"d{symbol.value}") for symbol in state]
-        turned, found = variable("dtheta"), []
-        changed = {int(slot): variable(f"dp{slot}") for slot in self.tangent_slots}
-        for function in self._bounded:
-            used = parameters_of(function)
-            parts = [
-                derivative(function, parameter(self.indices[slot])) * change
-                for slot, change in changed.items()
-                if self.indices[slot] in used
-            ]
-            parts += [self._changed(function, moved), derivative(function, ANGLE) * turned]
-            found.append(ZERO + total(parts))
-        return [*state, *moved, turned, *changed.values()], found
+        changes = {each: variable(f"d{each.value}") for each in state} | {ANGLE: variable("dtheta")}
+        changes |= {parameter(self.indices[slot]): variable(f"dp{slot}") for slot in self.tangent_slots}
+        return [*state, *changes.values()], [changed(each, changes) for each in self._bounded]
 
     @cached_property
     def _bounded(self) -> list[Symbol]:
@@ -382,17 +366,9 @@ class Equations(RunTimeParameters):
 
     def forcing(self, index: int) -> list[Symbol]:
         """Return what is added to these equations for the coefficients along a direction given at run time."""
-        first, found = self.first_component(index), []
-        for _, force in self.state:
-            used = parameters_of(force)
-            found.append(
-                total(
-                    derivative(force, parameter(self.indices[slot])) * parameter(first + component)
-                    for component, slot in enumerate(self.varying[index].tolist())
-                    if self.indices[slot] in used
-                )
-            )
-        return found
+        slots, first = self.varying[index].tolist(), self.first_component(index)
+        changes = {parameter(self.indices[slot]): parameter(first + place) for place, slot in enumerate(slots)}
+        return [changed(force, changes) for _, force in self.state]
 
     def integrals(self) -> list:
         """Return the equations of the integrals over theta of each position and of its square."""
@@ -562,6 +538,7 @@ class Equations(RunTimeParameters):
         """Linearise the equations about the motion, and apply them to one column of symbols."""
         n, memories = self.layout.structure.size, self.layout.structure.memories
         dq, dv, dz = symbols[:n], symbols[n : 2 * n], symbols[2 * n :]
+        moved = {each: change for (each, _), change in zip(self.state, symbols, strict=True)}
         changes = []
         for index, law in enumerate(self._contact_laws):
             parts = [
@@ -578,16 +555,8 @@ class Equations(RunTimeParameters):
         return [
             *((symbol, self.rate * velocity) for symbol, velocity in zip(dq, dv, strict=True)),
             *((symbol, self.rate * -total(self._terms(row, forces))) for symbol, row in zip(dv, rows, strict=True)),
-            *(
-                (symbol, self._changed(rate, symbols))
-                for symbol, (_, rate) in zip(dz, self.state[2 * n :], strict=True)
-            ),
+            *((symbol, changed(rate, moved)) for symbol, (_, rate) in zip(dz, self.state[2 * n :], strict=True)),
         ]
-
-    def _changed(self, function: Symbol, symbols: list[Symbol]) -> Symbol:
-        """Return the change of a function of the state for a change of the state."""
-        state = [*self.positions, *self.velocities, *self.extensions]
-        return total(derivative(function, each) * change for each, change in zip(state, symbols, strict=True))
 
 
 def _noted(calls: list[tuple[str, Symbol]], name: str, argument: Any) -> Symbol:

@@ -5,6 +5,7 @@ While contacts are held, the motion is that of a system with other coefficients 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -120,7 +121,7 @@ class DryState:
     vectors
         Deflection vector of each contact that is friction or a rigid stop.
     spans
-        For each of them, the sum of the sizes of its numbers.
+        For each friction, the sum of the sizes of the numbers of its vector; inf if a displacement is added.
     column_signs : shape (columns,)
         Signs with which the columns of coefficients enter accelerations and reactions.
     is_moved
@@ -140,7 +141,7 @@ class DryState:
     coefficients: Array
     entry: _Held
     vectors: dict[int, Array]
-    spans: dict[int, float]
+    spans: list[float]
     is_moved: dict[int, bool]
     has_base: dict[int, bool]
     rate_factors: list[list[tuple[int, float]] | None]
@@ -243,7 +244,8 @@ class DryState:
             self._known = {}
             self.rate_factors = [self._factors_of(place) for place in range(len(self.slots))]
             self.vectors = {contact: base[self.layout.contacts[contact].deflection] for contact in self._contacts}
-            self.spans = {contact: float(np.abs(vector).sum()) for contact, vector in self.vectors.items()}
+            spans = ((np.abs(base[slots.deflection]).sum(), slots.sway) for slots in self.slots)
+            self.spans = [float(span) if sway is None else math.inf for span, sway in spans]
             self.has_base = {contact: bool(base[slots[self.n :]].any()) for contact, slots in self._contacts.items()}
             self.is_strained = [bool(directions[:, slots].any()) for slots in self._strains]
             self.is_moved = {contact: bool(directions[:, slots].any()) for contact, slots in self._contacts.items()}

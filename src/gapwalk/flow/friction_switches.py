@@ -272,11 +272,11 @@ class DrySwitches(LoneFriction):
         elif not second and self._turns_alone(place, direction, theta):
             return
         now = self.read(theta)
-        for other in self._stopping(now, theta):  # of two events at the same time only one is reported
-            if other != place and self.memory_of[other] is not None:
+        for other in self._stopping(now, theta, place) if self._springs else ():
+            if self.memory_of[other] is not None:  # of two events at the same time only one is reported
                 self._at_memory(other, False, -self.slips[other], theta, now)
         if self.memory_of[place] is not None:
-            hidden = [other for other in self._stopping(now, theta) if self.memory_of[other] is None]
+            hidden = [other for other in self._stopping(now, theta, place) if self.memory_of[other] is None]
             self._at_memory(place, bool(second), direction, theta, now)
             if hidden:  # it lets the others stop with it
                 self._stop(hidden[0], theta, self.read(theta))
@@ -285,13 +285,13 @@ class DrySwitches(LoneFriction):
         elif not second and (theta - self._begun[place] > SETTLING or direction == -self.slips[place]):
             self._stop(place, theta, now)
 
-    def _stopping(self, now: Readings, theta: float) -> Iterator[int]:
-        """Yield the friction whose slip rate vanishes at the same time as an event, each as it is asked for."""
+    def _stopping(self, now: Readings, theta: float, but: int) -> Iterator[int]:
+        """Yield other friction whose slip rate vanishes at the same time as an event, each as it is asked for."""
         # nearly all of it is far too fast, whatever its acceleration: `_stops_too` need not be asked
         fastest = _FAST * largest(now.accelerations) * self.base.item(0)
-        for place, (slots, contact) in enumerate(zip(self.slots, self.equations.dry, strict=True)):
-            is_fast = abs(now.friction[place][0]) > fastest * self.spans[contact] and slots.sway is None
-            if self.slips[place] and not is_fast and self._stops_too(place, now, theta):
+        for place, (rate, _, _) in enumerate(now.friction):
+            is_fast = abs(rate) > fastest * self.spans[place]
+            if self.slips[place] and place != but and not is_fast and self._stops_too(place, now, theta):
                 yield place
 
     def stop_simultaneous(self, theta: float) -> None:
@@ -314,7 +314,7 @@ class DrySwitches(LoneFriction):
         shifts = rate_changes(self, self.equations.dry[place], theta) if self.columns else np.zeros(0)
         candidates = [*self.held, self.reaction_of[place]]
         # of two events at the same time only one is reported
-        candidates += [self.reaction_of[other] for other in self._stopping(before, theta) if other != place]
+        candidates += [self.reaction_of[other] for other in self._stopping(before, theta, place)]
         modes = self.slips.copy()
         after = self._hold(theta, [number for number in candidates if number is not None], before)
         if abs(self._over.get(self.reaction_of[place], 1.0)) < BARELY:

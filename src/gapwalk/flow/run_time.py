@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from functools import cached_property
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,25 @@ class RunTimeParameters:
     varying: tuple[NDArray[np.intp], ...] = ()
     #: True if the speed changes with the angle. Then the pattern covers the slots of a ramp (`gapwalk.flow.ramp`).
     ramp: bool = False
+
+    #: Run-time parameters: the first of each kind.
+    first_switch: int = field(init=False)  #: 1 while a stage of a contact touches, otherwise 0.
+    first_weight: int = field(init=False)  #: Weights of the event functions of these.
+    first_mode: int = field(init=False)  #: Modes of laws.
+    first_waiting: int = field(init=False)  #: 1 while the guard of a mode that may wait vanishes all the time.
+    first_level: int = field(init=False)  #: 1 at the high level of a cycle of two levels, otherwise 0.
+    first_slip: int = field(init=False)  #: 1 or -1 in slip of friction, 0 in stick.
+    first_stick: int = field(init=False)  #: 1 in stick of friction, otherwise 0.
+    first_held: int = field(init=False)  #: 1 while a rigid stop is held, otherwise 0.
+    length: int = field(init=False)  #: The unit of length, in units of the model.
+    first_coefficient: int = field(init=False)  #: The coefficients.
+
+    def __post_init__(self) -> None:
+        switches, modes, dry = len(self.switches), len(self.modes), len(self.dry)
+        numbers = [switches, switches, modes, modes * self.may_wait, len(self.layout.cycles), dry, dry, len(self.stops)]
+        places = accumulate([self.first_component(len(self.varying)), *numbers, 1])
+        for name, place in zip(_FIRSTS, places, strict=True):
+            object.__setattr__(self, name, place)
 
     @cached_property
     def active(self) -> NDArray[np.intp]:
@@ -44,59 +64,9 @@ class RunTimeParameters:
         return np.concatenate([index * len(self.pattern) + slots for index, slots in enumerate(self.varying)])
 
     @cached_property
-    def first_switch(self) -> int:
-        """Run-time parameter of the first switch."""
-        return self.first_component(len(self.varying))
-
-    @cached_property
-    def first_weight(self) -> int:
-        """Run-time parameter of the first weight of an event function."""
-        return self.first_switch + len(self.switches)
-
-    @cached_property
-    def first_mode(self) -> int:
-        """Run-time parameter of the first mode of a law."""
-        return self.first_weight + len(self.switches)
-
-    @cached_property
-    def first_waiting(self) -> int:
-        """Run-time parameter of the first mode that may wait: 1 while its guard vanishes all the time, otherwise 0."""
-        return self.first_mode + len(self.modes)
-
-    @cached_property
     def may_wait(self) -> bool:
         """True if guards may vanish all the time, because contacts are held."""
         return bool(self.layout.structure.reactions)
-
-    @cached_property
-    def first_level(self) -> int:
-        """Run-time parameter of the first cycle of two levels: 1 at the high one, otherwise 0."""
-        return self.first_waiting + len(self.modes) * self.may_wait
-
-    @cached_property
-    def first_slip(self) -> int:
-        """Run-time parameter of the first slip of friction: 1 or -1 in slip, 0 in stick."""
-        return self.first_level + len(self.layout.cycles)
-
-    @cached_property
-    def first_stick(self) -> int:
-        """Run-time parameter of the first stick of friction: 1 in stick, otherwise 0."""
-        return self.first_slip + len(self.dry)
-
-    @cached_property
-    def first_held(self) -> int:
-        """Run-time parameter of the first switch of a rigid stop: 1 while the stop is held, otherwise 0."""
-        return self.first_stick + len(self.dry)
-
-    @cached_property
-    def length(self) -> int:
-        """Run-time parameter of the unit of length, in units of the model."""
-        return self.first_held + len(self.stops)
-
-    @cached_property
-    def first_coefficient(self) -> int:
-        """Run-time parameter of the first coefficient."""
-        return self.length + 1
 
     @cached_property
     def formulas(self) -> bool:
@@ -128,3 +98,6 @@ class RunTimeParameters:
         return tuple(
             (index, stage) for index, contact in enumerate(self.layout.contacts) for stage in range(len(contact.stages))
         )
+
+
+_FIRSTS = [each.name for each in fields(RunTimeParameters) if not each.init]

@@ -310,10 +310,9 @@ class LoneFriction(DryState):
         """Return True if the slip rate of friction that slips vanishes at the same time as an event."""
         if not self.slips[place] or theta - self._begun[place] <= SETTLING:
             return False
-        slots, rate = self.slots[place], now.friction[place][0]
+        rate = now.friction[place][0]
         # nearly always it is far too fast, whatever its acceleration
-        fastest = largest(now.accelerations) * float(np.abs(self.vectors[self.equations.dry[place]]).sum())
-        if slots.sway is None and abs(rate) > _TOGETHER * fastest * self.base.item(0):
+        if abs(rate) > _TOGETHER * largest(now.accelerations) * self.spans[place] * self.base.item(0):
             return False
         return self._vanishes(place, rate, self.slip_acceleration(place, now, theta))
 

@@ -69,6 +69,10 @@ class Method(Bounded):
         """Pose the orbits of a system over `period` forcing periods as an equation, optionally along a parameter."""
         raise NotImplementedError(f"the method {self.name} has no equation for orbits; its class must define pose()")
 
+    def suited_to(self, system: System) -> Method:
+        """Return the method by which studies find the orbits of a system: another one if that is far faster."""
+        return self
+
     def for_loci(self) -> Method:
         """Return the method by which loci are followed from one of its orbits."""
         return self

@@ -597,10 +597,10 @@ def _do_one(system: System, asked: FamilyStudy, piece: int | tuple[Member, Membe
 def _walk_member(system: System, asked: FamilyStudy, number: int) -> Member:
     """Walk the branches of one member; a failure does not affect the others."""
     value, parameter, ends = asked.over.axis[number], asked.parameter, (asked.begin, asked.end)
-    how: Any = {"walk": asked.walk, "method": asked.method}
+    how: Any = {"walk": asked.walk, "method": asked.method.suited_to(system)}
     try:
         first = system.at({**asked.over.at(number), parameter: asked.begin})
-        orbit = find_orbit(first, asked.period, asked.start, method=asked.method)
+        orbit = find_orbit(first, asked.period, asked.start, method=how["method"])
         if asked.max_period is None:
             return Member(number, value, (follow(orbit, parameter, asked.end, **how),))
         limits = DiagramOptions(max_period=asked.max_period, workers=1)

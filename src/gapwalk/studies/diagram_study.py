@@ -142,12 +142,12 @@ class DiagramStudyOptions(DiagramOptions, BranchOptions):
 
     def work(self, system: System) -> DiagramWork:
         """Return the work on the diagram."""
-        given = getattr(self, "_orbit", None)
+        given, method = getattr(self, "_orbit", None), self.method.suited_to(system)
 
         def first() -> Orbit:
-            return given or find_orbit(system, self.period, self.start, method=self.method)
+            return given or find_orbit(system, self.period, self.start, method=method)
 
-        return DiagramWork(system, empty_diagram(self.parameter, self.ends), self, self.walk, self.method, first)
+        return DiagramWork(system, empty_diagram(self.parameter, self.ends), self, self.walk, method, first)
 
     def search_work(
         self, system: System, apart: Sequence[Branch], searching: Callable[[Progress], None] | None = None
@@ -163,8 +163,8 @@ class DiagramStudyOptions(DiagramOptions, BranchOptions):
         searching
             Called with the progress of the search.
         """
-        known = empty_diagram(self.parameter, self.ends)
-        return DiagramWork(system, known, self, self.walk, self.method, apart=apart, searching=searching)
+        known, method = empty_diagram(self.parameter, self.ends), self.method.suited_to(system)
+        return DiagramWork(system, known, self, self.walk, method, apart=apart, searching=searching)
 
 
 class DiagramState(NamedTuple):

@@ -444,10 +444,11 @@ class MapWork(Work):
             search_values=self.asked.search_values,
             search=self.asked.search,
         )
-        how = (self.asked.start, self.asked.period, self.asked.walk, self.asked.method, None if self.which else tree)
+        method = self.asked.method.suited_to(self.system)
+        how = (self.asked.start, self.asked.period, self.asked.walk, method, None if self.which else tree)
         return (
             partial(_follow_section, first, second, within[0], *how),
-            partial(_follow_special, first, second, within, self.asked.walk, self.asked.method),
+            partial(_follow_special, first, second, within, self.asked.walk, method),
         )
 
     def _settle(self, queue: MapQueue) -> Iterator[Found]:

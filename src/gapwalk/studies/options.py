@@ -288,11 +288,6 @@ class BranchOptions(RangeStudy):
         """Describe the work to be done, in one line."""
         return f"{self.kind} over {self.range_words}, period {self.period}, showing {self.measure}"
 
-    @property
-    def balanced(self) -> bool:
-        """True if its orbits are stored with their series."""
-        return isinstance(self.method, Balance)
-
 
 @dataclass(frozen=True)
 class SearchTable:

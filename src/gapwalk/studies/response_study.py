@@ -115,7 +115,8 @@ class ResponseWork(Work):
         self._written = 0.0
         self._ready: BranchTracer | None = None  # at the first point of a stretch
         self._curve: SettledCurve | None = None
-        if isinstance(asked.method, Shooting | None):
+        self._method = asked.method.suited_to(system)
+        if isinstance(self._method, Shooting):
             self._curve = SettledCurve.of(system, asked.parameter, (asked.begin, asked.end))
 
     def take(self, known: Parts) -> None:
@@ -145,11 +146,11 @@ class ResponseWork(Work):
         """Return the first orbit, and the settled motions before it if there is none at the first value."""
         asked, curve = self.asked, self._curve
         if curve is None or asked.start != "settle":
-            return find_orbit(self.system, asked.period, asked.start, method=asked.method), ()
+            return find_orbit(self.system, asked.period, asked.start, method=self._method), ()
         bands = [curve.at(0)]
         if not bands[0].total:  # a quiet motion that settles slowly: its orbit is found by Newton's method
             with suppress(NumericalError):
-                return find_orbit(self.system, asked.period, bands[0].state, method=asked.method), ()
+                return find_orbit(self.system, asked.period, bands[0].state, method=self._method), ()
         while (orbit := self._orbit_at(bands[-1:])) is None:
             if bands[-1].value == curve.values[-1]:
                 raise ConvergenceError(
@@ -167,7 +168,7 @@ class ResponseWork(Work):
             return None
         system = self.system.at({asked.parameter: band.value})
         try:
-            orbit = find_orbit(system, asked.period, band.state, method=asked.method)
+            orbit = find_orbit(system, asked.period, band.state, method=self._method)
         except NumericalError:
             return None
         n = system.size
@@ -322,7 +323,7 @@ class ResponseWork(Work):
     def _tracer(self, start: Orbit, state: BranchTracerState | None) -> BranchTracer:
         asked = self.asked
         (direction,) = directions(asked.begin, asked.end)
-        beginning = start_branch(start, asked.parameter, asked.end, direction, asked.method)
+        beginning = start_branch(start, asked.parameter, asked.end, direction, self._method)
         return BranchTracer(beginning, asked.walk, state)
 
     def _found(self, progress: Progress, ends: tuple[End, ...] | None) -> Found:

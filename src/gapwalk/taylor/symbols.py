@@ -222,6 +222,11 @@ def derivative(of: Symbol, leaf: Symbol) -> Symbol:
     return by(of)
 
 
+def changed(of: Symbol, changes: Mapping[Symbol, Symbol]) -> Symbol:
+    """Return the change of a function to first order, for changes of some leaves."""
+    return total(derivative(of, leaf) * change for leaf, change in changes.items() if leaf in of.leaves)
+
+
 def replaced(functions: Sequence[Symbol], others: Mapping[Symbol, Any]) -> list[Symbol]:
     """Return functions with other symbols in place of some leaves."""
     known, leaves = {leaf: symbol(other) for leaf, other in others.items()}, frozenset(others)
