@@ -49,6 +49,14 @@ def test_points_of_manifolds_come_from_the_saddle_and_go_there() -> None:
     assert min(*unstable.lengths, *stable.lengths) >= 4.2
 
 
+def test_both_manifolds_in_one_picture_have_one_legend() -> None:
+    unstable, stable, _ = manifolds(0.0750)
+    figure = unstable.plot().figure
+    stable.plot(ax=figure.axes[0])
+    (legend,) = figure.legends
+    assert [each.get_text() for each in legend.get_texts()] == ["unstable manifold", "stable manifold", "saddle"]
+
+
 def test_the_homoclinic_tangency_is_between_melnikovs_value_and_one_part_in_a_thousand_above() -> None:
     melnikov = 4.0 * DAMPING / 3.0 * math.cosh(0.5 * math.pi) / (math.sqrt(2.0) * math.pi)
     assert melnikov == pytest.approx(0.0753, abs=5e-5)

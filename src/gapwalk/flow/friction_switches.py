@@ -34,6 +34,7 @@ from gapwalk.flow.friction_state import (
     rate_changes,
 )
 from gapwalk.flow.single_friction import BARELY, LATER, NEAR, ON, PAUSE, SETTLING, STILL, UNSEEN, VALUES, LoneFriction
+from gapwalk.model.laws import Expression
 
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
 _FAST = 2e-9  # radians of the largest acceleration after which a slip rate is too fast to vanish; twice `_TOGETHER`
@@ -671,11 +672,12 @@ class ModeSwitches:
         """Raise a FlowError where the mode is that of a limit of friction, which has become negative."""
         index, own = self.equations.modes[mode]
         slots = self.equations.layout.contacts[index]
-        if is_on or not slots.form.law.is_formula or own < slots.form.law.formula.mode_count:
+        law = slots.form.law
+        if is_on or not isinstance(law, Expression) or own < law.formula.mode_count:
             return
         q, v = self._unit * self._state[: self.n], self._unit * self._state[self.n : 2 * self.n]
         moves = self.coefficients[slots.deflections[0]]
-        text, contacts = slots.form.law.formula.text, self.equations.layout.structure.contacts
+        text, contacts = law.formula.text, self.equations.layout.structure.contacts
         name = next(each.name for each in contacts if each.law.host == slots.form.name)
         raise FlowError(
             f"the limit of friction {name!r}, {text}, becomes negative at x = {moves @ q:.4g}, v = {moves @ v:.4g} and "

@@ -150,7 +150,7 @@ class State:
             if name not in wanted:
                 hint = did_you_mean(name, sorted(wanted), "its numbers are") if wanted else "its formulas have none"
                 raise ModelError(f"state {self.name!r} has {name}, which is none of its numbers; {hint}")
-        return [*force, replace(rate, shares=dict(_shared(*force, rate)))] if force else [rate]
+        return [*force, replace(rate, shares=dict(_shared(force[0], rate)))] if force else [rate]
 
     def _direction(self, known: Mapping[str, Any]) -> Mapping[str, float]:
         """Return where its force acts."""
