@@ -20,3 +20,4 @@ from .bifurcation.loci.gradient import gradients as gradients
 from .flow.hysteresis import hysteresis as hysteresis
 from .flow.hysteresis import stick_slip as stick_slip
 from .orbit.energy import energy as energy
+from .studies.functions import shares as shares

@@ -1,5 +1,7 @@
 """Friction whose limit is a formula: of the slip rate, on a belt, and of the load."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -51,6 +53,30 @@ def test_the_load_grows_with_the_deflection() -> None:
     # while it slips backwards x'' = -x + mu (n0 + k x): a harmonic motion about another place
     root, middle = np.sqrt(1.0 - 0.1), 0.2 / 0.9
     np.testing.assert_allclose(motion.q[:, 0], middle + (1.5 - middle) * np.cos(root * motion.time), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("limit", "numbers", "start", "where"),
+    [
+        ("mu*(n0 + k*x)", {"mu": 0.2, "n0": 1.0, "k": 0.5}, [3.0, 0.0], -2.0),  # the load at the way back
+        ("1 - 0.5*abs(v)", {}, [4.0, 0.0], None),  # at the largest speed, between two changes of direction
+    ],
+)
+def test_a_limit_that_becomes_negative_is_refused(
+    limit: str, numbers: dict[str, float], start: list[float], where: float | None
+) -> None:
+    system = oscillator(gw.friction("pad", {"x": 1.0}, limit, numbers=numbers))
+    with pytest.raises(gw.errors.FlowError, match=r"limit of friction 'pad', .*, becomes negative at x = ") as error:
+        gw.integrate(system, np.array(start), 1.0)
+    found = dict(re.findall(r"\b([xv]) = (-?[\d.]+)", str(error.value)))
+    assert float(found["x" if where else "v"]) == pytest.approx(where or -2.0, abs=1e-3)
+    assert '"max(..., 0)"' in str(error.value)
+    allowed = oscillator(gw.friction("pad", {"x": 1.0}, f"max({limit}, 0)", numbers=numbers))
+    motion = gw.integrate(allowed, np.array(start), 1.0)
+    energy = (motion.states**2).sum(axis=1)
+    assert (np.diff(energy) <= 1e-12).all()  # friction only takes energy
+    with pytest.raises(gw.errors.FlowError, match="becomes negative"):
+        gw.integrate(system, np.array([-4.0, 3.0]), 0.1)  # where the motion begins
 
 
 def test_a_formula_that_acts_on_the_system_may_pull() -> None:

@@ -73,7 +73,7 @@ def found(results, name) -> gw.Result:
 
 def test_no_kind_of_study_is_left_out() -> None:
     """Those of `results`, and those of test_answer_page.py and test_kept.py."""
-    known = {"basins", "regimes", "sweep", "family", "map", "campbell", "rattle-chance", *UNFORCED}
+    known = {"basins", "regimes", "sweep", "family", "map", "campbell", "rattle-chance", "shares", *UNFORCED}
     others = {"response", "diagram", "locus", "settle", "rattle", "threshold", "design", "tolerance", "run-up"}
     # a saved page does not show them; the message says what to write
     refused = {"scan"}
@@ -83,7 +83,7 @@ def test_no_kind_of_study_is_left_out() -> None:
 
 @leaves("map", "family", "tori")
 @pytest.mark.parametrize(
-    "name", ["basins", "regimes", "sweep", "family", "map", "campbell", "rattle-chance", *UNFORCED]
+    "name", ["basins", "regimes", "sweep", "family", "map", "campbell", "rattle-chance", "shares", *UNFORCED]
 )
 def test_a_page_of_each_kind_opens_alone_and_draws_something(found, tmp_path, name) -> None:
     file = tmp_path / f"{name}.html"

@@ -29,6 +29,10 @@ BASINS = HEAD + (
     'kind = "basins"\nplane = { q1 = [-4.0, 4.0], "q1\'" = [-3.0, 3.0] }\nfixed = { q3 = 0.5 }\n'
     "resolution = [100, 90]\nexact_borders = false\ncheck = 8\nworkers = 1\n"
 )
+SHARES = HEAD + (
+    'kind = "shares"\nparameter = "frequency"\nfrom = 0.6\nto = 0.7\nbox = { q1 = [-4.0, 4.0] }\n'
+    "points = 3\nstarts = 8\nworkers = 1\n"
+)
 REGIMES = HEAD + (
     'kind = "regimes"\nparameter = "frequency"\nfrom = 0.7\nto = 0.5\n'
     'second = { parameter = "harmonic1.amplitude", from = 0.4, to = 0.5 }\nresolution = [4, 9]\ncarry = "up"\n'
@@ -158,6 +162,7 @@ MODELS = {
     "sweep": SWEEP,
     "basins": BASINS,
     "regimes": REGIMES,
+    "shares": SHARES,
 }
 
 SMALL = (

@@ -497,7 +497,7 @@ class Basins(Shown):
 
         It is 1 for smooth boundaries; the dimension of the boundary is that of the plane, 2, less the exponent.
         (Grebogi, McDonald, Ott and Yorke 1983, Physics Letters A 99, 415-418.) The limits are those of a bootstrap
-        of blocks of rows and of columns, for the slope over these distances.
+        of blocks of rows and of columns, and of the differences between the local slopes over the distances.
         """
         return Uncertainty.of(self.labels, confidence)
 
@@ -566,12 +566,11 @@ class Uncertainty:
         """Compute it from the labels of cells, shape (rows, columns)."""
         most = min(labels.shape) // _WIDEST
         distances = [2**k for k in range(int(np.log2(max(most, 1))) + 1)]
-        counts: list[NDArray[np.float64]] = []  # of a direction, shape (distances, blocks)
+        widest, counts = distances[-1], list[NDArray[np.float64]]()  # of a direction, shape (distances, blocks)
         for cells in (labels, labels.T):
-            found = np.zeros((len(distances), len(cells)))
-            for row, k in zip(found, distances, strict=True):
-                middle = cells[:, k:-k]
-                row[:] = ((middle != cells[:, : -2 * k]) | (middle != cells[:, 2 * k :])).mean(axis=1)
+            middle, length = cells[:, widest:-widest], cells.shape[1] - 2 * widest  # the same starts for each distance
+            moved = [[cells[:, widest + k :][:, :length] for k in (each, -each)] for each in distances]
+            found = np.array([((middle != up) | (middle != down)).mean(axis=1) for up, down in moved])
             counts.append(np.array([block.mean(axis=1) for block in np.array_split(found, _BLOCKS, axis=1)]).T)
         shares = np.mean([each.mean(axis=1) for each in counts], axis=0)
         if len(distances) < 3 or not (shares > 0.0).all():
@@ -580,16 +579,22 @@ class Uncertainty:
                 "finer resolution, at least 64, over a plane with a boundary"
             )
 
-        def slope(values: NDArray[np.float64]) -> float:
-            return float(np.polyfit(np.log(distances), np.log(np.maximum(values, 1e-12)), 1)[0])
+        def slopes(values: NDArray[np.float64]) -> NDArray[np.float64]:
+            return np.diff(np.log(np.maximum(values, 1e-12))) / np.log(2.0)
 
+        from scipy.stats import t  # imported late: it takes long
+
+        # Starts side by side are correlated, so blocks of them are drawn; local slopes differ where the boundary is
+        # bent or not self-similar at each scale, and each is one value of a sample as small as their number.
         random, samples = np.random.default_rng(0), []
         for _ in range(_SAMPLES):
             picked = [each[:, random.integers(_BLOCKS, size=_BLOCKS)].mean(axis=1) for each in counts]
-            samples.append(slope(np.mean(picked, axis=0)))
-        half = 50.0 * (1.0 - confidence)
-        low, high = np.percentile(samples, [half, 100.0 - half])
-        return cls(slope(shares), float(low), float(high), tuple(distances), tuple(shares.tolist()))
+            samples.append(slopes(np.mean(picked, axis=0)).mean())
+        own = slopes(shares)
+        error = np.hypot(np.std(samples), own.std(ddof=1) / np.sqrt(len(own)))
+        half = float(t.ppf(0.5 + 0.5 * confidence, len(own) - 1) * error)
+        mean = float(own.mean())
+        return cls(mean, mean - half, mean + half, tuple(distances), tuple(shares.tolist()))
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -142,6 +142,12 @@ class Branch(Curve, Measured):
             if each.label == "neutral" and beside and all(other.label != "neutral" for other in beside):
                 found[number] = beside[0]
         return tuple(found)
+
+    def basins(self, box: Mapping[str, tuple[float, float]], **options: Any) -> Any:
+        """Return the shares of starts in a box that lead to each motion along it; see `gapwalk.analysis.shares`."""
+        from gapwalk.studies.functions import shares
+
+        return shares(self.system, self.parameter, (float(min(self.values)), float(max(self.values))), box, **options)
 
     def special(self, kind: Kind | str) -> tuple[SpecialPoint, ...]:
         """Return the special points of one kind, which may be given by its name, such as ``fold``."""

@@ -34,6 +34,7 @@ from gapwalk.flow.friction_state import (
     rate_changes,
 )
 from gapwalk.flow.single_friction import BARELY, LATER, NEAR, ON, PAUSE, SETTLING, STILL, UNSEEN, VALUES, LoneFriction
+from gapwalk.model.laws import Expression
 
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
 _FAST = 2e-9  # radians of the largest acceleration after which a slip rate is too fast to vanish; twice `_TOGETHER`
@@ -554,6 +555,8 @@ class ModeSwitches:
         if self.mode_count:
             found = self._contact_modes(theta, self._state[: 2 * self.n])
             self._parameters[self._modes : self._modes + self.mode_count] = [mode for mode, _ in found]
+            for place, (mode, _) in enumerate(found):
+                self._refuse_negative(place, mode, theta)
 
     def refresh(self, theta: float, closed: list[list[bool]]) -> None:
         """Set the modes again after a stage closed or opened, for guards of laws with stages may jump there."""
@@ -661,8 +664,25 @@ class ModeSwitches:
         if self._integrator.time - self._left[mode] <= SETTLING:
             return  # it begins at 0, and rounding may be a crossing until it has left
         if direction:
+            self._refuse_negative(mode, direction > 0, self._integrator.time)
             self._parameters[self._modes + mode] = direction > 0
         self.kinks.append((self._integrator.time, self._state[: 2 * self.n].copy()))
+
+    def _refuse_negative(self, mode: int, is_on: bool, theta: float) -> None:
+        """Raise a FlowError where the mode is that of a limit of friction, which has become negative."""
+        index, own = self.equations.modes[mode]
+        slots = self.equations.layout.contacts[index]
+        law = slots.form.law
+        if is_on or not isinstance(law, Expression) or own < law.formula.mode_count:
+            return
+        q, v = self._unit * self._state[: self.n], self._unit * self._state[self.n : 2 * self.n]
+        moves = self.coefficients[slots.deflections[0]]
+        text, contacts = law.formula.text, self.equations.layout.structure.contacts
+        name = next(each.name for each in contacts if each.law.host == slots.form.name)
+        raise FlowError(
+            f"the limit of friction {name!r}, {text}, becomes negative at x = {moves @ q:.4g}, v = {moves @ v:.4g} and "
+            f'theta = {theta:.4g}; write limit = "max(..., 0)", or numbers with which it stays positive there'
+        )
 
     def set_simultaneous(self, closed: list[list[bool]] | None, mode: int = -1, dry: Dry | None = None) -> None:
         """Set the modes, other than one, whose guards vanish at the same time as an event: it alone was reported."""

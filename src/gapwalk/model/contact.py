@@ -141,6 +141,8 @@ class Contact:
     law: Law = field(default_factory=lambda: law_of("elastic"))
     #: Parameters of the law by name; they may also be given as arguments.
     numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
+    #: Parameters that are those of another contact: the names of both, as in ``{"belt_load.speed": "belt.speed"}``.
+    shares: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __init__(
         self,
@@ -150,6 +152,7 @@ class Contact:
         force: Mapping[str, float] | None = None,
         law: Law | str = "elastic",
         numbers: Mapping[str, float] | None = None,
+        shares: Mapping[str, str] | None = None,
         **more: float,
     ) -> None:
         if numbers is not None and not isinstance(numbers, Mapping):
@@ -162,7 +165,7 @@ class Contact:
         if any(HYSTERESIS.name in stage.numbers for stage in stages) and known in LAWS.values() and not known.rebounds:
             known = Hysteretic(known.name)
         own = {each.name: given.get(each.name, each.default) for each in known.parameters}
-        parts = (name, deflection, tuple(stages), force, known, own)
+        parts = (name, deflection, tuple(stages), force, known, own, dict(shares or {}))
         for each, value in zip(fields(self), parts, strict=True):
             object.__setattr__(self, each.name, value)
         problems = [*_stage_problems(self), *_number_problems(self, given)]
@@ -247,6 +250,9 @@ def force(
     return Contact(name, deflection, (), acts_on, formula, numbers, **more)  # type: ignore
 
 
+formula_force = force  # friction has a keyword with the name of the function
+
+
 def friction(
     name: str,
     deflection: Mapping[str, float],
@@ -271,7 +277,7 @@ def friction(
         The vector by coordinate name; friction acts against its rate.
     limit
         The force in slip, >= 0; or a formula of it, of the slip rate ``v`` and the deflection ``x``, as in
-        ``"mu*(n0 + k*x)/(1 + d*abs(v))"``. It must stay positive: write ``max(..., 0)`` if it could be negative.
+        ``"mu*(n0 + k*x)/(1 + d*abs(v))"``. Where it becomes negative a motion is refused: write ``max(..., 0)``.
     numbers
         The parameters of the formula by name.
     coefficient, normal
@@ -307,7 +313,8 @@ def friction(
     if isinstance(limit, str):
         text = limit if speed is None else re.sub(r"\bv\b", "(v - speed)", limit)
         moving = {} if speed is None or text == limit else {"speed": speed}
-        load = globals()["force"](f"{name}_load", deflection, text, acts_on={}, numbers={**(numbers or {}), **moving})
+        load = formula_force(f"{name}_load", deflection, text, acts_on={}, numbers={**(numbers or {}), **moving})
+        load = replace(load, shares={f"{load.name}.{each}": f"{name}.{each}" for each in moving})
         more = {"static": static, "speed": speed, "force": force, "coefficient": coefficient or 1.0}
         return friction(name, deflection, normal=load.name, **more), load
     ways = (limit is not None and not stages_of, coefficient is not None, bool(stages_of))

@@ -150,7 +150,7 @@ class State:
             if name not in wanted:
                 hint = did_you_mean(name, sorted(wanted), "its numbers are") if wanted else "its formulas have none"
                 raise ModelError(f"state {self.name!r} has {name}, which is none of its numbers; {hint}")
-        return [*force, rate]
+        return [*force, replace(rate, shares=dict(_shared(force[0], rate)))] if force else [rate]
 
     def _direction(self, known: Mapping[str, Any]) -> Mapping[str, float]:
         """Return where its force acts."""
@@ -284,11 +284,8 @@ def lagged(contact: Contact, massless: Collection[str]) -> tuple[Contact, list[t
     return made, copies + [(f"{contact.name}.force", forms[names[0]])] * (contact.force is None)
 
 
-def shared(contacts: Sequence[Contact]) -> Iterator[tuple[str, str]]:
+def _shared(force: Contact, rate: Contact) -> Iterator[tuple[str, str]]:
     """Iterate over the numbers of the rate of a state that are those of the state: by both of their names."""
-    if len(contacts) < 2:
-        return
-    force, rate = contacts
     vectors = dict(zip(force.law.arguments, ContactForm.of(force).vectors, strict=True))
     for each, name in zip(rate.law.arguments, ContactForm.of(rate).vectors, strict=True):
         yield name, vectors.get(each, f"{force.name}.{each}")

@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Bounded, Finite
 from gapwalk.model.contact import Contact, ContactForm
-from gapwalk.model.laws.formula import is_computed
+from gapwalk.model.laws.formula import Expression, is_computed
 from gapwalk.model.loads import Load, LoadForm
 from gapwalk.model.loads.load import FactorOverSpeed
 from gapwalk.model.paced_matrices import GROWING, PacedMatrices
-from gapwalk.model.states import LAG, State, carried, shared
+from gapwalk.model.states import LAG, State, carried
 from gapwalk.model.structure import JumpTerm, Structure
 from gapwalk.model.units import Units
 from gapwalk.model.value_checks import checked
@@ -230,17 +230,23 @@ class System(Shown):
     ) -> None:
         names, n = (*coordinates, *(state.name for state in states)), len(coordinates)
         problems: list[str] = []
-        contacts, copies = [part for each in contacts for part in (each if isinstance(each, tuple) else (each,))], {}
-        for load in (each for each in contacts if "speed" in (each.numbers or {}) and each.name.endswith("_load")):
-            copies[f"{load.name}.speed"] = f"{load.name.removesuffix('_load')}.speed"
+        contacts = [part for each in contacts for part in (each if isinstance(each, tuple) else (each,))]
         for state in states:
             try:
                 made = state.contacts(names)
             except ModelError as error:
                 problems.append(str(error))
             else:
-                contacts, copies = [*contacts, *made], copies | dict(shared(made))
+                contacts += made
         problems += _name_problems(names, contacts, harmonics)
+        pressing = {each.law.host for each in contacts if each.law.is_dry}
+        contacts = [
+            replace(each, law=replace(each.law, is_limit=True))
+            if each.name in pressing and isinstance(each.law, Expression)
+            else each
+            for each in contacts
+        ]
+        copies = {name: own for each in contacts for name, own in each.shares.items()}
         law = damping if isinstance(damping, ProportionalDamping | ModalDamping) else None
         matrices = {
             what: _matrix(what, given, n, default, problems)

@@ -60,7 +60,7 @@ def fill_colors(ax: Axes, codes: NDArray[Any], colors: Sequence[str], within: Ra
 @pictured(Manifold, size=(6.6, 6.2), forms=("axes",))
 def manifold_picture(found: Manifold) -> Picture:
     """Describe both sides of a manifold, and its saddle, in the plane of the first coordinate and its rate."""
-    system, look = found.system, "first" if found.which == "unstable" else "second"
+    system, look = found.system, "first" if found.which == "unstable" else "main"  # black: it lies over basins
     names = system.state_names[0], system.state_names[system.size]
 
     def plane(states: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

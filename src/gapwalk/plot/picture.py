@@ -17,6 +17,7 @@ from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -24,6 +25,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.font_manager import FontProperties
+from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.textpath import TextToPath
@@ -123,6 +125,9 @@ def write_letters(panels: Sequence[Axes]) -> None:
         panel.text(0.012, 0.975, letter, transform=panel.transAxes, va="top", weight="bold", zorder=7)
 
 
+_written: WeakKeyDictionary[Legend, list[Artist]] = WeakKeyDictionary()  # what each legend explains
+
+
 def write_legend(
     place: Axes | AnyFigure,
     entries: Sequence[tuple[str, Any]],
@@ -142,21 +147,29 @@ def write_legend(
         return
     fills = any(isinstance(handle, Patch) for handle in handles)
     figure: Any = place.figure if isinstance(place, Axes) else place
+    alone = isinstance(figure, Figure) and figure.get_constrained_layout() and (fills or len(figure.axes) == 1)
+    is_below = not isinstance(place, Axes) or (alone and where == "below")
+    for before in [place.get_legend()] if isinstance(place, Axes) and not is_below else [*figure.legends]:
+        if before is not None and before in _written:  # that of another record in the same place
+            known, note = {each.get_label() for each in handles}, note or before.get_title().get_text()
+            handles = [*(each for each in _written[before] if each.get_label() not in known), *handles]
+            before.remove()
+    fills = any(isinstance(handle, Patch) for handle in handles)
     narrow = is_narrow(figure)
     size: dict[str, Any] = {"columnspacing": 0.9 if narrow else 1.6}
     size["handlelength"] = 1.3 if fills else 2.3 if narrow else 2.9
     if note:
         size |= {"title": note, "title_fontsize": points(7.0)}
-    alone = isinstance(figure, Figure) and figure.get_constrained_layout() and (fills or len(figure.axes) == 1)
     if where == "above" and isinstance(place, Axes):
         corner = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2}
         legend = place.legend(handles=handles, ncols=_columns(figure, handles, size), **corner, **size)
-    elif not isinstance(place, Axes) or (alone and where == "below"):
+    elif is_below:
         below = "outside lower center" if figure.figure.get_constrained_layout() else "lower center"
         legend = figure.legend(handles=handles, loc=below, ncols=_columns(figure, handles, size, fills), **size)
     else:
         legend = place.legend(handles=handles, loc="best", frameon=fills, **size)
     legend.get_title().set_color(GREY)
+    _written[legend] = handles
 
 
 def _columns(figure: AnyFigure, handles: Sequence[Artist], spaces: Mapping[str, float], fills: bool = False) -> int:

@@ -39,6 +39,7 @@ FUNCTIONS = {
     "rattle_bands": "rattle",
     "rattle_chance": "rattle-chance",
     "scan": "scan",
+    "shares": "shares",
     "sweep": "sweep",
     "threshold": "threshold",
     "tolerance": "tolerance",

@@ -26,6 +26,7 @@ from gapwalk.studies.bifurcation_map import Map
 from gapwalk.studies.branch_family import Family, MemberParameter
 from gapwalk.studies.rattle_chance import RattleChance
 from gapwalk.studies.runner import Report
+from gapwalk.studies.share_study import ShareCurve
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.studies.sweep_study import Sweep
 
@@ -203,6 +204,20 @@ def scan(
     report: Report | None = ...,
     output: str | os.PathLike[str] | None = ...,
 ) -> Scan: ...
+def shares(
+    system: System,
+    parameter: str,
+    to: tuple[float, float],
+    box: Mapping[str, tuple[float, float]],
+    *,
+    points: int = ...,
+    starts: int = ...,
+    confidence: float = ...,
+    seed: int = ...,
+    workers: Workers | int | None = ...,
+    report: Report | None = ...,
+    output: str | os.PathLike[str] | None = ...,
+) -> ShareCurve: ...
 def sweep(
     system: System,
     parameter: str,

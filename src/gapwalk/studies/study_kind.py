@@ -62,6 +62,7 @@ _KINDS: Registry[type[StudyKind]] = Registry(
         "settle": "gapwalk.studies.settle_study.SettleStudyOptions",
         "sweep": "gapwalk.studies.sweep_study.SweepStudy",
         "basins": "gapwalk.studies.basin_study.BasinStudy",
+        "shares": "gapwalk.studies.share_study.ShareStudy",
         "regimes": "gapwalk.studies.regime_study.RegimeStudy",
         "tolerance": "gapwalk.studies.tolerance_study.ToleranceStudy",
         "rattle": "gapwalk.studies.rattle_study.RattleStudy",

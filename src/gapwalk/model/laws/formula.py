@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple, NoReturn
 
@@ -612,6 +612,9 @@ def _positive_part(part: Node) -> Node | None:
 # A force given as a formula of deflections and their rates, as it stands in a model file.
 
 
+_NEGATIVE = 1e-12  # a limit that is 0 is allowed
+
+
 @dataclass(frozen=True, eq=False)
 class Expression(Law):
     """The force of a formula, such as ``k*x + a*x**3 - mu*(1 - x**2)*v``; its grammar is that of `formula_of`.
@@ -637,6 +640,8 @@ class Expression(Law):
     text: str
     #: Names of the deflections. A single deflection with the name ``x`` has the rate ``v`` too.
     variables: tuple[str, ...] = ("x",)
+    #: True for the limit of a friction: a motion on which it becomes negative is refused, where one more mode ends.
+    is_limit: bool = False
 
     name, words = "expression", "a formula of deflections and their rates"
     stage_parameters = ()
@@ -690,12 +695,12 @@ class Expression(Law):
         """Return the formula with a parameter that is the frequency, instead of one of its own."""
         if name not in self.formula.parameters:
             return self
-        return Expression(re.sub(rf"(?<![\w.]){name}(?![\w'])", PACE, self.text), self.variables)
+        return replace(self, text=re.sub(rf"(?<![\w.]){name}(?![\w'])", PACE, self.text))
 
     @property
     def mode_count(self) -> int:
         """See `Law.mode_count`."""
-        return self.formula.mode_count
+        return self.formula.mode_count + self.is_limit
 
     @property
     def has_edges(self) -> bool:
@@ -709,11 +714,14 @@ class Expression(Law):
 
     def force(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Any:
         """See `Law.force`; the deflections, modes and functions are those of `stages`."""
-        return self.formula.value(self.environment(stages, numbers), stages.functions, stages.modes)
+        modes = stages.modes[: self.formula.mode_count]
+        return self.formula.value(self.environment(stages, numbers), stages.functions, modes)
 
     def guards(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> list[Any]:
         """See `Law.guards`."""
-        return self.formula.guards(self.environment(stages, numbers), stages.functions, stages.modes)
+        modes = stages.modes[: self.formula.mode_count]
+        found = self.formula.guards(self.environment(stages, numbers), stages.functions, modes)
+        return [*found, self.force(rate, stages, numbers) + _NEGATIVE] if self.is_limit else found
 
     def environment(self, stages: Stages, numbers: Mapping[str, Any]) -> dict[str, Any]:
         """Return the values of the names of the formula.
@@ -733,10 +741,14 @@ class Expression(Law):
         return found
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Expression) and (self.formula, self.variables) == (other.formula, other.variables)
+        return isinstance(other, Expression) and self._key == other._key
 
     def __hash__(self) -> int:
-        return hash((Expression, self.formula, self.variables))
+        return hash((Expression, *self._key))
+
+    @property
+    def _key(self) -> tuple[Formula, tuple[str, ...], bool]:
+        return self.formula, self.variables, self.is_limit
 
     def __repr__(self) -> str:
         return f"Expression({self.text!r}, {self.variables!r})"
