@@ -53,7 +53,7 @@ _FINER = 4.0  # factor on the steps of motions that failed
 _SUMS = ("total", "drift", "power", "energy", "fourth")  # notes of which the means over a period are kept
 _EXTRAPOLATED, _SECTIONS = 12, 12  # periods between extrapolations, and sections of each
 _SWINGS = 0.03  # share of an acceleration from which a free swing counts
-_LASTING, _TURNS = 0.92, 0.05  # least factor of a free swing over a period, and its least distance from 1
+_SHORTEST, _TURNS = -0.08, 0.05  # growth of a free swing over a period, at least, and the angle by which it turns
 _TIMES = 8.0  # of the decay of a swing that chaos excites, over which it is watched
 _CANCELS, _SPREAD = 0.1, 50.0  # what may be left of the changes, of the largest; the most that weights may add up to
 _KINDS = (*OF_CONTACT, *OF_COORDINATE, *OF_SIGNAL)
@@ -185,17 +185,12 @@ def slow_modes(system: System, mean: NDArray[np.float64], signals: NDArray[np.fl
             ]
         )
     moved = accelerations(layout, numbers, 0.0, states[:, :n], states[:, n:], closed)
-    values, right = np.linalg.eig(np.vstack((np.eye(n, 2 * n, n), moved.imag.T / size)))
-    left, factors = np.linalg.pinv(right), np.exp(values * 2.0 * np.pi / system.frequency)
-    chosen = np.flatnonzero(
-        (np.abs(factors) > _LASTING)
-        & (np.abs(factors) < 1.0)
-        & (np.abs(1.0 - factors) > _TURNS)
-        & (values.imag > 0.0)
-        & (values.imag < system.frequency)
-    )
-    values, left, right = values[chosen], left[chosen], right[:, chosen]
-    return _SlowModes(factors[chosen], left, right, np.abs(signals[:, :n] @ (right[:n] * values**2)))
+    values, right = np.linalg.eig(np.vstack((np.eye(n, 2 * n, n), np.imag(moved).T / size)))
+    left, powers = np.linalg.pinv(right), values * 2.0 * np.pi / system.frequency
+    turn, lasts = np.abs(powers.imag - np.pi) < np.pi - _TURNS, np.abs(powers.real / _SHORTEST - 0.5) < 0.5
+    chosen = np.flatnonzero(turn & lasts)
+    values, left, right = values[chosen], left[chosen].astype(complex), right[:, chosen].astype(complex)
+    return _SlowModes(np.exp(powers[chosen]), left, right, np.abs(signals[:, :n] @ (right[:n] * values**2)))
 
 
 def starts_at(system: System, states: NDArray[np.float64], values: Mapping[str, NDArray[np.float64]]) -> list[Start]:
