@@ -22,7 +22,8 @@ from gapwalk.answers.lane_sweep import (
     sweep_piece,
 )
 from gapwalk.answers.rattle_bands import RattleBands
-from gapwalk.attractors.lane_settling import LaneMotion
+from gapwalk.attractors.lane_settling import LaneMotion, Start, settle_lanes, slow_modes
+from gapwalk.ensemble.batch_flow import state_at_rest
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies.study_file import check_study
 from tests.attractors.lane_labels import Text
@@ -129,30 +130,31 @@ def test_a_study_that_is_resumed_after_any_part_or_has_two_workers_stores_the_sa
 
 
 def second_train() -> gw.System:
-    """A train whose mesh stays on its flank in one motion, and hammers from flank to flank in another."""
-    text = Text("900 rpm", "vehicle", 'flywheel = "12 N m"')
+    """A train whose clutch stays on its soft stage in one motion, and swings between its stiff ones in another."""
+    text = Text("900 rpm", "vehicle", 'flywheel = "0.5 N m"')
     text.inertias(flywheel=0.3, input=0.004, loose=0.003, output=0.02, vehicle=3.0)
-    text.shaft("clutch", "flywheel", "input", 400, 0.3)
+    text.shaft("clutch", "flywheel", "input", 60, 0.1)
+    text.stages("0.03 rad", "0.03 rad", 1500)
     text.gear("mesh", "input", "output", 1.2, "0.02 rad", 6000, 'damping = "0.4 N m s/rad"')
     text.gear("idle", "input", "loose", 2.0, "0.004 rad", 4000, 'damping = "0.3 N m s/rad"')
     text.drag("churn", "loose", "ground", 0.02)
     text.drag("bearing", "loose", "output", 0.01)
     text.shaft("half", "output", "vehicle", 300, 0.8)
-    text.harmonics("flywheel", o2=60)
+    text.harmonics("flywheel", o2=150)
     return text.system
 
 
 def test_a_second_motion_is_found_by_random_starts_and_followed_both_ways() -> None:
-    system, within, steps = second_train(), (1460.0, 1540.0), 4
+    system, within, steps = second_train(), (980.0, 1020.0), 2
     edges = sweep_piece(system, "speed", within, steps, Piece((0,), None))
     pieces = [edges, sweep_piece(system, "speed", within, steps, Piece((0,), edges))]
     gaps = ("mesh", "idle")
     sweeps = [joined(system, "speed", within, steps, way, pieces, gaps) for way in Direction]
-    known = known_at(sweeps, [1500.0])
+    known = known_at(sweeps, [1000.0])
     started = started_piece(system, "speed", 16, 0, known)
     assert started[0].count == 16
     found, notes = other_sweeps(system, sweeps, steps, started)
-    loud = [each for each in found if each.lanes[0].rms[0] > 1.03 * known[0][0].rms[0]]
+    loud = [each for each in found if each.lanes[0].rms[1] > 3.0 * known[0][0].rms[1]]
     assert {each.direction for each in loud} == set(Direction)
     assert all(each.name == OTHER for each in found)
     assert any(len(each.lanes) > 1 for each in loud)
@@ -169,11 +171,12 @@ def test_where_no_start_leads_elsewhere_the_share_is_bounded() -> None:
     assert "share of starts that lead elsewhere is below 37.5 % with 95 % confidence" in notes[1]
 
 
-def motion(value: float, period: int, closings: float, watched: int = 66) -> LaneMotion:
+def motion(value: float, period: int, closings: float, watched: int = 66, margin: float = 0.1) -> LaneMotion:
     """A motion of which only the closings of one gap count."""
     one, none = np.ones(1), np.zeros((3, 1))
     sides = np.array([[closings, 0.0]])
     figures = dict.fromkeys(("peak", "power", "approach", "rms", "largest", "kurtosis", "error"), one)
+    figures |= {"parted": np.minimum(sides[:, 0], 1.0) * watched, "margin": margin * one}
     return LaneMotion(value, one, period, 50, watched, sides, one > 0.0, extremes=none, **figures)
 
 
@@ -190,9 +193,15 @@ def test_a_gap_that_parts_seldom_in_chaos_has_one_band_and_an_end_of_that_kind()
     assert (rattles.low.value, rattles.high.value, rattles.high.kind) == (1, 3.5, "seldom parts beyond")
     assert (rattles.state.rattles, seldom_parts.state.rattles) == (True, False)
     assert seldom([sweep], "mesh") == (
-        "mesh did not part at 2 values from 4 to 5, where the motion has no period: with 95 % confidence it parts "
-        "there less than once in 22 forcing periods"
+        "mesh was not seen to part at 2 values from 4 to 5, where the motion has no period, in 66 forcing periods or "
+        "more: it parts there in less than one of 22 (95 %)"
     )
+
+
+def test_a_gap_that_stays_far_from_parting_in_chaos_is_quiet() -> None:
+    sweep = sweep_of(motion(1, 0, 3.0), motion(2, 0, 0.0, margin=2.0), motion(3, 0, 3.0))
+    assert [span.state.rattles for span in spans_of(sweep, "mesh")] == [True, False, True]
+    assert seldom([sweep], "mesh") is None
 
 
 def test_a_periodic_motion_that_does_not_part_is_quiet() -> None:
@@ -205,10 +214,31 @@ def test_a_periodic_motion_that_does_not_part_is_quiet() -> None:
     assert seldom([sweep], "mesh") is None
 
 
-@pytest.mark.parametrize(("damping", "periods"), [(0.01, "40"), (0.1, None)])
-def test_a_free_vibration_that_outlasts_the_watch_is_told(damping: float, periods: str | None) -> None:
+@pytest.mark.parametrize(("damping", "watched", "periods"), [(0.01, 512, "40"), (0.004, 512, "99"), (0.004, 64, "")])
+def test_a_free_vibration_that_outlasts_the_longest_watch_is_told(damping: float, watched: int, periods: str) -> None:
     # x'' + c x' + x = 0 falls to 1/e in 2 / c, of periods of 2 pi / 1.25
     system = gw.System(["x"], mass=[[1.0]], damping=[[damping]], stiffness=[[1.0]], frequency=1.25)
-    told = lasting(system, [sweep_of(motion(1, 0, 3.0), motion(2, 0, 3.0))])
-    assert told is None if periods is None else told is not None and f"of x takes {periods} forcing periods" in told
-    assert lasting(system, [sweep_of(motion(1, 1, 3.0), motion(2, 1, 3.0))]) is None
+    told = lasting(system, [sweep_of(motion(1, 0, 3.0, watched))])
+    assert told is None if periods != "99" else told is not None and f"takes {periods} forcing periods" in told
+
+
+def test_free_swings_are_taken_out_of_a_transient() -> None:
+    system = second_train().at({"speed": 1300.0, "o2.amplitude": 20.0})
+    states = np.tile(state_at_rest(system), (3, 1))
+    states[1:, system.size + system.coordinates.index("half")] = 2.0, 20.0
+    found = [motion for _, motion in settle_lanes(Start(k, 1300.0, system, each) for k, each in enumerate(states))]
+    modes = slow_modes(system, found[0].extremes[1])
+    assert modes.longest > 60.0
+    assert all(motion.period == 1 and motion.is_like(found[0]) for motion in found)
+    assert max(motion.waited for motion in found) < 2.0 * modes.longest  # of the swing 1e-4 would be left after nine
+
+
+def test_a_motion_is_independent_of_those_beside_it() -> None:
+    starts = [
+        Start(speed, speed, here := SMALL.at(speed=speed), state_at_rest(here)) for speed in (450.0, 700.0, 1100.0)
+    ]
+    together = {start.key: motion for start, motion in settle_lanes(starts)}
+    for start in starts:
+        ((_, alone),) = settle_lanes([start])
+        assert alone.state.tobytes() == together[start.key].state.tobytes()
+        assert alone.rms.tobytes() == together[start.key].rms.tobytes()

@@ -180,7 +180,9 @@ def test_notes_are_those_of_the_exact_motion() -> None:
     signals = np.zeros((1, system.size + 1 + 2 * len(layout_of(system.structure).orders)))
     signals[0, 0] = 1.0  # the first acceleration
     kinds = (*OF_CONTACT, *OF_COORDINATE, *OF_SIGNAL)
-    lanes = Lanes(system.structure, coefficients_of(system)[None], state, kinds=kinds, signals=signals[None], finer=16.0)
+    lanes = Lanes(
+        system.structure, coefficients_of(system)[None], state, kinds=kinds, signals=signals[None], finer=16.0
+    )
     lanes.advance()  # sides are not known before
     begun = lanes.states[0]
     lanes.advance()
@@ -212,7 +214,12 @@ def test_notes_are_those_of_the_exact_motion() -> None:
     assert kept["summit"][0] == pytest.approx(np.abs(a).max(), rel=1e-3)
     for kind in kinds:  # each alone is the same
         alone = Lanes(
-            system.structure, coefficients_of(system)[None], begun[None], kinds=[kind], signals=signals[None], finer=16.0
+            system.structure,
+            coefficients_of(system)[None],
+            begun[None],
+            kinds=[kind],
+            signals=signals[None],
+            finer=16.0,
         )
         alone.advance()
         if kind not in ("up", "down", "approach"):  # sides are not known in a first period

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from gapwalk.ensemble.lane_code import OF_CONTACT, OF_COORDINATE, OF_SIGNAL, WIDTH
 from gapwalk.ensemble.lanes import Lanes, even, steps_of, turn_of
-from gapwalk.flow.forces import accelerations
+from gapwalk.flow.forces import accelerations, contact_deflections
 from gapwalk.flow.motion import acceleration_names, signal_factor
 from gapwalk.model.coefficients import ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
@@ -54,7 +54,7 @@ _SUMS = ("total", "drift", "power", "energy", "fourth")  # notes of which the me
 _EXTRAPOLATED, _SECTIONS = 12, 12  # periods between extrapolations, and sections of each
 _TINY = float(np.finfo(float).tiny)
 _SWINGS = 0.03  # share of an acceleration from which a free swing counts
-_LASTING, _TURNS = 0.92, 0.2  # least factor of a free swing over a period, and its least distance from 1
+_SHORTEST, _TURNS = -0.08, 0.05  # growth of a free swing over a period, at least, and the angle by which it turns
 _TIMES = 8.0  # of the decay of a swing that chaos excites, over which it is watched
 _CANCELS, _SPREAD = 0.1, 50.0  # what may be left of the changes, of the largest; the most that weights may add up to
 _KINDS = (*OF_CONTACT, *OF_COORDINATE, *OF_SIGNAL)
@@ -167,22 +167,31 @@ class _SlowModes(NamedTuple):
 
 
 def slow_modes(system: System, mean: NDArray[np.float64], signals: NDArray[np.float64] | None = None) -> _SlowModes:
-    """Return the slow free vibrations about the mean position of a motion."""
+    """Return the slow free vibrations about the mean position of a motion; meshes that part are closed for them."""
     n, signals = system.size, acceleration_rows(system) if signals is None else signals
     about, size = np.concatenate((mean, np.zeros(n))), 1e-30  # derivatives by a complex step
     states = about + 1j * size * np.eye(2 * n)
-    moved = accelerations(layout_of(system.structure), coefficients_of(system), 0.0, states[:, :n], states[:, n:])
-    values, right = np.linalg.eig(np.vstack((np.eye(n, 2 * n, n), moved.imag.T / size)))
-    left, factors = np.linalg.pinv(right), np.exp(values * 2.0 * np.pi / system.frequency)
-    chosen = np.flatnonzero(
-        (np.abs(factors) > _LASTING)
-        & (np.abs(factors) < 1.0)
-        & (np.abs(1.0 - factors) > _TURNS)
-        & (values.imag > 0.0)
-        & (values.imag < system.frequency)
+    layout, numbers, assembly = layout_of(system.structure), coefficients_of(system), system.structure.assembly
+    loose = (
+        {link.name for link in assembly.form.links if not link.always} if isinstance(assembly, TrainAssembly) else ()
     )
-    values, left, right = values[chosen], left[chosen], right[:, chosen]
-    return _SlowModes(factors[chosen], left, right, np.abs(signals[:, :n] @ (right[:n] * values**2)))
+    closed = list[list[bool]]()
+    for slots, x in zip(layout.contacts, contact_deflections(layout, numbers, 0.0, mean), strict=True):
+        first = next((stage.sign for stage in slots.stages if slots.form.name.split(".", maxsplit=1)[0] in loose), 0)
+        pressed = (stage.sign * (x - stage.sign * numbers[stage.clearance]) > 0.0 for stage in slots.stages)
+        closed.append(
+            [
+                stage.innermost and stage.sign == first if first else each
+                for stage, each in zip(slots.stages, pressed, strict=True)
+            ]
+        )
+    moved = accelerations(layout, numbers, 0.0, states[:, :n], states[:, n:], closed)
+    values, right = np.linalg.eig(np.vstack((np.eye(n, 2 * n, n), np.imag(moved).T / size)))
+    left, powers = np.linalg.pinv(right), values * 2.0 * np.pi / system.frequency
+    turn, lasts = np.abs(powers.imag - np.pi) < np.pi - _TURNS, np.abs(powers.real / _SHORTEST - 0.5) < 0.5
+    chosen = np.flatnonzero(turn & lasts)
+    values, left, right = values[chosen], left[chosen].astype(complex), right[:, chosen].astype(complex)
+    return _SlowModes(np.exp(powers[chosen]), left, right, np.abs(signals[:, :n] @ (right[:n] * values**2)))
 
 
 def _of_periods(rows: NDArray[np.float64], q: int, over: Callable[..., Any]) -> NDArray[np.float64]:
@@ -314,12 +323,14 @@ class _Settling:
                 notes[:, lane],
                 states[:, lane],
             )
-            if age % _EXTRAPOLATED or self.waits[lane] > _TRANSIENT:
+            waits = self.waits[lane]
+            if age % _EXTRAPOLATED or waits > _PATIENCE:
                 continue
-            repeats = np.ptp(self._closings(lane, _ENVELOPE), axis=0).max(initial=0.0) == 0.0
-            if (repeats or not start.is_warm) and self._extrapolate(lane):
+            repeats, is_early = not np.ptp(self._closings(lane, _ENVELOPE), axis=0).any(), waits <= _TRANSIENT
+            if is_early and (repeats or not start.is_warm) and self._extrapolate(lane):
                 continue
-            if not (repeats or (start.is_warm and self.waits[lane])):
+            # which of several motions a start leads to is decided before its swings are taken out
+            if repeats or (is_early and (not waits if start.is_warm else waits + age > 2 * _EXTRAPOLATED)):
                 self._calm(lane, start)
 
     def _noted(self, lane: int, count: int) -> NDArray[np.float64]:
@@ -354,9 +365,11 @@ class _Settling:
             self._restart(lane, state)
 
     def _modes_of(self, lane: int, start: Start) -> _SlowModes:
-        key = coefficients_of(start.system).tobytes()
+        mean = self._noted(lane, _EXTRAPOLATED)[:, self.kinds["total"]].mean(axis=0)
+        numbers = coefficients_of(start.system)
+        x = contact_deflections(self.layout, numbers, 0.0, mean)[self.staged]
+        key = numbers.tobytes() + (x < self.clear[lane]).tobytes()
         if key not in self.modes:
-            mean = self._noted(lane, _EXTRAPOLATED)[:, self.kinds["total"]].mean(axis=0)
             self.modes[key] = slow_modes(start.system, mean, self._rows(start.system))
         return self.modes[key]
 
