@@ -45,11 +45,6 @@ def _machine(effort: int = 2) -> Any:
     return _target().create_target_machine(cpu=_llvm().get_host_cpu_name(), features=features, opt=effort, jit=True)
 
 
-def has_feature(name: str) -> bool:
-    """Return True if the processor has a feature, by its name in LLVM."""
-    return bool(llvm.get_host_cpu_features().get(name))
-
-
 def engine_of(text: str) -> Any:
     """Compile a module, and return the engine that has its functions."""
     machine = _machine(1)  # compiles twice as fast as 2; straight-line code on vectors is as fast

@@ -12,6 +12,7 @@ import re
 import struct
 from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,14 +20,15 @@ import numpy as np
 from gapwalk.ensemble.force_source import FUNCTIONS, Sheet, Switch, Term, either, floor, greatest, least, size
 from gapwalk.errors import UnfitError
 from gapwalk.flow.forces import stages_of
-from gapwalk.machine_code import engine_of, has_feature
+from gapwalk.machine_code import engine_of
 from gapwalk.model.coefficients import ContactSlots, Wave, layout_of
 from gapwalk.model.laws import Friction, Host, Stages
 from gapwalk.model.structure import Structure
 
 WIDTH = 8
 """Motions that are advanced together."""
-_PART = WIDTH if has_feature("avx512f") else 4  # of them in a register
+# of them in a register; LLVM tells it too, but takes long to load
+_PART = WIDTH if getattr(import_module("numpy._core._multiarray_umath"), "__cpu_features__", {}).get("AVX512F") else 4
 _PARTS = range(WIDTH // _PART)
 _VECTOR, _MASK = f"<{_PART} x double>", f"<{_PART} x i1>"
 _WIDE = '"prefer-vector-width"="512" "min-legal-vector-width"="512"'  # one register where there are such

@@ -78,8 +78,9 @@ class Lanes:
         )
         self.turn, memories = turn_of(structure), self.layout.structure.memories
         self._own = [*range(2 * n), *(2 * n + self.code.dry.index(index) for index in memories)]  # of a state
-        drift = self.code.notes.get(("drift", self.turn))
-        self._drift = None if drift is None else (n + self.turn, drift)
+        turn = -1 if self.turn is None else self.turn
+        drift = self.code.notes.get(("drift", turn))
+        self._drift = None if drift is None else (n + turn, drift)
         places = np.minimum(np.arange(blocks * WIDTH), self.count - 1)  # the last block is filled with copies
         self.put(np.arange(blocks * WIDTH), coefficients[places], states[places], signals[places])
         self._used[self.count :] = False
