@@ -82,7 +82,7 @@ def records_page() -> str:
 def description(kind: type) -> list[str]:
     """Describe a type in reStructuredText: its first sentence, its fields or members, and methods."""
     if issubclass(kind, Enum):
-        words = any(" " in str(member.value) for member in kind)  # sentences, which a reader meets where they are printed
+        words = any(" " in str(member.value) for member in kind)  # sentences, which are read where they are printed
         members = (member.name if words else repr(member.value) for member in kind)
         return [f"{first_sentence(kind)} One of {', '.join(f'``{each}``' for each in members)}."]
     entries = [(", ".join(each.names), each.words) for each in field_docs(kind) if each.names[0][0] != "_"]

@@ -208,7 +208,9 @@ def _main(words: list[str]) -> int:
     found = []
     for name in names or [*(each for each in MADE if each != "kept.png"), *QUOTES]:
         if name in QUOTES or checked:
-            found += problems(name)
+            stale = problems(name)
+            found += stale
+            print(f"{name}: {'stale' if stale else 'as its command gives it'}", flush=True)
         else:
             draw(name, PICTURES / name)
             print(f"made: docs/pictures/{name}", flush=True)

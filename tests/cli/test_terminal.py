@@ -11,6 +11,8 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.cli import main
+from gapwalk.model.model_source import parse_source
+from gapwalk.studies.study_file import check_study
 from gapwalk.studies.study_kind import kinds
 from tests import models
 from tests.studies import diagrams, families, jobs, maps
@@ -19,7 +21,7 @@ from tests.studies.test_locus_study import study_of as locus
 pty = pytest.importorskip("pty")  # there is none on Windows
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d,]*\.\d+(?:e[-+]\d+)?(?![\w.])")
 BRANCHES = {
-    "response": lambda path: gw.run(models.written(models.STOP + models.response(1.9)), path),
+    "response": lambda path: gw.run(check_study(parse_source(models.STOP + models.response(1.9))), path),
     "diagram": lambda path: path.write_bytes(diagrams.islands_file()),
     "map": lambda path: gw.run(maps.clutch_map(), path),
     "locus": lambda path: gw.run(locus(), path),

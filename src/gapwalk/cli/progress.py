@@ -172,7 +172,7 @@ class _Reached:
         if self._most < 0.005:
             return self._plan
         if pace.done == pace.total:
-            return f"{pace.total} of {pace.total}, now the result is put together and checked"
+            return f"{pace.total} of {pace.total}  100 %  the result is put together and checked"
         told = f"{pace.done} of {pace.total}  {100 * self._most:.0f} %"
         return told + f"  about {duration(left)} left" * (left > 0.0 and self._most >= 0.01)
 
