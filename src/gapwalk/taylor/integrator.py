@@ -141,27 +141,26 @@ class Integrator:
         return outcome, total, rows[: int(io[header.IO_GRID])]
 
 
-_MOST_IDLE, _MOST_KEPT = 8, 1000  # rooms of one size, and states in a room, that wait for the next call
-
-
 class Evaluator:
     """Functions of some variables, of one state or of many; several threads may call one at the same time."""
 
     def __init__(self, functions: Sequence[Symbol], variables: Sequence[Symbol]) -> None:
         self._program = Program(0, [(each, ZERO) for each in variables], outputs=functions)
         self._count, self._width, self._evaluate = len(functions), len(variables), kernel()[1]
-        self._idle: dict[int, list[_Room]] = {}  # by the number of states
+        self._idle: list[_Room] = []  # for one state, as events ask it thousands of times
 
     def __call__(self, given: Array) -> Array:
         """Return the values, shape (functions,) or (functions, states), for variables of shape (variables, states)."""
         count = 1 if given.ndim == 1 else given.shape[1]
-        idle = self._idle.setdefault(count, [])
-        room = idle.pop() if idle else _Room(self._program, count, self._width, self._count)
+        try:
+            room = self._idle.pop() if count == 1 else _Room(self._program, count, self._width, self._count)
+        except IndexError:  # another thread may have the last one
+            room = _Room(self._program, count, self._width, self._count)
         room.given[:] = given if given.ndim == 2 else given[:, None]
         self._evaluate(_NOTHING, None, room.address)
         found = room.found.copy() if given.ndim == 2 else room.found[:, 0].copy()
-        if len(idle) < _MOST_IDLE and count <= _MOST_KEPT:
-            idle.append(room)
+        if count == 1:
+            self._idle.append(room)
         return found
 
 
