@@ -20,7 +20,7 @@ def branch() -> gw.Branch:
         harmonics=[gw.Harmonic(0.5, {"x": 1.0})],
         frequency=1.45,
     )
-    return gw.follow(gw.settle(system).orbit, "frequency", 1.3)
+    return gw.follow(gw.find_orbit(system), "frequency", 1.3)
 
 
 def test_shares_along_a_branch_are_those_of_each_value(tmp_path) -> None:
