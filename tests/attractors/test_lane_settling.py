@@ -66,7 +66,8 @@ def settled(system: System, name: str, values: list[float]) -> dict[float, LaneM
     for value in values:
         here = system.at({name: value})
         starts.append(Start(value, value, here, state_at_rest(here)))
-    return {start.key: motion for start, motion in settle_lanes(starts)}
+    # as in a sweep, the lowest speed sets the steps
+    return {start.key: motion for start, motion in settle_lanes(starts, slowest=[starts[0].system])}
 
 
 def closings(system: System, motion: LaneMotion, gap: str) -> float:

@@ -706,6 +706,7 @@ def seldom(sweeps: Sequence[SettledSweep], gap: str) -> str | None:
     found = [
         motion
         for sweep in sweeps
+        if sweep.lanes
         for motion, label in zip(sweep.lanes, labels_along(sweep.lanes, sweep.contacts, gap), strict=True)
         if label.seldom
     ]

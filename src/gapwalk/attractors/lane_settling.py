@@ -452,7 +452,7 @@ class _Settling:
                 and (q > 1 or (end := self._slow_end(lane)) is None or self._is_there(lane, end))
             ):
                 return q, q
-        transient = _WARM if start.is_warm else _TRANSIENT - min(self.waits[lane], _TRANSIENT - _WARM)
+        transient = _WARM if start.is_warm else _TRANSIENT
         if age < transient + start.watch or (age < _PATIENCE and (shrinks < _SHRINKS or self._calms(lane))):
             return None
         if period:
