@@ -217,7 +217,7 @@ class _Response:
             ahead = value + way * step
             ahead = end if way * (end - ahead) < _NEAR * self.width else ahead
             guess = self._guess(ahead, self.points[-3:])
-            state = self._solved(ahead, guess, anew=step > _FIRST * self.width)
+            state = self._solved(ahead, guess, twice=step > _FIRST * self.width)
             far = math.inf if state is None else self._apart(state, guess)
             if state is None or far > _ASTRAY:
                 if step <= _SHORTEST * self.width:
@@ -255,13 +255,13 @@ class _Response:
         return found
 
     def _solved(
-        self, value: float, guess: NDArray[np.float64], goal: float = _ROUGH, *, anew: bool = True
+        self, value: float, guess: NDArray[np.float64], goal: float = _ROUGH, *, twice: bool = True
     ) -> NDArray[np.float64] | None:
-        """Return the periodic state near a guess by Broyden's method, maybe begun anew; None if it fails."""
+        """Return the periodic state near a guess by Broyden's method, begun a second time if asked; None if it fails."""
         # What friction keeps that never slips leaves a direction without a residual, hence least squares.
         system, enough = self.line.system_at(value), max(goal, _ENOUGH)
         flow, coefficients = flow_of(system), coefficients_of(system)
-        for jacobian in (self.jacobian, None) if anew or self.jacobian is None else (self.jacobian,):
+        for jacobian in (self.jacobian, None) if twice or self.jacobian is None else (self.jacobian,):
             x, last, best = guess / self.scales, None, (math.inf, guess)
             first = 0.0
             with suppress(FlowError):

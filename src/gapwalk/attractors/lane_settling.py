@@ -329,8 +329,8 @@ class _Settling:
             repeats, is_early = not np.ptp(self._closings(lane, _ENVELOPE), axis=0).any(), waits <= _TRANSIENT
             if is_early and (repeats or not start.is_warm) and self._extrapolate(lane):
                 continue
-            # which of several motions a start leads to is decided before its swings are taken out
-            if repeats or (is_early and (not waits if start.is_warm else waits + age > 2 * _EXTRAPOLATED)):
+            # where gaps close otherwise in each period, a swing may be what leads a start to another motion
+            if repeats or (start.is_warm and is_early and not waits):
                 self._calm(lane, start)
 
     def _noted(self, lane: int, count: int) -> NDArray[np.float64]:
