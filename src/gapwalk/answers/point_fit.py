@@ -359,7 +359,7 @@ def forms_of(
 
 @dataclass(frozen=True, eq=False)
 class Pool:
-    """Solutions of one form in some samples."""
+    """Solutions of the same kind of orbit, at some samples of the parameters."""
 
     rows: NDArray[np.intp]  #: Numbers of the samples.
     #: unknowns, derivatives, curvatures: As in `Fit.to`.

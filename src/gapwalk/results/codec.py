@@ -426,7 +426,7 @@ class Free(Column):
 
 
 class Converted(Column):
-    """Values that are written as those of another type."""
+    """Column of values that a file has in another type, such as texts in place of names."""
 
     def __init__(self, kind: type, hint: Any, to: Callable[[Any], Any], of: Callable[[Any], Any]) -> None:
         self.tag, self._kind, self._hint, self._to, self._of = kind.__name__, kind, hint, to, of
