@@ -257,7 +257,7 @@ class _Response:
     def _solved(
         self, value: float, guess: NDArray[np.float64], goal: float = _ROUGH, *, twice: bool = True
     ) -> NDArray[np.float64] | None:
-        """Return the periodic state near a guess by Broyden's method, begun a second time if asked; None if it fails."""
+        """Return the periodic state near a guess by Broyden's method, begun twice if asked; None if it fails."""
         # What friction keeps that never slips leaves a direction without a residual, hence least squares.
         system, enough = self.line.system_at(value), max(goal, _ENOUGH)
         flow, coefficients = flow_of(system), coefficients_of(system)

@@ -267,9 +267,10 @@ def _confirmed(line: ParameterLine, motions: Mapping[int, LaneMotion]) -> dict[i
     }
 
 
-def inside_of(one: float, other: float, least: float, between: int = _BETWEEN) -> list[float]:
+def inside_of(one: float, other: float, least: float) -> list[float]:
     """Return values that narrow the range of an end down: inside it, or none if it is narrow."""
-    return np.linspace(min(one, other), max(one, other), _BETWEEN + 2)[1:-1].tolist() if abs(other - one) > least else []
+    low, high = sorted((one, other))
+    return np.linspace(low, high, _BETWEEN + 2)[1:-1].tolist() if high - low > least else []
 
 
 def _ends(motions: Sequence[LaneMotion], edges: Sequence[float], sweep: SettledSweep, gaps: Sequence[str]) -> list[int]:
