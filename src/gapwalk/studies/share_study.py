@@ -38,7 +38,8 @@ class SharesAt(NamedTuple):
     """``period 1``, ``chaotic``, ``diverges``, ..."""
     counts: tuple[int, ...]
     places: NDArray[np.float64]
-    """Shape (motions, 2 state_size): mean and range of the strobes of each motion, by which it is known again."""
+    """Shape (motions, 2 state_size): mean and range of the strobes of each motion, relative to the scales of states: by
+    these it is known at the next value."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,6 +105,8 @@ class ShareCurve(Shown):
                 row.append(f"{count / self.starts:.1%} ({a:.1%} to {b:.1%})" if count else "")
         symbol = parameter_symbol(self.parameter, self.system.units)
         yield Table([f">{symbol}", *(f">{name}" for name in self.counts)], cells)
+        if len({name[:-1] for name in self.counts}) < len(self.counts):
+            yield "motions of one kind are told apart by which was nearest at the value before: more points are safer"
 
     def tables(self) -> Tables:
         """Return the shares with their limits."""
@@ -224,5 +227,6 @@ def _shares_at(system: System, asked: ShareStudy, value: float) -> SharesAt:
                 [*counts, int((found.labels == label).sum())],
                 [*tracks, np.zeros((1, at.state_size))],
             )
-    places = np.array([np.concatenate((each.mean(axis=0), np.ptp(each, axis=0))) for each in tracks])
+    scales = at.state_scales()
+    places = np.array([np.concatenate((each.mean(axis=0) / scales, np.ptp(each, axis=0) / scales)) for each in tracks])
     return SharesAt(value, tuple(kinds), tuple(counts), places)
