@@ -13,6 +13,7 @@ _SHARED = {
     "family": "family_study",
     "sweep": "sweep_study",
     "basins": "basin_study",
+    "shares": "share_study",
     "regimes": "regime_study",
     "tolerance": "tolerance_study",
     "rattle": "rattle_study",

@@ -298,10 +298,10 @@ def study_schema(kind: type[StudyKind]) -> type[DerivedPart]:
 
 
 _KEYS = """
-accuracy balance band bins by called carry changes check claim contact correlation error exact exact_borders
-factors fixed forces foretell from gaps goals harmonics hold kick kind kinds largest_amplitude listed longest
-margin max_branches max_period max_periods max_samples measure method modes name near neighbours of orders over
-pairs parameter parameters parts patience period periods phase plane points rate reference release resolution
+accuracy balance band bins box by called carry changes check claim confidence contact correlation error exact
+exact_borders factors fixed forces foretell from gaps goals harmonics hold kick kind kinds largest_amplitude listed
+longest margin max_branches max_period max_periods max_samples measure method modes name near neighbours of orders
+over pairs parameter parameters parts patience period periods phase plane points rate reference release resolution
 rounds samples search second sections seed set shooting shortest signal spread start starts steps title to
 tolerance tolerated tone tongues trace tries values verify walk ways window with_response workers
 """
