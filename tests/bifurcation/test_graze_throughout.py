@@ -53,9 +53,8 @@ def test_a_rotor_that_comes_to_touch_all_around_goes_on_in_contact(friction: flo
     (found,) = branch.special_points
     assert (found.kind, found.contact) == (gw.Kind.GRAZING, "fx and fy")
     assert abs(found.value - graze()) <= found.uncertainty < 1e-10
-    assert (
-        found.beyond is not None and found.beyond.verdict == "unknown"
-    )  # the theory of a touch does not say what lies beyond
+    assert found.beyond is not None
+    assert found.beyond.verdict == "unknown"  # the theory of a touch does not say what lies beyond
     for point in branch.points:
         radius = float(np.hypot(*point.orbit.state[:2]))
         assert force_at(radius, point.value, friction) == pytest.approx(0.3 * point.value**2, abs=1e-11)
