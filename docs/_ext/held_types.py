@@ -33,6 +33,41 @@ HIDDEN += (
 )
 HIDDEN += ("LaneMotion", "Link", "Quantity", "ResponseWork", "Spot", "Tally", "Work")
 HIDDEN += ("NamedFile", "PaceLimits", "ShootingEquation", "Structure", "TouchEquation", "Zero")
+# What stands behind an answer, whose own summary says it: `help` describes it.
+HIDDEN += (
+    "Alignment",
+    "BasinCheck",
+    "Basis",
+    "BranchCheck",
+    "Combination",
+    "Confirmation",
+    "Connection",
+    "Corner",
+    "DiagramOptions",
+    "Estimate",
+    "Fate",
+    "FrictionPhase",
+    "FullCheck",
+    "Further",
+    "GapSpan",
+    "Luck",
+    "Match",
+    "OrbitCheck",
+    "Origin",
+    "Passage",
+    "Place",
+    "ReducedFrom",
+    "RegimeCheck",
+    "Sample",
+    "ScanCheck",
+    "SearchResult",
+    "Section",
+    "SpecialCheck",
+    "SpeedTable",
+    "Stretch",
+    "Table",
+    "ToleranceCheck",
+)
 
 _LONGEST = 12  # words of a description that the page of records shows whole
 
