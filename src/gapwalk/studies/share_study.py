@@ -106,7 +106,7 @@ class ShareCurve(Shown):
         symbol = parameter_symbol(self.parameter, self.system.units)
         yield Table([f">{symbol}", *(f">{name}" for name in self.counts)], cells)
         if len({name[:-1] for name in self.counts}) < len(self.counts):
-            yield "motions of one kind are told apart by which was nearest at the value before: more points are safer"
+            yield "a motion has the name of the nearest one of its kind at the value before: more points are safer"
 
     def tables(self) -> Tables:
         """Return the shares with their limits."""
