@@ -661,7 +661,7 @@ def state_of(motion: Orbit | Sample, gap: str) -> GapState:
 
 
 class GapLabel(NamedTuple):
-    """What a gap does in a motion by equal steps."""
+    """State of a gap in a motion by equal steps, and whether it is sure."""
 
     state: GapState
     seldom: bool  #: True if it is left open whether it rattles: it nearly parted, in a motion without period.

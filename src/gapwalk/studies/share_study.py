@@ -86,13 +86,11 @@ class ShareCurve(Shown):
         return sorted(self.parts, key=lambda each: each.value)
 
     def limits(self, counts: NDArray[np.int_]) -> NDArray[np.float64]:
-        """Return the confidence limits of shares with some counts, shape (2, values)."""
-        # Wilson 1927, Journal of the American Statistical Association 22, 209-212.
-        from scipy.stats import norm  # imported late: it takes long
+        """Return the confidence limits of shares with some counts, shape (2, values), as `gapwalk.basin_shares` has."""
+        from scipy.stats import binomtest  # imported late: it takes long
 
-        z, n = float(norm.ppf(0.5 + 0.5 * self.confidence)), self.starts
-        middle, half = counts + 0.5 * z**2, z * np.sqrt(counts * (n - counts) / n + 0.25 * z**2)
-        return np.clip(np.array([middle - half, middle + half]) / (n + z**2), 0.0, 1.0)
+        tests = (binomtest(count, self.starts) for count in counts.tolist())
+        return np.array([test.proportion_ci(self.confidence, method="exact") for test in tests], dtype=float).T
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
@@ -105,7 +103,7 @@ class ShareCurve(Shown):
                 row.append(f"{count / self.starts:.1%} ({a:.1%} to {b:.1%})" if count else "")
         symbol = parameter_symbol(self.parameter, self.system.units)
         yield Table([f">{symbol}", *(f">{name}" for name in self.counts)], cells)
-        if len({name[:-1] for name in self.counts}) < len(self.counts):
+        if any(name.endswith("b") and f"{name[:-1]}a" in self.counts for name in self.counts):
             yield "a motion has the name of the nearest one of its kind at the value before: more points are safer"
 
     def tables(self) -> Tables:
