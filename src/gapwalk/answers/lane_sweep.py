@@ -26,7 +26,7 @@ from gapwalk.answers.gap_states import (
     labels_along,
     usual_gaps,
 )
-from gapwalk.attractors.lane_settling import LONG, LaneMotion, Start, settle_lanes, slow_modes, slow_places
+from gapwalk.attractors.lane_settling import LONG, TIMES, LaneMotion, Start, settle_lanes, slow_modes, slow_places
 from gapwalk.bifurcation.isolated.search_starts import generator, spread_starts, state_box
 from gapwalk.ensemble.batch_flow import state_at_rest
 from gapwalk.ensemble.lane_code import WIDTH
@@ -45,7 +45,6 @@ _BETWEEN = WIDTH - 1  # values between two steps
 _FINER_ENDS = 3.0  # factor on the steps there: with half of that an end of train A was .1 rpm off
 _FEW = 4  # changes of a gap, from either end of a sweep, that are narrowed down
 _FLIES, _SWINGS = 0.02, (0.02, 0.1)  # rates of random starts, of the speed: of loose parts, and behind a spring
-_LASTS = 8.0  # of its times of decay, over which a free vibration in chaos is watched, at most
 _APART = 40  # random starts are at every fortieth of the range
 
 
@@ -295,7 +294,7 @@ def lasting(system: System, sweeps: Sequence[SettledSweep]) -> str | None:
     """Say that a free vibration lasts too long for the means of motions without period; None if there is none."""
     motions = [motion for sweep in sweeps for motion in sweep.lanes if motion.watched >= LONG]
     longest = slow_modes(system, motions[0].extremes[1]).longest if motions else 0.0
-    if longest * _LASTS <= LONG:
+    if longest * TIMES <= LONG:
         return None
     return (
         f"a free vibration takes {longest:.0f} forcing periods to fall to 1/e: where motions have no period, the "

@@ -37,6 +37,8 @@ _ENVELOPE = 6  # of them in succession, whose largest change counts: a mode that
 _SAME = 2e-3  # difference of two sections, relative to the range of each coordinate, up to which they are the same
 _SAFE = 3.0  # factor by which the distance of a gap from a change exceeds what is left of the transient
 _WATCHED, _BATCHES, _STUDENT = 64, 8, 2.365  # periods and batches of a motion without period; 95 % of 7 degrees
+TIMES = 8.0
+"""Times of the decay of a free vibration over which chaos that excites it is watched."""
 LONG = 512
 """Periods over which a motion without period is watched at most: where a label depends on it, or a swing lasts."""
 _GLANCE = 32  # periods, the latest, in which a motion without period that is known is recognised
@@ -55,7 +57,6 @@ _EXTRAPOLATED, _SECTIONS = 12, 12  # periods between extrapolations, and section
 _TINY = float(np.finfo(float).tiny)
 _SWINGS = 0.03  # share of an acceleration from which a free swing counts
 _SHORTEST, _TURNS = -0.08, 0.05  # growth of a free swing over a period, at least, and the angle by which it turns
-_TIMES = 8.0  # of the decay of a swing that chaos excites, over which it is watched
 _CANCELS, _SPREAD = 0.1, 50.0  # what may be left of the changes, of the largest; the most that weights may add up to
 _KINDS = (*OF_CONTACT, *OF_COORDINATE, *OF_SIGNAL)
 
@@ -383,7 +384,7 @@ class _Settling:
         modes, watched = self._modes_of(lane, start), start.watch
         own, end = modes.ends(self._sections(lane, _WATCHED))
         if self._swing(lane, modes, np.sqrt((np.abs(own - end) ** 2).mean(axis=0))) > _SWINGS:
-            watched = max(watched, _BATCHES * math.ceil(_TIMES * modes.longest / _BATCHES))
+            watched = max(watched, _BATCHES * math.ceil(TIMES * modes.longest / _BATCHES))
         return max(start.watch, min(watched, LONG))
 
     def _restart(self, lane: int, state: NDArray[np.float64]) -> None:
