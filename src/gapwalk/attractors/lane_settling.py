@@ -244,6 +244,7 @@ def settle_lanes(
                     following = next_start(start, motion)
                     yield start, motion
                 lanes.take(lane, following or (waiting.popleft() if waiting else None))
+            lanes.hasten()
     if failed:
         yield from settle_lanes(failed, next_start, width=width, finer=_FINER, slowest=slowest)
 
@@ -324,14 +325,18 @@ class _Settling:
                 notes[:, lane],
                 states[:, lane],
             )
-            waits = self.waits[lane]
-            if age % _EXTRAPOLATED or waits > _PATIENCE:
+
+    def hasten(self) -> None:
+        """Take what dies slowly out of the motions that are not decided."""
+        for lane, start in enumerate(self.starts):
+            age, waits = self.ages[lane], self.waits[lane]
+            if start is None or not age or age % _EXTRAPOLATED or waits > _PATIENCE:
                 continue
             repeats, is_early = not np.ptp(self._closings(lane, _ENVELOPE), axis=0).any(), waits <= _TRANSIENT
             if is_early and (repeats or not start.is_warm) and self._extrapolate(lane):
                 continue
             # where gaps close otherwise in each period, a swing may be what leads a start to another motion
-            if repeats or (start.is_warm and is_early and not waits):
+            if age > _EXTRAPOLATED and (repeats or (start.is_warm and is_early and not waits)):
                 self._calm(lane, start)
 
     def _noted(self, lane: int, count: int) -> NDArray[np.float64]:

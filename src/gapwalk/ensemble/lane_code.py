@@ -151,13 +151,22 @@ _BEGIN = {"low": np.inf, "high": -np.inf, "least": np.inf, "most": -np.inf, "sid
 
 
 class _Motion:
-    """Terms of the equations of motion of a state."""
+    """Terms of the equations of motion of a state, or of that half a step later."""
 
-    def __init__(self, writer: CodeWriter, state: str, base: str) -> None:
+    def __init__(self, writer: CodeWriter, *, moves: bool = False) -> None:
         self.sheet, self.writer, n = VectorSheet(), writer, writer.size
-        self.q = [self.sheet.read(state, row) for row in range(n)]
-        self.v = [self.sheet.read(state, n + row) for row in range(n)]
-        self.base, self.zero = base, Term(self.sheet, _splat(0.0))
+        self.q, self.v = ([self.sheet.read("Y", first + row) for row in range(n)] for first in (0, n))
+        self.a, self.before = ([self.sheet.read(pointer, row) for row in range(n)] for pointer in "AB")
+        self.zero = Term(self.sheet, _splat(0.0))
+        if moves:
+            half, old = 0.5 * self.sheet.read("C", 0), self.v
+            slopes = list(zip(self.a, self.before, strict=True))
+            third, twelfth = half * (1.0 / 6.0), half * (1.0 / 12.0)
+            ahead = [v + third * (4.0 * a - b) for v, (a, b) in zip(old, slopes, strict=True)]
+            self.q = [q + half * v for q, v in zip(self.q, ahead, strict=True)]
+            self.v = [v + half * 0.5 * (3.0 * a - b) for v, (a, b) in zip(old, slopes, strict=True)]
+            self.known = [v + twelfth * (8.0 * a - b) for v, (a, b) in zip(old, slopes, strict=True)]
+            self.share = 5.0 * twelfth  # of the acceleration at the end in the change of the velocity
 
     def number(self, slot: int) -> Any:
         """Return a coefficient; a plain number if it is always 0 or 1."""
@@ -244,7 +253,7 @@ class _Motion:
                 terms.host = Host(self.stages(layout.contacts[host], moved[host]), forces[host])
             limit = greatest(law.limit(terms, numbers) + self.zero, 0.0)
             place, count = self.writer.dry.index(index), len(self.writer.dry)
-            z, begun = (self.sheet.read(self.base, 2 * self.writer.size + row) for row in (place, count + place))
+            z, begun = (self.sheet.read("Y", 2 * self.writer.size + row) for row in (place, count + place))
             (x, rate), free = moved[index][0], z + (moved[index][0][0] - begun)
             if not _is_zero(numbers["speed"]):
                 rate = rate - numbers["speed"]
@@ -328,12 +337,12 @@ class CodeWriter:
 
     def text(self) -> str:
         """Return the module."""
-        parts = ["first", "stage"] if self.notes else ["stage"]
-        text = [self._stage(name) for name in parts]
-        sizes: dict[str, Any] = {"columns": self.columns, "height": self.sample_rows, "rows": 2 * self.size}
+        parts = ["half", "noted"] if self.notes else ["half"]
+        text = [self._begin(), *map(self._half, parts)]
+        sizes: dict[str, Any] = {"columns": self.columns, "height": self.sample_rows, "size": self.size}
         sizes |= {"width": WIDTH, "number": f"[{WIDTH} x double]" if self.form.apart else "double"}
-        steps = self._in_parts(_STEP.format(first=parts[0], **_SHARES))
-        text += [self._after(), _ADVANCE.format(steps=steps, **sizes)]
+        begin, steps = self._in_parts(_BEGIN_STEPS), self._in_parts(_STEP.format(last=parts[-1]))
+        text += [_ADVANCE.format(begin=begin, steps=steps, **sizes)]
         if self.form.sampled:
             text += [self._sample(), _SAMPLED.format(sample=self._in_parts(_SAMPLE), **sizes)]
         text += [_called(name) for name in _CALLED if any(f"@lanes.{name}(" in each for each in text)]
@@ -354,32 +363,26 @@ class CodeWriter:
             lines.append(re.sub(r"ptr %(\w+)", rf"ptr %\1.{part}", calls))
         return "\n".join(lines)
 
-    def _stage(self, name: str) -> str:
-        motion = _Motion(self, "X", "Y")
-        sheet = motion.sheet
-        forces, _ = motion.forces()
-        a = motion.accelerations(forces)
-        step = sheet.read("C", 0)
-        ahead, share = step * sheet.spread("%w1"), step * sheet.spread("%w2")
+    def _begin(self) -> str:
+        motion = _Motion(self)
         stores = []
-        for row, slope in enumerate([*motion.v, *a]):
-            stores.append(("Z", row, sheet.read("Y", row) + ahead * slope))
-            stores.append(("B", row, sheet.read("A", row) + share * slope))  # in the last stage it is Y
-        if name == "first":
-            stores += self._noted(motion, forces, a)
-        pointers = ", ".join(f"ptr %{each}" for each in "CTYXABZS")
-        return sheet.function(f"@{name}({pointers}, double %w1, double %w2, double %since)", stores)
+        for row, new in enumerate(motion.accelerations(motion.forces()[0])):
+            is_known = motion.sheet.write("{} < {}", motion.a[row], np.inf)
+            stores += [(pointer, row, either(is_known, motion.sheet.read(pointer, row), new)) for pointer in "AB"]
+        return motion.sheet.function(f"@begin({_POINTERS})", stores)
 
-    def _after(self) -> str:
-        motion = _Motion(self, "Y", "Y")
-        _, held = motion.forces()
+    def _half(self, name: str) -> str:
+        motion, n = _Motion(self, moves=True), self.size
+        forces, held = motion.forces()
+        a = motion.accelerations(forces)
+        stores = [("Y", row, each) for row, each in enumerate(motion.q)]
+        for row, (new, v) in enumerate(zip(a, motion.known, strict=True)):
+            stores += [("Y", n + row, v + motion.share * new), ("B", row, new)]
         count = len(held) // 2
-        first = 2 * self.size
-        rows = [first + k // 2 + (k % 2) * count for k in range(len(held))]
-        return motion.sheet.function(
-            "@after(ptr %C, ptr %T, ptr %Y, double %since)",
-            [("Y", row, each) for row, each in zip(rows, held, strict=True)],
-        )
+        stores += [("Y", 2 * n + k // 2 + (k % 2) * count, each) for k, each in enumerate(held)]
+        if name == "noted":
+            stores += self._noted(motion, forces, a)
+        return motion.sheet.function(f"@{name}({_POINTERS})", stores)
 
     @property
     def sample_rows(self) -> int:
@@ -387,11 +390,11 @@ class CodeWriter:
         return 2 * self.size + 2 * len(self.dry)
 
     def _sample(self) -> str:
-        motion = _Motion(self, "Y", "Y")
+        motion = _Motion(self)
         forces, held = motion.forces()
         values = [*motion.q, *motion.v, *held[::2], *(forces[index] for index in self.dry)]
         stores = [("R", row, each) for row, each in enumerate(values)]
-        return motion.sheet.function("@sample(ptr %C, ptr %T, ptr %Y, ptr %R, double %since)", stores)
+        return motion.sheet.function(f"@sample({_POINTERS}, ptr %R)", stores)
 
     def _noted(self, motion: _Motion, forces: Sequence[Any], a: Sequence[Any]) -> list[tuple[str, int, Any]]:
         rows, sheet = self.notes, motion.sheet
@@ -443,21 +446,22 @@ class CodeWriter:
         return found
 
 
-_SHARES = {
-    "sixth": "double 0x3FC5555555555555",
-    "third": "double 0x3FD5555555555555",
-}  # of the slopes of the four stages
+_POINTERS = "ptr %C, ptr %T, ptr %Y, ptr %A, ptr %B, ptr %S, double %since"
+_BEGIN_STEPS = "call void @begin(ptr %C, ptr %T, ptr %Y, ptr %A, ptr %B, ptr %S, double 0.0)"
 _STEP = """\
-call void @{first}(ptr %C, ptr %T0, ptr %Y, ptr %Y, ptr %Y, ptr %B, ptr %Z, ptr %S, double 0.5, {sixth}, double 0.0)
-call void @stage(ptr %C, ptr %T1, ptr %Y, ptr %Z, ptr %B, ptr %B, ptr %Z, ptr %S, double 0.5, {third}, double 0.5)
-call void @stage(ptr %C, ptr %T1, ptr %Y, ptr %Z, ptr %B, ptr %B, ptr %Z, ptr %S, double 1.0, {third}, double 0.5)
-call void @stage(ptr %C, ptr %T2, ptr %Y, ptr %Z, ptr %B, ptr %Y, ptr %Z, ptr %S, double 0.0, {sixth}, double 1.0)
-call void @after(ptr %C, ptr %T2, ptr %Y, double 1.0)"""
-_SAMPLE = "call void @sample(ptr %C, ptr %T1, ptr %Y, ptr %row, double 0.0)"
+call void @half(ptr %C, ptr %T1, ptr %Y, ptr %A, ptr %B, ptr %S, double 0.5)
+call void @{last}(ptr %C, ptr %T2, ptr %Y, ptr %B, ptr %A, ptr %S, double 0.5)"""
+_SAMPLE = "call void @sample(ptr %C, ptr %T1, ptr %Y, ptr %A, ptr %B, ptr %S, double 0.0, ptr %row)"
 _ADVANCE = """\
-define void @advance(ptr %C, ptr %T, ptr %Y, ptr %B, ptr %S, i64 %steps) {{
+define internal void @begins(ptr %C, ptr %T, ptr %Y, ptr %A, ptr %S) {{
+%B = getelementptr [{width} x double], ptr %A, i64 {size}
+{begin}
+ret void
+}}
+
+define internal void @steps(ptr %C, ptr %T, ptr %Y, ptr %A, ptr %S, i64 %steps) {{
 entry:
-%Z = getelementptr [{width} x double], ptr %B, i64 {rows}
+%B = getelementptr [{width} x double], ptr %A, i64 {size}
 br label %loop
 loop:
 %i = phi i64 [ 0, %entry ], [ %next, %loop ]
@@ -472,12 +476,20 @@ br i1 %more, label %loop, label %end
 end:
 ret void
 }}
+
+define void @advance(ptr %C, ptr %T, ptr %Y, ptr %A, ptr %S, i64 %steps) {{
+call void @begins(ptr %C, ptr %T, ptr %Y, ptr %A, ptr %S)
+call void @steps(ptr %C, ptr %T, ptr %Y, ptr %A, ptr %S, i64 %steps)
+ret void
+}}
 """
 
 _SAMPLED = """\
-define void @sampled(ptr %C, ptr %T, ptr %Y, ptr %B, ptr %S, i64 %steps, i64 %samples, ptr %R) {{
+define void @sampled(ptr %C, ptr %T, ptr %Y, ptr %A, ptr %S, i64 %steps, i64 %samples, ptr %R) {{
 entry:
 %halves = shl i64 %steps, 1
+%B = getelementptr [{width} x double], ptr %A, i64 {size}
+call void @begins(ptr %C, ptr %T, ptr %Y, ptr %A, ptr %S)
 br label %loop
 loop:
 %i = phi i64 [ 0, %entry ], [ %next, %loop ]
@@ -485,7 +497,7 @@ loop:
 %T0 = getelementptr [{columns} x {number}], ptr %T, i64 %first
 %T1 = getelementptr [{columns} x {number}], ptr %T0, i64 %halves
 %row = getelementptr [{height} x [{width} x double]], ptr %R, i64 %i
-call void @advance(ptr %C, ptr %T0, ptr %Y, ptr %B, ptr %S, i64 %steps)
+call void @steps(ptr %C, ptr %T0, ptr %Y, ptr %A, ptr %S, i64 %steps)
 {sample}
 %next = add i64 %i, 1
 %more = icmp ult i64 %next, %samples

@@ -71,7 +71,7 @@ class RampLanes(Lanes):
         self._tables: dict[tuple[int, float], NDArray[np.float64]] = {}
         self._kept = len(self.code.begin) - sum(kind == "side" for kind, _ in self.code.notes)
         self._begin = self.code.begin[: self._kept, None]
-        self._places = [_place(each) for each in (self._state[0], self._scratch, self._notes[0])]
+        self._places = [_place(each) for each in (self._state[0], self._slopes[0], self._notes[0])]
         most, least = (
             float(steps_of(self.layout, ramped.coefficients(each, 0.0)[None])[0]) for each in (lowest, _FAR * lowest)
         )

@@ -27,7 +27,7 @@ from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 
-TURN = 0.4
+TURN = 0.44
 """Angle in radians by which a step turns the fastest vibration."""
 _FEW = 3  # coordinates up to which the exact flow is fast
 _ROUNDING = 1e-13  # relative difference of two products of numbers that are equal
@@ -68,7 +68,8 @@ class Lanes:
         self._signals = np.zeros((blocks * WIDTH, *signals.shape[1:]))
         self._compile(blocks)
         self._state = aligned((blocks, 2 * n + 2 * len(self.code.dry), WIDTH))
-        self._scratch = aligned((4 * n, WIDTH))
+        #: Accelerations at the last two half steps; nan where there are none yet.
+        self._slopes = aligned((blocks, 2 * n, WIDTH))
         self._notes = aligned((blocks, max(len(self.code.notes), 1), WIDTH))
         self._kept = len(self.code.begin) - sum(kind == "side" for kind, _ in self.code.notes)  # notes that begin again
         self._steps, self._needed = np.full(blocks, steps), np.ones((blocks, WIDTH), dtype=int)
@@ -158,7 +159,7 @@ class Lanes:
             rows[:, 2 * n + len(dry) + place] = self._start(slots, lanes, states)
         block, lane = np.divmod(lanes, WIDTH)
         self._state[block, :, lane] = rows
-        self._notes[block, :, lane] = np.nan  # sides are not known
+        self._notes[block, :, lane] = self._slopes[block, :, lane] = np.nan  # sides and accelerations are not known
         self._used[lanes] = True
 
     def _start(self, slots: Any, lanes: NDArray[np.intp], states: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -173,7 +174,8 @@ class Lanes:
     def _set_steps(self, block: int) -> None:
         # they never become fewer: a change of the steps looks like a change of the motions that are under way
         steps = max(even(int(self._needed[block].max())), int(self._steps[block]))
-        self._steps[block] = steps
+        if steps != self._steps[block]:
+            self._steps[block], self._slopes[block] = steps, np.nan
         rate = self._coefficients[block * WIDTH : (block + 1) * WIDTH, 0]
         self._numbers[block, 0] = PERIOD / steps * rate
         fast = TURN / self._numbers[block, 0]
@@ -225,13 +227,13 @@ class Lanes:
         )
         first, (long, wide) = notes.ctypes.data, notes.strides[:2]
         for block in np.flatnonzero(self._used.reshape(-1, WIDTH).any(axis=1)).tolist():
-            steps, given = int(self._steps[block]), (self._numbers[block], self._state[block], self._scratch)
-            numbers, state, scratch = (each.ctypes.data for each in given)
+            steps, given = int(self._steps[block]), (self._numbers[block], self._state[block], self._slopes[block])
+            numbers, state, slopes = (each.ctypes.data for each in given)
             table = _table(self.layout.orders, steps).ctypes.data
             for period in range(periods):
                 if period:
                     notes[period, block, self._kept :] = notes[period - 1, block, self._kept :]
-                self.code.advance(numbers, table, state, scratch, first + period * long + block * wide, steps)
+                self.code.advance(numbers, table, state, slopes, first + period * long + block * wide, steps)
                 if self._drift is not None:
                     # the rotation as a whole returns to its mean within thousands of periods: it is put there
                     self._state[block, self._drift[0]] -= notes[period, block, self._drift[1]] / steps
