@@ -156,7 +156,8 @@ def joined(
 ) -> SettledSweep:
     """Join the parts of a sweep, and narrow down the ends of its bands; with ``whole=False`` show what is known.
 
-    What the sweep in the `other` direction found in chaos needs no second long watch.
+    What the sweep in the `other` direction found in chaos needs no second long watch, and an end that both have is only
+    tried on either side.
     """
     parts: dict[int, list[LaneMotion]] = {}
     for part in (part for piece in pieces for part in piece.parts if part.direction is direction):
@@ -172,8 +173,7 @@ def joined(
     sweep = SettledSweep(parameter, within, direction, (), (), lanes=tuple(motions), contacts=tuple(_names(system)))
     if not whole:
         return sweep
-    watched = (motion for motion in (other.lanes if other else ()) if not motion.period and motion.watched >= LONG)
-    return _narrowed(system, sweep, gaps, {motion.value: (motion,) for motion in watched})
+    return _narrowed(system, sweep, gaps, other)
 
 
 def _names(system: System) -> list[str]:
@@ -200,11 +200,17 @@ def _taken_over(system: System, parameter: str, before: LaneMotion, own: list[La
 
 
 def _narrowed(
-    system: System, sweep: SettledSweep, gaps: Sequence[str], watched: Mapping[float, tuple[LaneMotion, ...]]
+    system: System, sweep: SettledSweep, gaps: Sequence[str], other: SettledSweep | None = None
 ) -> SettledSweep:
     """Add motions between two steps where a gap begins or ceases to rattle, until its ends are narrow."""
     line, sign = ParameterLine(system, sweep.parameter), sweep.direction.sign
     edges, least = [motion.value for motion in sweep.lanes], NARROW * (sweep.within[1] - sweep.within[0])
+    lanes = other.lanes if other else ()
+    watched = {motion.value: (motion,) for motion in lanes if not motion.period and motion.watched >= LONG}
+    # both sides of each end that the other sweep has found
+    beside = {
+        lanes[k + side].value for k in (_ends(lanes, edges[::-1], other, gaps) if other else ()) for side in (0, 1)
+    }
     sweep = _watched_on(line, sweep, gaps, watched)
     rough = _ROUGH * abs(edges[-1] - edges[0]) / max(len(edges) - 1, 1)
     while True:
@@ -212,7 +218,11 @@ def _narrowed(
         for place in _ends(motions, edges, sweep, gaps):
             one, two = motions[place : place + 2]
             is_chaotic = not (one.period and two.period)
-            for value in inside_of(one.value, two.value, max(least, rough * is_chaotic)):
+            inside, (low, high) = (
+                inside_of(one.value, two.value, max(least, rough * is_chaotic)),
+                sorted((one.value, two.value)),
+            )
+            for value in (inside and [each for each in beside if low < each < high]) or inside:
                 start = Start((), value, line.system_at(value), one.state, watched.get(value, ()), is_chaotic, LONG)
                 starts.setdefault(is_chaotic, []).append(start)
         if not starts:
