@@ -132,7 +132,7 @@ WILD = System(
     harmonics=[Harmonic(0.6, {"x": 1.0}, name="load")], mean={"x": 0.2}, frequency=0.8,
 )  # fmt: skip
 """A loose mass between two hard stops."""
-PERIODS = {0.5: 1, 1.2: 2, 1.3: 2}
+PERIODS = {0.5: 1, 0.9: 2, 1.2: 2}
 CHAOTIC = [1.9, 3.4, 3.6, 4.5]
 
 
