@@ -139,6 +139,13 @@ def _accelerations(energy: NDArray[np.float64], *, is_sample: bool = True) -> tu
     return rms, _STUDENT * spread / (2.0 * np.maximum(rms, _TINY))
 
 
+def drifts(energy: NDArray[np.float64]) -> bool:
+    """Return True if mean squares of successive periods differ less from batch to batch than in all (von Neumann 1941)."""
+    means = energy.reshape(_BATCHES, -1, energy.shape[1]).mean(axis=1)
+    steps, spread = ((each**2).sum(axis=0) for each in (np.diff(means, axis=0), means - means.mean(axis=0)))
+    return bool(np.any(steps < _DRIFTS * spread))
+
+
 class Start(NamedTuple):
     """A motion to be followed: anything that names it, the value of the parameter, the system, and its state."""
 
@@ -390,13 +397,6 @@ class _Settling:
             watched = max(watched, _BATCHES * math.ceil(TIMES * modes.longest / _BATCHES))
         return max(start.watch, min(watched, LONG))
 
-    def _drifts(self, lane: int, watched: int) -> bool:
-        """Return True if mean squares of accelerations differ less from batch to batch than in all (von Neumann 1941)."""
-        energy = self._noted(lane, watched)[:, self.kinds["energy"]]
-        means = energy.reshape(_BATCHES, -1, energy.shape[1]).mean(axis=1)
-        steps, spread = ((each**2).sum(axis=0) for each in (np.diff(means, axis=0), means - means.mean(axis=0)))
-        return bool(np.any(steps < _DRIFTS * spread))
-
     def _restart(self, lane: int, state: NDArray[np.float64]) -> None:
         self.waits[lane], self.ages[lane] = self.waits[lane] + self.ages[lane], 0
         self.lanes.restart(np.array([lane]), state[None])
@@ -470,7 +470,7 @@ class _Settling:
             return period, period
         if age < transient + (watched := self._watch(lane, start)):
             return None
-        if watched < LONG and self._drifts(lane, watched):
+        if watched < LONG and drifts(self._noted(lane, watched)[:, self.kinds["energy"]]):
             self.starts[lane] = start._replace(watch=min(2 * watched, LONG))
             self._restart(lane, self._sections(lane, 1)[0])
             return None
@@ -542,12 +542,12 @@ class _Settling:
             # chaos comes near a longer motion by chance, and leaves it within some periods
             held, part = min(max(_APART, 3 * q), len(strobes) - q), max(q, _APART // 2)
             apart = (np.abs(strobes[-held:] - strobes[-held - q : -q]) / scale).max(axis=1)
-            before, now = apart[:part].max(), apart[-part:].max()
-            if apart.max() <= min(_SAME, _CLEAR * shorter) and (q == 1 or now <= max(_EQUAL, before)):
+            if q == 1 and apart[-1] <= _SAME:
+                return q
+            grows = apart[-part:].max() > max(_EQUAL, apart[:part].max())
+            if apart.max() <= min(_SAME, _CLEAR * shorter) and not grows:
                 # a slow mode that dies away may come back after some periods: the period is that without it
-                dies = q > 1 and (
-                    len(steps) < 3 * _APART or steps[-_ENVELOPE:].max() < _SHRINKS * steps[:_ENVELOPE].max()
-                )
+                dies = len(steps) < 3 * _APART or steps[-_ENVELOPE:].max() < _SHRINKS * steps[:_ENVELOPE].max()
                 return 0 if dies else q
             shorter = min(shorter, apart.max())
         return 0
