@@ -52,6 +52,7 @@ _SETTLED = 0.005  # what may be left of the mean square of an acceleration, rela
 _ENDED = 2e-3  # distance of slow coordinates from where they end, relative to their range
 _STILL = 1e-7  # change of an extreme, relative to the width of its gap, that counts as none
 _FINER = 4.0  # factor on the steps of motions that failed
+_LEAVES = 2048  # the most periods in which a motion without period that drifts may become another
 _DRIFTS = 0.4  # steps between batches, squared, of their squared spread: less is seen once in 1,000 times without drift
 _CLEAR = 0.2  # the same difference, of that after fewer periods
 _EQUAL = 1e-6  # difference of two sections, as that above, that need not shrink any more
@@ -470,7 +471,10 @@ class _Settling:
             return period, period
         if age < transient + (watched := self._watch(lane, start)):
             return None
-        if watched < LONG and drifts(self._noted(lane, watched)[:, self.kinds["energy"]]):
+        # what closes alike in all periods, and yet does not repeat, leaves a motion that is unstable
+        leaves = not np.ptp(self._closings(lane, watched), axis=0).any()
+        leaves = leaves or drifts(self._noted(lane, watched)[:, self.kinds["energy"]])
+        if leaves and self.waits[lane] + age < _LEAVES:
             self.starts[lane] = start._replace(watch=min(2 * watched, LONG))
             self._restart(lane, self._sections(lane, 1)[0])
             return None
