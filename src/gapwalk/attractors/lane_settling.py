@@ -141,7 +141,7 @@ def _accelerations(energy: NDArray[np.float64], *, is_sample: bool = True) -> tu
 
 
 def drifts(energy: NDArray[np.float64]) -> bool:
-    """Return True if mean squares of successive periods differ less from batch to batch than in all (von Neumann 1941)."""
+    """Return True if successive batches of mean squares differ less than any two do (von Neumann 1941)."""
     means = energy.reshape(_BATCHES, -1, energy.shape[1]).mean(axis=1)
     steps, spread = ((each**2).sum(axis=0) for each in (np.diff(means, axis=0), means - means.mean(axis=0)))
     return bool(np.any(steps < _DRIFTS * spread))
@@ -538,8 +538,7 @@ class _Settling:
             return 0
         strobes = self._sections(lane, 4 * _LONGEST)[:, : self.layout.structure.size]
         (notes,) = self._noted(lane, 1)
-        spans = notes[self.kinds["most"]] - notes[self.kinds["least"]]
-        scale = self._scale(spans)
+        scale = self._scale(notes[self.kinds["most"]] - notes[self.kinds["least"]])
         steps = (np.abs(np.diff(strobes, axis=0)) / scale).max(axis=1)
         shorter = np.inf
         for q in periods:
