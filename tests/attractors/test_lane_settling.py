@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.attractors.lane_settling import LaneMotion, Start, settle_lanes
+from gapwalk.attractors.lane_settling import LaneMotion, Start, drifts, settle_lanes
 from gapwalk.attractors.many_motions import LaneMotions, motions_of
 from gapwalk.attractors.rattle import acceleration_names
 from gapwalk.ensemble.batch_flow import state_at_rest
@@ -192,6 +192,51 @@ def test_the_interval_of_a_chaotic_motion_covers_a_run_of_eight_times_the_length
         rms = np.sqrt(total / (8 * motion.watched))
         inside += abs(rms - motion.rms[0]) <= 1.3 * motion.error[0]  # both have an interval
     assert inside >= len(CHAOTIC) - 1
+
+
+def test_batches_that_drift_are_told_from_those_that_are_independent() -> None:
+    random = np.random.default_rng(3)
+    independent = random.exponential(size=(2000, 64, 1))
+    assert sum(drifts(each) for each in independent) <= 8  # once in 1,000 times, and four standard errors
+    rising = 10.0 + np.linspace(0.0, 1.0, 64)[:, None] + 0.1 * random.normal(size=(64, 1))
+    assert drifts(rising)
+    assert drifts(np.hstack((independent[0], rising)))
+
+
+@pytest.mark.parametrize("speeds", [(970.0, 980.0, 990.0, 1000.0), (980.0, 990.0, 1000.0)])
+def test_a_motion_that_leaves_chaos_slowly_is_watched_until_it_has_left(speeds: tuple[float, ...]) -> None:
+    # an independent program at a quarter of the step: from the same states the engaged mesh parts in 17 % of the
+    # periods at 1,000 rpm, after 100 periods without any
+    train = gw.read_model(str(TRAIN_A.with_name("slow_train.toml")))
+    systems = [train.at({"speed": speed}) for speed in speeds]
+
+    def step(start: Start, motion: LaneMotion) -> Start | None:
+        k = start.key + 1
+        return Start(k, speeds[k], systems[k], motion.state, is_warm=True) if k < len(speeds) else None
+
+    first = Start(0, speeds[0], systems[0], state_at_rest(systems[0]))
+    *_, (_, motion) = settle_lanes([first], step, slowest=systems)
+    assert motion.period == 0
+    assert closings(train, motion, "engaged") == pytest.approx(0.17, abs=0.08)
+
+
+def test_long_periods_are_those_of_the_same_motion_300_periods_later() -> None:
+    values = np.linspace(0.5, 3.0, 201).tolist()
+    long = {value: motion for value, motion in settled(WILD, "load.amplitude", values).items() if motion.period > 1}
+    systems = [WILD.at({"load.amplitude": value}) for value in long]
+    numbers, states = (
+        np.array(each)
+        for each in ([coefficients_of(each) for each in systems], [motion.state for motion in long.values()])
+    )
+    lanes = Lanes(WILD.structure, numbers, states)
+    track = lanes.advance(360)[1][300:, :, 0]
+    wrong = 0
+    for k, motion in enumerate(long.values()):
+        reach, q = np.ptp(motion.extremes[:, 0]), motion.period
+        apart = [np.abs(track[p:, k] - track[:-p, k]).max() / reach for p in range(1, q + 1)]
+        wrong += apart[-1] > 2e-3 or min(apart[:-1]) < 2e-3
+    assert len(long) >= 20
+    assert wrong <= len(long) // 6  # 14 of 45 without three repetitions and a clear distance to shorter periods
 
 
 def test_a_motion_without_end_is_given_up() -> None:

@@ -52,6 +52,10 @@ _SETTLED = 0.005  # what may be left of the mean square of an acceleration, rela
 _ENDED = 2e-3  # distance of slow coordinates from where they end, relative to their range
 _STILL = 1e-7  # change of an extreme, relative to the width of its gap, that counts as none
 _FINER = 4.0  # factor on the steps of motions that failed
+_LEAVES = 2048  # the most periods in which a motion without period that drifts may become another
+_DRIFTS = 0.4  # steps between batches, squared, of their squared spread: less is seen once in 1,000 times without drift
+_CLEAR = 0.2  # the same difference, of that after fewer periods
+_EQUAL = 1e-6  # difference of two sections, as that above, that need not shrink any more
 _SUMS = ("total", "drift", "power", "energy", "fourth")  # notes of which the means over a period are kept
 _EXTRAPOLATED, _SECTIONS = 12, 12  # periods between extrapolations, and sections of each
 _TINY = float(np.finfo(float).tiny)
@@ -134,6 +138,13 @@ def _accelerations(energy: NDArray[np.float64], *, is_sample: bool = True) -> tu
         return rms, np.zeros_like(rms)
     spread = energy.reshape(_BATCHES, -1, len(rms)).mean(axis=1).std(axis=0, ddof=1) / math.sqrt(_BATCHES)
     return rms, _STUDENT * spread / (2.0 * np.maximum(rms, _TINY))
+
+
+def drifts(energy: NDArray[np.float64]) -> bool:
+    """Return True if successive batches of mean squares differ less than any two do (von Neumann 1941)."""
+    means = energy.reshape(_BATCHES, -1, energy.shape[1]).mean(axis=1)
+    steps, spread = ((each**2).sum(axis=0) for each in (np.diff(means, axis=0), means - means.mean(axis=0)))
+    return bool(np.any(steps < _DRIFTS * spread))
 
 
 class Start(NamedTuple):
@@ -465,6 +476,13 @@ class _Settling:
             return period, period
         if age < transient + (watched := self._watch(lane, start)):
             return None
+        # what closes alike in all periods, and yet does not repeat, leaves a motion that is unstable
+        leaves = not np.ptp(self._closings(lane, watched), axis=0).any()
+        leaves = leaves or drifts(self._noted(lane, watched)[:, self.kinds["energy"]])
+        if leaves and self.waits[lane] + age < _LEAVES:
+            self.starts[lane] = start._replace(watch=min(2 * watched, LONG))
+            self._restart(lane, self._sections(lane, 1)[0])
+            return None
         # chaos that dies out after a hundred periods is no other motion than the one that is known
         about = _accelerations(self._noted(lane, _WATCHED)[:, self.kinds["energy"]])
         is_new = bool(start.known) and not any(each.has_like(*about) for each in start.known)
@@ -523,20 +541,23 @@ class _Settling:
         periods = [q for q in range(1, _LONGEST + 1) if rows[-q:] == rows[-2 * q : -q]]
         if not periods:
             return 0
-        strobes = self._sections(lane, 3 * _APART + _ENVELOPE)[:, : self.layout.structure.size]
+        strobes = self._sections(lane, 4 * _LONGEST)[:, : self.layout.structure.size]
         (notes,) = self._noted(lane, 1)
-        spans = notes[self.kinds["most"]] - notes[self.kinds["least"]]
-        scale = self._scale(spans)
+        scale = self._scale(notes[self.kinds["most"]] - notes[self.kinds["least"]])
         steps = (np.abs(np.diff(strobes, axis=0)) / scale).max(axis=1)
+        shorter = np.inf
         for q in periods:
             # chaos comes near a longer motion by chance, and leaves it within some periods
-            held = 1 if q == 1 else min(_APART, len(strobes) - q)
-            if (np.abs(strobes[-held:] - strobes[-held - q : -q]) / scale).max() <= _SAME:
+            held, part = min(max(_APART, 3 * q), len(strobes) - q), max(q, _APART // 2)
+            apart = (np.abs(strobes[-held:] - strobes[-held - q : -q]) / scale).max(axis=1)
+            if q == 1 and apart[-1] <= _SAME:
+                return q
+            grows = apart[-part:].max() > max(_EQUAL, apart[:part].max())
+            if apart.max() <= min(_SAME, _CLEAR * shorter) and not grows:
                 # a slow mode that dies away may come back after some periods: the period is that without it
-                dies = q > 1 and (
-                    len(steps) < 3 * _APART or steps[-_ENVELOPE:].max() < _SHRINKS * steps[:_ENVELOPE].max()
-                )
+                dies = len(steps) < 3 * _APART or steps[-_ENVELOPE:].max() < _SHRINKS * steps[:_ENVELOPE].max()
                 return 0 if dies else q
+            shorter = min(shorter, apart.max())
         return 0
 
     def _scale(self, spans: NDArray[np.float64]) -> NDArray[np.float64]:
