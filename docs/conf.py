@@ -8,12 +8,12 @@ from pathlib import Path
 os.environ["GAPWALK_PROGRESS"] = "off"  # lines that vanish would leave empty outputs
 os.environ.pop("MPLBACKEND", None)  # with a backend of the user's, notebooks would show no pictures
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # each of 49 notebooks would compile gapwalk again, for two seconds
-sys.dont_write_bytecode = False
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from docs._ext.api_links import enumerations, members_left_out
 
+sys.dont_write_bytecode = False
 project = "gapwalk"
 author = "the gapwalk developers"
 version = release = version_of("gapwalk")
