@@ -72,7 +72,7 @@ types: $(STAMP)
 platforms: $(STAMP)  ## look at the types of src as macOS and Windows have them
 	for each in Darwin Windows; do $(PY) -m basedpyright --pythonpath $(PY) --pythonplatform $$each src || exit 1; done
 
-docs: $(STAMP)  ## build the documentation into out/docs; check spelling, links, pictures and words; pack it for gapwalk docs
+docs: kernels  ## build the documentation into out/docs; check spelling, links, pictures and words; pack it for gapwalk docs
 	$(VENV)/bin/codespell README.md CONTRIBUTING.md CHANGELOG.md docs src examples reproductions
 	$(PY) -m sphinx --jobs auto --builder html --fail-on-warning --keep-going --doctree-dir out/doctrees docs out/docs
 	$(PY) docs/_ext/links.py out/docs

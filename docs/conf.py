@@ -7,11 +7,13 @@ from pathlib import Path
 
 os.environ["GAPWALK_PROGRESS"] = "off"  # lines that vanish would leave empty outputs
 os.environ.pop("MPLBACKEND", None)  # with a backend of the user's, notebooks would show no pictures
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # each of 49 notebooks would compile gapwalk again, for two seconds
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from docs._ext.api_links import enumerations, members_left_out
 
+sys.dont_write_bytecode = False
 project = "gapwalk"
 author = "the gapwalk developers"
 version = release = version_of("gapwalk")
@@ -46,6 +48,7 @@ autosummary_generate = True
 autosummary_context = {"enumerations": enumerations(), "left_out": members_left_out()}
 autodoc_typehints = "none"  # `docstrings` writes types next to the names, with shapes and units
 autodoc_preserve_defaults = True
+autodoc_use_type_comments = False
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 napoleon_use_ivar = True

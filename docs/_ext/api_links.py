@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import inspect
 from enum import Enum
+from functools import cache
 from typing import Any
 
 from docutils import nodes
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
+from sphinx.domains.python import ObjectEntry
 from sphinx.environment import BuildEnvironment
 from sphinx.util.nodes import make_refnode
 
@@ -71,16 +73,19 @@ def extensions_page() -> str:
     return "\n".join(lines) + "\n"
 
 
+@cache
+def _named(env: BuildEnvironment, last: str) -> list[tuple[str, ObjectEntry]]:
+    """Return the things whose last name it is, once all pages are read."""
+    objects = env.domains.python_domain.objects.items()
+    return [(name, entry) for name, entry in objects if not entry.aliased and name.rpartition(".")[2] == last]
+
+
 def link(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.Element) -> Any:
     """Link a name to the one public thing that has it, wherever it is: a docstring writes `Orbit` in any module."""
     if node.get("refdomain") != "py":
         return None
     wanted = node["reftarget"].removeprefix("gw.")
-    found = [
-        (name, entry)
-        for name, entry in env.domains.python_domain.objects.items()
-        if not entry.aliased and (name in (wanted, f"gapwalk.{wanted}") or name.endswith(f".{wanted}"))
-    ]
+    found = [each for each in _named(env, wanted.rpartition(".")[2]) if f".{each[0]}".endswith(f".{wanted}")]
     found = [each for each in found if each[0] == f"gapwalk.{wanted}"] or found
     if len(found) != 1:
         return None

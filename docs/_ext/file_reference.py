@@ -103,9 +103,10 @@ def _files() -> tuple[dict[str, Any], ...]:
 def _example_in_files(table: str, key: str) -> Any:
     """Find the first use of a key in an example file: of a table such as ``contact.stage`` or ``response.walk``."""
     first, *rest = table.split(".") if table else [""]
+    is_kind = first in kinds()
     for file in _files():
         found: list[Any] = [file]
-        if first in kinds():
+        if is_kind:
             found = [each for each in _listed(file.get("study")) if each.get("kind") == first]
         elif first:
             found = _listed(file.get(first))
@@ -314,6 +315,7 @@ _RECORDS = _records()
 HEAD, HEAD_RULE = "| key | value | default | what it is | example |", "|---|---|---|---|---|"
 
 
+@cache
 def all_keys() -> dict[str, list[Key]]:
     """Return the keys of model files, by page."""
     pages = {

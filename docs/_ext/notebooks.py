@@ -7,6 +7,7 @@ the cache at once, and each gets a fixed share of the pages, the dearest ones am
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
@@ -34,7 +35,8 @@ def run_all(app: Sphinx, env: SphinxEnvType, docnames: Sequence[str]) -> None:
     pages = [(path, book) for path in map(str, map(env.doc2path, docnames)) if (book := _notebook(Path(path), env))]
     missing = [each for each in pages if not _is_known(cache, each[1])]
     missing.sort(key=lambda each: -sum(len(cell.source) for cell in each[1].cells if cell.cell_type == "code"))
-    with ThreadPoolExecutor(os.cpu_count()) as threads:  # they wait for the processes of the notebooks
+    cores = sorted(os.sched_getaffinity(0)) if sys.platform == "linux" else [*range(os.cpu_count() or 1)]
+    with ThreadPoolExecutor(len(cores), initializer=_take_core, initargs=(cores,)) as threads:
         work = {threads.submit(_run, path, book, settings.execution_timeout): path for path, book in missing}
         for number, done in enumerate(as_completed(work), 1):
             path, result = work[done], done.result()
@@ -59,6 +61,15 @@ def _is_known(cache: JupyterCacheBase, book: NotebookNode) -> bool:
         return bool(cache.match_cache_notebook(book))
     except KeyError:
         return False
+
+
+def _take_core(cores: list[int]) -> None:
+    """Give this thread, which waits for the process of a notebook, and that process one of the cores."""
+    core = cores.pop()
+    if (
+        sys.platform == "linux"
+    ):  # processes and threads on all cores would cost more than they gain beside other notebooks
+        os.sched_setaffinity(0, {core})
 
 
 def _run(path: str, book: NotebookNode, timeout: int) -> ExecutionResult:

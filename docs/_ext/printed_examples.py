@@ -69,6 +69,7 @@ def outside(examples: str) -> set[str]:
     return uses - defines
 
 
+@cache
 def printed(examples: str) -> str:
     """Return the whole code of the examples of a docstring: imports, shared systems, code, and outputs as comments."""
     before = lines_for(outside(examples))

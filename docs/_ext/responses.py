@@ -13,6 +13,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
+from matplotlib.gridspec import GridSpec
 
 from docs._ext.machines import GALLERY, PAGES, PICTURES
 
@@ -41,6 +42,11 @@ def draw(page: str) -> None:
     for legend in [*figure.legends, *(axes.get_legend() for axes in figure.axes)]:
         if legend is not None:
             legend.remove()
+    for axes in list(figure.axes):
+        if axes.get_window_extent().height < figure.bbox.height / 10.0:
+            axes.remove()  # a strip: its words would be on top of each other
+    if len(figure.axes) == 1:
+        figure.axes[0].set_subplotspec(GridSpec(1, 1, figure)[0])
     for axes in figure.axes:
         axes.set_ylabel("")  # longer than a card is high
         axes.set_title("")
@@ -48,6 +54,7 @@ def draw(page: str) -> None:
             axes.set_title("", loc=side)
     figure.suptitle("")
     figure.set_size_inches(SIZE)
+    figure.set_layout_engine("constrained")
     figure.savefig(picture_of(page), dpi=120)
     plt.close("all")
 

@@ -66,7 +66,7 @@ class _Words(HTMLParser):
         self.parts: list[str] = []
         self._left_out = (*left_out, "style", "script")
         self._article, self._code = 0, 0
-        self.feed(text)
+        self.feed(text[text.find("<article") : text.rfind("</article>")])  # the list of all pages around it is long
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self._article += tag == "article"

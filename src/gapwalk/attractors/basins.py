@@ -497,7 +497,8 @@ class Basins(Shown):
 
         It is 1 for smooth boundaries; the dimension of the boundary is that of the plane, 2, less the exponent.
         (Grebogi, McDonald, Ott and Yorke 1983, Physics Letters A 99, 415-418.) The limits are those of a bootstrap
-        of blocks of rows and of columns, and of the differences between the local slopes over the distances.
+        of blocks of rows and of columns, and of the differences between the local slopes over the distances. With
+        the edges of stripes on a Cantor set it is 0.03 to 0.05 too small: the limits held it in half of the cases.
         """
         return Uncertainty.of(self.labels, confidence)
 
