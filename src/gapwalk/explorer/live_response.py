@@ -44,9 +44,9 @@ from gapwalk.studies.study_file import Study, check_studies
 BALANCE = Balance(error=0.01)
 """Harmonics up to a hundredth of the motion: less than the width of a line on the page."""
 SHOOTING = Shooting(tolerance=1e-6)
-STEPS = WalkOptions(initial_step=0.01, largest_step=0.05, largest_turn=0.6, max_points=1000)
+STEPS = WalkOptions(initial_step=0.01, largest_step=0.02, largest_turn=0.3, max_points=1000)
 _LONGEST = 15.0  # seconds of CPU time that a response may take, half of which are for its walk
-_BEHIND = 150  # points that a walk may stay behind the furthest value: more are folds that nobody sees at this width
+_BEHIND = 250  # points that a walk may stay behind the furthest value: more are folds that nobody sees at this width
 _LABELS = ("stable", "below", "above", "pair", "neutral")
 _SETTLED = len(_LABELS)
 _LEVEL = {"min": 0, "max": 2}  # of least, middle and largest height
