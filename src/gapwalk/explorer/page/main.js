@@ -93,7 +93,7 @@ async function open(file, where = new URLSearchParams()) {
   page.about = about;
   takeLoci(about.loci, $("legend"));
   showProblem();
-  $("title").textContent = $("title").title = about.title;
+  $("title").textContent = about.title;
   document.title = `${about.title} – gapwalk`;
   const names = about.parameters.map(({ name, words }) => [name, name === "frequency" ? words.replace("excitation ", "") : `${name}${unitOf(words)}`, words]);
   const measures = about.measures.map(({ name, words }) => [name, words.replace(/ \(.*\)/, ""), words]);
