@@ -112,24 +112,20 @@ def _walk(system: System, options: RangeStudy, period: int, until: float) -> Ite
     (direction,) = directions(options.begin, options.end)
     beginning = start_branch(start, options.parameter, options.end, direction, method)
     walk = Walk(beginning.first, beginning.within, beginning.corrector, STEPS)
-    point = furthest = beginning.first
-    behind = 0
-    yield point
+    furthest, behind = beginning.first, 0
+    yield furthest
     for point in walk:
         yield point
         is_further = direction * (point.value - furthest.value) > 0.0
         furthest, behind = (point, 0) if is_further else (furthest, behind + 1)
         if behind > _BEHIND or time.process_time() > until:
             break
-    reason = None if walk.end is None else walk.end.reason
-    if reason is EndReason.RANGE:
-        return
     words = "the walk was given up" if walk.end is None else walk.end.reason_words
-    if reason in _ENDS:
-        yield words
+    if walk.end is not None and walk.end.reason in _ENDS:
+        yield words * (walk.end.reason is not EndReason.RANGE)
         return
     try:
-        yield from _settled(system, options, furthest if reason in (None, EndReason.TURNED_BACK) else point)
+        yield from _settled(system, options, furthest)
     except GapwalkError:  # what does not settle here either
         yield words
 
