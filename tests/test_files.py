@@ -10,7 +10,8 @@ import pytest
 from scipy import sparse
 
 from gapwalk.errors import ModelError
-from gapwalk.files import array_header, check_npz, open_file, uninterrupted, why_no_file
+from gapwalk.files import array_header, check_npz, open_file, why_no_file
+from gapwalk.interrupts import uninterrupted
 from tests.models import read_system
 
 MODEL = 'coordinates = ["x"]\nstiffness = "{}"\nfrequency = 1.0\n'

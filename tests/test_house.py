@@ -26,6 +26,7 @@ ORDER = (
     "lazy_names",
     "errors",
     "pieces",
+    "interrupts",
     "files",
     "cache_folder",
     "machine_code",

@@ -1,15 +1,11 @@
-"""Checks of files from outside, before memory is allocated; and writing that Ctrl-C does not interrupt."""
+"""Checks of files from outside, before memory is allocated."""
 
 from __future__ import annotations
 
 import errno
 import math
 import os
-import signal
-import threading
 import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from tokenize import TokenError
 from typing import IO, Any
 
@@ -27,26 +23,6 @@ def why_no_file(path: str | os.PathLike[str]) -> str:
     if os.path.exists(name) and not os.path.isfile(name):
         return "is a pipe or a device, and no file; choose another name"
     return ""
-
-
-@contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Delay Ctrl-C and SIGTERM until the end of the block, so that its writing is never interrupted."""
-    # Signals without a handler in Python end the process at once, as usual. Other threads are never interrupted.
-    in_main = threading.current_thread() is threading.main_thread()
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM) if in_main}
-    caught: list[int] = []
-    try:
-        for number, handler in handlers.items():
-            if callable(handler):
-                signal.signal(number, lambda number, frame: caught.append(number))
-        yield
-    finally:
-        for number, handler in reversed(handlers.items()):  # SIGTERM first: who catches it here goes no further
-            if callable(handler):
-                signal.signal(number, handler)
-        for number in caught[:1]:
-            signal.raise_signal(number)
 
 
 def open_file(path: str | os.PathLike[str]) -> IO[bytes]:

@@ -256,6 +256,7 @@ def printable(text: str) -> str:
 
 
 _GAP = 2  # blanks between two columns
+_MOST = 2  # lines of a text in a column, beyond which its row is written in several lines
 
 
 def _print_table(table: Table, screen: rich.console.Console) -> None:
@@ -296,7 +297,8 @@ def _narrowed(
         place = max(range(len(found)), key=lambda each: wide[each] - found[each])
         found[place] += 1
         left -= 1
-    return found
+    is_broken = any(len(wrap(cell, width)) > _MOST for row in rows for cell, width in zip(row, found, strict=True))
+    return [] if is_broken else found
 
 
 def _stacked(

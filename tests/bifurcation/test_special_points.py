@@ -10,6 +10,7 @@ from scipy.optimize import brentq, fsolve
 
 from gapwalk.bifurcation import Kind, follow
 from gapwalk.continuation import EndReason, WalkOptions
+from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.model.coefficients import coefficients_of
@@ -276,3 +277,11 @@ def test_special_points_say_how_stability_changes():
     assert abs(hopf[0].multiplier) == pytest.approx(1.0, abs=1e-9)
     assert hopf[0].multiplier.imag > 0
     assert "flip at 1.331838029" in repr(flips[0])
+
+
+def test_a_kind_without_points_is_empty_and_one_that_does_not_exist_is_an_error():
+    linear = System(["x"], [[1.0]], [[0.1]], harmonics=[Harmonic(1.0, {"x": 1.0})])
+    branch = follow(find_orbit(linear, frequency=0.5), "frequency", to=0.52)
+    assert branch.special("fold") == branch.special(Kind("of mine")) == ()
+    with pytest.raises(ModelError, match=r"no kind of special point 'graze'; kinds of special points are .* grazing"):
+        branch.special("graze")

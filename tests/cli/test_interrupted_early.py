@@ -1,14 +1,19 @@
 """A run that Ctrl-C ends before its first part is complete says that nothing is stored."""
 
+import importlib
+import signal
+import sys
 from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
+from gapwalk import cli
 from gapwalk.cli import main, run_command
 from gapwalk.errors import WorkError
 from tests import models
 from tests.tiers import keeps
+from tests.waiting import until
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "idle.toml"
 
@@ -80,3 +85,19 @@ def test_the_command_to_resume_names_the_scheduler(error, code, tmp_path, monkey
     (line,) = [each for each in capsys.readouterr().err.splitlines() if "--resume" in each]
     assert line.split()[:2] == ["gapwalk", "run"]
     assert "--resume --scheduler tcp://node7:8786" in line
+
+
+def test_ctrl_c_lets_an_import_end_first(tmp_path, monkeypatch):
+    """Libraries are left half loaded otherwise, and LLVM then frees its memory twice."""
+    (tmp_path / "begun.py").write_text("import signal\nsignal.raise_signal(signal.SIGINT)\nis_whole = True\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)}
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    cli._end_like_ctrl_c()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            until(lambda: not importlib.import_module("begun"), "Ctrl-C")
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+    assert sys.modules.pop("begun").is_whole

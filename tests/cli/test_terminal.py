@@ -1,5 +1,6 @@
 """Results of all kinds in a pseudo-terminal of 80, 100 and 120 columns: no digit is cut, and JSON stays JSON."""
 
+import io
 import json
 import os
 import re
@@ -8,9 +9,10 @@ import threading
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 import gapwalk as gw
-from gapwalk.cli import main
+from gapwalk.cli import main, progress
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies.study_file import check_study
 from gapwalk.studies.study_kind import kind_of, kinds
@@ -72,3 +74,16 @@ def test_no_digit_of_a_result_is_cut(kind: str, tmp_path: Path, monkeypatch: pyt
         assert sorted(_NUMBER.findall(text)) == sorted(whole)
     document = json.loads("\n".join(in_terminal(["show", str(path), "--json"], 80, monkeypatch)))
     assert (document["kind"], document["complete"]) == (kind, True)
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_progress_cuts_neither_its_name_nor_its_time(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = io.StringIO()
+    screen = Console(file=page, force_terminal=True, width=width, color_system=None)
+    monkeypatch.setattr(progress, "console", lambda **_: screen)
+    line = progress.ProgressLine("drag", lambda *words: words, total=1.0)
+    reached = "threshold of mean.gear from -1 to -8 at which mesh ceases to rattle over speed from 700 to 1100"
+    line.update("drag", reached, 0.4)
+    screen.print(line._progress.get_renderable())
+    words = page.getvalue().split()
+    assert {"drag", "0:00:00", *reached.split()} <= set(words)

@@ -9,6 +9,8 @@ import time
 import pytest
 
 import gapwalk as gw
+from gapwalk.explorer.progress_stream import News, Progress
+from gapwalk.parallel.workers import Pace
 from tests.explorer.conftest import STOP, result_of, wait
 from tests.waiting import until
 
@@ -139,3 +141,9 @@ def test_the_process_that_computes_starts_before_the_server_is_loaded() -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"
+
+
+def test_a_job_says_how_many_parts_it_has_before_the_first_is_done() -> None:
+    told: list[Progress] = []
+    News(told.append).begin(Pace(0, 3), float)
+    assert [(each.done, each.total) for each in told] == [(0, 3)]

@@ -125,6 +125,36 @@ def test_the_response_is_that_of_an_exact_walk_to_a_hundredth(monkeypatch: pytes
     assert max(each["x"] for each in points) == pytest.approx(max(first["range"]))
 
 
+BACK = """
+title = "A response that turns back"
+coordinates = ["x"]
+stiffness = [[1.0]]
+damping = [[0.05]]
+contact = [{ name = "stop", deflection = { x = 1.0 }, clearance = 1.0, stiffness = 20.0 }]
+harmonic = [{ amplitude = 0.3, acts_on = { x = 1.0 } }]
+study = { kind = "response", parameter = "frequency", from = 0.8, to = 3.5, measure = "half.x" }
+"""
+
+
+def test_folds_that_hold_a_walk_back_leave_nothing_of_the_range_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_response, "_BEHIND", 2)
+    _, *points, last = response(Asked(1, BACK))
+    assert last == {"end": ""}
+    settled = [each for each in points if each["label"] == live_response._SETTLED]
+    walked = points[: -len(settled)]
+    assert settled[0]["x"] > max(each["x"] for each in walked) > walked[-1]["x"]
+    assert settled[-1]["x"] == 3.5
+    for each in settled[-3:]:  # where nothing touches the stop
+        assert each["y"] == pytest.approx(0.3 / abs(1.0 - each["x"] ** 2 + 0.05j * each["x"]), rel=0.01)
+
+
+def test_a_response_without_time_is_not_empty(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_response, "_LONGEST", 0.0)
+    _, *points, last = response(Asked(1, BACK))
+    assert points
+    assert "Compute walks all of it" in last["end"]
+
+
 @pytest.mark.parametrize("name", ["gear", "drivetrain", "idle", "mesh", "rub"])
 def test_beginnings_have_a_response_without_a_compiled_flow(name, monkeypatch) -> None:
     def refuse(*_: object, **__: object) -> None:

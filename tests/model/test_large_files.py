@@ -11,7 +11,7 @@ import scipy.io
 import scipy.sparse as sp
 
 from gapwalk.model import ModelFileError, System
-from gapwalk.model.matrix_file import read_matrix
+from gapwalk.model.matrix_file import read_labelled
 from tests.models import read_system
 
 CHAIN = sp.csr_array(2.0 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1))
@@ -76,7 +76,7 @@ def test_rows_of_numbers_are_read(tmp_path: Path, mark: str, begin: str) -> None
 @pytest.mark.parametrize("value", ["-0.0", "5e-324", "1.7976931348623157e308", "0.1"])
 def test_a_table_is_read_to_the_last_bit(tmp_path: Path, value: str) -> None:
     (tmp_path / "k.csv").write_text(value)
-    assert read_matrix(str(tmp_path / "k.csv")).tobytes() == np.float64(value).tobytes()
+    assert read_labelled(str(tmp_path / "k.csv")).matrix.tobytes() == np.float64(value).tobytes()
 
 
 def test_a_table_of_numpy_is_read(tmp_path: Path) -> None:
@@ -89,10 +89,10 @@ def test_a_table_of_numpy_is_read(tmp_path: Path) -> None:
 def test_the_largest_table_is_read_and_one_row_more_is_not(tmp_path: Path) -> None:
     row = b",".join([b"-1.2345678901234567e-100"] * 1000) + b"\n"
     (tmp_path / "k.csv").write_bytes(row * 1000)
-    assert read_matrix(str(tmp_path / "k.csv")).shape == (1000, 1000)
+    assert read_labelled(str(tmp_path / "k.csv")).matrix.shape == (1000, 1000)
     (tmp_path / "k.csv").write_bytes(row * 1001)
     with pytest.raises(ValueError, match="there may be 1000 at most"):
-        read_matrix(str(tmp_path / "k.csv"))
+        read_labelled(str(tmp_path / "k.csv"))
 
 
 def array(value: object, **options: Any) -> bytes:

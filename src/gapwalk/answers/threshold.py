@@ -45,7 +45,7 @@ from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit, describe_switch
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.picture_parts import End, Line, Parts, Picture, Series, Shade, curves_of_loci, pictured
-from gapwalk.pieces import done, workers_around
+from gapwalk.pieces import done, tell, workers_around
 from gapwalk.summary import Rows, SummaryParts, Tables, remarks, summarizes
 
 # Extremum of a locus: the largest or smallest value of one parameter on a curve of special points.
@@ -618,6 +618,7 @@ class ThresholdSearch:
                 "settles without rattle: the limit is safe, but the motions that rattle may cease before it"
             ]
         self.rounds.append(Round(tried, hit, tuple(extrema), tuple(notes)))
+        tell(0.0)
         return self.rounds[-1]
 
     def found(self) -> Threshold:
@@ -692,7 +693,12 @@ class ThresholdSearch:
         pairs, states = np.repeat(grid, len(some), axis=0), np.tile(some, (len(grid), 1))
         size = max(1, _TOGETHER // len(some)) * len(some)
         places = [slice(first, first + size) for first in range(0, len(pairs), size)]
-        found = _joined(done(asked.judged, [(pairs[place], states[place]) for place in places]))
+        parts = [(pairs[place], states[place]) for place in places]
+        judged = list[GapVerdicts]()
+        for k, part in workers_around().each(asked.judged, parts):
+            judged.append(part)
+            tell((k + 0.5) / len(parts))  # what follows takes less, and tells nothing
+        found = _joined(judged)
         is_lost = np.asarray((found.codes < 0).any(axis=1))
         is_quiet = np.isin(found.codes, _QUIET).all(axis=1)
 
@@ -796,15 +802,15 @@ def _parts_of_picture(found: Threshold) -> Parts:
         )
     if found.limit is None:
         return Parts(within=within)
-    axes, units, text = (found.over, found.parameter), found.system.units, f"{found.value:.6g} at {found.at:.6g}"
+    axes, units = (found.over, found.parameter), found.system.units
     low, high = sorted((found.value, found.end))
     ends = ((found.value, found.parameter), (found.at, found.over))
     note = " at ".join(f"{value:.6g} {units.parameter(name) if units else ''}".rstrip() for value, name in ends)
     place = {found.over: found.at, found.parameter: found.value}
     return Parts(
-        layers=[Series([found.at], [found.value], "stars", "worst", f"limit: {text}", axes=axes, notes=(note,))],
+        layers=[Series([found.at], [found.value], "stars", "worst", f"limit: {note}", axes=axes, notes=(note,))],
         shades=[Shade(found.parameter, low, high, "quiet", "nothing rattles")],
         lines=[Line(found.parameter, found.value)],
-        ends=[End(f"limit: {text}", found.limit.kind.value, place=place, gradient=found.gradient)],
+        ends=[End(f"limit: {note}", found.limit.kind.value, place=place, gradient=found.gradient)],
         within=within,
     )

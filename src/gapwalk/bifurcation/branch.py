@@ -151,7 +151,10 @@ class Branch(Curve, Measured):
 
     def special(self, kind: Kind | str) -> tuple[SpecialPoint, ...]:
         """Return the special points of one kind, which may be given by its name, such as ``fold``."""
-        return tuple(special for special in self.special_points if special.kind == kind)
+        found = tuple(special for special in self.special_points if special.kind == kind)
+        if not found and not isinstance(kind, Kind):
+            Kind.named(kind)  # raises an error at a name that is none
+        return found
 
     def distances(self, place: str) -> NDArray[np.float64]:
         """Return the distance of each point from a special point, ``above fold 1``; nan on the other side of it."""

@@ -8,11 +8,13 @@ import sys
 import warnings
 from collections.abc import Sequence
 from io import TextIOWrapper
+from types import FrameType
 
 from cyclopts import CycloptsError
 
 from gapwalk.cli.commands import app
 from gapwalk.cli.output import BAD_INPUT, INTERRUPTED, TERMINATED, report_error
+from gapwalk.interrupts import end_gently
 from gapwalk.parallel.threads import work_in_one_thread
 
 __all__ = ["main"]
@@ -48,9 +50,11 @@ def _end_like_ctrl_c() -> list[int]:
     # Otherwise the process would die at once, and its workers' semaphores would be reported as leaked.
     heard: list[int] = []
 
-    def interrupt(number: int, frame: object) -> None:
+    def interrupt(number: int, frame: FrameType | None) -> None:
         heard.append(number)
-        raise KeyboardInterrupt
+        end_gently(number, frame)
 
     signal.signal(signal.SIGTERM, interrupt)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, end_gently)
     return heard

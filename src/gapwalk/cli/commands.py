@@ -35,7 +35,7 @@ app = App(
 
 EXIT_CODES = (
     "Exit codes: 0 done, 1 a bug, 2 bad input, 3 the numerics failed, 4 compared results differ, 5 a check of verify "
-    "failed, 130 Ctrl-C, 143 SIGTERM; before the last two, all complete parts are stored."
+    "failed, 130 Ctrl-C, 143 SIGTERM. After the last two, all complete parts are stored."
 )
 """The last lines of each help text."""
 

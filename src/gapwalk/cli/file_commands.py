@@ -40,7 +40,8 @@ def new_file(file: Path | None, table: Path | None) -> int:
         text, file = machine_text(file.name), file.with_suffix(".toml")
     write_template(file, text=text)
     todo = "run" if "\n[study]" in text or not text else "check"
-    show([f"wrote {file}; {todo} it with", f"    gapwalk {todo} {shlex.quote(str(file))}"])
+    commands = (f"    gapwalk {each} {shlex.quote(str(file))}" for each in (todo, "explore"))
+    show([f"wrote {file}; {todo} it, or explore it in the browser, with", *commands])
     return DONE
 
 

@@ -54,8 +54,8 @@ class ProgressLine:
         self._progress = Progress(
             SpinnerColumn(),
             TextColumn("{task.description}", table_column=Column(no_wrap=True)),
-            *([BarColumn(bar_width=16)] if bar else []),
-            TextColumn("{task.fields[reached]}"),  # in two lines rather than cut
+            *([BarColumn(bar_width=12, table_column=Column(no_wrap=True, min_width=12))] if bar else []),
+            TextColumn("{task.fields[reached]}", table_column=Column()),  # in two lines rather than cut
             TimeElapsedColumn(table_column=Column(no_wrap=True, min_width=7)),
             console=screen,
             transient=True,
@@ -112,7 +112,7 @@ def _branch_line(options: Any, title: str, show: bool) -> ProgressLine:
     def words(point: BranchPoint, special_points: list[SpecialPoint]) -> tuple[str, str, float]:
         count["points"] += 1  # or a settled motion
         count["special"] += sum(special.kind is not Kind.GRAZING for special in special_points)
-        reached = f"{symbol} = {point.value:.6f}  {count['points']} points  {count['special']} special"
+        reached = f"{symbol} = {point.value:.7g}  {count['points']} points  {count['special']} special"
         return f"{title} walking".strip(), reached, abs(point.value - options.begin)
 
     return ProgressLine(f"{title} first orbit".strip(), words, total=abs(options.end - options.begin), show=show)

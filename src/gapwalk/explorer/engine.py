@@ -20,6 +20,7 @@ from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
 
 from gapwalk.errors import GapwalkError, WorkError
+from gapwalk.interrupts import end_gently
 from gapwalk.parallel.processes import undisturbed
 
 if TYPE_CHECKING:
@@ -160,7 +161,7 @@ def _work(line: Any, held: Any) -> None:
     from gapwalk.explorer.engine_tasks import do  # the server does not wait until this is loaded
 
     obey_control(held)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGINT, end_gently)
     if sys.platform != "win32":
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     while True:

@@ -59,7 +59,7 @@ def do(task: Task, report: Callable[[Progress], object]) -> bool:
 
 def _run(task: Task, news: News) -> bool:
     reports = {"points": news.point, "branches": news.member, "sections and loci": news.chart}
-    report = reports.get(task.study.options.reports, news.part)
+    report = reports.get(task.study.options.reports, news)
     resume = task.resume and task.output.exists()
     return found_by(run, task.study, task.output, resume=resume, report=report).complete
 
@@ -88,7 +88,7 @@ def follow_others(known: tuple[Branch, ...], study: Study, output: Path, news: N
     # An interrupted search begins again, but after a completed one its branches are kept.
     options = study.options
     assert isinstance(options, DiagramStudyOptions)
-    work = options.search_work(study.system, known, news.part)
+    work = options.search_work(study.system, known, news)
     return found_by(run_study, study, output, resume=resume, force=not resume, report=news.member, work=work).complete
 
 

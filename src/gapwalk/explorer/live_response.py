@@ -3,7 +3,7 @@
 The walk is by harmonic balance to a hundredth, from the static equilibrium, with long steps and without special points.
 It needs no compiled flow, so a changed structure costs no more than a changed number. What harmonic balance does not
 describe (rigid stops, some friction) is walked by shooting. Where the walk gives up, as among many grazes, or has
-turned back at a fold, the motion is settled by equal steps to the end of the range.
+turned back at a fold and gets no further, the motion is settled by equal steps to the end of the range.
 """
 
 from __future__ import annotations
@@ -44,8 +44,9 @@ from gapwalk.studies.study_file import Study, check_studies
 BALANCE = Balance(error=0.01)
 """Harmonics up to a hundredth of the motion: less than the width of a line on the page."""
 SHOOTING = Shooting(tolerance=1e-6)
-STEPS = WalkOptions(initial_step=0.01, largest_step=0.05, largest_turn=0.6, max_points=1000)
-_LONGEST = 15.0  # seconds that a walk may take
+STEPS = WalkOptions(initial_step=0.01, largest_step=0.02, largest_turn=0.3, max_points=1000)
+_LONGEST = 15.0  # seconds of CPU time that a response may take, half of which are for its walk
+_BEHIND = 250  # points that a walk may stay behind the furthest value: more are folds that nobody sees at this width
 _LABELS = ("stable", "below", "above", "pair", "neutral")
 _SETTLED = len(_LABELS)
 _LEVEL = {"min": 0, "max": 2}  # of least, middle and largest height
@@ -74,16 +75,16 @@ def response(asked: Asked) -> Iterator[dict[str, Any]]:
     axes = [options.parameter, measure_name(given, system)]
     yield {**titles, "range": [options.begin, options.end], "axes": axes}
     period = options.period if isinstance(options, BranchOptions) else 1
-    began, end = time.monotonic(), ""
-    for point in _walk(system, options, period):
+    until, end = time.process_time() + _LONGEST, ""
+    for point in _walk(system, options, period, until - _LONGEST / 2):
         if isinstance(point, str):
             end = point
         elif not isinstance(point, Band):
             yield {"x": point.value, "y": point.measure(given), "label": _LABELS.index(point.instability.label)}
         elif shown := point.shown(system, given):
             yield {"x": point.value, "y": shown[_LEVEL.get(given.partition(".")[0], 1)], "label": _SETTLED}
-        if time.monotonic() - began > _LONGEST:
-            end = f"stopped after {_LONGEST:g} s; Compute walks all of it"
+        if time.process_time() > until:
+            end = f"stopped after {_LONGEST:g} s of work; Compute walks all of it"
             break
     yield {"end": end}
 
@@ -101,7 +102,7 @@ def _parameter(study: Study) -> str:
     return study.options.parameter
 
 
-def _walk(system: System, options: RangeStudy, period: int) -> Iterator[BranchPoint | Band | str]:
+def _walk(system: System, options: RangeStudy, period: int, until: float) -> Iterator[BranchPoint | Band | str]:
     """Yield the points of the walk, what settles where it gives up, and why it ended before its range did."""
     try:
         start, method = _first(system, period)
@@ -111,20 +112,22 @@ def _walk(system: System, options: RangeStudy, period: int) -> Iterator[BranchPo
     (direction,) = directions(options.begin, options.end)
     beginning = start_branch(start, options.parameter, options.end, direction, method)
     walk = Walk(beginning.first, beginning.within, beginning.corrector, STEPS)
-    point = furthest = beginning.first
-    yield point
+    furthest, behind = beginning.first, 0
+    yield furthest
     for point in walk:
-        furthest = max(furthest, point, key=lambda each: direction * each.value)
         yield point
-    if walk.end is None or walk.end.reason is EndReason.RANGE:
+        is_further = direction * (point.value - furthest.value) > 0.0
+        furthest, behind = (point, 0) if is_further else (furthest, behind + 1)
+        if behind > _BEHIND or time.process_time() > until:
+            break
+    words = "the walk was given up" if walk.end is None else walk.end.reason_words
+    if walk.end is not None and walk.end.reason in _ENDS:
+        yield words * (walk.end.reason is not EndReason.RANGE)
         return
     try:
-        if walk.end.reason in _ENDS:
-            yield walk.end.reason_words
-        else:
-            yield from _settled(system, options, furthest if walk.end.reason is EndReason.TURNED_BACK else point)
+        yield from _settled(system, options, furthest)
     except GapwalkError:  # what does not settle here either
-        yield walk.end.reason_words
+        yield words
 
 
 def _settled(system: System, options: RangeStudy, last: BranchPoint | None = None) -> Iterator[Band]:

@@ -81,7 +81,12 @@ class News:
             self._progress.finished += [(f"S{number}-{name}", branch) for name, branch in addition.named]
         self._report_if_due()
 
-    def part(self, *about: Any) -> None:
+    def begin(self, pace: Any, within: object) -> None:
+        """Tell how many parts of work without branches there are, before the first is done."""
+        self(pace)
+        self.report()
+
+    def __call__(self, *about: Any) -> None:
         """Add a part of work without branches; the last argument has the number of finished parts."""
         pace = about[-1]
         self._progress.done, self._progress.total = getattr(pace, "done", 0), getattr(pace, "total", 0)

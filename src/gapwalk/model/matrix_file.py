@@ -397,11 +397,6 @@ def split_name(name: str) -> tuple[str, str]:
     return (file, matrix) if mark and os.path.splitext(file)[1].lower() in OF_NASTRAN else (name, "")
 
 
-def read_matrix(path: str) -> NDArray[np.float64]:
-    """Read the matrix of a file as an array, shape (n, n) or (n,); see `read_labelled`."""
-    return read_labelled(path).matrix
-
-
 def read_labelled(path: str, name: str = "") -> LabelledMatrix:
     """Read the matrix of a file, shape (n, n), with the names of its rows; an array of NumPy may also be its diagonal.
 

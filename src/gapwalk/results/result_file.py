@@ -35,7 +35,8 @@ import numpy as np
 import gapwalk.results.codec  # noqa: F401 (it registers how systems and orbits are kept)
 from gapwalk import __version__
 from gapwalk.errors import StoreError
-from gapwalk.files import uninterrupted, why_no_file
+from gapwalk.files import why_no_file
+from gapwalk.interrupts import uninterrupted
 from gapwalk.model.registry import UnknownNameError
 from gapwalk.model.system import System
 from gapwalk.results.codec import Packed, decode, encode

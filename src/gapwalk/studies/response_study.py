@@ -31,6 +31,7 @@ from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, WalkState
 from gapwalk.errors import ConvergenceError, NumericalError, StoreError
+from gapwalk.interrupts import end_gently
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
@@ -478,14 +479,15 @@ def _interrupts() -> Iterator[list[int]]:
 
     def note(number: int, _: FrameType | None) -> None:
         noted.append(number)
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGINT, before)
 
+    before = signal.getsignal(signal.SIGINT)
     in_main = threading.current_thread() is threading.main_thread()
-    is_ours = in_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    is_ours = in_main and before in (signal.default_int_handler, end_gently)
     try:
         if is_ours:
             signal.signal(signal.SIGINT, note)
         yield noted
     finally:
         if is_ours:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+            signal.signal(signal.SIGINT, before)

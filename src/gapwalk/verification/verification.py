@@ -135,7 +135,7 @@ class Verification:
     @property
     def words(self) -> str:
         """Result in one line."""
-        seen = f"{self.points} points and {self.special_points} special points"
+        seen = f"{self.points} points and {self.special_points} special point{'s' * (self.special_points != 1)}"
         if self.ok:
             return f"{seen} verified: all {sum(summary.count for summary in self.summaries)} checks passed"
         return f"{seen} checked: {len(self.breaches)} of the checks failed, the first being {self.breaches[0]}"

@@ -215,12 +215,12 @@ export class Diagram {
     if (!(a <= b)) return { x: this.names.range ?? [0, 1], y: [0, 1] };
     if (!(c <= d)) [c, d] = [0, 1];
     const share = this.curves.hasLoci && !across ? 0.15 : 0.04;
-    const pad = (low, high) => {
-      const size = Math.max(Math.abs(low), Math.abs(high)); // values that differ by rounding only have no range of their own
-      const p = share * (high - low > 1e-9 * size ? high - low : size || 1);
+    const pad = (low, high, error = 1e-9) => {
+      const size = Math.max(Math.abs(low), Math.abs(high)); // values that differ by their error only have no range of their own
+      const p = share * (high - low > error * size ? high - low : size || 1);
       return [low - p, high + p];
     };
-    return { x: pad(a, b), y: pad(c, d) };
+    return { x: pad(a, b), y: pad(c, d, this.curves.quick ? 0.01 : undefined) };
   }
 
   specialPoints(special) {

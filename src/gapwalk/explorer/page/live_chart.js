@@ -63,7 +63,7 @@ function pieces({ x, y, label }, look = "") {
     const last = found.at(-1);
     if (!last || last.label !== label[i]) {
       found.push({ label: label[i], x: [x[i]], y: [y[i]], mark: "line", look: look || LOOKS[label[i]] });
-      if (last) { last.x.push(x[i]); last.y.push(y[i]); }
+      if (last && label[i] < LOOKS.length - 1) { last.x.push(x[i]); last.y.push(y[i]); } // what settles does not follow
     } else {
       last.x.push(x[i]);
       last.y.push(y[i]);

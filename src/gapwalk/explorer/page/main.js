@@ -46,7 +46,7 @@ const editor = editing(page, { open, compute: () => compute(), redraw: () => dia
 const table = new CurveTable(page, curves, {
   choose: (found) => choice.choose(found), titles: () => [diagram.names.x, diagram.names.y], name: () => `${page.about?.file ?? "curve"}`.replace(/\.\w+$/, ""), tell,
 });
-const quick = new Quick({ begun: showQuickAxes, changed: () => { drawDiagram(); showEmpty(); } });
+const quick = new Quick({ begun: showQuickAxes, changed: drawDiagram });
 diagram.pale = () => tell({ message: "The pale curve is a quick response: its points have no motions. Press Compute; then a click on the curve shows the motion there.", isHint: true });
 const extras = new Extras($("legend"), curves, diagram, answer, movers);
 const depth = new Depth({ page, curves, diagram, answer, tell, changed: changeAxes, choose: (found) => choice.choose(found) });
@@ -162,6 +162,21 @@ function forget() {
   choice.clear();
 }
 
+/** Say how far a job is, and for how long it has been computed. */
+function showStatus(job, reached) {
+  const [words, clock] = $("status").children;
+  if (job?.key !== page.job) Object.assign(page, { job: job?.key, since: performance.now() });
+  clearInterval(page.ticking);
+  words.textContent = job ? reached : "";
+  $("status").title = job?.title ?? "";
+  const tick = () => {
+    const seconds = Math.floor((performance.now() - page.since) / 1000);
+    clock.textContent = job ? `${Math.floor(seconds / 60)}:${String(seconds % 60).padStart(2, "0")}` : "";
+  };
+  tick();
+  if (job) page.ticking = setInterval(tick, 1000);
+}
+
 /** Show the results; fetch the curves that have changed. */
 async function show(results, deleted = page.deleted ?? []) {
   Object.assign(page, { results, deleted });
@@ -170,7 +185,7 @@ async function show(results, deleted = page.deleted ?? []) {
   showDeleted($("deleted"), deleted, restore, clean);
   const busy = results.filter((r) => ["running", "queued", "paused"].includes(r.state));
   const [first] = busy, points = first?.branches.reduce((s, b) => s + b.points, 0);
-  $("status").textContent = first ? `${first.title}: ${!points && first.done[1] ? first.done.join(" of ") : `${points} points`}` : "";
+  showStatus(first, !points && first?.done[1] ? `${first.done.join(" of ")} parts` : `${points} points`);
   page.again = true;
   if (!page.updating) updated = update();
   await updated;
@@ -218,6 +233,7 @@ function drawDiagram() {
   diagram.names = { x: name("x"), y: name("y"), range: page.about?.range.length ? [...page.about.range].sort((a, b) => a - b) : null };
   looks.mark(page.results, page.about?.model ?? "");
   curves.quick = quick.over($("x").value, $("y").value);
+  showEmpty(); // its lines leave the diagram less room
   diagram.draw();
   table.draw();
   extras.showLegend();
@@ -488,8 +504,8 @@ function connect() {
     if (server !== about.server || (exploration && exploration.stamp !== about.stamp)) refreshOnce();
     else if (exploration) show(exploration.results, exploration.deleted);
   };
-  events.onerror = () => { $("status").textContent = "The server does not answer; waiting for it."; };
-  events.onopen = () => { $("status").textContent = ""; };
+  events.onerror = () => { $("status").firstElementChild.textContent = "The server does not answer; waiting for it."; };
+  events.onopen = () => { $("status").firstElementChild.textContent = ""; };
 }
 
 function refreshOnce() {

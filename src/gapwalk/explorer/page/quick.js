@@ -45,9 +45,12 @@ export class Quick {
     const { rows } = this;
     this.note = end;
     if (rows) {
-      rows.x.push(...x);
-      rows.y.push(...y);
-      rows.label.push(...label.map((each) => Math.min(each, NEUTRAL)));
+      x.forEach((value, k) => {
+        const look = Math.min(label[k], NEUTRAL), jumps = label[k] > NEUTRAL && rows.label.length && rows.label.at(-1) !== NEUTRAL;
+        rows.x.push(...(jumps ? [value, value] : [value])); // a gap before what settles beyond the end of the walk
+        rows.y.push(...(jumps ? [NaN, y[k]] : [y[k]]));
+        rows.label.push(...(jumps ? [look, look] : [look]));
+      });
       this.curve = {
         key: "quick", result: "quick", branch: 0, name: "quick response", special: [], earlier: true, why: "quick, to one hundredth", count: rows.x.length,
         x: Float64Array.from(rows.x), y: Float64Array.from(rows.y), label: Uint8Array.from(rows.label), node: Int32Array.from(rows.x.keys()),

@@ -93,7 +93,6 @@ class Formula:
     #: The places where a function ends at 0, with their columns in the text as it was given.
     edges: tuple[Edge, ...] = field(compare=False)
     _tree: Node = field(compare=False, repr=False)
-    _edge_nodes: tuple[Node, ...] = field(compare=False, repr=False, default=())
 
     def value(
         self, environment: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]], modes: Sequence[Any]
@@ -120,22 +119,10 @@ class Formula:
             values.modes[key] = (np.real(values.guard(guard)) > 0.0) * 1.0
         return list(values.modes.values())
 
-    def edge_values(
-        self, environment: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]], modes: Sequence[Any]
-    ) -> list[Any]:
-        """Evaluate the argument of each of the `edges`, which must be positive. Parameters as in `value`."""
-        values = self._values(environment, functions, modes)
-        return [node.at(values) for node in self._edge_nodes]
-
     @property
     def mode_count(self) -> int:
         """Number of modes."""
         return len(self._guards)
-
-    @property
-    def guard_names(self) -> tuple[tuple[str, ...], ...]:
-        """For each mode the names that its guard depends on; without a variable among them it is no event."""
-        return tuple(guard.node.names for guard in self._guards.values())
 
     @property
     def edge_widths(self) -> tuple[str, ...]:
@@ -301,7 +288,7 @@ class _Parser:
             self._fail('the formula is empty: write for example "k*x + c*v"', 0)
         self._tokens = self._split()
         self._index, self._level = 0, 0
-        self._edges: list[tuple[Edge, Node]] = []
+        self._edges: list[Edge] = []
 
     def formula(self) -> Formula:
         """Read the whole text."""
@@ -313,9 +300,8 @@ class _Parser:
             tree.text,
             tuple(name for name in names if name in self._variables),
             tuple(name for name in names if name not in self._variables),
-            tuple(edge for edge, _ in self._edges),
+            tuple(self._edges),
             tree,
-            tuple(node for _, node in self._edges),
         )
 
     def _split(self) -> list[_Token]:
@@ -465,7 +451,7 @@ class _Parser:
                 position,
             )
         self._check_even(argument, position)
-        self._edges.append((Edge(name, argument.text, position + 1), argument))
+        self._edges.append(Edge(name, argument.text, position + 1))
 
     def _check_even(self, base: Node, position: int) -> None:
         """Refuse a kink that would be no event: the root of a square is an absolute value."""
@@ -504,7 +490,7 @@ class _Parser:
             self._fail(f"{base.text} is never positive, and has no such power: write {instead}", position)
         if base.number is None:
             self._check_even(base, position)
-            self._edges.append((Edge("**", base.text, start + 1), base))
+            self._edges.append(Edge("**", base.text, start + 1))
         elif base.number <= 0.0 and number is None:
             self._fail(f"{base.text}**{exponent.within(3)}: the base must be positive", position)
         return self._made(position, Power, base, exponent)

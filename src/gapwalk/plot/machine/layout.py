@@ -837,7 +837,7 @@ def _draw_body(
 
 
 def _draw_loads(pen: Pen, pushes: Sequence[Push], body: int, across: _Pair, top: float, room: _Pair) -> None:
-    """Draw the arrow of loads above a body, with their names, or the first of them and how many more there are."""
+    """Draw the arrow of loads above a body, with their names, or how many there are."""
     # Loads in both directions have an arrow with two heads.
     x, y, moves = 0.5 * sum(across), top - 6.0, ((body, 1.0),)
     ways, names = {push.way for push in pushes}, [push.label for push in pushes]
@@ -848,8 +848,7 @@ def _draw_loads(pen: Pen, pushes: Sequence[Push], body: int, across: _Pair, top:
         pen.area("load-head", *(Point(x + way * dx, y + dy, moves) for dx, dy in head))
     text, wide = ", ".join(names), room[1] - room[0]
     if length_of(text) > wide and names[1:]:
-        more = f" +{len(names) - 1}"
-        text = fitted(names[0], wide - length_of(more)) + more
+        text = f"{len(names)} loads"
     _beside(pen, "load-name", text, x, top - 13.0, room)
 
 
