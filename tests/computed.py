@@ -12,8 +12,10 @@ from collections.abc import Callable
 from enum import Enum
 from functools import cache, wraps
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TypeVar
 
+from gapwalk import Result, Study, open_result, run
 from gapwalk.bifurcation import Branch, follow
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
@@ -45,6 +47,20 @@ def once(function: Callable[..., T]) -> Callable[..., T]:
             return pickle.loads(path.read_bytes())
 
     return value
+
+
+def file_of(study: Study) -> bytes:
+    """The result file of a study that nothing interrupts."""
+    with TemporaryDirectory() as folder:
+        run(study, path := Path(folder) / "x.gapwalk")
+        return path.read_bytes()
+
+
+def opened(content: bytes) -> Result:
+    """What such a file holds."""
+    with TemporaryDirectory() as folder:
+        (path := Path(folder) / "x.gapwalk").write_bytes(content)
+        return open_result(path)
 
 
 @once

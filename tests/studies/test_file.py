@@ -24,6 +24,7 @@ from gapwalk.studies.study_file import Study, check_studies, check_study, read_s
 from gapwalk.studies.study_kind import kind_of, kinds
 from gapwalk.studies.study_schema import Start, all_keys, keys_of
 from tests.models import read_system
+from tests.tiers import examples
 
 GOOD = """\
 title = "Two stages"
@@ -442,23 +443,12 @@ CHANGES = st.dictionaries(
 )
 
 
-def raises_nothing_else(text: str, changes) -> None:
+@settings(max_examples=examples(60))
+@given(mutations(), CHANGES)
+def test_no_file_raises_anything_but_a_model_error(text: str, changes) -> None:
     try:
         studies = several(text, changes)
     except ModelError:
         return
     for study in studies:
         assert study.options.begin == study.system[study.options.parameter]
-
-
-@settings(max_examples=150)
-@given(mutations(), CHANGES)
-def test_no_file_raises_anything_but_a_model_error(text: str, changes) -> None:
-    raises_nothing_else(text, changes)
-
-
-@pytest.mark.slow
-@settings(max_examples=150)
-@given(mutations(), CHANGES)
-def test_none_of_more_files_raises_anything_but_a_model_error(text: str, changes) -> None:
-    raises_nothing_else(text, changes)
