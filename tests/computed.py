@@ -4,6 +4,8 @@ Where one process runs all tests, values are kept in its memory. Where several d
 the run, so that nothing that older code computed is ever used.
 """
 
+from __future__ import annotations
+
 import fcntl
 import hashlib
 import os
@@ -15,7 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
-from gapwalk import Result, Study, open_result, run
+import gapwalk as gw
 from gapwalk.bifurcation import Branch, follow
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
@@ -49,18 +51,18 @@ def once(function: Callable[..., T]) -> Callable[..., T]:
     return value
 
 
-def file_of(study: Study) -> bytes:
+def file_of(study: gw.Study) -> bytes:
     """The result file of a study that nothing interrupts."""
     with TemporaryDirectory() as folder:
-        run(study, path := Path(folder) / "x.gapwalk")
+        gw.run(study, path := Path(folder) / "x.gapwalk")
         return path.read_bytes()
 
 
-def opened(content: bytes) -> Result:
+def opened(content: bytes) -> gw.Result:
     """What such a file holds."""
     with TemporaryDirectory() as folder:
         (path := Path(folder) / "x.gapwalk").write_bytes(content)
-        return open_result(path)
+        return gw.open_result(path)
 
 
 @once
