@@ -209,7 +209,7 @@ def test_matching(fig15):
 def test_matching_of_tori_and_chaos():
     torus, random = from_rest(1.12), np.random.default_rng(0)
     at = torus.system
-    starts = (settle(at, start) for start in random.normal(size=(8, 4)))
+    starts = (settle(at, start) for start in random.normal(size=(20, 4)))
     orbit = next(identify(each) for each in starts if each.period)
     assert (torus.label, orbit.label) == ("2 x torus", "P1")
     later = settle(at, torus.strobes[-1], SettleOptions(max_periods=1500))

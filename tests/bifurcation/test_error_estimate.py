@@ -52,6 +52,7 @@ def bifurcations(branch: Branch):
     return [special for special in branch.special_points if special.kind is not Kind.GRAZING]
 
 
+@keeps("two_stages-0.6-5")
 @pytest.mark.parametrize(
     ("make", "to", "count"), [(two_stages, 0.6, 5), in_campaign(two_stages, 6.0, 2), (preloaded_stop, 1.3, 2)]
 )
