@@ -74,7 +74,7 @@ kind = "tolerance"
 parameter = "frequency"
 from = 0.7
 to = 1.0
-samples = 60
+samples = 40
 check = 1
 workers = 1
 spread = [{ parameter = "stop.clearance", sd = "5 %" }]
@@ -146,7 +146,9 @@ SCAN = HEAD + (
     'claim = [{ motion = "period 3", at = { frequency = 0.45 } }]\n'
 )
 MODELS = {
-    "scan": SCAN,
+    "scan": SCAN.replace('["mean.q1", "stage2.stiffness"]', '["mean.q1"]')
+    .replace("pairs = 1", "pairs = 0")
+    .replace("0.9, 1.1", "1.01, 1.02"),
     "run-up": RUN_UP,
     "campbell": CAMPBELL,
     "rattle": RATTLE,

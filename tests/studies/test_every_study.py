@@ -36,9 +36,6 @@ TEXTS = {
     "locus": SYSTEM + STUDY.replace("2.0\nto = 0.6", "1.5\nto = 1.0").replace("0.09, to = 0.6", "0.25, to = 0.35"),
     "family": families.MODEL,
     **jobs.MODELS,
-    "scan": jobs.SCAN.replace('["mean.q1", "stage2.stiffness"]', '["mean.q1"]')
-    .replace("pairs = 1", "pairs = 0")
-    .replace("0.9, 1.1", "1.01, 1.02"),
     "amplitudes": amplitudes.MODEL,
 }
 """A model file for each kind of study."""

@@ -19,7 +19,7 @@ from tests.sampled_verification import verified
 from tests.systems import clutch, viscous_stop
 from tests.tiers import keeps, some_of
 
-LONG = gw.WalkOptions(largest_step=0.04)
+LONG = gw.WalkOptions(largest_step=0.08)
 """Longer steps than by default: what is verified again after each change has fewer points."""
 
 

@@ -28,7 +28,7 @@ from tests.sampled_verification import verified
 from tests.studies.jobs import result_file
 from tests.systems import clutch, linear, viscous_stop
 
-LONG = gw.WalkOptions(largest_step=0.04)
+LONG = gw.WalkOptions(largest_step=0.08)
 """Longer steps than by default: what is verified again after each change has fewer points."""
 
 
