@@ -79,11 +79,6 @@ def keeps(*cases: str) -> pytest.MarkDecorator:
     return pytest.mark.keeps(*cases)
 
 
-def leaves(*cases: str) -> pytest.MarkDecorator:
-    """The cases, by the names that pytest prints, of a broad test that `make test` leaves to `make campaign`."""
-    return pytest.mark.leaves(*cases)
-
-
 @cache
 def twins() -> frozenset[str]:
     """The tests and cases of ``twins.txt``, by the names that pytest prints, without the folder of the tests."""
@@ -92,20 +87,21 @@ def twins() -> frozenset[str]:
 
 
 def leave_to_campaign(items: list[pytest.Item], *, whole: bool) -> None:
-    """Mark what `keeps`, `leaves` and `twins` leave out; where tests are collected `whole`, refuse names of no case."""
+    """Mark what `keeps` and `twins` leave out; where tests are collected `whole`, refuse names of no case."""
     found: dict[tuple[Path, str], set[str]] = {}
-    listed = {f"{TESTS / twin.partition('::')[0]}": set[str]() for twin in twins()}
-    for twin in twins():
-        listed[f"{TESTS / twin.partition('::')[0]}"].add(twin.partition("::")[2])
+    listed = dict[str, set[str]]()
+    for file, _, twin in (each.partition("::") for each in twins()):
+        listed.setdefault(str(TESTS / file), set()).add(twin)
     for item in items:
         test, _, name = item.name.partition("[")
         name = name[:-1]
-        for mark in (*item.iter_markers("keeps"), *item.iter_markers("leaves")):
+        for mark in item.iter_markers("keeps"):
             found.setdefault((item.path, test), set(mark.args)).discard(name)
-            if (name in mark.args) == (mark.name == "leaves"):
+            if name not in mark.args:
                 item.add_marker(pytest.mark.slow)
-        if these := listed.get(str(item.path), set()) & {test, item.name}:
-            item.add_marker(pytest.mark.slow)
-            found.setdefault((item.path, ""), set(listed[str(item.path)])).difference_update(these)
+        if names := listed.get(str(item.path)):
+            found.setdefault((item.path, ""), set(names)).difference_update({test, item.name})
+            if names & {test, item.name}:
+                item.add_marker(pytest.mark.slow)
     if whole and (strange := {f"{path.name}::{test}": names for (path, test), names in found.items() if names}):
-        raise pytest.UsageError(f"keeps, leaves or twins.txt name cases that are not there: {strange}")
+        raise pytest.UsageError(f"keeps or twins.txt name cases that are not there: {strange}")

@@ -14,7 +14,6 @@ from tests.explorer.browser import READY, opened, until, watched
 from tests.explorer.conftest import STOP
 from tests.explorer.machines import MACHINES
 from tests.explorer.serving import serving
-from tests.tiers import leaves
 
 FILES = {**MACHINES, "stop": STOP}
 CURVE = "[...gapwalk.curves.all.values()][0]"
@@ -142,7 +141,6 @@ def test_what_moves_a_point_is_switched_on_and_names_no_direction(page) -> None:
     page.evaluate("document.getElementById('movers').open = false")
 
 
-@leaves("five-1280")
 @pytest.mark.parametrize("width", [1280, 390])
 @pytest.mark.parametrize("name", FILES)
 def test_nothing_is_inaccessible_and_no_label_is_cut(page, axe, name, width) -> None:

@@ -24,7 +24,7 @@ from tests.results.again import again
 from tests.studies import families, jobs
 from tests.studies.same import assert_same_result
 from tests.studies.test_locus_study import STUDY, SYSTEM
-from tests.tiers import in_campaign, leaves
+from tests.tiers import in_campaign
 from tests.toys import amplitudes
 
 TREE = models.CLUTCH + '[study]\nparameter = "frequency"\nmeasure = "half.q1"\nworkers = 1\n'
@@ -100,21 +100,6 @@ def pressed_at(number: int) -> Callable[..., None]:
 CASES = [*TEXTS.items(), in_campaign("scan", jobs.SCAN)]
 
 
-@leaves(
-    "backbone",
-    "locus",
-    "tori",
-    "regimes",
-    "basins",
-    "run-up",
-    "threshold",
-    "rattle",
-    "family",
-    "diagram",
-    "tolerance",
-    "design",
-    "map",
-)
 @pytest.mark.parametrize(("kind", "text"), CASES, ids=[*TEXTS, "whole scan"])
 @pytest.mark.usefixtures("small_parts")
 def test_every_study(kind, text, tmp_path, monkeypatch, capsys) -> None:

@@ -18,7 +18,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.channels.channel_file import FORMATS, endings, open_channels
 from gapwalk.model.measured.measured_table import WantedColumn, read_table
 from gapwalk.model.units import QuantityKind
-from tests.tiers import in_campaign, keeps, leaves
+from tests.tiers import in_campaign, keeps
 
 pytestmark = [  # of libraries that fail to close damaged files
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
@@ -367,7 +367,6 @@ HEADS = {
 }
 
 
-@leaves("r.xlsx", "r.uff")
 @pytest.mark.parametrize("name", HEADS)
 def test_no_memory_is_taken_to_refuse_a_file_of_a_gigabyte(tmp_path, name) -> None:
     library({"r.tdms": "nptdms", "r.mf4": "asammdf", "r.uff": "pyuff", "r.xlsx": "openpyxl"}.get(name, "h5py"))
