@@ -25,7 +25,7 @@ BRANCHES = {
     "diagram": lambda path: path.write_bytes(diagrams.islands_file()),
     "map": lambda path: path.write_bytes(maps.map_file()),
     "locus": lambda path: gw.run(locus(), path),
-    "family": lambda path: gw.run(families.study_of(), path),
+    "family": lambda path: path.write_bytes(families.family_file()),
 }
 
 

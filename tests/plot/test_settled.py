@@ -65,7 +65,7 @@ def test_without_contacts_there_is_no_loop():
     rendered(figure)
 
 
-@keeps("options0-near", "options1-near", "options4-far")
+@keeps("options0-near", "options4-far")
 @pytest.mark.parametrize(
     ("options", "shown"),
     [

@@ -310,7 +310,7 @@ def test_the_equations_are_those_in_absolute_angles(seed: int) -> None:
     assert coefficients_of(equations) == pytest.approx(coefficients, rel=1e-9, abs=1e-9)
 
 
-@keeps("9", "1")
+@keeps("1")
 @pytest.mark.parametrize("seed", range(10))
 def test_derivatives_by_each_number_and_by_the_speed_are_exact(seed: int) -> None:
     check_slopes(random_train(seed).system())
