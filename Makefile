@@ -100,7 +100,7 @@ slow: kernels  ## the tests that are marked as slow (GAPWALK_KILLS=50: kills of 
 	$(TESTS) -m slow
 
 fuzz: $(STAMP)  ## give the readers more nonsense (GAPWALK_FUZZ=2000 examples of each kind)
-	GAPWALK_FUZZ=$${GAPWALK_FUZZ:-2000} $(PY) -m pytest tests/faults/test_fuzz.py
+	GAPWALK_FUZZ=$${GAPWALK_FUZZ:-2000} $(PY) -m pytest -m hypothesis tests/faults tests/model tests/results tests/studies
 
 dense: $(STAMP)  ## walk the paper's branches and 200 random ones with 20 times smaller steps; goes on where it stopped
 	@mkdir -p out

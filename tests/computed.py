@@ -4,6 +4,8 @@ Where one process runs all tests, values are kept in its memory. Where several d
 the run, so that nothing that older code computed is ever used.
 """
 
+from __future__ import annotations
+
 import fcntl
 import hashlib
 import os
@@ -12,8 +14,10 @@ from collections.abc import Callable
 from enum import Enum
 from functools import cache, wraps
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TypeVar
 
+import gapwalk as gw
 from gapwalk.bifurcation import Branch, follow
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
@@ -45,6 +49,20 @@ def once(function: Callable[..., T]) -> Callable[..., T]:
             return pickle.loads(path.read_bytes())
 
     return value
+
+
+def file_of(study: gw.Study) -> bytes:
+    """The result file of a study that nothing interrupts."""
+    with TemporaryDirectory() as folder:
+        gw.run(study, path := Path(folder) / "x.gapwalk")
+        return path.read_bytes()
+
+
+def opened(content: bytes) -> gw.Result:
+    """What such a file holds."""
+    with TemporaryDirectory() as folder:
+        (path := Path(folder) / "x.gapwalk").write_bytes(content)
+        return gw.open_result(path)
 
 
 @once

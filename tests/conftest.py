@@ -19,10 +19,10 @@ from gapwalk.parallel import workers
 from gapwalk.parallel.processes import Processes
 from tests import computed
 from tests.cpu_times import CpuTimes
-from tests.tiers import is_quick, leave_to_campaign
+from tests.tiers import examples, is_quick, leave_to_campaign
 
 # the same examples each time: a check that fails once in a hundred runs says nothing to whoever broke it
-settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=examples(50))
 settings.load_profile("repeatable")
 
 # what a shell runs in the background does not see Ctrl-C, which many tests are about

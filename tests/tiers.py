@@ -4,6 +4,7 @@ Quick is what stands in these files and is not slow: rules, records and formulas
 file joins them that takes less than about three seconds of processor time.
 """
 
+import os
 from collections.abc import Iterable
 from fnmatch import fnmatch
 from functools import cache
@@ -56,6 +57,11 @@ def is_quick(file: Path) -> bool:
     return any(fnmatch(name, pattern) for pattern in QUICK)
 
 
+def examples(count: int) -> int:
+    """The number of random examples of a test: some in `make test`, and as many as ``make fuzz`` says."""
+    return int(os.environ.get("GAPWALK_FUZZ", "0")) or count
+
+
 def in_campaign(*values: Any) -> Any:
     """A case of a broad test that `make test` leaves to `make campaign`."""
     return pytest.param(*values, marks=pytest.mark.slow)
@@ -73,19 +79,29 @@ def keeps(*cases: str) -> pytest.MarkDecorator:
     return pytest.mark.keeps(*cases)
 
 
-def leaves(*cases: str) -> pytest.MarkDecorator:
-    """The cases, by the names that pytest prints, of a broad test that `make test` leaves to `make campaign`."""
-    return pytest.mark.leaves(*cases)
+@cache
+def twins() -> frozenset[str]:
+    """The tests and cases of ``twins.txt``, by the names that pytest prints, without the folder of the tests."""
+    lines = Path(__file__).with_name("twins.txt").read_text(encoding="utf-8").splitlines()
+    return frozenset(line for line in lines if line and not line.startswith("#"))
 
 
 def leave_to_campaign(items: list[pytest.Item], *, whole: bool) -> None:
-    """Mark what `keeps` and `leaves` leave out as slow; where tests are collected `whole`, refuse names of no case."""
+    """Mark what `keeps` and `twins` leave out; where tests are collected `whole`, refuse names of no case."""
     found: dict[tuple[Path, str], set[str]] = {}
+    listed = dict[str, set[str]]()
+    for file, _, twin in (each.partition("::") for each in twins()):
+        listed.setdefault(str(TESTS / file), set()).add(twin)
     for item in items:
-        name = item.name.partition("[")[2][:-1]
-        for mark in (*item.iter_markers("keeps"), *item.iter_markers("leaves")):
-            found.setdefault((item.path, item.name.partition("[")[0]), set(mark.args)).discard(name)
-            if (name in mark.args) == (mark.name == "leaves"):
+        test, _, name = item.name.partition("[")
+        name = name[:-1]
+        for mark in item.iter_markers("keeps"):
+            found.setdefault((item.path, test), set(mark.args)).discard(name)
+            if name not in mark.args:
+                item.add_marker(pytest.mark.slow)
+        if names := listed.get(str(item.path)):
+            found.setdefault((item.path, ""), set(names)).difference_update({test, item.name})
+            if names & {test, item.name}:
                 item.add_marker(pytest.mark.slow)
     if whole and (strange := {f"{path.name}::{test}": names for (path, test), names in found.items() if names}):
-        raise pytest.UsageError(f"keeps or leaves names cases that are not there: {strange}")
+        raise pytest.UsageError(f"keeps or twins.txt name cases that are not there: {strange}")

@@ -100,10 +100,11 @@ def _files() -> tuple[dict[str, Any], ...]:
     return tuple(tomllib.loads(path.read_text(encoding="utf-8")) for path in sorted(paths) if "_ext" not in path.parts)
 
 
-def _example_in_files(table: str, key: str) -> Any:
-    """Find the first use of a key in an example file: of a table such as ``contact.stage`` or ``response.walk``."""
+@cache
+def _tables_in_files(table: str) -> list[Mapping[str, Any]]:
+    """Find a table such as ``contact.stage`` or ``response.walk`` in the example files, in their order."""
     first, *rest = table.split(".") if table else [""]
-    is_kind = first in kinds()
+    is_kind, tables = first in kinds(), list[Mapping[str, Any]]()
     for file in _files():
         found: list[Any] = [file]
         if is_kind:
@@ -112,10 +113,13 @@ def _example_in_files(table: str, key: str) -> Any:
             found = _listed(file.get(first))
         for part in rest:
             found = [inner for each in found if isinstance(each, Mapping) for inner in _listed(each.get(part))]
-        for each in found:
-            if isinstance(each, Mapping) and key in each:
-                return each[key]
-    return None
+        tables.extend(each for each in found if isinstance(each, Mapping))
+    return tables
+
+
+def _example_in_files(table: str, key: str) -> Any:
+    """Find the first use of a key of a table in an example file."""
+    return next((each[key] for each in _tables_in_files(table) if key in each), None)
 
 
 def _listed(value: Any) -> list[Any]:

@@ -122,16 +122,16 @@ def test_a_rattling_motion_that_no_sweep_meets_is_found_from_random_starts():
 
 
 def test_a_file_stores_it_and_a_stopped_run_goes_on(tmp_path):
-    whole = gw.ask.rattle_bands(stopped(), "frequency", (0.9, 1.1), workers=1, output=tmp_path / "whole.gw")
+    whole = gw.ask.rattle_bands(stopped(), "frequency", (0.95, 1.05), workers=1, output=tmp_path / "whole.gw")
 
     def stop(*news):
         raise KeyboardInterrupt
 
     with pytest.raises(gw.errors.Interrupted) as caught:
-        gw.ask.rattle_bands(stopped(), "frequency", (0.9, 1.1), workers=1, output=tmp_path / "part.gw", report=stop)
+        gw.ask.rattle_bands(stopped(), "frequency", (0.95, 1.05), workers=1, output=tmp_path / "part.gw", report=stop)
     assert not caught.value.found.complete
     assert [str(each.direction) for each in caught.value.found.sweeps] == ["rising"]
-    again = gw.ask.rattle_bands(stopped(), "frequency", (0.9, 1.1), workers=1, output=tmp_path / "part.gw")
+    again = gw.ask.rattle_bands(stopped(), "frequency", (0.95, 1.05), workers=1, output=tmp_path / "part.gw")
     for one in (again, gw.open_result(tmp_path / "whole.gw")):
         assert str(one.summary()) == str(whole.summary())
         assert [end.value for band in one.bands for end in (band.low, band.high)] == [

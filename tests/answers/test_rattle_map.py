@@ -35,7 +35,7 @@ from = 0.7
 to = 1.4
 gaps = "stop"
 second = {{ parameter = "harmonic1.amplitude", from = 0.02, to = 0.25 }}
-resolution = [24, 16]
+resolution = [12, 8]
 check = 16
 workers = 1
 """
@@ -81,7 +81,7 @@ def test_it_tells_itself(found):
     text = str(found.summary())
     assert text.startswith("stop: open: ")
     assert "grazing" in text
-    assert found.document(points=True)["resolution"] == [24, 16]
+    assert found.document(points=True)["resolution"] == [12, 8]
     rows = list(found.tables()["cells"]())
-    assert len(rows) == 1 + 24 * 16
+    assert len(rows) == 1 + 12 * 8
     assert found.record.plot() is not None

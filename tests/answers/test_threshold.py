@@ -10,7 +10,6 @@ from scipy.integrate import solve_ivp
 
 import gapwalk as gw
 from gapwalk.answers.threshold import Confirmation, Threshold, ThresholdOptions
-from tests.tiers import keeps
 
 DAMPING, STIFFNESS, LOAD, GAP = 0.4, 1.3, 0.2, 0.5
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -166,7 +165,6 @@ def stopped(damping: float, clearance: float, unit: float = 1.0) -> gw.System:
     )
 
 
-@keeps("0.13-1.0")
 @pytest.mark.parametrize(("damping", "unit"), [(0.3, 1e-9), (0.13, 1.0)])
 def test_the_stated_error_holds(damping: float, unit: float) -> None:
     """A graze is computed a little off the breakpoint: the threshold is that of the touch itself."""

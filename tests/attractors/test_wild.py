@@ -78,7 +78,7 @@ def outcome(seed: int) -> str:
 
 
 def test_wild_systems_end_with_a_result_or_an_error():
-    outcomes = [outcome(seed) for seed in (0, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11)]  # 1 takes seconds
+    outcomes = [outcome(seed) for seed in (0, 2, 3, 4, 5)]  # 1 takes seconds
     assert {"settled", "not settled"} <= set(outcomes) <= {"settled", "not settled", "FlowError"}
 
 

@@ -17,7 +17,7 @@ from gapwalk.orbit import Shooting, find_orbit
 from gapwalk.paper import case
 from tests.computed import paper_response
 from tests.independent import integrate
-from tests.tiers import in_campaign, keeps, some_of
+from tests.tiers import in_campaign, some_of
 
 RANGES = {"13": (0.15, 2.0), "15": (0.15, 2.0), "29": (0.02, 1.0)}
 
@@ -71,7 +71,6 @@ def test_no_branch_contradicts_the_label_of_the_flip_that_it_leaves(figure):
             check_label(flip, response(figure).parameter)
 
 
-@keeps("15-0.2445147-0.228975795-supercritical")
 @pytest.mark.parametrize(
     ("figure", "parent", "value", "nature"),
     [

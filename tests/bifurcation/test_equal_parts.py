@@ -118,7 +118,6 @@ def alone(count: int) -> gw.System:
     )
 
 
-@keeps("2-double fold-1.4")
 @pytest.mark.parametrize(("count", "words", "to"), [(2, "double fold", 1.4), (3, "triple fold", 1.8)])
 def test_equal_parts_that_turn_back_together_have_a_multiple_fold_where_one_part_alone_has_its_fold(count, words, to):
     single = gw.follow(gw.find_orbit(alone(1)), "frequency", to).special("fold")

@@ -41,7 +41,6 @@ def nearest(branch, kind: Kind, value: float):
     return min(branch.special(kind), key=lambda special: abs(special.value - value))
 
 
-@keeps("grazing")
 @pytest.mark.parametrize("kind", [in_campaign(Kind.FOLD), in_campaign(Kind.FLIP), Kind.NEIMARK_SACKER, Kind.GRAZING])
 def test_loci_pass_through_the_special_points_of_branches_at_other_loads(kind):
     specials, met = response().special(kind), 0
@@ -121,7 +120,7 @@ def beside_a_sharp_cusp():
     return follow(find_orbit(case("13").at({"mean.q3": 0.395, "frequency": 0.66}), start="settle"), "frequency", 0.61)
 
 
-@keeps("within0-walk1-1", "within0-walk1-2", "within1-walk1-2", "within0-walk0-2", "within1-walk1-1")
+@keeps("within0-walk1-1", "within0-walk1-2", "within1-walk1-2")
 @pytest.mark.parametrize("number", [1, 2])
 @pytest.mark.parametrize("walk", [WalkOptions(), WalkOptions(initial_step=0.02, largest_step=0.1)])
 @pytest.mark.parametrize("within", [(0.35, 0.4), (0.385, 0.395)])
@@ -333,7 +332,7 @@ def test_derivatives_agree_with_differences(kind):
 
 
 @pytest.mark.parametrize(
-    ("plane", "counts"), [(((0.15, 2.0), (0.24, 0.26)), (5, 10, 15)), in_campaign(WIDE, (20, 60, 100))]
+    ("plane", "counts"), [(((0.15, 2.0), (0.245, 0.255)), (3, 6, 9)), in_campaign(WIDE, (20, 60, 100))]
 )
 def test_a_tracer_goes_on_bit_for_bit_from_its_state(plane, counts):
     beginning = start_locus(response().special(Kind.FOLD)[4], "frequency", "mean.q1", plane)[0]

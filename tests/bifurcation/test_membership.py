@@ -12,7 +12,6 @@ from gapwalk.orbit import Shooting, find_orbit
 from gapwalk.orbit.orbit import stroboscopic
 from gapwalk.paper import case
 from tests.bifurcation.test_special_points import symmetric
-from tests.tiers import keeps
 
 FINER = WalkOptions(initial_step=0.001, largest_step=0.004)
 AMPLITUDE = "harmonic1.amplitude"
@@ -72,7 +71,6 @@ def test_doubled_branches_and_their_parents(response):
         assert all(curve.holds(replace(orbit, period=4)) for orbit in later[::10])
 
 
-@keeps("1e-14")
 @pytest.mark.parametrize("size", [1e-14, 1e-12, 1e-10, 1e-8])
 def test_where_branches_meet_they_hold_the_orbit_however_it_is_rounded(response, size):
     rng = np.random.default_rng(1)

@@ -15,7 +15,7 @@ from gapwalk.verification.verify_special_points import Track
 from tests.bifurcation.alike.comparison import compare_ways, differences, ways
 from tests.bifurcation.alike.kinds import machine_of
 from tests.computed import once
-from tests.tiers import in_campaign, keeps, some_of
+from tests.tiers import in_campaign, some_of
 
 B, K, P, C, F = 1.1008242922933908, 1.107877872602049, 0.03230478179428088, 0.20880532034255395, 0.511866097372504
 
@@ -105,7 +105,6 @@ def test_verification_refuses_stable_motions_on_both_sides_of_such_a_graze():
     assert not gw.verify(missed).ok
 
 
-@keeps("4.0")
 @pytest.mark.parametrize("phase", [0.0, *some_of([1.0, 2.0, 3.0, 4.0, 5.0], 4.0)])
 def test_a_walk_goes_on_beyond_the_first_touch_from_any_phase(phase):
     stage = gw.Stage(1.0, 3.0, side="positive", numbers={"preload": 0.05})

@@ -42,7 +42,7 @@ def test_special_points_that_two_other_codes_agree_on(figure):
         assert special.uncertainty < 1e-10
 
 
-@keeps("12", "13", "15", "9b")
+@keeps("12", "13", "15")
 @pytest.mark.parametrize("figure", some_of(frequency_responses(), "9b", "12", "13", "15", "23b", "25"))
 def test_every_frequency_response_of_the_paper_runs_through(figure):
     branch = paper_response(figure)

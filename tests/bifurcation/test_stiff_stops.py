@@ -17,7 +17,7 @@ from gapwalk.model.contact import rigid_stop
 from gapwalk.orbit import find_orbit
 from gapwalk.studies.verify import verify
 from tests.sampled_verification import SAMPLED, verified
-from tests.tiers import in_campaign, keeps
+from tests.tiers import in_campaign
 
 DAMPING, FORCE = 0.1, 0.3
 LONG = np.longdouble
@@ -111,7 +111,6 @@ def grazing_frequencies():
     return math.sqrt(middle - root), math.sqrt(middle + root)
 
 
-@keeps("viscous-10.0-positive-1000000.0")
 @pytest.mark.parametrize("stiffness", [in_campaign(1e4), 1e6])
 @pytest.mark.parametrize(
     ("law", "damping", "side"),
@@ -165,7 +164,6 @@ def test_beyond_what_numbers_can_resolve_special_points_stand_at_the_graze():
         assert special.value == pytest.approx(exact.special(special.kind, special.orbit), abs=1e-10)
 
 
-@keeps("positive")
 @pytest.mark.parametrize("side", [Side.POSITIVE, Side.BOTH])
 def test_the_number_of_unstable_multipliers_is_explained_past_a_graze(side):
     branch = walk(oscillator(1e6, side, "hunt-crossley", 0.1), 0.3)

@@ -122,7 +122,6 @@ def test_what_the_work_of_a_study_refuses_is_said_before_any_is_done(said) -> No
     'side = "positive"-half.b-',
     'side = "positive"-min.b-',
     'side = "positive"-max.a-',
-    'side = "negative"-min.b-min.b is the clearance of wall wherever it is struck, .* "half.b"',
     'side = "positive"-max.b-max.b is the clearance of wall wherever it is struck, .* "half.b"',
 )
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def kind(request, tmp_path, monkeypatch) -> str:
     return request.param
 
 
-@keeps("regimes", "basins")
+@keeps("regimes")
 def test_a_study_is_checked_run_shown_and_exported(kind, capsys) -> None:
     assert main(["check", "x.toml"]) == 0
     assert PLANS[kind] in capsys.readouterr().out
@@ -89,7 +89,6 @@ def test_a_study_is_checked_run_shown_and_exported(kind, capsys) -> None:
         assert float(rows[13]["q3'"]) == record.sections[0, 1, 0, 3]
 
 
-@keeps("settle", "sweep")
 def test_ctrl_c_says_what_is_stored_and_how_to_go_on(kind, monkeypatch, capsys) -> None:
     if kind == "settle":
         pytest.skip("has one part")

@@ -25,9 +25,9 @@ _NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d,]*\.\d+(?:e[-+]\d+)?(?![\w.])")
 BRANCHES = {
     "response": lambda path: gw.run(check_study(parse_source(models.STOP + models.response(1.9))), path),
     "diagram": lambda path: path.write_bytes(diagrams.islands_file()),
-    "map": lambda path: gw.run(maps.clutch_map(), path),
+    "map": lambda path: path.write_bytes(maps.map_file()),
     "locus": lambda path: gw.run(locus(), path),
-    "family": lambda path: gw.run(families.study_of(), path),
+    "family": lambda path: path.write_bytes(families.family_file()),
 }
 
 

@@ -84,7 +84,7 @@ def test_both_directions_from_a_start_give_the_branch_from_end_to_end():
     assert np.all(np.diff([point.arclength for point in both.points]) > 0)
 
 
-@keeps("1", "60")
+@keeps("1")
 @pytest.mark.parametrize("stop", [1, 2, 17, 60])
 def test_a_stopped_walk_resumes_as_if_never_stopped(stop):
     orbit = find_orbit(clutch(), frequency=1.9)
@@ -134,8 +134,8 @@ def test_results_do_not_depend_on_units():
         harmonics=[Harmonic(0.25 * acceleration, {"q1": 1.0})],
         frequency=1.9 / time,
     )
-    plain = follow(find_orbit(clutch(**{"stage2.impact_damping": 0.0}), frequency=1.9), "frequency", to=0.55)
-    scaled = follow(find_orbit(system), "frequency", to=0.55 / time)
+    plain = follow(find_orbit(clutch(**{"stage2.impact_damping": 0.0}), frequency=1.9), "frequency", to=0.65)
+    scaled = follow(find_orbit(system), "frequency", to=0.65 / time)
     assert len(plain.special_points) >= 6
     assert [s.kind for s in scaled.special_points] == [s.kind for s in plain.special_points]
     assert [s.value * time for s in scaled.special_points] == pytest.approx(

@@ -15,7 +15,7 @@ from docs._ext.links import problems
 from docs._ext.texts import MOST_PAGES, MOST_WORDS, size, too_many
 from tests.docs.page import blocks_of, run_page
 from tests.release.names import namespaces
-from tests.tiers import in_campaign, leaves
+from tests.tiers import in_campaign
 
 DOCS = Path(__file__).parents[2] / "docs"
 ELSEWHERE = {
@@ -62,13 +62,6 @@ CASES = [(name, "") for name in NAMES if name not in LONG | PARTS.keys()] + [*PA
 WHOLE = [in_campaign(name, "") for name in sorted(LONG | PARTS.keys())]
 
 
-@leaves(
-    "gallery/rotor.md-",
-    "gallery/gear-pair.md-",
-    "gallery/gear.md-",
-    "gallery/neutral-rattle.md-",
-    "gallery/bilinear.md-If the excitation doubles",
-)
 @pytest.mark.parametrize(("name", "until"), CASES + WHOLE)
 def test_a_page_does_what_it_says(name, until, tmp_path, monkeypatch) -> None:
     page = DOCS / name

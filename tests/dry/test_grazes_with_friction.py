@@ -15,7 +15,6 @@ from gapwalk.model.laws import Hysteretic
 from gapwalk.orbit.sticking import Closure
 from tests.dry.trials.random_systems import random_system
 from tests.sampled_verification import SAMPLED, verified
-from tests.tiers import keeps
 
 FREQUENCY, DAMPING, CLEARANCE = 0.8, 0.1, 0.5
 GRAZE = CLEARANCE * abs(1.0 - FREQUENCY**2 + 1j * DAMPING * FREQUENCY)
@@ -37,7 +36,6 @@ def clutch(load: float) -> gw.System:
     )
 
 
-@keeps("ends1-4")
 @pytest.mark.parametrize("sampled", SAMPLED)
 @pytest.mark.parametrize("ends", [(0.9, 1.1), (1.1, 0.9)])
 def test_a_graze_with_friction_turns_the_branch_in_either_direction(ends: tuple[float, float], sampled: int) -> None:

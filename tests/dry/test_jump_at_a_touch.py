@@ -15,7 +15,7 @@ from gapwalk.model.system import System
 from tests.computed import once
 from tests.dry.event_reference import Reference
 from tests.sampled_verification import verified
-from tests.tiers import in_campaign, keeps
+from tests.tiers import in_campaign
 
 
 def system(frequency: float) -> System:
@@ -53,7 +53,6 @@ def test_a_branch_ends_at_the_jump_in_either_direction(low: float, sampled: int)
         assert verified(branch, sampled).breaches == ()
 
 
-@keeps("1")
 @pytest.mark.parametrize("number", [0, 1])
 def test_beyond_the_end_an_independent_motion_jumps(number: int) -> None:
     """From almost the same state and frequency it sticks once more in each direction, or once less."""

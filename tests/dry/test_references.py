@@ -51,7 +51,6 @@ def periodic(reference: Reference, state, tries: int = 12):
     raise AssertionError("Newton's method does not converge")
 
 
-@keeps("0.8-2.626104875724-guess0")
 @pytest.mark.parametrize(
     ("ratio", "amplitude", "guess"),
     [(0.8, 2.626104875724, [2.46031289, 0.78374321]), (1.2, 2.072384268013, [-1.90460778, 0.94718247])],

@@ -17,7 +17,6 @@ from gapwalk.model.model_file import check_model
 from gapwalk.model.model_source import parse_source, value_spans
 from gapwalk.studies import read_studies
 from tests.explorer.conftest import STOP, run_apart
-from tests.tiers import leaves
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 STARTS = [each["name"] for each in starts()]
@@ -49,7 +48,6 @@ def changed_by(text: str, number: dict, digits: str) -> dict[str, float]:
 
 
 # what a number of a train changes besides itself: its drag torque is taken by the reaction, for example
-@leaves("train", "idle")
 @pytest.mark.parametrize("name", [*STARTS, "train", "hysteresis", "clutch"])
 def test_a_slider_changes_the_parameter_after_which_it_is_named_and_no_other(name) -> None:
     text = start_text(name) if name in STARTS else (EXAMPLES / f"{name}.toml").read_text(encoding="utf-8")

@@ -19,7 +19,6 @@ from tests.explorer.browser import browser, new_page, until
 from tests.explorer.conftest import CLUTCH
 from tests.models import STOP
 from tests.studies.jobs import result_file, study_of
-from tests.tiers import leaves
 
 FAMILY = (
     STOP
@@ -81,7 +80,6 @@ def test_no_kind_of_study_is_left_out() -> None:
     assert known | others | refused == own
 
 
-@leaves("map", "family", "tori")
 @pytest.mark.parametrize(
     "name", ["basins", "regimes", "sweep", "family", "map", "campbell", "rattle-chance", "shares", *UNFORCED]
 )

@@ -34,9 +34,9 @@ from gapwalk.studies.study_file import check_studies
 from tests.explorer.conftest import ORIGIN, STOP
 from tests.faults.bad_input import MODELS
 from tests.results.tampering import change_sealed
-from tests.studies.diagrams import clutch_diagram
+from tests.studies.diagrams import loop_file
 from tests.studies.jobs import MODELS as JOBS
-from tests.studies.jobs import study_of
+from tests.studies.jobs import result_file
 from tests.studies.studies import stop_study
 from tests.studies.sweeps import FOLDS
 from tests.studies.sweeps import options as sweep_options
@@ -108,7 +108,7 @@ def mutate(data: Any, draw: Any) -> None:
 
 
 @given(st.data())
-@budget(75)
+@budget(40)
 def test_model_files_with_things_changed(data) -> None:
     text = GOOD[data.draw(st.sampled_from(sorted(GOOD)))]
     tables = tomllib.loads(text)
@@ -119,7 +119,7 @@ def test_model_files_with_things_changed(data) -> None:
 
 
 @given(st.sampled_from(sorted(GOOD)), st.randoms(use_true_random=False))
-@budget(50)
+@budget(30)
 def test_model_files_with_letters_changed(name, chance) -> None:
     text = list(GOOD[name])
     for _ in range(chance.randint(1, 6)):
@@ -133,13 +133,13 @@ def test_model_files_with_letters_changed(name, chance) -> None:
 @given(
     TEXTS | st.text(alphabet="0123456789.eE+-*/^() kgNmsradegHzrpm°²,_'", max_size=20), st.sampled_from(QuantityKind)
 )
-@budget(100)
+@budget(60)
 def test_texts_of_units(text, kind) -> None:
     assert told(lambda: read_quantity(text, kind), ValueError)  # to which a model file adds its line
 
 
 @given(st.text(alphabet="study.stopclearance=frequency[]{}\"'-1e9,naif\n\0", max_size=30), VALUES)
-@budget(30)
+@budget(15)
 def test_changes(text, value) -> None:
     for change in (text, f"stop.clearance={value}", f"study.walk={value}", f"study.to={value}"):
         assert told(lambda text=change: check_studies(parse_source(MODELS["stop"], "m.toml"), parse_changes([text])))
@@ -158,7 +158,7 @@ def records(tmp_path_factory) -> list[Path]:
 
 
 @given(st.integers(0, 2), st.randoms(use_true_random=False))
-@budget(75)
+@budget(40)
 def test_records(records, which, chance) -> None:
     path = records[which]
     damaged = path.with_name(f"damaged{path.suffix}")
@@ -170,12 +170,10 @@ def test_records(records, which, chance) -> None:
 def results(tmp_path_factory) -> dict[str, bytes]:
     """Small result files of several kinds."""
     folder = tmp_path_factory.mktemp("results")
-    studies = {kind: study_of(kind) for kind in ("settle", "regimes")} | {
-        "response": stop_study(largest_step=0.1),
-        "diagram": clutch_diagram(),
-    }
-    for name, study in studies.items():
-        gw.run(study, folder / name)
+    for name in ("settle", "regimes"):
+        (folder / name).write_bytes(result_file(name))
+    (folder / "diagram").write_bytes(loop_file())
+    gw.run(stop_study(largest_step=0.1), folder / "response")
     gw.sweep(*FOLDS, **sweep_options(steps=4, ways="up"), output=folder / "sweep")
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
@@ -184,7 +182,7 @@ RESULTS = ("response", "diagram", "settle", "regimes", "sweep")
 
 
 @given(st.sampled_from(RESULTS), st.randoms(use_true_random=False))
-@budget(40)
+@budget(20)
 def test_result_files_with_bytes_changed(tmp_path_factory, results, name, chance) -> None:
     path = tmp_path_factory.getbasetemp() / f"{name}.gapwalk"
     path.write_bytes(_damaged(results[name], chance))
@@ -263,7 +261,7 @@ FIELDS = ["file", "result", "x", "y", "branch", "point", "special", "from", "sig
     st.dictionaries(st.sampled_from(FIELDS), TEXTS | NUMBERS.map(str), max_size=8),
     st.booleans(),
 )
-@budget(60)
+@budget(30)
 def test_requests_to_read(page, path, query, knows) -> None:
     answer = page.get(f"/api/{path}", params=query | ({"file": "model.toml"} if knows else {}))
     assert answer.status_code in (200, 400, 404, 405, 409)
@@ -279,7 +277,7 @@ def test_requests_to_read(page, path, query, knows) -> None:
     ),
     st.binary(max_size=12),
 )
-@budget(40)
+@budget(20)
 def test_requests_to_act(page, path, anything, fields, raw) -> None:
     headers = {"content-type": "application/json"}
     for body in (_json(anything), _json({"file": "model.toml", "do": "compute"} | fields), raw):
@@ -296,7 +294,7 @@ def test_requests_to_act(page, path, anything, fields, raw) -> None:
     st.sampled_from(["GET", "POST", "PUT", "HEAD", "OPTIONS", "X"]),
     st.text(max_size=10),
 )
-@budget(50)
+@budget(30)
 def test_headers_and_paths(page, headers, method, path) -> None:
     answer = page.request(method, f"/{quote(path)}", headers=headers)
     assert answer.status_code < 500

@@ -50,7 +50,7 @@ def test_linear_motion_agrees_with_the_matrix_exponential():
     assert arc.contacts == []
 
 
-@keeps("elastic", "pushing", "hunt-crossley", "piecewise", "viscous")
+@keeps("hunt-crossley")
 @pytest.mark.parametrize("law", OWN_LAWS)
 def test_state_agrees_with_an_independent_integrator(law):
     viscous = {"viscous_damping": 0.3}

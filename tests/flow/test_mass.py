@@ -47,7 +47,7 @@ def chain(masses=5):
     )
 
 
-@keeps("40")
+@keeps("8")
 @pytest.mark.parametrize("steps", [8, 40])
 def test_linear_motion_is_exact_whatever_the_steps(steps):
     system, states = linear(), draw(linear())

@@ -74,7 +74,7 @@ def test_a_motion_without_friction_and_unknown_names_are_refused():
 
 
 def test_the_record_describes_and_draws_itself(tmp_path):
-    found = stick_slip(moved("chatter and friction"))
+    found = stick_slip(moved("stick"))
     assert "share of the time" in str(found.summary())
     rows = list(found.tables()["phases"]())
     assert rows[0] == ["element", "mode", "start", "end"]

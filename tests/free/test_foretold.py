@@ -77,7 +77,6 @@ def test_the_subharmonic_island_of_duffing(damping, error):
     assert birth.amplitude == pytest.approx(lowest_amplitude(orbit, birth), rel=error)
 
 
-@keeps("duffing-1")
 @pytest.mark.parametrize(
     ("contact", "harmonic", "mode"),
     [

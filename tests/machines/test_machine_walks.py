@@ -9,7 +9,7 @@ import pytest
 import gapwalk as gw
 from tests.machines import closed_forms
 from tests.models import read_system
-from tests.tiers import in_campaign, keeps
+from tests.tiers import in_campaign
 
 HERE = Path(__file__).parent
 OTHERS = json.loads((HERE / "references.json").read_text(encoding="utf-8"))["others"]
@@ -27,7 +27,6 @@ def test_meissners_flips_are_special_points_of_a_walk(e: float, z: float) -> Non
     assert found == pytest.approx(closed_forms.meissner_edges(e, z), abs=1e-11)
 
 
-@keeps("0.3-0.05")
 @pytest.mark.parametrize(("e", "z"), [(0.4, 0.0), in_campaign(0.4, 0.02), (0.3, 0.05)])
 def test_mathieus_flips_are_special_points_of_a_walk(e: float, z: float) -> None:
     found = [point.value for point in flips("mathieu", e, z).special("flip")]

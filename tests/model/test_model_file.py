@@ -13,6 +13,7 @@ from gapwalk.model import Contact, Harmonic, ModelFileError, Side, Stage, System
 from gapwalk.model.model_file import check_model
 from gapwalk.model.model_source import parse_source
 from tests.models import read_system
+from tests.tiers import examples
 
 GOOD = """\
 title = "Two stages"
@@ -408,7 +409,7 @@ def mutations(draw) -> str:
     return "\n".join(lines)
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=examples(60))
 @given(mutations())
 def test_no_file_raises_anything_but_a_model_error(text: str) -> None:
     try:

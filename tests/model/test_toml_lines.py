@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapwalk.model.model_source import key_lines
+from tests.tiers import examples
 
 TEXT = '''\
 # comment = 1
@@ -139,7 +140,7 @@ VALUES = st.recursive(
 )
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(30))
 @given(st.dictionaries(TEXTS, VALUES, max_size=5), st.data())
 def test_lines_of_any_document(data: dict, draw) -> None:
     writer = Writer(lambda choices: draw.draw(st.sampled_from(choices)))

@@ -221,7 +221,7 @@ def test_the_balanced_motion_tends_to_the_one_of_shooting(name):
     assert all(later < earlier for earlier, later in pairwise(bounds))
 
 
-@keeps("products", "levels")
+@keeps("products")
 @pytest.mark.parametrize(
     "name",
     some_of(

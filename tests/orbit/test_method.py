@@ -17,6 +17,7 @@ from gapwalk.orbit import Method, Orbit, ShootingEquation, register
 from gapwalk.orbit.method import METHODS, chosen
 from gapwalk.studies.response_study import ResponseOptions
 from tests import models
+from tests.sampled_verification import SAMPLED, verified
 from tests.systems import clutch
 
 MODEL = models.STOP + models.response(1.9)
@@ -92,10 +93,11 @@ def test_it_finds_the_special_points_of_shooting(branch, shot):
         assert one.nature == other.nature
 
 
-def test_it_verifies(branch):
-    found = gw.verify(branch)
+@pytest.mark.parametrize("sampled", SAMPLED)
+def test_it_verifies(branch, sampled):
+    found = verified(branch, sampled)
     assert found.ok, found.words
-    assert found.points == len(branch.points)
+    assert sampled or found.points == len(branch.points)
 
 
 def test_a_fault_is_found(branch):

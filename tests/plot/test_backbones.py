@@ -11,7 +11,6 @@ from gapwalk.free.island_births import Backbones
 from gapwalk.plot.picture import new_sheet, picture_of, write_legend
 from gapwalk.plot.style import sized
 from tests.free.test_backbone import oscillator
-from tests.tiers import keeps
 
 
 def duffing(x):
@@ -63,7 +62,6 @@ def fits(figure) -> bool:
     return inside and not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k])
 
 
-@keeps("screen")
 @pytest.mark.parametrize("size", ["column", "screen"])
 def test_labels_of_settled_motions_and_backbones_fit(size) -> None:
     stop = gw.stop("stop", {"a": 1.0}, clearance=1.0, stiffness=20.0)

@@ -64,7 +64,7 @@ def test_no_mark_hides_another(size) -> None:
     assert {"fold (LP)", "flip (PD)", "Neimark\N{EN DASH}Sacker (NS)", "number of points there"} <= set(texts)
 
 
-@keeps("column", "screen", "slide")
+@keeps("column")
 @pytest.mark.parametrize("size", ["screen", "page", "column", "slide"])
 def test_the_label_of_the_axis_and_the_legend_stay_on_the_sheet(size) -> None:
     with sized(size):

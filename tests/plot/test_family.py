@@ -8,13 +8,16 @@ from gapwalk.errors import ModelError
 from gapwalk.plot.branches import pieces_of
 from gapwalk.plot.picture import picture_of
 from gapwalk.studies.branch_family import Family
-from tests.studies.families import second_resonance
+from tests.computed import opened
+from tests.studies.families import family_file
 from tests.systems import clutch
 
 
 @pytest.fixture(scope="module")
 def family() -> Family:
-    return second_resonance()
+    finding = opened(family_file()).finding
+    assert finding is not None
+    return finding.record
 
 
 def lines(ax) -> list:

@@ -19,7 +19,7 @@ from tests.studies.maps import clutch_map
 
 @pytest.fixture(scope="module")
 def result() -> gw.Result:
-    return gw.run(clutch_map(max_period=2))
+    return gw.run(clutch_map(max_period=2, walk=gw.WalkOptions(largest_step=0.05)))
 
 
 @pytest.fixture(scope="module")

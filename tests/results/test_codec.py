@@ -20,6 +20,7 @@ from gapwalk.results.codec import Packed, column_of, decode, encode, plain
 from tests.results.again import again
 from tests.studies.same import assert_same_branch
 from tests.systems import clutch
+from tests.tiers import examples
 
 
 class Colour(StrEnum):
@@ -88,7 +89,7 @@ RECORDS = st.builds(
 
 
 @given(st.lists(RECORDS, max_size=8).map(tuple))
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=examples(30), deadline=None, derandomize=True)
 def test_whatever_the_types_allow_comes_back(records) -> None:
     found = again(records, tuple[Everything, ...])
     assert found == records

@@ -20,6 +20,7 @@ from gapwalk.studies.result import REQUEST, VERSIONS, Call, NoFile, claimed, req
 from gapwalk.studies.study_kind import StudyKind, Work
 from tests.results.tampering import change, change_sealed
 from tests.systems import clutch
+from tests.tiers import in_campaign
 
 NUMBERS = Part("numbers", tuple[float, ...], numbered=True)
 STATE = Part("state", Mapping[str, int])
@@ -242,13 +243,14 @@ def write_three(path, safe: list[int]) -> None:
             file.write(STATE.entry({"stopped": file.count(NUMBERS)}))
 
 
-def test_ctrl_c_at_any_line_of_the_writer_loses_nothing(tmp_path, request) -> None:
+@pytest.mark.parametrize("apart", [in_campaign(5), 17])
+def test_ctrl_c_at_any_line_of_the_writer_loses_nothing(tmp_path, request, apart) -> None:
     with CtrlC(0) as undisturbed:
         write_three(tmp_path / "undisturbed", [])
     assert undisturbed.lines > 200
     gc.freeze()  # so that a collection looks at the objects of the loop alone
     request.addfinalizer(gc.unfreeze)
-    for at in range(1, undisturbed.lines + 1, 5):
+    for at in range(1, undisturbed.lines + 1, apart):
         path, safe = tmp_path / str(at), []
         with suppress(KeyboardInterrupt), CtrlC(at):
             write_three(path, safe)

@@ -2,12 +2,10 @@
 
 import sys
 from collections.abc import Callable
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from gapwalk import Result, SearchOptions, Study, run
 from gapwalk.studies import DiagramStudyOptions
-from tests.computed import once
+from tests.computed import file_of, once, opened
 from tests.systems import clutch
 
 
@@ -48,15 +46,19 @@ def islands(workers: int | None = 1) -> Study:
 @once
 def clutch_loop() -> Result:
     """What `clutch_diagram` comes to where nothing interrupts it."""
-    return run(clutch_diagram())
+    return opened(loop_file())
+
+
+@once
+def loop_file() -> bytes:
+    """The result file of `clutch_diagram` where nothing interrupts it."""
+    return file_of(clutch_diagram())
 
 
 @once
 def islands_file() -> bytes:
     """The result file of `islands` where nothing interrupts it."""
-    with TemporaryDirectory() as folder:
-        run(islands(), path := Path(folder) / "islands.gapwalk")
-        return path.read_bytes()
+    return file_of(islands())
 
 
 def main(path: str, workers: str, study: Callable[[int], Study] = many_branches) -> None:

@@ -7,6 +7,7 @@ import gapwalk as gw
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies.branch_family import Family
 from gapwalk.studies.study_file import check_study
+from tests.computed import file_of, once
 from tests.models import CLUTCH
 from tests.systems import clutch
 
@@ -25,6 +26,12 @@ workers = 1
 
 def study_of(text: str = MODEL) -> gw.Study:
     return check_study(parse_source(text, "m.toml"))
+
+
+@once
+def family_file() -> bytes:
+    """The result file of that study."""
+    return file_of(study_of())
 
 
 def second_resonance(loads=(0.25, 0.35, 0.5), system: gw.System | None = None, **more) -> Family:

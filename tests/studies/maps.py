@@ -6,7 +6,7 @@ import time
 from gapwalk import Balance, Kind, Result, Study, WalkOptions, run
 from gapwalk.studies import ParameterRange
 from gapwalk.studies.map_study import MapStudyOptions
-from tests.computed import once
+from tests.computed import file_of, once, opened
 from tests.systems import clutch
 
 KINDS = (Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING)
@@ -24,7 +24,13 @@ def clutch_map(workers: int | None = 1, kinds: tuple[Kind, ...] = KINDS, **more)
 @once
 def resonance() -> Result:
     """What `clutch_map` comes to where nothing interrupts it."""
-    return run(clutch_map())
+    return opened(map_file())
+
+
+@once
+def map_file() -> bytes:
+    """The result file of `clutch_map`."""
+    return file_of(clutch_map())
 
 
 def balanced_map(workers: int | None = 1, **more) -> Study:

@@ -22,7 +22,7 @@ def stop_study(largest_step: float = 0.02, end: float = 1.9, **changes) -> Study
 
 def long_study() -> Study:
     """The same in many small steps, so that there is time to interrupt it."""
-    return stop_study(largest_step=0.0015)
+    return stop_study(largest_step=0.003)
 
 
 @cache

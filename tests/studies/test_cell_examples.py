@@ -6,12 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.tiers import keeps
-
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
-@keeps("regimes-3-3 x 3 cells")
 @pytest.mark.parametrize(("name", "cells", "words"), [("basins", 8, "of all starts"), ("regimes", 3, "3 x 3 cells")])
 def test_an_example_draws_its_picture(name, cells, words, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

@@ -19,7 +19,7 @@ from gapwalk.studies.response_study import ResponseOptions
 from tests.bifurcation.test_special_points import symmetric
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
-from tests.studies.diagrams import clutch_diagram, clutch_loop
+from tests.studies.diagrams import clutch_diagram, clutch_loop, loop_file
 from tests.studies.same import assert_same_branch, assert_same_result
 from tests.studies.studies import stop_study
 
@@ -259,18 +259,11 @@ def test_a_branch_may_end_anywhere(path) -> None:
         '\'"max_period":{"is":"int","int":-\') WHERE name = \'diagram\'',
     ],
 )
-def test_a_damaged_result_is_called_so(path, statement, whole_file) -> None:
-    path.write_bytes(whole_file)
+def test_a_damaged_result_is_called_so(path, statement) -> None:
+    path.write_bytes(loop_file())
     change_sealed(path, statement)
     with pytest.raises(StoreError, match="damaged"):
         gw.open_result(path)
-
-
-@pytest.fixture(scope="module")
-def whole_file(tmp_path_factory) -> bytes:
-    path = tmp_path_factory.mktemp("whole") / "x.gapwalk"
-    gw.run(clutch_diagram(), path)
-    return path.read_bytes()
 
 
 def test_a_response_has_no_diagram(path) -> None:

@@ -24,7 +24,7 @@ from tests.results.again import again
 from tests.studies import families, jobs
 from tests.studies.same import assert_same_result
 from tests.studies.test_locus_study import STUDY, SYSTEM
-from tests.tiers import in_campaign, leaves
+from tests.tiers import in_campaign
 from tests.toys import amplitudes
 
 TREE = models.CLUTCH + '[study]\nparameter = "frequency"\nmeasure = "half.q1"\nworkers = 1\n'
@@ -36,9 +36,6 @@ TEXTS = {
     "locus": SYSTEM + STUDY.replace("2.0\nto = 0.6", "1.5\nto = 1.0").replace("0.09, to = 0.6", "0.25, to = 0.35"),
     "family": families.MODEL,
     **jobs.MODELS,
-    "scan": jobs.SCAN.replace('["mean.q1", "stage2.stiffness"]', '["mean.q1"]')
-    .replace("pairs = 1", "pairs = 0")
-    .replace("0.9, 1.1", "1.01, 1.02"),
     "amplitudes": amplitudes.MODEL,
 }
 """A model file for each kind of study."""
@@ -103,21 +100,6 @@ def pressed_at(number: int) -> Callable[..., None]:
 CASES = [*TEXTS.items(), in_campaign("scan", jobs.SCAN)]
 
 
-@leaves(
-    "backbone",
-    "locus",
-    "tori",
-    "regimes",
-    "basins",
-    "run-up",
-    "threshold",
-    "rattle",
-    "family",
-    "diagram",
-    "tolerance",
-    "design",
-    "map",
-)
 @pytest.mark.parametrize(("kind", "text"), CASES, ids=[*TEXTS, "whole scan"])
 @pytest.mark.usefixtures("small_parts")
 def test_every_study(kind, text, tmp_path, monkeypatch, capsys) -> None:

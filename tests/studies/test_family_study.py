@@ -14,9 +14,10 @@ from gapwalk.studies.export import export_csv
 from gapwalk.studies.family_study import FamilyStudy
 from gapwalk.studies.study_file import check_study
 from gapwalk.studies.study_kind import StudyKind
+from tests.computed import opened
 from tests.interruption import until_ctrl_c
 from tests.results.again import again
-from tests.studies.families import MODEL, second_resonance, study_of
+from tests.studies.families import MODEL, family_file, second_resonance, study_of
 from tests.studies.killing import killed_after
 from tests.studies.same import assert_same_branch
 from tests.systems import clutch
@@ -41,7 +42,7 @@ def assert_same_family(one: Family, other: Family) -> None:
 
 @pytest.fixture(scope="module")
 def result() -> gw.Result:
-    return gw.run(study_of())
+    return opened(family_file())
 
 
 def test_a_study_finds_what_the_function_finds(result) -> None:

@@ -24,6 +24,7 @@ from gapwalk.studies.study_file import Study, check_studies, check_study, read_s
 from gapwalk.studies.study_kind import kind_of, kinds
 from gapwalk.studies.study_schema import Start, all_keys, keys_of
 from tests.models import read_system
+from tests.tiers import examples
 
 GOOD = """\
 title = "Two stages"
@@ -267,11 +268,11 @@ def test_names_are_checked_against_the_keys_of_all_kinds_without_loading_them() 
         "import sys\n"
         "from gapwalk.model.model_source import parse_source\n"
         "from gapwalk.studies.study_file import check_study\n"
-        "from tests.studies.test_file import GOOD\n"
-        "print(check_study(parse_source(GOOD.replace('[study]', '[study]\\nname = \"light\"'), 'm.toml')).name)\n"
+        "print(check_study(parse_source(sys.argv[1], 'm.toml')).name)\n"
         "print('gapwalk.studies.tori_study' in sys.modules)\n"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    text = GOOD.replace("[study]", '[study]\nname = "light"')
+    done = subprocess.run([sys.executable, "-c", script, text], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["light", "False"]
 
 
@@ -442,23 +443,12 @@ CHANGES = st.dictionaries(
 )
 
 
-def raises_nothing_else(text: str, changes) -> None:
+@settings(max_examples=examples(60))
+@given(mutations(), CHANGES)
+def test_no_file_raises_anything_but_a_model_error(text: str, changes) -> None:
     try:
         studies = several(text, changes)
     except ModelError:
         return
     for study in studies:
         assert study.options.begin == study.system[study.options.parameter]
-
-
-@settings(max_examples=150)
-@given(mutations(), CHANGES)
-def test_no_file_raises_anything_but_a_model_error(text: str, changes) -> None:
-    raises_nothing_else(text, changes)
-
-
-@pytest.mark.slow
-@settings(max_examples=150)
-@given(mutations(), CHANGES)
-def test_none_of_more_files_raises_anything_but_a_model_error(text: str, changes) -> None:
-    raises_nothing_else(text, changes)

@@ -7,7 +7,6 @@ import pytest
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.studies.machine_templates import machine_text, machines
-from tests.tiers import keeps
 
 
 @pytest.mark.parametrize("name", machines())
@@ -28,7 +27,6 @@ LONG = {
 }
 
 
-@keeps("freewheel-True", "planetary-set-True", "two-stage-clutch-True")
 @pytest.mark.parametrize(
     ("name", "short"),
     [*((name, True) for name in machines()), *(pytest.param(name, False, marks=pytest.mark.slow) for name in LONG)],

@@ -18,7 +18,6 @@ from tests.results.tampering import change_sealed
 from tests.studies.killing import killed_after
 from tests.studies.maps import clutch_map, resonance
 from tests.studies.same import assert_same_branch, assert_same_map, assert_same_result
-from tests.tiers import keeps
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
 
@@ -86,7 +85,6 @@ def test_the_number_of_workers_changes_nothing(path, undisturbed) -> None:
     assert_same_result(gw.run(clutch_map(workers=1), path, resume=True), undisturbed)
 
 
-@keeps("4")
 @pytest.mark.parametrize("count", [1, 4])
 def test_ctrl_c_just_before_a_part_is_written_keeps_it(path, count, monkeypatch, undisturbed) -> None:
     write, calls = ResultFile.write, []

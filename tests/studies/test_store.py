@@ -29,15 +29,17 @@ def path(tmp_path) -> Path:
     return tmp_path / "stop.gapwalk"
 
 
-@pytest.fixture
-def written(path) -> Path:
-    gw.run(stop_study(), path)
-    return path
-
-
 @pytest.fixture(scope="module")
-def undisturbed() -> gw.Result:
-    return long_result()
+def undisturbed(tmp_path_factory) -> tuple[gw.Result, bytes]:
+    """The result that nothing interrupts, and its file."""
+    path = tmp_path_factory.mktemp("undisturbed") / "stop.gapwalk"
+    return gw.run(stop_study(), path), path.read_bytes()
+
+
+@pytest.fixture
+def written(path, undisturbed) -> Path:
+    path.write_bytes(undisturbed[1])
+    return path
 
 
 @pytest.fixture
@@ -131,7 +133,7 @@ def test_what_was_reported_is_in_the_file_even_while_it_is_written(path) -> None
 @keeps("1", "90")
 @pytest.mark.usefixtures("at_once")
 @pytest.mark.parametrize("after", [1, 2, 3, 50, 90, 91])
-def test_an_interrupted_run_goes_on_as_if_never_stopped(path, after) -> None:
+def test_an_interrupted_run_goes_on_as_if_never_stopped(path, after, undisturbed) -> None:
     study, count = stop_study(), 0
 
     def report(point, special_points) -> None:
@@ -148,7 +150,7 @@ def test_an_interrupted_run_goes_on_as_if_never_stopped(path, after) -> None:
     assert os.listdir(path.parent) == [path.name]
     reported = []
     resumed = gw.run(study, path, resume=True, report=lambda point, special_points: reported.append(point.value))
-    assert_same_result(resumed, gw.run(study))
+    assert_same_result(resumed, undisturbed[0])
     assert_same_result(resumed, gw.open_result(path))
     assert reported == resumed.branches[0].values.tolist()
 
@@ -166,10 +168,10 @@ def test_a_walk_whose_variables_would_be_scaled_otherwise_today_does_not_go_on(p
 
 
 @pytest.mark.parametrize("kills", [1, in_campaign(3)])
-def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, undisturbed, kills) -> None:
+def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, kills) -> None:
     """Killed in each of the first three quarters of its reports: it waits at the end of a quarter for a late kill."""
     random.seed(1995)
-    whole, known = undisturbed.branches[0], 0
+    whole, known = long_result().branches[0], 0
     count = len(whole.points)  # of reports
     program = f"from tests.studies.studies import main; main({str(path)!r}"
     for begin, end in itertools.pairwise(count * quarter // 4 for quarter in range(kills + 1)):
@@ -184,19 +186,19 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, undi
             assert_same_point(a, b)
         known = len(points) - 1
     assert gw.run(long_study(), path, resume=True).complete
-    assert_same_result(gw.open_result(path), undisturbed)
+    assert_same_result(gw.open_result(path), long_result())
     assert os.listdir(path.parent) == [path.name]
 
 
 @pytest.mark.usefixtures("at_once")
-def test_an_exception_in_the_callers_report_leaves_a_result_to_resume(path) -> None:
+def test_an_exception_in_the_callers_report_leaves_a_result_to_resume(path, undisturbed) -> None:
     def report(point, special_points) -> None:
         raise RuntimeError("the screen is gone")
 
     with pytest.raises(RuntimeError, match="screen"):
         gw.run(stop_study(), path, report=report)
     assert not gw.open_result(path).complete
-    assert_same_result(gw.run(stop_study(), path, resume=True), gw.run(stop_study()))
+    assert_same_result(gw.run(stop_study(), path, resume=True), undisturbed[0])
 
 
 def test_resume_begins_where_there_is_nothing_yet(path) -> None:

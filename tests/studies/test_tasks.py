@@ -44,7 +44,6 @@ def study(name: str) -> Study:
     return check_study(parse_source(MODELS[name].replace("workers = 1\n", "")))
 
 
-@keeps("self-excited", "run-up")
 @pytest.mark.parametrize("name", list(SENT))
 def test_what_is_independent_is_sent_and_the_result_is_that_of_one_process(name) -> None:
     workers, executor = counting(4)

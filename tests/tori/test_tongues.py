@@ -12,7 +12,7 @@ from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.tori.tongue import Tongue, TongueTipKind
 from tests.computed import once
 from tests.results.again import again
-from tests.tiers import in_campaign, keeps
+from tests.tiers import in_campaign
 
 RANGES = ((2.9, 3.1), (0.0, 0.5))
 
@@ -56,7 +56,6 @@ def test_without_a_force_both_sides_meet_at_three_times_the_natural_frequency() 
     assert np.isnan(tongue.width(0.6))
 
 
-@keeps("0.9-True")
 @pytest.mark.parametrize(
     ("share", "locks"), [in_campaign(-0.1, False), in_campaign(0.1, True), (0.9, True), (1.1, False)]
 )

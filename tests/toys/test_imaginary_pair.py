@@ -74,14 +74,22 @@ def commands(folder: Path, *calls: tuple[str, ...]) -> str:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
-    """A folder with the model and the results of its studies."""
+    """A folder with the model and the results of its studies but the locus."""
     folder = tmp_path_factory.mktemp("toy")
     (folder / "toy.toml").write_text(MODEL)
     in_process(
         folder,
         "import gapwalk as gw",
-        "for study in gw.studies.read_studies('toy.toml'): assert gw.run(study, f'toy-{study.name}.gapwalk').complete",
+        "for name in ('response', 'balanced'):",
+        "    assert gw.run(gw.read_study('toy.toml', name=name), f'toy-{name}.gapwalk').complete",
     )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def whole(folder: Path) -> Path:
+    """The folder with the locus too."""
+    commands(folder, ("run", "toy.toml", "--study", "locus", "--quiet"))
     return folder
 
 
@@ -96,10 +104,10 @@ def test_it_is_located_stored_and_shown(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_it_is_followed_in_two_parameters(folder: Path) -> None:
+def test_it_is_followed_in_two_parameters(whole: Path) -> None:
     """The branch is followed by another process, which has to know the toy too."""
-    commands(folder, ("export", "toy-locus.gapwalk", "--output", "locus.csv"))
-    rows = list(csv.DictReader((folder / "locus.csv").read_text(encoding="utf-8").splitlines()))
+    commands(whole, ("export", "toy-locus.gapwalk", "--output", "locus.csv"))
+    rows = list(csv.DictReader((whole / "locus.csv").read_text(encoding="utf-8").splitlines()))
     stiffness = [float(row["stiffness.x.x"]) for row in rows]
     assert min(stiffness) < 0.75
     assert max(stiffness) > 1.15
@@ -108,15 +116,15 @@ def test_it_is_followed_in_two_parameters(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_it_is_verified_and_drawn(folder: Path) -> None:
+def test_it_is_verified_and_drawn(whole: Path) -> None:
     names = ("toy-response", "toy-locus")
     commands(
-        folder,
+        whole,
         *(("verify", f"{name}.gapwalk") for name in names),
         *(("export", f"{name}.gapwalk", "--output", f"{name}.svg") for name in names),
     )
     for name in names:
-        assert "imaginary pair" in (folder / f"{name}.svg").read_text(encoding="utf-8")
+        assert "imaginary pair" in (whole / f"{name}.svg").read_text(encoding="utf-8")
 
 
 def test_a_process_that_does_not_know_it_says_so(folder: Path) -> None:

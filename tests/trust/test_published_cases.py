@@ -12,7 +12,6 @@ import pytest
 import scipy.linalg
 
 import gapwalk as gw
-from tests.tiers import leaves
 
 Case = tuple[Callable[[], Sequence[float]], Sequence[float], float]
 
@@ -276,7 +275,6 @@ CASES: dict[str, Case] = {
 }  # fmt: skip
 
 
-@leaves("periods of a double well")
 @pytest.mark.parametrize("name", CASES)
 def test_published_numbers(name: str) -> None:
     compute, right, allowed = CASES[name]

@@ -19,7 +19,7 @@ from tests.sampled_verification import verified
 from tests.systems import clutch, viscous_stop
 from tests.tiers import keeps, some_of
 
-LONG = gw.WalkOptions(largest_step=0.04)
+LONG = gw.WalkOptions(largest_step=0.08)
 """Longer steps than by default: what is verified again after each change has fewer points."""
 
 
@@ -135,7 +135,7 @@ def test_a_swapped_nature_is_found(branch) -> None:
         assert breach.spot.item.startswith(f"special point {index} ")
 
 
-@keeps("flip-0.5", "grazing-nan", "grazing-1e-18")
+@keeps("flip-0.5")
 @pytest.mark.parametrize("wrong", some_of([1e-18, 0.0, -1.0, 0.5, math.nan], 1e-18, 0.5, math.nan))
 @pytest.mark.parametrize("kind", some_of(["fold", "flip", "grazing"], "flip", "grazing"))
 def test_an_absurd_uncertainty_is_found(branch, kind, wrong) -> None:
@@ -204,7 +204,7 @@ def test_a_count_of_points_that_does_not_hold_is_found() -> None:
     assert failed(gw.verify(replace(short, ends=(short.ends[0], end)))) == {"ends"}
 
 
-@keeps("inf", "0.001", "-1e-12")
+@keeps("0.001")
 @pytest.mark.parametrize("wrong", [0.5, 1e-3, -1e-12, math.nan, math.inf])
 def test_a_changed_residual_is_found(branch, wrong) -> None:
     points = list(branch.points)

@@ -17,7 +17,7 @@ from gapwalk.model import System
 from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
 from gapwalk.train import Drag, Force, Friction, Gear, Inertia, Shaft, Train
 from tests.model.drivetrain.trains import check_slopes
-from tests.tiers import keeps
+from tests.tiers import keeps, some_of
 
 W, MEAN = 100.0, 20.0
 BODIES = {"flywheel": 0.15, "input": 0.005, "gear": 0.003, "output": 0.01, "vehicle": 2.5}
@@ -276,7 +276,7 @@ def random_train(seed: int) -> Train:
     )
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", some_of(range(40), *range(0, 40, 3)))
 def test_the_equations_are_those_in_absolute_angles(seed: int) -> None:
     train = random_train(seed)
     system = train.system()
@@ -310,7 +310,7 @@ def test_the_equations_are_those_in_absolute_angles(seed: int) -> None:
     assert coefficients_of(equations) == pytest.approx(coefficients, rel=1e-9, abs=1e-9)
 
 
-@keeps("9", "1")
+@keeps("1")
 @pytest.mark.parametrize("seed", range(10))
 def test_derivatives_by_each_number_and_by_the_speed_are_exact(seed: int) -> None:
     check_slopes(random_train(seed).system())
@@ -506,7 +506,7 @@ def test_a_prescribed_flywheel_drags_its_loose_gear() -> None:
     assert orbit.measure("mean.mesh.torque") * 2.5 == pytest.approx(torque, rel=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", some_of(range(20), *range(0, 20, 3)))
 def test_parts_that_slip_on_each_other_turn_as_in_absolute_angles(seed: int) -> None:
     """Where a damper or a formula alone joins two parts: the absolute acceleration of every inertia."""
     random, whole = np.random.default_rng(seed), random_train(seed)

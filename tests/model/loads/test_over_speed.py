@@ -16,6 +16,7 @@ from gapwalk.loads import Load as AnyLoad
 from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.loads import Harmonic
 from gapwalk.model.measured.measured_table import SpeedTable
+from tests.sampled_verification import SAMPLED, verified
 
 SPEEDS, FACTORS = (0.5, 0.8, 1.2, 1.5), (1.0, 1.3, 1.3, 2.0)
 TABLE = SpeedTable(SPEEDS, FACTORS, "gas.csv")
@@ -82,12 +83,13 @@ def test_a_steady_load_is_a_mean_that_depends_on_the_speed() -> None:
     np.testing.assert_allclose(rest[0], rest[1], rtol=1e-13)
 
 
-def test_a_walk_ends_where_a_table_does_and_keeps_its_points() -> None:
+@pytest.mark.parametrize("sampled", SAMPLED)
+def test_a_walk_ends_where_a_table_does_and_keeps_its_points(sampled: int) -> None:
     branch = gw.follow(gw.find_orbit(system_of()), "frequency", (0.2, 3.0))
     assert [(end.reason, end.value) for end in branch.ends] == [(EndReason.TABLE, 0.5), (EndReason.TABLE, 1.5)]
     assert "gas.csv covers 0.5 to 1.5" in branch.ends[0].reason_words
     assert (branch.points[0].value, branch.points[-1].value) == (0.5, 1.5)
-    assert gw.verify(branch).ok
+    assert verified(branch, sampled).ok
 
 
 def test_within_its_table_a_walk_ends_as_any_other() -> None:

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from gapwalk.model.units import QuantityKind, has_unit, read_quantity
-from tests.tiers import keeps
 
 DEGREE = math.pi / 180.0
 
@@ -91,7 +90,6 @@ def test_only_a_number_with_something_behind_it_has_a_unit() -> None:
     assert not any(has_unit(value) for value in ("3", "3.0 ", "deg", "", 3.0, None, True))
 
 
-@keeps("drivetrain-True")
 @pytest.mark.parametrize(("example", "imported"), [("train", False), ("drivetrain", True)])
 def test_a_model_without_units_does_not_pay_for_them(example: str, imported: bool) -> None:
     file = Path(__file__).parents[3] / "examples" / f"{example}.toml"

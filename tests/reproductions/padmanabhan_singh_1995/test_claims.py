@@ -22,7 +22,6 @@ from reproductions.padmanabhan_singh_1995.figures import FIGURES
 from reproductions.padmanabhan_singh_1995.jobs import JOBS, USUAL, changed_numbers
 from reproductions.padmanabhan_singh_1995.report import reproduce
 from tests.reproductions.padmanabhan_singh_1995.expected import COUNTS, EXPECTED, verdict_of
-from tests.tiers import leaves
 
 LONGEST = 200  # letters of a line of numbers
 NEW = (
@@ -54,7 +53,6 @@ def verdict(claim: Claim, folder: Path, cores: int | None = 1) -> Outcome:
     return outcome
 
 
-@leaves("22-flips")
 @pytest.mark.parametrize("claim", QUICK, ids=lambda claim: claim.name)
 def test_quick_verdicts(claim: Claim, folder: Path) -> None:
     outcome = verdict(claim, folder)
