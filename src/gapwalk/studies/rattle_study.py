@@ -69,7 +69,7 @@ from gapwalk.studies.study_schema import Resolution, RestOrState, Surroundings, 
 CHUNK = 512
 """Cells in a chunk."""
 _SEARCHED = 3  # values at which motions are sought that no sweep meets
-_TOGETHER = 2  # of those values in one part of the work, where motions are settled at each step
+_TOGETHER = 4  # of those values in one part of the work, where motions are settled at each step
 _SECTIONS = 3  # values of the second parameter at which points of borders are sought
 
 
