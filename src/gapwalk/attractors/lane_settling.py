@@ -477,7 +477,7 @@ class _Settling:
         if age < transient + (watched := self._watch(lane, start)):
             return None
         # what closes alike in all periods, and yet does not repeat, leaves a motion that is unstable
-        leaves = not np.ptp(self._closings(lane, watched), axis=0).any()
+        leaves = watched >= LONG and not np.ptp(self._closings(lane, watched), axis=0).any()
         leaves = leaves or drifts(self._noted(lane, watched)[:, self.kinds["energy"]])
         if leaves and self.waits[lane] + age < _LEAVES:
             self.starts[lane] = start._replace(watch=min(2 * watched, LONG))
