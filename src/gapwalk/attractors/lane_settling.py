@@ -537,7 +537,7 @@ class _Settling:
 
     def _period(self, lane: int, counts: NDArray[np.float64]) -> int:
         """Return after how many forcing periods sections and closings repeat; 0 if they do not."""
-        rows = [row.tobytes() for row in counts[-2 * _LONGEST :]]
+        rows = [row.tobytes() for row in counts[-2 * _LONGEST :] > 0.0]  # a graze changes their number
         periods = [q for q in range(1, _LONGEST + 1) if rows[-q:] == rows[-2 * q : -q]]
         if not periods:
             return 0
