@@ -84,7 +84,6 @@ class News:
     def begin(self, pace: Any, within: object) -> None:
         """Tell how many parts of work without branches there are, before the first is done."""
         self(pace)
-        self.report()
 
     def __call__(self, *about: Any) -> None:
         """Add a part of work without branches; the last argument has the number of finished parts."""
