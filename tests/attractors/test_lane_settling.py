@@ -195,18 +195,14 @@ def test_the_interval_of_a_chaotic_motion_covers_a_run_of_eight_times_the_length
 
 
 def test_batches_that_drift_are_told_from_those_that_are_independent() -> None:
-    random = np.random.default_rng(3)
-    independent = random.exponential(size=(2000, 64, 1))
-    assert sum(drifts(each) for each in independent) <= 8  # once in 1,000 times, and four standard errors
-    rising = 10.0 + np.linspace(0.0, 1.0, 64)[:, None] + 0.1 * random.normal(size=(64, 1))
-    assert drifts(rising)
-    assert drifts(np.hstack((independent[0], rising)))
+    independent = (random := np.random.default_rng(3)).exponential(size=(2000, 64, 1))
+    assert sum(map(drifts, independent)) <= 8  # once in 1,000 times, and four standard errors
+    assert drifts(np.hstack((independent[0], np.linspace(10.0, 11.0, 64)[:, None] + 0.1 * random.normal(size=(64, 1)))))
 
 
 @pytest.mark.parametrize("speeds", [(970.0, 980.0, 990.0, 1000.0), (980.0, 990.0, 1000.0)])
 def test_a_motion_that_leaves_chaos_slowly_is_watched_until_it_has_left(speeds: tuple[float, ...]) -> None:
-    # an independent program at a quarter of the step: from the same states the engaged mesh parts in 17 % of the
-    # periods at 1,000 rpm, after 100 periods without any
+    # by an independent program the engaged mesh parts in 17 % of the periods, after 100 without
     train = gw.read_model(str(TRAIN_A.with_name("slow_train.toml")))
     systems = [train.at({"speed": speed}) for speed in speeds]
 
@@ -214,29 +210,21 @@ def test_a_motion_that_leaves_chaos_slowly_is_watched_until_it_has_left(speeds: 
         k = start.key + 1
         return Start(k, speeds[k], systems[k], motion.state, is_warm=True) if k < len(speeds) else None
 
-    first = Start(0, speeds[0], systems[0], state_at_rest(systems[0]))
-    *_, (_, motion) = settle_lanes([first], step, slowest=systems)
-    assert motion.period == 0
+    *_, (_, motion) = settle_lanes([Start(0, speeds[0], systems[0], state_at_rest(systems[0]))], step, slowest=systems)
     assert closings(train, motion, "engaged") == pytest.approx(0.17, abs=0.08)
 
 
 def test_long_periods_are_those_of_the_same_motion_300_periods_later() -> None:
-    values = np.linspace(0.5, 3.0, 201).tolist()
-    long = {value: motion for value, motion in settled(WILD, "load.amplitude", values).items() if motion.period > 1}
-    systems = [WILD.at({"load.amplitude": value}) for value in long]
-    numbers, states = (
-        np.array(each)
-        for each in ([coefficients_of(each) for each in systems], [motion.state for motion in long.values()])
-    )
-    lanes = Lanes(WILD.structure, numbers, states)
-    track = lanes.advance(360)[1][300:, :, 0]
-    wrong = 0
-    for k, motion in enumerate(long.values()):
-        reach, q = np.ptp(motion.extremes[:, 0]), motion.period
-        apart = [np.abs(track[p:, k] - track[:-p, k]).max() / reach for p in range(1, q + 1)]
-        wrong += apart[-1] > 2e-3 or min(apart[:-1]) < 2e-3
-    assert len(long) >= 15
+    found = settled(WILD, "load.amplitude", np.linspace(0.5, 3.0, 201).tolist())
+    long = {value: motion for value, motion in found.items() if motion.period > 1}
+    numbers = np.array([coefficients_of(WILD.at({"load.amplitude": value})) for value in long])
+    lanes, wrong = Lanes(WILD.structure, numbers, np.array([motion.state for motion in long.values()])), 0
+    for track, motion in zip(lanes.advance(360)[1][300:, :, 0].T, long.values(), strict=True):
+        apart = [np.abs(track[p:] - track[:-p]).max() for p in range(1, motion.period + 1)]
+        close = 2e-3 * np.ptp(motion.extremes[:, 0])
+        wrong += apart[-1] > close or min(apart[:-1]) < close
     assert wrong <= len(long) // 6  # 14 of 45 without three repetitions and a clear distance to shorter periods
+    assert len(long) >= 15
 
 
 def test_a_motion_without_end_is_given_up() -> None:
