@@ -32,7 +32,7 @@ from gapwalk.orbit.sticking import collapses
 
 _BLOCKS = 16  # the fewest blocks from which an error is estimated
 _PARTS = 4  # parts of the sequence whose weighted averages are compared
-_FIRST = 1024  # forcing periods after which the errors are first estimated
+_FIRST, _FEWEST = 1024, 256  # forcing periods after which the errors are first estimated; where each takes long
 _RESOLVED = -14.0  # logarithm of the stretching over a segment below which rounding errors dominate
 _COLLAPSED = 1e-13  # stretching, relative to the largest, that friction or an impact has made 0 but for rounding
 _MOST_SEGMENTS = 64
@@ -176,12 +176,12 @@ def lyapunov(
 
 
 def lyapunov_run(
-    system: System, state: NDArray[np.float64], options: LyapunovOptions | None = None
+    system: System, state: NDArray[np.float64], options: LyapunovOptions | None = None, sure: float = np.inf
 ) -> tuple[Lyapunov, NDArray[np.float64]]:
-    """Compute the exponents; also return the strobes over which they were averaged, shape (periods, state_size)."""
+    """Compute the exponents, also until the largest is positive by `sure` errors; return them and the strobes."""
     options = options or LyapunovOptions()
     stretching = _Stretching(system, check_state(system, state))
-    length = min(_FIRST, options.max_periods)
+    length = min(_FEWEST if np.isfinite(sure) else _FIRST, options.max_periods)
     while True:
         stretching.extend(length)
         logs = stretching.logs[length // _ALIGNING :]
@@ -191,7 +191,7 @@ def lyapunov_run(
         order = np.argsort(-found.mean)
         value, error = found.mean[order], found.error[order]
         good = bool(np.all(error <= np.maximum(options.relative * np.abs(value), options.absolute)))
-        if good or length >= options.max_periods:
+        if good or value[0] > sure * error[0] or length >= options.max_periods:
             return _record(system, Average(*(each[order] for each in found)), len(logs), good), stretching.strobes
         length = min(2 * length, options.max_periods)
 

@@ -192,8 +192,8 @@ def rattle(motion: Orbit | Settled, periods: int = _PERIODS) -> Rattle:
 def impacts(system: System, along: Quadrature, before: float = math.inf) -> tuple[Impact, ...]:
     """Return the impacts that begin before an angle and end within a motion, in the order of their closing."""
     # To include impacts that last across the end of an orbit, integrate the orbit over two of its periods.
-    losses = damping_power(system, along) * along.weights[:, None]
-    names = [form.name for form in system.structure.contacts]
+    losses, sizes = damping_power(system, along) * along.weights[:, None], np.abs(along.motion.forces)
+    names, theta = [form.name for form in system.structure.contacts], along.motion.theta
     found = []
     for contact, side, switch in innermost_switches(system):
         place = names.index(contact)
@@ -203,9 +203,10 @@ def impacts(system: System, along: Quadrature, before: float = math.inf) -> tupl
         for closes, opens in _closures(along.motion.events, switch):
             if closes.theta >= before:
                 continue
-            inside = np.flatnonzero((along.motion.theta > closes.theta) & (along.motion.theta < opens.theta))
+            first, last = theta.searchsorted(closes.theta, "right"), theta.searchsorted(opens.theta)
+            inside = np.arange(first, last)  # of many impacts, each looks at its own nodes alone
             duration = (opens.theta - closes.theta) / system.frequency
-            peak = largest(along, inside, lambda motion, place=place: np.abs(motion.forces[:, place]))
+            peak = largest(along, inside, lambda motion, place=place: np.abs(motion.forces[:, place]), sizes[:, place])
             loss = float(losses[inside, place].sum())
             impulse = abs(float(along.motion.forces[inside, place] @ along.weights[inside]))
             found.append(Impact(contact, side, closes.theta, duration, abs(closes.velocity), peak, loss, impulse))
@@ -267,12 +268,17 @@ def _closures(events: Sequence[ContactEvent], switch: int) -> list[tuple[Contact
     return [(one, other) for one, other in pairwise(own) if one.enters and not other.enters]
 
 
-def largest(along: Quadrature, nodes: NDArray[np.intp], function: Callable[[Motion], NDArray[np.float64]]) -> float:
-    """Find the largest value of a function of the motion near some successive nodes, refined on the exact flow."""
+def largest(
+    along: Quadrature,
+    nodes: NDArray[np.intp],
+    function: Callable[[Motion], NDArray[np.float64]],
+    known: NDArray[np.float64] | None = None,
+) -> float:
+    """Find the largest value of a function of the motion, maybe known at all nodes, near some, refined exactly."""
     if not len(nodes):
         return 0.0
     motion = along.motion
-    values = function(motion)[nodes]
+    values = (function(motion) if known is None else known)[nodes]
     best = int(np.argmax(values))
     if not 0 < best < len(nodes) - 1:
         return float(values[best])

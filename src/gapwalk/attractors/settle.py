@@ -929,7 +929,9 @@ def _periodic(orbit: Orbit, evidence: tuple[str, ...]) -> Attractor:
 def _measured(settled: Settled, options: ClassifyOptions) -> tuple[Settled, Lyapunov, Strobes]:
     """Compute the exponents, and the strobes over which they are averaged."""
     # A slowly approached torus is first settled further, until its slowest mode has decayed.
-    exponents, strobes = lyapunov_run(settled.system, settled.state, options.lyapunov)
+    # a train in chaos needs minutes for all its exponents, and seconds for the sign of the largest
+    sure = options.errors if prefers_lanes(settled.system) else np.inf
+    exponents, strobes = lyapunov_run(settled.system, settled.state, options.lyapunov, sure)
     rates = exponents.per_period
     falling = rates[rates < -np.maximum(options.zero, options.errors * exponents.errors_per_period)]
     if not exponents.regular or not len(falling):

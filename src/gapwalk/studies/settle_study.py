@@ -25,6 +25,7 @@ from gapwalk.attractors.settle import (
     settle,
 )
 from gapwalk.attractors.spectrum import Peak, spectrum
+from gapwalk.ensemble.lanes import prefers_lanes
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import signal_place
 from gapwalk.model.problems import given
@@ -45,7 +46,8 @@ if TYPE_CHECKING:
 
 _LINES = 40  # of the spectrum
 _SHOWN = 8  # of them in the summary
-_POINTS = 2000  # of the section of a motion without period
+_POINTS, _PERIODS = 2000, 256  # of the section of a motion without period, and those of its impacts
+_FEW_POINTS, _FEW_PERIODS = 256, 16  # the same in a train of many parts, of which each takes a hundred times as long
 
 
 def _is_a_signal(signal: str | None, info: ValidationInfo[Surroundings]) -> str | None:
@@ -247,9 +249,10 @@ class SettleStudyOptions(SettleOptions, StudyKind):
         settled = settle(job.system, self.start, self)
         attractor = identify(settled, ClassifyOptions(self, self.lyapunov))
         motion = motion_of(attractor, settled)
-        section = strobe(job.system, motion.state, motion.period or _POINTS, self.phase)
+        points, periods = (_FEW_POINTS, _FEW_PERIODS) if prefers_lanes(job.system) else (_POINTS, _PERIODS)
+        section = strobe(job.system, motion.state, motion.period or points, self.phase)
         lines = tuple(spectrum(motion, self.signal).peaks(_LINES))
-        found = section.states, rattle(motion), lines, _energy_of(motion)
+        found = section.states, rattle(motion, periods), lines, _energy_of(motion)
         yield job.end(SettleFinding(self, attractor, motion, *found))._replace(news=())
 
     def check_read(self, job: Job) -> None:
