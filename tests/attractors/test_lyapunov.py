@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.attractors.lyapunov import LyapunovOptions, lyapunov, of_multipliers
+from gapwalk.attractors.lyapunov import LyapunovOptions, lyapunov, lyapunov_run, of_multipliers
 from gapwalk.attractors.rattle import quadrature
 from gapwalk.attractors.section import Strobe
 from gapwalk.attractors.settle import settle
@@ -126,3 +126,14 @@ def test_the_exponents_of_what_settle_and_find_orbit_return():
     for wrong in ((system,), (settled, settled.state)):
         with pytest.raises(ModelError, match=r"write lyapunov\(motion\)"):
             gw.analysis.lyapunov(*wrong)
+
+
+def test_chaos_that_is_sure_needs_no_more_periods() -> None:
+    gap = Contact("gap", {"x": 1.0}, (Stage(0.4, 30.0),))
+    load = Harmonic(1.9, {"x": 1.0}, name="load")
+    wild = System(("x",), [[0.1]], [[0.1]], contacts=[gap], harmonics=[load], mean={"x": 0.2}, frequency=0.8)
+    state = settle(wild).state
+    (few, strobes), (many, _) = (lyapunov_run(wild, state, sure=sure) for sure in (5.0, np.inf))
+    assert few.periods < len(strobes) == 256 < many.periods
+    assert few.exponents[0] > 5.0 * few.errors[0]
+    assert abs(few.exponents[0] - many.exponents[0]) < 4.0 * np.hypot(few.errors[0], many.errors[0])
