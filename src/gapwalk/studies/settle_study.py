@@ -14,7 +14,7 @@ from pydantic import AfterValidator, ValidationInfo
 
 from gapwalk.attractors.lyapunov import LyapunovOptions
 from gapwalk.attractors.rattle import ContactLoad, Impulsiveness, Rattle, SideRattle, rattle
-from gapwalk.attractors.section import strobe
+from gapwalk.attractors.section import points_of, strobe
 from gapwalk.attractors.settle import (
     Attractor,
     AttractorKind,
@@ -46,8 +46,7 @@ if TYPE_CHECKING:
 
 _LINES = 40  # of the spectrum
 _SHOWN = 8  # of them in the summary
-_POINTS, _PERIODS = 2000, 256  # of the section of a motion without period, and those of its impacts
-_FEW_POINTS, _FEW_PERIODS = 256, 16  # the same in a train of many parts, of which each takes a hundred times as long
+_PERIODS, _FEW = 256, 16  # of the impacts of a motion without period; in a train of many parts
 
 
 def _is_a_signal(signal: str | None, info: ValidationInfo[Surroundings]) -> str | None:
@@ -249,9 +248,9 @@ class SettleStudyOptions(SettleOptions, StudyKind):
         settled = settle(job.system, self.start, self)
         attractor = identify(settled, ClassifyOptions(self, self.lyapunov))
         motion = motion_of(attractor, settled)
-        points, periods = (_FEW_POINTS, _FEW_PERIODS) if prefers_lanes(job.system) else (_POINTS, _PERIODS)
-        section = strobe(job.system, motion.state, motion.period or points, self.phase)
+        section = strobe(job.system, motion.state, motion.period or points_of(job.system), self.phase)
         lines = tuple(spectrum(motion, self.signal).peaks(_LINES))
+        periods = _FEW if prefers_lanes(job.system) else _PERIODS
         found = section.states, rattle(motion, periods), lines, _energy_of(motion)
         yield job.end(SettleFinding(self, attractor, motion, *found))._replace(news=())
 
