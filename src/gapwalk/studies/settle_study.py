@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 _LINES = 40  # of the spectrum
 _SHOWN = 8  # of them in the summary
-_PERIODS, _FEW = 256, 16  # of the impacts of a motion without period; in a train of many parts
+_FEW = 16  # periods of the impacts of a motion without period in a train of many parts
 
 
 def _is_a_signal(signal: str | None, info: ValidationInfo[Surroundings]) -> str | None:
@@ -250,8 +250,8 @@ class SettleStudyOptions(SettleOptions, StudyKind):
         motion = motion_of(attractor, settled)
         section = strobe(job.system, motion.state, motion.period or points_of(job.system), self.phase)
         lines = tuple(spectrum(motion, self.signal).peaks(_LINES))
-        periods = _FEW if prefers_lanes(job.system) else _PERIODS
-        found = section.states, rattle(motion, periods), lines, _energy_of(motion)
+        loads = rattle(motion, _FEW) if prefers_lanes(job.system) else rattle(motion)
+        found = section.states, loads, lines, _energy_of(motion)
         yield job.end(SettleFinding(self, attractor, motion, *found))._replace(news=())
 
     def check_read(self, job: Job) -> None:
