@@ -205,12 +205,9 @@ def _narrowed(
     """Add motions between two steps where a gap begins or ceases to rattle, until its ends are narrow."""
     line, sign = ParameterLine(system, sweep.parameter), sweep.direction.sign
     edges, least = [motion.value for motion in sweep.lanes], NARROW * (sweep.within[1] - sweep.within[0])
-    lanes = other.lanes if other else ()
+    lanes, places = (other.lanes, _ends(other.lanes, edges[::-1], other, gaps)) if other else ((), [])
     watched = {motion.value: (motion,) for motion in lanes if not motion.period and motion.watched >= LONG}
-    # both sides of each end that the other sweep has found
-    beside = {
-        lanes[k + side].value for k in (_ends(lanes, edges[::-1], other, gaps) if other else ()) for side in (0, 1)
-    }
+    beside = {lanes[k + side].value for k in places for side in (0, 1)}  # of each end that the other sweep has found
     sweep = _watched_on(line, sweep, gaps, watched)
     rough = _ROUGH * abs(edges[-1] - edges[0]) / max(len(edges) - 1, 1)
     while True:
@@ -218,11 +215,9 @@ def _narrowed(
         for place in _ends(motions, edges, sweep, gaps):
             one, two = motions[place : place + 2]
             is_chaotic = not (one.period and two.period)
-            inside, (low, high) = (
-                inside_of(one.value, two.value, max(least, rough * is_chaotic)),
-                sorted((one.value, two.value)),
-            )
-            for value in (inside and [each for each in beside if low < each < high]) or inside:
+            inside = inside_of(one.value, two.value, max(least, rough * is_chaotic))
+            tried = [each for each in beside if min(one.value, two.value) < each < max(one.value, two.value)]
+            for value in (inside and tried) or inside:
                 start = Start((), value, line.system_at(value), one.state, watched.get(value, ()), is_chaotic, LONG)
                 starts.setdefault(is_chaotic, []).append(start)
         if not starts:
