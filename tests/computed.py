@@ -59,7 +59,7 @@ def file_of(study: gw.Study) -> bytes:
 
 
 def opened(content: bytes) -> gw.Result:
-    """What such a file holds."""
+    """Open a result file by its content."""
     with TemporaryDirectory() as folder:
         (path := Path(folder) / "x.gapwalk").write_bytes(content)
         return gw.open_result(path)

@@ -66,9 +66,8 @@ def _is_known(cache: JupyterCacheBase, book: NotebookNode) -> bool:
 def _take_core(cores: list[int]) -> None:
     """Give this thread, which waits for the process of a notebook, and that process one of the cores."""
     core = cores.pop()
-    if (
-        sys.platform == "linux"
-    ):  # processes and threads on all cores would cost more than they gain beside other notebooks
+    # processes and threads on all cores would cost more than they gain beside other notebooks
+    if sys.platform == "linux":
         os.sched_setaffinity(0, {core})
 
 

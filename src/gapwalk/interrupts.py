@@ -15,9 +15,8 @@ _LLVM = os.path.join("llvmlite", "binding")
 def end_gently(number: int, frame: FrameType | None) -> None:
     """Raise KeyboardInterrupt for a signal, but let an import and a call of LLVM end first."""
     while frame is not None:
-        if (name := frame.f_code.co_filename).startswith(
-            "<frozen importlib"
-        ) or _LLVM in name:  # it would free its memory twice
+        name = frame.f_code.co_filename
+        if name.startswith("<frozen importlib") or _LLVM in name:  # it would free its memory twice
             threading.Timer(0.02, signal.raise_signal, (number,)).start()
             return
         frame = frame.f_back
