@@ -68,3 +68,14 @@ html_theme_options = {
     "light_css_variables": {"color-brand-primary": "#0b5c8c", "color-brand-content": "#0b5c8c"},
     "dark_css_variables": {"color-brand-primary": "#7cc4f0", "color-brand-content": "#7cc4f0"},
 }
+
+
+def around(app, page, template, context, doctree):
+    """Show beside a page the part of the contents that is around it: all of them would cost a minute and 8 MB."""
+    if whole := context.get("toctree"):
+        context["toctree"] = lambda **options: whole(**{**options, "collapse": True})
+
+
+def setup(app):
+    """Do so before the theme asks for the contents."""
+    app.connect("html-page-context", around, priority=100)

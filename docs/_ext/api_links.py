@@ -30,7 +30,7 @@ EXTENSIONS = {
 
 def enumerations() -> list[str]:
     """Return the names of the public enumerations, whose pages show their members without docstrings."""
-    return [kind.__name__ for kind in public_types() if issubclass(kind, Enum)]
+    return sorted(kind.__name__ for kind in public_types() if issubclass(kind, Enum))
 
 
 def left_out(kind: type) -> str:

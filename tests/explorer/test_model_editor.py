@@ -22,6 +22,10 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 STARTS = [each["name"] for each in starts()]
 
 
+def example(name: str) -> str:
+    return (EXAMPLES / f"{name}.toml").read_text(encoding="utf-8")
+
+
 def checked(text: str) -> dict:
     return checked_text(text, "model.toml", "")
 
@@ -33,8 +37,6 @@ def test_each_beginning_has_no_errors_and_is_drawn(name) -> None:
     assert found["machine"]
     assert found["plans"]
     assert found["title"]
-    if name != "template":
-        assert start_text(name) == (EXAMPLES / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def changed_by(text: str, number: dict, digits: str) -> dict[str, float]:
@@ -48,9 +50,9 @@ def changed_by(text: str, number: dict, digits: str) -> dict[str, float]:
 
 
 # what a number of a train changes besides itself: its drag torque is taken by the reaction, for example
-@pytest.mark.parametrize("name", [*STARTS, "train", "hysteresis", "clutch"])
+@pytest.mark.parametrize("name", [*STARTS, "train", "hysteresis"])
 def test_a_slider_changes_the_parameter_after_which_it_is_named_and_no_other(name) -> None:
-    text = start_text(name) if name in STARTS else (EXAMPLES / f"{name}.toml").read_text(encoding="utf-8")
+    text = start_text(name) if name in STARTS else example(name)
     numbers = checked(text)["numbers"]
     assert len(numbers) >= 5
     assert len({each["name"] for each in numbers}) == len(numbers)
@@ -62,7 +64,7 @@ def test_a_slider_changes_the_parameter_after_which_it_is_named_and_no_other(nam
 
 
 def test_numbers_with_units_are_named_with_them_and_the_unit_is_no_digit() -> None:
-    text = start_text("idle")
+    text = example("idle")
     numbers = {each["name"]: each for each in checked(text)["numbers"]}
     assert numbers["clutch.damping"]["words"] == "damping of clutch [N m s/rad]"
     assert numbers["mesh.stiffness"]["words"] == "stiffness of mesh [N m/rad]"  # as written, not as in results
@@ -159,7 +161,7 @@ def test_beginnings_have_a_response_without_a_compiled_flow(name, monkeypatch) -
         raise AssertionError("this would take seconds after each change of the structure")
 
     monkeypatch.setattr("gapwalk.flow.flow.Flow.__init__", refuse)
-    first, *points, last = response(Asked(1, start_text(name)))
+    first, *points, last = response(Asked(1, example(name)))
     assert len(points) > 15
     assert set(first) == {"across", "up", "axes", "range"}
     assert isinstance(last["end"], str)
@@ -167,13 +169,13 @@ def test_beginnings_have_a_response_without_a_compiled_flow(name, monkeypatch) -
 
 @pytest.mark.parametrize("name", ["den_hartog", "belt"])
 def test_friction_has_a_response_too(name) -> None:
-    *_, before, last = response(Asked(1, start_text(name)))
+    *_, before, last = response(Asked(1, example(name)))
     assert before["y"] > 0.0
     assert last == {"end": ""}
 
 
 def test_what_has_no_response_is_said() -> None:
-    news = list(answers(Asked(1, start_text("impact_damper"))))
+    news = list(answers(Asked(1, example("impact_damper"))))
     assert 'kind = "response"' in news[-1]["end"]
     assert news[-1]["failed"]
 

@@ -107,15 +107,19 @@ def progress_of(options: Any, title: str = "", *, show: bool = True) -> Progress
 
 
 def _branch_line(options: Any, title: str, show: bool) -> ProgressLine:
-    symbol, count = parameter_symbol(options.parameter), Counter[str]()
+    symbol, count, width, most = parameter_symbol(options.parameter), Counter[str](), abs(options.end - options.begin), 0.0
 
-    def words(point: BranchPoint, special_points: list[SpecialPoint]) -> tuple[str, str, float]:
+    def words(point: BranchPoint, special_points: list[SpecialPoint]) -> tuple[str, _Reached]:
+        nonlocal most
         count["points"] += 1  # or a settled motion
         count["special"] += sum(special.kind is not Kind.GRAZING for special in special_points)
-        reached = f"{symbol} = {point.value:.7g}  {count['points']} points  {count['special']} special"
-        return f"{title} walking".strip(), reached, abs(point.value - options.begin)
+        most = max(most, min(abs(point.value - options.begin) / width, 1.0))
+        reached.place = f"{symbol} = {point.value:.7g}  {count['points']} points  {count['special']} special  "
+        return f"{title} walking".strip(), reached
 
-    return ProgressLine(f"{title} first orbit".strip(), words, total=abs(options.end - options.begin), show=show)
+    line = ProgressLine(f"{title} first orbit".strip(), words, total=1.0, show=show)
+    line.begin, reached = lambda *_: reached.begin(Pace(0, 1, most), lambda: most), _Reached(line, "")
+    return line
 
 
 def _diagram_line(options: StudyKind, title: str, show: bool) -> ProgressLine:
@@ -152,7 +156,7 @@ class _Reached:
 
     def __init__(self, line: ProgressLine, plan: str) -> None:
         self._line, self._plan, self._begun, self._since, self._most = line, plan, time.monotonic(), 0.0, 0.0
-        self._pace, self._within = Pace(0, 0), float
+        self._pace, self._within, self.place = Pace(0, 0), float, ""
 
     def begin(self, pace: Pace, within: Callable[[], float]) -> None:
         """Note what is done before this run, and where the shares of parts in progress are read."""
@@ -170,10 +174,11 @@ class _Reached:
         self._line.complete(self._most)
         left = (pace.left or 0.0) - (0.0 if within else now - self._since)
         if self._most < 0.005:
-            return self._plan
+            return self.place or self._plan
         if pace.done == pace.total:
             return f"{pace.total} of {pace.total}  100 %  the result is put together and checked"
-        told = f"{pace.done} of {pace.total}  {100 * self._most:.0f} %"
+        told = self.place or f"{pace.done} of {pace.total}  "
+        told += f"{100 * self._most:.0f} %"
         return told + f"  about {duration(left)} left" * (left > 0.0 and self._most >= 0.01)
 
 

@@ -11,7 +11,6 @@ import os
 import re
 from collections.abc import AsyncIterator, Iterator, Mapping
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ from gapwalk.model.modes import dissipation_doubts
 from gapwalk.model.problems import ModelFileError, Problem
 from gapwalk.model.problems import Path as Place
 from gapwalk.model.system import System
-from gapwalk.studies.machine_templates import template
+from gapwalk.studies.machine_templates import machine_text, machines, template
 from gapwalk.studies.study_file import check_studies
 
 MOST_LETTERS = 50_000
@@ -34,8 +33,6 @@ MOST_LETTERS = 50_000
 
 _MATRICES = ("mass", "damping", "stiffness")
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
-_GALLERY = files("gapwalk.explorer") / "gallery"  # links to files of `examples`, the simplest first
-_NAMES = ("stop", "gear", "drivetrain", "idle", "mesh", "den_hartog", "belt", "impact_damper", "rub", "bearing")
 _TEMPLATE = "template"
 _UNIT = re.compile(r" \[[^\]]*\]$")
 _STAGE = re.compile(r"(.+)\.stage(\d+)\.\w+")
@@ -153,17 +150,12 @@ def _checked_size(text: str) -> str:
 def starts() -> list[dict[str, Any]]:
     """Return what a new model can begin with: its key, its title, a sentence, and its drawing."""
     words = {"title": "Template", "text": "the two-stage clutch, with a comment on every key"}
-    return [{"name": name, **_about(name), **(words if name == _TEMPLATE else {})} for name in (_TEMPLATE, *_NAMES)]
+    return [{"name": name, **_about(name), **(words if name == _TEMPLATE else {})} for name in (_TEMPLATE, *machines())]
 
 
 def start_text(name: str) -> str:
     """Return the text of a model to begin with."""
-    if name == _TEMPLATE:
-        return template()
-    if name not in _NAMES:
-        known = ", ".join((_TEMPLATE, *_NAMES))
-        raise ModelError(f"there is no model {name[:40]!r} to begin with; there are {known}")
-    return (_GALLERY / f"{name}{MODEL}").read_text(encoding="utf-8")
+    return template() if name == _TEMPLATE else machine_text(name[:40])
 
 
 @cache

@@ -34,7 +34,7 @@ class Pace:
     #: done, total: Parts of the job that are done, and all of them.
     done: int
     total: int
-    before: int = 0  #: Parts that an earlier run had done; `done` includes them.
+    before: float = 0  #: Parts that an earlier run had done; `done` includes them.
     seconds: float = 0.0  #: Time since this run began.
     within: float = 0.0  #: Sum of the shares that are done of the parts in progress.
 

@@ -31,6 +31,7 @@ export class Editor {
     click("edit-close", () => this.close());
     $("edit-name").addEventListener("input", () => { this.conflict = ""; this.tell(); });
     $("editor").addEventListener("keydown", (event) => {
+      if (event.key === "Escape" && !$("edit-starts").hidden) return this.back();
       if (!(event.ctrlKey || event.metaKey) || !["s", "Enter"].includes(event.key)) return;
       event.preventDefault();
       $(event.key === "s" ? "edit-save" : "edit-run").click();
@@ -83,10 +84,22 @@ export class Editor {
     this.text.field.focus();
   }
 
-  take(text, name, stamp, kept = text) {
-    this.drafts.delete(name);
+  /** Go back to where a new model was asked for: the text, or the results. */
+  back() {
+    if (!this.name) return this.close();
+    this.drafts.delete(this.name);
+    this.endChoice();
+    this.text.field.focus();
+  }
+
+  endChoice() {
     $("edit-starts").hidden = true;
     $("editor").classList.remove("choosing");
+  }
+
+  take(text, name, stamp, kept = text) {
+    this.drafts.delete(name);
+    this.endChoice();
     [this.name, this.stamp, this.kept, this.conflict, this.found] = [name, stamp, kept, "", null];
     $("edit-name").value = name;
     this.sliders.show([]);
