@@ -264,4 +264,4 @@ def test_the_server_answers_the_editor(client, session, model) -> None:
     assert refused.status_code == 400
     assert "starts, start, open, save and check" in refused.json()["error"]
     assert client.post("/api/edit/save", json={"file": "../x.toml", "text": "a = 1"}).status_code == 400
-    assert "no model 'x' to begin with" in client.post("/api/edit/start", json={"start": "x"}).json()["error"]
+    assert "no machine 'x' to begin with" in client.post("/api/edit/start", json={"start": "x"}).json()["error"]
