@@ -195,6 +195,17 @@ def test_a_time_left_that_has_passed_is_not_told_any_more(monkeypatch) -> None:
     assert str(reached) == "3 of 9  33 %"
 
 
+def test_a_walk_tells_its_share_and_the_time_left(monkeypatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr("gapwalk.cli.progress.time", SimpleNamespace(monotonic=lambda: now[0]))
+    line = progress_of(SimpleNamespace(reports="points", parameter="frequency", begin=2.0, end=1.0), show=False)
+    line.begin(Pace(0, 1), float)
+    now[0] = 3.0
+    for value in (1.75, 1.9):
+        _, reached = line._words(SimpleNamespace(value=value), [])
+    assert str(reached) == "Ω = 1.9  0 special  25 %  about 9 s left"
+
+
 @pytest.mark.slow
 def test_a_cluster_does_the_work(tmp_path, monkeypatch, capsys) -> None:
     distributed = pytest.importorskip("distributed", reason="needs the extra gapwalk[cluster]")

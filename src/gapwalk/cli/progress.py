@@ -107,14 +107,13 @@ def progress_of(options: Any, title: str = "", *, show: bool = True) -> Progress
 
 
 def _branch_line(options: Any, title: str, show: bool) -> ProgressLine:
-    symbol, count, width, most = parameter_symbol(options.parameter), Counter[str](), abs(options.end - options.begin), 0.0
+    symbol, special, most = parameter_symbol(options.parameter), 0, 0.0
 
     def words(point: BranchPoint, special_points: list[SpecialPoint]) -> tuple[str, _Reached]:
-        nonlocal most
-        count["points"] += 1  # or a settled motion
-        count["special"] += sum(special.kind is not Kind.GRAZING for special in special_points)
-        most = max(most, min(abs(point.value - options.begin) / width, 1.0))
-        reached.place = f"{symbol} = {point.value:.7g}  {count['points']} points  {count['special']} special  "
+        nonlocal most, special
+        special += sum(each.kind is not Kind.GRAZING for each in special_points)
+        most = max(most, min((point.value - options.begin) / (options.end - options.begin), 1.0))
+        reached.place = f"{symbol} = {point.value:.7g}  {special} special  "
         return f"{title} walking".strip(), reached
 
     line = ProgressLine(f"{title} first orbit".strip(), words, total=1.0, show=show)
@@ -179,7 +178,7 @@ class _Reached:
             return f"{pace.total} of {pace.total}  100 %  the result is put together and checked"
         told = self.place or f"{pace.done} of {pace.total}  "
         told += f"{100 * self._most:.0f} %"
-        return told + f"  about {duration(left)} left" * (left > 0.0 and self._most >= 0.01)
+        return told + f"  about {duration(left)} left" * (left >= 0.5 and self._most >= 0.01)
 
 
 def _job_line(options: StudyKind, title: str, show: bool) -> ProgressLine:
