@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import brentq, fsolve
 
 from gapwalk.bifurcation import Kind, follow
+from gapwalk.bifurcation.special_point import in_runs, words_of
 from gapwalk.continuation import EndReason, WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
@@ -40,6 +41,13 @@ def test_special_points_that_two_other_codes_agree_on(figure):
         assert special.orbit.measure("half.q1") == pytest.approx(expected["half"], abs=exact)
         assert special.orbit.measure("max.q1") == pytest.approx(expected["max"], abs=exact)
         assert special.uncertainty < 1e-10
+
+
+def test_many_grazes_after_each_other_are_one_line():
+    graze, fold = (paper_response("13").special(kind)[0] for kind in ("grazing", "fold"))
+    run, *others = in_runs((*[graze] * 30, fold, graze))
+    assert (len(run), *map(len, others)) == (30, 1, 1)
+    assert [words_of(run)[each] for each in ("kind", "±", "contact")] == ["30 grazing", "", "stage2"]
 
 
 @keeps("12", "13", "15")

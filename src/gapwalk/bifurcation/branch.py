@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.band import Band, band_rows, graze_words
-from gapwalk.bifurcation.special_point import Kind, SpecialPoint, at_once, words_of
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint, in_runs, words_of
 from gapwalk.continuation.curve import Curve, Measured
 from gapwalk.continuation.curve_points import BranchPoint, motion_row, point_row
 from gapwalk.continuation.walk import End, EndReason
@@ -182,7 +182,7 @@ class Branch(Curve, Measured):
             yield f"  {symbol} = {end.value:.10g}: {end.reason_words}"
         yield from graze_words(self.bands, self.parameter, self.system)
         if points and self.special_points:
-            rows = [words_of(group) for group in at_once(self.special_points)]
+            rows = [words_of(group) for group in in_runs(self.special_points)]
             yield Table(list(rows[0]), [list(row.values()) for row in rows])
 
     @property

@@ -10,7 +10,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, cast
 
 import numpy as np
@@ -24,6 +24,7 @@ from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.equations import magnitude
 from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.model.registry import Registry
+from gapwalk.model.words import told_apart
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability, change_words
 from gapwalk.orbit.orbit import Orbit, switch_named
@@ -850,6 +851,7 @@ def register(kind: Kind) -> Kind:
 REACH = 0.01
 """Amplitude, as a share of the motion, up to which the period-doubled branch at a flip is examined."""
 _ONE_PLACE = 1e-7  # arclength within which points of two contacts or directions may be one event
+_MANY = 20  # points of a kind after each other that are told in one line
 _ROUNDED = 1e-12  # relative rounding of their parameter
 _TIMES = {1: "", 2: "double ", 3: "triple "}
 _WHOLE = 0.5  # share of that amplitude from which a criticality counts as valid over all of it
@@ -1094,8 +1096,23 @@ def is_one_place(other: SpecialPoint, special: SpecialPoint) -> bool:
     return alike and abs(other.point.arclength - special.point.arclength) < _ONE_PLACE
 
 
+def in_runs(special: Sequence[SpecialPoint]) -> list[tuple[SpecialPoint, ...]]:
+    """Return special points in groups for readers: as `at_once`, and many grazes after each other are one."""
+    groups: list[tuple[SpecialPoint, ...]] = []
+    for kind, run in groupby(at_once(special), lambda group: group[0].kind):
+        alike = list(run)
+        groups += [sum(alike, ())] if len(alike) >= _MANY and not kind.by_multipliers else alike
+    return groups
+
+
 def words_of(group: Sequence[SpecialPoint]) -> dict[str, str]:
-    """Return one row of a table for readers for special points at one place, with all their contacts."""
+    """Return one row of a table for readers for special points at one place, or of a run, with all their contacts."""
+    if len(group) >= _MANY:
+        values = [each.value for each in group]
+        shown = {"at": " to ".join(told_apart(min(values), max(values)))}
+        shown["contact"] = ", ".join(dict.fromkeys(each.contact.partition(" ")[0] for each in group))
+        shown |= {"kind": f"{len(group)} {group[0].kind}", "stability": change_words(group[0].before, group[-1].after)}
+        return dict.fromkeys(group[0].words, "") | shown
     contacts = ", ".join(dict.fromkeys(each.contact for each in group if each.contact))
     count = {"kind": f"{len(group)} {group[0].kind_words}"} if group[1:] else {}
     return group[0].words | count | {"stability": change_words(group[0].before, group[-1].after), "contact": contacts}

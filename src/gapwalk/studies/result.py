@@ -17,7 +17,7 @@ from gapwalk.bifurcation.band import band_rows, graze_words
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram, Origin
 from gapwalk.bifurcation.isolated import SearchResult, coverage
-from gapwalk.bifurcation.special_point import at_once, words_of
+from gapwalk.bifurcation.special_point import in_runs, words_of
 from gapwalk.continuation.curve_points import motion_row, point_row
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.errors import StoreError
@@ -212,12 +212,13 @@ class Result(Shown):
         headings += ["unstable" if diagram else "stability", "criticality or contact"]
         rows, groups = [], []
         for name, branch in self.named:
-            for group in at_once(branch.special_points):
+            for group in in_runs(branch.special_points):
                 special, words = group[0], words_of(group)
                 index = branch.special_points.index(special)
                 counts = dict.fromkeys(str(side.total) for side in (special.before, group[-1].after))
                 row = [
-                    *(words["kind"], words["at"], words["±"], f"{special.point.measure(measure):#.8g}"),
+                    *(words["kind"], words["at"], words["±"]),
+                    f"{special.point.measure(measure):#.8g}" if words["±"] or not group[1:] else "",
                     words["multiplier"],
                     " → ".join(counts) if diagram else words["stability"],  # that of a diagram is wide enough as it is
                     ": ".join(filter(None, (words["contact"], words["criticality"].removesuffix(" values")))),
