@@ -306,7 +306,8 @@ class ContactBase(LawTable, Element):
             raise ValueError(f"is refused: {reason}") from None
         for each in made:
             if each.name != self.name and each.name in names.taken:
-                raise ValueError(f"makes {given(each.name)} beside its springs, but that name is taken; choose another")
+                why = f"adds the contact {given(each.name)}, its friction or its rigid stop"
+                raise ValueError(f"{why}, but that name is taken; choose another")
             names.taken.add(each.name)
         names.elements.setdefault("contact", []).append(made)
 

@@ -262,8 +262,8 @@ class BranchOptions(RangeStudy):
     start: StartOrState = Start.SETTLE
     walk: WalkOptions = field(default_factory=WalkOptions)  #: Numerical options of the walk.
     #: Method for its orbits, with its options: `Shooting`, `Balance`, or another `gapwalk.orbit.method.Method`. A table
-    #: names it by ``method``; the options of the first two are in tables of these names, and both may be given, so that
-    #: one word changes the method.
+    #: names it by ``method``. The options of the first two are in tables of their names; a file may have both tables
+    #: and change ``method`` alone.
     method: Method = field(default_factory=Shooting)
     #: True to verify the complete result by other means; see `gapwalk.verify`.
     verify: bool = field(default=False, compare=False)  # it changes nothing of what is found

@@ -228,7 +228,7 @@ def _term(product: tuple[Any, ...], factor: float) -> Term:
     (stage,) = [symbol[1] for symbol in product if symbol[0] == _CLOSED]
     of_stages = [symbol for symbol in product if symbol[0] in (_DEPTH, _STAGE_NUMBER)]
     if any(symbol[1] != stage for symbol in of_stages):
-        raise ValueError("a term of one stage depends on another one")
+        raise ValueError("a term of the force depends on two stages; write the force as a sum over its stages")
     return Term(
         factor,
         tuple(symbol[1] for symbol in product if symbol[0] == _NUMBER),
