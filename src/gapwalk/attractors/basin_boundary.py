@@ -199,8 +199,8 @@ def _check_backwards(found: Manifold, periods: int) -> None:
             after = strobe.arc(state, periods).state
             if float(_distances(after, side).min()) > 2.0 * found.accuracy:
                 raise ModelError(
-                    "the motions cannot be followed backwards: a force depends on a rate, or a load is no harmonic; "
-                    "the unstable manifold, or that of a system without them, can be computed"
+                    "the motions cannot be followed backwards: a force depends on a rate, or a load is not a harmonic; "
+                    "ask for the unstable manifold, or take that force or load out of the model"
                 )
 
 

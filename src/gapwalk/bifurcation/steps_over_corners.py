@@ -843,7 +843,7 @@ class _Section:
         along = self._carried(point, self._equation.knots[:-1], self._posed.knots[:-1])
         found = self.corrector.point_near(x, along, point.arclength, within=_SAME * max(1.0, length_of(x)))
         if found is None:
-            raise ConvergenceError("the orbit is not found with the other section")
+            raise ConvergenceError("the orbit is not found again from another angle of the excitation")
         return found
 
     def _left(self, point: BranchPoint) -> BranchPoint:

@@ -239,8 +239,8 @@ def _check_reversible(system: System) -> None:
     unit = system.state_scales()
     if np.abs((back - start) / unit).max() > _BACK * max(np.abs(start / unit).max(), np.abs(there / unit).max()):
         raise ModelError(
-            "the motions of this system without damping and excitation do not run backwards: a force depends on rates, "
-            "or a number varies over the angle; take it out of the model, such as a formula with v"
+            "the motions of this system without damping and excitation do not run backwards: a force depends on rates "
+            "(such as a formula with v), or a number varies over the angle; take that out of the model"
         )
 
 

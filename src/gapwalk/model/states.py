@@ -54,7 +54,7 @@ class State:
     #: The deflection by coordinate name, or several of them by their names in the formulas. Without one, the formulas
     #: name coordinates: ``"(q1 - z)*k/c"``.
     deflection: Mapping[str, Any] | None = field(default=None, hash=False)
-    force: str = ""  #: The formula of its force; without one, forces of their own depend on the state by its name.
+    force: str = ""  #: The formula of its force; without one, it has none, but formulas of other forces may name it.
     #: The vector along which the force acts, on the left-hand side of the equations; by default the deflection.
     acts_on: Mapping[str, float] | None = field(default=None, hash=False)
     numbers: Mapping[str, float] = field(default_factory=dict, hash=False)  #: The parameters of both formulas by name.
