@@ -117,9 +117,7 @@ def stick(page: Page) -> None:
 
 def follow(page: Page) -> None:
     """Show the locus of a flip over frequency and excitation, with the points at which it meets other curves."""
-    page.focus("#diagram")
-    page.keyboard.press("ArrowDown")  # from the doubled branch to the first one
-    choose_special(page, "flip", 6)
+    choose_special(page, "flip", 6)  # of the first branch, which is chosen already
     page.select_option("#locus-parameter", "harmonic1.amplitude")
     page.fill("#locus-low", "0.05")
     page.fill("#locus-high", "0.6")
@@ -140,7 +138,7 @@ def answer(page: Page) -> None:
 def turn(page: Page) -> None:
     """Show what moves a flip of the first branch."""
     page.focus("#diagram")
-    page.keyboard.press("ArrowDown")
+    page.keyboard.press("ArrowDown")  # from the doubled branch to the first one
     choose_special(page, "flip")
     until(page, "Boolean(gapwalk.motion.details)")
     page.evaluate("gapwalk.movers.open()")

@@ -154,8 +154,9 @@ class _Reached:
     """
 
     def __init__(self, line: ProgressLine, plan: str) -> None:
-        self._line, self._plan, self._begun, self._since, self._most = line, plan, time.monotonic(), 0.0, 0.0
-        self._pace, self._within, self.place = Pace(0, 0), float, ""
+        self._line, self._plan, self._begun, self._pace, self._within = line, plan, time.monotonic(), Pace(0, 0), float
+        self._most = self._since = self._left = 0.0
+        self.place = ""
 
     def begin(self, pace: Pace, within: Callable[[], float]) -> None:
         """Note what is done before this run, and where the shares of parts in progress are read."""
@@ -164,14 +165,15 @@ class _Reached:
 
     def note(self, pace: Pace) -> None:
         """Note the progress after a part."""
-        self._pace, self._since = pace, time.monotonic()
+        self._pace = pace
 
     def __str__(self) -> str:
         now, within = time.monotonic(), self._within()
         pace = replace(self._pace, within=within, seconds=now - self._begun) if within else self._pace
-        self._most = max(self._most, pace.share)
+        if pace.share > self._most:  # while nothing more is done, the time that was expected passes
+            self._most, self._since, self._left = pace.share, now, pace.left or 0.0
         self._line.complete(self._most)
-        left = (pace.left or 0.0) - (0.0 if within else now - self._since)
+        left = self._left - (now - self._since)
         if self._most < 0.005:
             return self.place or self._plan
         if pace.done == pace.total:
