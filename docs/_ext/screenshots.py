@@ -117,7 +117,9 @@ def stick(page: Page) -> None:
 
 def follow(page: Page) -> None:
     """Show the locus of a flip over frequency and excitation, with the points at which it meets other curves."""
-    choose_special(page, "flip", 6)  # of the first branch, which is chosen already
+    page.focus("#diagram")
+    page.keyboard.press("ArrowDown")  # from the doubled branch to the first one
+    choose_special(page, "flip", 6)
     page.select_option("#locus-parameter", "harmonic1.amplitude")
     page.fill("#locus-low", "0.05")
     page.fill("#locus-high", "0.6")
@@ -136,9 +138,7 @@ def answer(page: Page) -> None:
 
 
 def turn(page: Page) -> None:
-    """Show what moves a flip of the first branch."""
-    page.focus("#diagram")
-    page.keyboard.press("ArrowDown")  # from the doubled branch to the first one
+    """Show what moves a flip of the first branch, which is chosen already."""
     choose_special(page, "flip")
     until(page, "Boolean(gapwalk.motion.details)")
     page.evaluate("gapwalk.movers.open()")
@@ -216,8 +216,8 @@ SCENES = (
     ),
     Scene("clutch.toml", tabulate, (Shot("table", "Diagram"),)),
     Scene("clutch.toml", untabulate, ()),
-    Scene("clutch.toml", turn, (Shot("movers", "What moves it most"),)),
     Scene("clutch.toml", follow, (Shot("locus", "Diagram"),)),
+    Scene("clutch.toml", turn, (Shot("movers", "What moves it most"),)),
     Scene("settle.toml", settle, (Shot("spectrum", "Spectrum"), Shot("section", "Section"))),
     Scene("settle.toml", turn_torus, (Shot("torus", "In three dimensions"),)),
     Scene("family.toml", deepen, (Shot("depth", "Diagram"),)),
