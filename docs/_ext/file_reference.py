@@ -200,7 +200,7 @@ def _bound(marks: list[Any]) -> str:
         for name, sign in _SIGNS.items():
             value = getattr(mark, name, None)
             if value is not None and isinstance(mark, annotated_types.BaseMetadata):
-                found.append(f"{sign} {value:g}")
+                found.append(f"{sign} {value:,}" if isinstance(value, int) else f"{sign} {value:g}")
         if isinstance(mark, annotated_types.MinLen) and mark.min_length > 0:
             found.append(f"{mark.min_length} or more")
     return ", ".join(dict.fromkeys(found))

@@ -217,7 +217,7 @@ class RattleBands(Shown):
         for band in self.bands:
             for name, end in (("from", band.low), ("to", band.high)):
                 movers = ", ".join(f"{each.name} {each.share:+.2f}" for each in end.movers[:_SHOWN])
-                error = f"{end.error:.0e}" if end.error else ""
+                error = f"{end.error:{'.0e' if end.error < 1.0 else '.3g'}}" if end.error else ""
                 what = ", ".join(band.states) if name == "from" else ""
                 head = (band.gap, band.met) if name == "from" else ("", "")
                 rows.append((*head, name, f"{end.value:.8g}", error, end.kind, movers, what))
