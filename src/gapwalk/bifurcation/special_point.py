@@ -851,7 +851,7 @@ def register(kind: Kind) -> Kind:
 REACH = 0.01
 """Amplitude, as a share of the motion, up to which the period-doubled branch at a flip is examined."""
 _ONE_PLACE = 1e-7  # arclength within which points of two contacts or directions may be one event
-_MANY = 20  # points of a kind after each other that are told in one line
+_MANY = 20  # points of a kind after each other that are one line for readers
 _ROUNDED = 1e-12  # relative rounding of their parameter
 _TIMES = {1: "", 2: "double ", 3: "triple "}
 _WHOLE = 0.5  # share of that amplitude from which a criticality counts as valid over all of it
