@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import gapwalk as gw
 from gapwalk.notebook import Shown
 from gapwalk.studies.export import table_of
-from gapwalk.summary import rows_of
+from gapwalk.summary import SummaryText, rows_of
 from tests.computed import paper_response
 from tests.systems import clutch
 
@@ -34,6 +34,11 @@ class Ramp(Shown):
 
 MARKS = (Mark("a", 1 + 2j), Mark("", complex("nan")))
 RAMP = Ramp("up", np.array([0.0, 1.0]), np.array([2.0, np.inf]), MARKS, np.array([7]))
+
+
+def test_a_summary_in_a_notebook_is_one_text(monkeypatch) -> None:
+    monkeypatch.setattr("rich.console._is_jupyter", lambda: True)
+    assert str(SummaryText(("one", "two"))) == "one\ntwo"
 
 
 def test_tables_follow_the_fields() -> None:

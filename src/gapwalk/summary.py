@@ -246,7 +246,9 @@ def text_of(summary: SummaryParts) -> str:
     from rich.console import Console
 
     stream = StringIO()
-    render(summary, Console(file=stream, markup=False, emoji=False, highlight=False, width=_WIDTH, color_system=None))
+    screen = Console(file=stream, markup=False, emoji=False, highlight=False, width=_WIDTH, color_system=None)
+    screen.is_jupyter = False  # a notebook would display each line too
+    render(summary, screen)
     return "\n".join(line.rstrip() for line in stream.getvalue().rstrip().split("\n"))
 
 

@@ -154,9 +154,8 @@ class _Reached:
     """
 
     def __init__(self, line: ProgressLine, plan: str) -> None:
-        self._line, self._plan, self._begun, self._pace, self._within = line, plan, time.monotonic(), Pace(0, 0), float
-        self._most = self._since = self._left = 0.0
-        self.place = ""
+        self._line, self._plan, self._pace, self._within, self.place = line, plan, Pace(0, 0), float, ""
+        self._begun = self._most = self._since = self._left = 0.0
 
     def begin(self, pace: Pace, within: Callable[[], float]) -> None:
         """Note what is done before this run, and where the shares of parts in progress are read."""
@@ -178,8 +177,7 @@ class _Reached:
             return self.place or self._plan
         if pace.done == pace.total:
             return f"{pace.total} of {pace.total}  100 %  the result is put together and checked"
-        told = self.place or f"{pace.done} of {pace.total}  "
-        told += f"{100 * self._most:.0f} %"
+        told = f"{self.place or f'{pace.done} of {pace.total}  '}{100 * self._most:.0f} %"
         return told + f"  about {duration(left)} left" * (left >= 0.5 and self._most >= 0.01)
 
 
