@@ -46,7 +46,7 @@ def go_to(page: Page, name: str) -> None:
 
 def test_from_nothing_to_a_growing_diagram_by_keyboard_alone(page, folder) -> None:
     assert focused(page) == "template"
-    go_to(page, "gear")
+    go_to(page, "clutch")
     page.keyboard.press("Enter")
     until(page, "document.activeElement === document.querySelector('#edit-text textarea')")
     until(page, WALKED)
@@ -54,7 +54,7 @@ def test_from_nothing_to_a_growing_diagram_by_keyboard_alone(page, folder) -> No
     assert page.locator("#edit-machine svg").count() == 1
     assert list(folder.iterdir()) == []  # nothing is written before it is saved
     page.keyboard.press("Control+Home")
-    page.keyboard.type("# My own gears\n")
+    page.keyboard.type("# My own clutch\n")
     page.keyboard.press("Shift+Tab")
     go_to(page, "edit-name")
     page.keyboard.press("Control+a")
@@ -62,8 +62,8 @@ def test_from_nothing_to_a_growing_diagram_by_keyboard_alone(page, folder) -> No
     page.keyboard.press("Control+Enter")
     until(page, "gapwalk.page.results?.[0]?.state === 'done' && gapwalk.curves.all.size === 1")
     assert page.locator("#editor").is_hidden()
-    assert (folder / "mine.toml").read_text(encoding="utf-8").startswith("# My own gears\n# A pair of spur gears")
-    assert page.inner_text("#title") == "Gear pair with backlash"
+    assert (folder / "mine.toml").read_text(encoding="utf-8").startswith("# My own clutch\n# Figure 13 of")
+    assert page.inner_text("#title") == "Two-stage clutch, moderate mean load"
     assert page.input_value("#file") == "mine.toml"
 
 
