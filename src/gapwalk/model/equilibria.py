@@ -501,8 +501,9 @@ def find_equilibria(system: System) -> Rest:
     """Find the static equilibria of a system under its mean load, without its excitation.
 
     Where no spring ever softens and forces follow from an energy, the equilibrium is that of least energy, found by
-    Newton's method. Otherwise there may be several: each combination of closed stages is tried; of too many, those to
-    which one leads after another. With cubic terms that soften, further ones may lie within one combination.
+    Newton's method. Otherwise there may be several: each combination of closed stages is tried. If there are too many,
+    the search goes from one combination to those to which it leads. With cubic terms that soften, further ones may lie
+    within one combination.
 
     Of forces by formulas (and by other laws that are no polynomials) there may be any number of equilibria. If there is
     one coordinate, and all forces are polynomials, they are all real roots; otherwise those nearest to zero that a
