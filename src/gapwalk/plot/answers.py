@@ -380,7 +380,7 @@ def _write_notes(ax: Axes, series: Sequence[Series], shade: Shade | None) -> Non
         for note, x, y in zip(each.notes, np.asarray(each.x), np.asarray(each.y), strict=bool(each.notes)):
             place: Any = {"xytext": (4.0, 4.0)}
             if shade is not None:
-                is_up = (shade.low >= y) is not bool(ax.yaxis_inverted())  # of matplotlib, it may be NumPy's
+                is_up = bool(shade.low + shade.high > 2.0 * y) is not bool(ax.yaxis_inverted())
                 shift, side = (9.0, "bottom") if is_up else (-9.0, "top")
                 place = {"xytext": (0.0, shift), "ha": "center", "va": side}
             color = _look(each.look)[0]
