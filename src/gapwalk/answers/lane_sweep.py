@@ -42,7 +42,9 @@ _PART = 10  # steps of a part, at most
 _STEPS = 5  # steps of each part in one piece of work, at least
 _AT_ONCE = WIDTH // 2  # parts in a register, each in both directions
 _BETWEEN = WIDTH - 1  # values between two steps
-_FINER_ENDS = 3.0  # factor on the steps there: with half of that an end of train A was .1 rpm off
+_FINER_ENDS = (
+    3.0  # factor on the steps there: with half of that an end of train A was .1 rpm off, with 1 a band too many
+)
 _FEW = 4  # changes of a gap, from either end of a sweep, that are narrowed down
 _FLIES, _SWINGS = 0.02, (0.02, 0.1)  # rates of random starts, of the speed: of loose parts, and behind a spring
 _APART = 40  # random starts are at every fortieth of the range
@@ -211,20 +213,19 @@ def _narrowed(
     sweep = _watched_on(line, sweep, gaps, watched)
     rough = _ROUGH * abs(edges[-1] - edges[0]) / max(len(edges) - 1, 1)
     while True:
-        motions, starts = list(sweep.lanes), dict[bool, list[Start]]()
+        motions, starts = list(sweep.lanes), list[Start]()
         for place in _ends(motions, edges, sweep, gaps):
             one, two = motions[place : place + 2]
             is_chaotic = not (one.period and two.period)
             inside = inside_of(one.value, two.value, max(least, rough * is_chaotic))
             tried = [each for each in beside if min(one.value, two.value) < each < max(one.value, two.value)]
-            for value in (inside and tried) or inside:
-                start = Start((), value, line.system_at(value), one.state, watched.get(value, ()), is_chaotic, LONG)
-                starts.setdefault(is_chaotic, []).append(start)
+            starts += [
+                Start((), value, line.system_at(value), one.state, watched.get(value, ()), is_chaotic, LONG)
+                for value in (inside and tried) or inside
+            ]
         if not starts:
             return sweep
-        for is_chaotic, own in starts.items():
-            finer = 1.0 if is_chaotic else _FINER_ENDS
-            motions += [motion for _, motion in settle_lanes(own, width=2 * WIDTH, finer=finer)]
+        motions += [motion for _, motion in settle_lanes(starts, width=2 * WIDTH, finer=_FINER_ENDS)]
         sweep = replace(sweep, lanes=tuple(sorted(motions, key=lambda motion: sign * motion.value)))
 
 

@@ -246,17 +246,16 @@ def _refined(
     tolerance: float,
 ) -> tuple[NDArray[np.complex128], float]:
     """Double the sampling until aliasing is small; return the lines of a signal and a bound on the aliasing."""
-    samples, coarse = _FIRST, None
+    samples = 2 * _FIRST
     while True:
         motion = sampled(samples)
-        values = motion.signal(signal)[:-1]
-        lines = _lines(values, motion.impulses(signal), length, window)
-        if coarse is not None:
-            folding = float(np.abs(lines[: len(coarse)] - coarse).max())
-            largest = float(np.abs(lines).max())
-            if folding <= tolerance * largest or samples >= _FINEST or len(values) > 1 << 21:
-                return lines, folding
-        samples, coarse = 2 * samples, lines
+        values, impulses = motion.signal(signal)[:-1], motion.impulses(signal)
+        coarse, lines = (_lines(each, impulses, length, window) for each in (values[::2], values))
+        folding = float(np.abs(lines[: len(coarse)] - coarse).max())
+        largest = float(np.abs(lines).max())
+        if folding <= tolerance * largest or samples >= _FINEST or len(values) > 1 << 21:
+            return lines, folding
+        samples *= 2
 
 
 def _lines(
