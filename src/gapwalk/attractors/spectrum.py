@@ -12,6 +12,7 @@ import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import lru_cache
 from math import lcm
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -218,11 +219,14 @@ def spectrum(motion: Orbit | Settled, signal: str, options: SpectrumOptions | No
     >>> gw.analysis.spectrum(impacting, "x''").amplitudes[1:4].round(4)
     array([1.5755, 0.885 , 0.7284])
     """
+    return _spectrum(motion.system, motion.state.tobytes(), motion.period or 0, signal, options or SpectrumOptions())
+
+
+@lru_cache(maxsize=8)  # the study of a motion and its picture ask for the same
+def _spectrum(system: System, content: bytes, period: int, signal: str, options: SpectrumOptions) -> Spectrum:
     from scipy.signal import get_window  # imported late: it takes long
 
-    options = options or SpectrumOptions()
-    system, state, period = motion.system, motion.state, motion.period or 0
-    length = period or options.periods
+    state, length = np.frombuffer(content), period or options.periods
 
     def sampled(samples: int) -> Motion:
         return integrate(system, state, length, samples)
