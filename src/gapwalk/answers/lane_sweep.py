@@ -41,8 +41,7 @@ from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 
-NARROW = 5e-5
-"""Width to which the ends of bands are narrowed down, as a share of the range."""
+_NARROW = 5e-5  # width to which the ends of bands are narrowed down, as a share of the range
 _ROUGH = 0.13  # the same beside chaos, as a share of a step: its life there is the longer, the nearer it is to its end
 _PART = 10  # steps of a part, at most
 _STEPS = 5  # steps of each part in one piece of work, at least
@@ -215,7 +214,7 @@ def _narrowed(
 ) -> SettledSweep:
     """Add motions between two steps where a gap begins or ceases to rattle, until its ends are narrow."""
     line, sign = ParameterLine(system, sweep.parameter), sweep.direction.sign
-    edges, least = [motion.value for motion in sweep.lanes], NARROW * (sweep.within[1] - sweep.within[0])
+    edges, least = [motion.value for motion in sweep.lanes], _NARROW * (sweep.within[1] - sweep.within[0])
     lanes, places = (other.lanes, _ends(other.lanes, edges[::-1], other, gaps)) if other else ((), {})
     watched = {motion.value: (motion,) for motion in lanes if not motion.period and motion.watched >= LONG}
     beside = {lanes[k + side].value for k in places for side in (0, 1)}  # of each end that the other sweep has found
