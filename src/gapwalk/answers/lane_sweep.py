@@ -47,9 +47,7 @@ _PART = 10  # steps of a part, at most
 _STEPS = 5  # steps of each part in one piece of work, at least
 _AT_ONCE = WIDTH // 2  # parts in a register, each in both directions
 _BETWEEN = WIDTH - 1  # values between two steps
-_FINER_ENDS = (
-    3.0  # factor on the steps there: with half of that an end of train A was .1 rpm off, with 1 a band too many
-)
+_FINER_ENDS = 3.0  # factor on the steps there: with half of that an end is .1 rpm off, without it a band too many
 _NARROWED, _BESIDE = 0.15, 0.05  # shares of a step: width from which an end is located, how far it may be beside it
 _SAME = 0.05  # distance of an orbit from the motion that was settled, of its ranges, up to which it is that motion
 _TOUCHES, _ONCE = 3, 1e-6  # touches of a gap that are tried; how far others may be, of the largest depth
