@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.answers.gap_states import OTHER, Direction, SettledSweep, seldom, spans_of
+from gapwalk.answers.gap_states import OTHER, Direction, SettledSweep, innermost, seldom, spans_of
+from gapwalk.answers.held_flank import grazing_near
 from gapwalk.answers.lane_sweep import (
     Piece,
     is_many,
@@ -55,7 +56,25 @@ def test_ends_of_bands_are_those_of_exact_curves(gap: str) -> None:
     assert is_many(SMALL, ("mesh", "idle"))
     assert not is_many(SMALL, ("mesh",))
     for met in ("rising", "falling"):
-        assert ends_of(by_steps(), gap, met) == pytest.approx([RANGE[0], ENDS[gap]], abs=1e-4 * (RANGE[1] - RANGE[0]))
+        assert ends_of(by_steps(), gap, met) == pytest.approx([RANGE[0], ENDS[gap]], abs=1e-4)
+
+
+def test_what_moves_an_end_beside_impacts_is_the_difference_of_two_ends() -> None:
+    (band,), sweep = by_steps().of("mesh", "rising"), by_steps().sweeps[0]
+    end, place = band.high, sweep.contacts.index("idle")
+    quiet = min((each for each in sweep.lanes if each.value > end.value), key=lambda each: each.value)
+    assert quiet.sides[place].any()  # the other gap rattles
+    mover = end.movers[0]
+    size = 1e-4 * SMALL[mover.name]
+    ends = []
+    for sign in (1, -1):
+        moved = SMALL.at({"speed": quiet.value, mover.name: SMALL[mover.name] + sign * size})
+        orbit = gw.find_orbit(moved, quiet.period, quiet.state)
+        switches = innermost(moved, "mesh")
+        switch = min(switches, key=lambda each: np.abs(orbit.turning_depths[each][1]).min(initial=np.inf))
+        ends.append(grazing_near(orbit, "speed", switch).value)
+    assert mover.error < 1e-4 * abs(mover.slope)
+    assert (ends[0] - ends[1]) / (2 * size) == pytest.approx(mover.slope, abs=mover.error)
 
 
 @pytest.mark.slow

@@ -147,6 +147,7 @@ class SettledSweep:
     #: and the names of the contacts of their figures.
     lanes: tuple[LaneMotion, ...] = ()
     contacts: tuple[str, ...] = ()
+    ends: tuple[SweepEnd, ...] = ()  #: Ends between two of these motions that were located exactly.
 
     @property
     def met(self) -> str:
@@ -660,6 +661,16 @@ def state_of(motion: Orbit | Sample, gap: str) -> GapState:
     return gap_state(Motion.of(settled.system, np.zeros(1), settled.state[None], watched.contacts), gap)
 
 
+class SweepEnd(NamedTuple):
+    """An exact end of a gap's rattle between two motions of a sweep by steps."""
+
+    gap: str  #: Name of the contact.
+    #: before, after: Values of the parameter of the motions between which the sweep has it.
+    before: float
+    after: float
+    end: BandEnd  #: The end; the error of a step may move it beyond these values.
+
+
 class GapLabel(NamedTuple):
     """State of a gap in a motion by equal steps, and whether it is sure."""
 
@@ -689,13 +700,18 @@ def _spans_of_lanes(sweep: SettledSweep, gap: str) -> list[GapSpan]:
     if not motions:
         return []
     labels = labels_along(motions, sweep.contacts, gap)
-    ends, kept = [BandEnd(motions[0].value, RANGE)], [labels[0].state]
+    known = {(each.before, each.after): each.end for each in sweep.ends if each.gap == gap}
+    between, kept, located = list[BandEnd](), [labels[0].state], list[BandEnd]()
     for (one, before), (other, after) in pairwise(zip(motions, labels, strict=True)):
         if after.state is not before.state:
             kind = SELDOM if before.seldom or after.seldom else BETWEEN
-            ends.append(BandEnd(0.5 * (one.value + other.value), kind, 0.5 * abs(other.value - one.value)))
+            between.append(BandEnd(0.5 * (one.value + other.value), kind, 0.5 * abs(other.value - one.value)))
+            located.append(known.get((one.value, other.value), between[-1]))
             kept.append(after.state)
-    ends.append(BandEnd(motions[-1].value, RANGE))
+    first, last = (BandEnd(motions[k].value, RANGE) for k in (0, -1))
+    ends = [first, *located, last]
+    if any(sweep.direction.sign * (two.value - one.value) < 0.0 for one, two in pairwise(ends)):
+        ends = [first, *between, last]  # spans shorter than the error of a step
     if sweep.direction is Direction.DOWN:
         ends, kept = ends[::-1], kept[::-1]
     return [GapSpan(low, high, state) for (low, high), state in zip(pairwise(ends), kept, strict=True)]

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.answers.gap_states import chosen_gaps, contact_place, gap_state, innermost, kept
-from gapwalk.attractors.rattle import largest
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import start_branch
 from gapwalk.bifurcation.follow import follow
@@ -479,15 +478,9 @@ def peak_signal(system: System, name: str) -> str:
 
 def peaks(orbit: Orbit, signal: str) -> tuple[float, float]:
     """Return the largest value of a signal in an orbit, and the largest of its negative, in the unit of the signal."""
-    name, along = (
-        peak_signal(orbit.system, signal),
-        quadrature(orbit.system, orbit.state, orbit.period, orbit.known_states),
-    )
-    nodes = np.arange(len(along.motion.theta))
-    highest, lowest = (
-        largest(along, nodes, lambda motion, sign=sign: sign * motion.signal(name)) for sign in (1.0, -1.0)
-    )
-    return highest, lowest
+    along = quadrature(orbit.system, orbit.state, orbit.period, orbit.known_states)
+    values = along.motion.signal(peak_signal(orbit.system, signal))
+    return along.largest(values), along.largest(-values)
 
 
 def _unit(system: System, signal: str) -> str:

@@ -20,11 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.answers.gap_states import (
-    BETWEEN,
     RANGE,
     BandEnd,
     Mover,
-    RattleBand,
     chosen_gaps,
     contact_place,
     innermost,
@@ -62,6 +60,7 @@ _ROUGH, _ENOUGH, _EXACT = 1e-8, 1e-10, 1e-14  # residuals relative to the state:
 _NEAR, _ABOUT = 1e-9, 1e-4  # shares of the range to which ends are located that are exact, and the others
 _ROUNDING = 1e-12  # relative error of an end, beside the last step of Newton's method
 _TINY = 1e-300  # size of a motion that is none
+_TOUCHES, _CLOSE = 8, 1e-10  # the most steps of Newton's method towards a touch, and the relative change that ends them
 _SIZES = (1e-5, 3e-5)  # relative changes of parameters for derivatives of the end
 
 
@@ -340,7 +339,12 @@ def _ends(response: _Response, gap: str) -> Iterator[BandEnd]:
         root = find_root(lambda value, at=at: at(value).depths[gap], one.value, other.value, absolute=near)
         point = at(root.place)
         located = point.is_first(gap) and is_first
-        yield _located(response, point, gap) if located else BandEnd(point.value, str(Kind.GRAZING), 2.0 * near)
+        switch = next(each for each, own in innermost(point.system, gap).items() if own == response.sides[gap])
+        yield (
+            grazing_near(point.orbit, response.parameter, switch)
+            if located
+            else BandEnd(point.value, str(Kind.GRAZING), 2.0 * near)
+        )
 
 
 def _look_into_dips(response: _Response, gap: str) -> None:
@@ -355,18 +359,28 @@ def _look_into_dips(response: _Response, gap: str) -> None:
                 response.at(three[1].value - 0.5 * slope / bend)
 
 
-def _located(response: _Response, point: _Point, gap: str) -> BandEnd:
-    """Return an end as a grazing point of the held system, after a step of Newton's method on all its equations."""
-    switch = next(each for each, own in innermost(point.system, gap).items() if own == response.sides[gap])
-    plane, equation, unknowns = _posed(point.orbit, response.parameter, switch)
-    residual, matrix, place = equation.linearised(unknowns, point.system[plane.names[1]])
-    step = _solve(plane, point.orbit, matrix, residual)
-    evaluation = Evaluation(place.residual, place.jacobian, None, place)
-    orbit = plane.orbit(unknowns[:-2], point.value, point.system[plane.names[1]], evaluation)
-    value, error = point.value + step, abs(step) + _ROUNDING * abs(point.value)
+def grazing_near(orbit: Orbit, parameter: str, switch: int, theta: float | None = None) -> BandEnd:
+    """Return the grazing point of a breakpoint near an orbit; a NumericalError if Newton's method does not find it.
+
+    It is that of the turning point at the angle `theta`; by default of the one nearest to the breakpoint.
+    """
+    plane, equation, unknowns = _posed(orbit, parameter, switch)
+    unknowns[-2] = unknowns[-2] if theta is None else theta
+    other = orbit.system[plane.names[1]]
+    for _ in range(_TOUCHES):
+        residual, matrix, place = equation.linearised(unknowns, other)
+        before, step = unknowns, _solve(plane, orbit, matrix, residual)
+        unknowns = before + step
+        if abs(float(step[-1])) <= _CLOSE * abs(float(unknowns[-1])):
+            break
+    else:
+        raise ConvergenceError(f"no touch was found near {parameter} = {orbit.system[parameter]:.6g}")
+    value = float(unknowns[-1])
+    error = abs(float(step[-1])) + _ROUNDING * abs(value)
+    orbit = plane.orbit(before[:-2], float(before[-1]), other, Evaluation(place.residual, place.jacobian, None, place))
     at = BranchPoint(value, orbit, np.append(orbit.state, value), np.zeros(len(orbit.state) + 1), math.nan, math.nan)
     contact, sides = describe_switch(orbit, switch), orbit.instability
-    special = SpecialPoint(Kind.GRAZING, at, sides, sides, error, contact, parameter=response.parameter)
+    special = SpecialPoint(Kind.GRAZING, at, sides, sides, error, contact, parameter=parameter)
     return BandEnd(value, str(Kind.GRAZING), error, special)
 
 
@@ -384,7 +398,7 @@ def with_movers(end: BandEnd) -> BandEnd:
     names, gauge, movers = moving_names(orbit.system, parameter), Gauge(layout_of(orbit.system.structure), switch), []
     ways = [ParameterLine(orbit.system, name).coefficients(orbit.system[name])[1] for name in names]
     flow = flow_with(layout_of(orbit.system.structure), np.any([place.coefficients, *ways], axis=0).astype(float))
-    angles = np.array([0.0, float(unknowns[-2]), PERIOD])
+    angles = np.array([0.0, float(unknowns[-2]), PERIOD * orbit.period])
     for name, way in zip(names, ways, strict=True):
         value, found = orbit.system[name], list[float]()
         for size in _SIZES:
@@ -392,7 +406,7 @@ def with_movers(end: BandEnd) -> BandEnd:
             moved = [flow.sample(each, orbit.state, angles).states for each in some]
             depths = [gauge.depth(each, angles[1], states[1])[0] for each, states in zip(some, moved, strict=True)]
             change = np.array([*(moved[0][2] - moved[1][2]), depths[0] - depths[1], 0.0]) / (2.0 * size)
-            found.append(_solve(plane, orbit, matrix, change))
+            found.append(float(_solve(plane, orbit, matrix, change)[-1]))
         error = abs(found[1] - found[0])
         movers.append(Mover(name, found[0] / value, error / abs(value), found[0] / end.value))
     return replace(end, movers=tuple(sorted(movers, key=lambda mover: -abs(mover.share))))
@@ -400,60 +414,36 @@ def with_movers(end: BandEnd) -> BandEnd:
 
 def _posed(orbit: Orbit, parameter: str, switch: int) -> tuple[ShotPlane, GrazingEquation, NDArray[np.float64]]:
     """Return the equation of a touch, in the plane with any other parameter, and its unknowns."""
-    plane = ShotPlane(orbit.system, (parameter, moving_names(orbit.system, parameter)[0]), 1, Shooting())
+    names = parameter, moving_names(orbit.system, parameter)[0]
+    plane = ShotPlane(orbit.system, names, orbit.period, Shooting())
     equation = GrazingEquation(plane, switch, 0.0, _EXACT)
     return plane, equation, equation.unknowns(orbit)
 
 
-def _solve(plane: ShotPlane, orbit: Orbit, matrix: NDArray[np.float64], change: NDArray[np.float64]) -> float:
-    """Return the change of the parameter by which a change of all equations is undone."""
+def _solve(
+    plane: ShotPlane, orbit: Orbit, matrix: NDArray[np.float64], change: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the change of the unknowns, the parameter last, by which a change of all equations is undone."""
     scales = np.concatenate((plane.scales(orbit), [PERIOD, abs(orbit.system[plane.names[0]]) or 1.0]))
-    return float(np.linalg.solve(matrix[:, : len(scales)] * scales, -change)[-1] * scales[-1])
+    return scales * np.asarray(np.linalg.solve(matrix[:, : len(scales)] * scales, -change), dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
-class QuietEnds:
-    """The ends of the quiet motion of a system, exactly, with what moves them."""
+class QuietRanges:
+    """Where a system cannot be quiet, known before any transient is run."""
 
-    ends: tuple[RattleBand, ...]  #: For each gap that lifts first somewhere: the range in which it would be pulled.
-    notes: tuple[str, ...] = ()  #: Remarks, in sentences.
-
-    def replace_in(self, bands: Iterable[RattleBand], width: float) -> tuple[RattleBand, ...]:
-        """Return bands with exact ends in place of those between samples that lie within a width of them."""
-        known = [
-            (each.gap, end) for each in self.ends for end in (each.low, each.high) if end.kind == str(Kind.GRAZING)
-        ]
-
-        def exact(gap: str, end: BandEnd) -> BandEnd:
-            if end.is_located:
-                return end
-            near = [each for own, each in known if own == gap and abs(each.value - end.value) <= max(width, end.error)]
-            return min(near, key=lambda each: abs(each.value - end.value), default=end)
-
-        return tuple(replace(band, low=exact(band.gap, band.low), high=exact(band.gap, band.high)) for band in bands)
+    notes: tuple[str, ...]  #: Remarks, in sentences.
 
 
-def quiet_ends(system: System, parameter: str, within: tuple[float, float], gaps: Sequence[str]) -> QuietEnds:
-    """Return the exact ends of the quiet motion with their movers, and notes; the latter alone where there is none."""
+def quiet_ranges(system: System, parameter: str, within: tuple[float, float], gaps: Sequence[str]) -> QuietRanges:
+    """Say where no motion is quiet, by the exact ends of the held response, or why that is not known."""
     try:
         found = quiet_limits(system, parameter, within, gaps)
     except (ModelError, NumericalError) as error:
-        return QuietEnds((), (f"the ends of the quiet motion are not exact: {error}",))
-    ends = [
-        RattleBand(limit.gap, "held", _kept_end(low, limit.exact), _kept_end(high, limit.exact), ())
-        for limit in found.limits
-        for low, high in limit.lifts
-    ]
+        return QuietRanges((f"the ends of the quiet motion are not exact: {error}",))
     ranges = [
         f"from {value_words(low.value, parameter, system.units)} to {value_words(high.value, parameter, system.units)}"
         for low, high in found.restless
     ]
     notes = [f"no motion is quiet {' and '.join(ranges)}: a gap would have to be pulled"] if ranges else []
-    return QuietEnds(tuple(ends), (*notes, *found.notes))
-
-
-def _kept_end(end: BandEnd, exact: Iterable[BandEnd]) -> BandEnd:
-    """Return an end without the orbit of the held system; one that needs simulation is none of the machine."""
-    if not any(end is each for each in exact):
-        return replace(end, special=None, kind=BETWEEN if end.special is not None else end.kind)
-    return replace(with_movers(end), special=None)
+    return QuietRanges((*notes, *found.notes))

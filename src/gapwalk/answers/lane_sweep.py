@@ -21,28 +21,36 @@ from numpy.typing import NDArray
 
 from gapwalk.answers.gap_states import (
     OTHER,
+    BandEnd,
     Direction,
     SettledSweep,
+    SweepEnd,
+    innermost,
     labels_along,
     usual_gaps,
 )
+from gapwalk.answers.held_flank import grazing_near, with_movers
 from gapwalk.attractors.lane_settling import LONG, TIMES, LaneMotion, Start, settle_lanes, slow_modes, slow_places
 from gapwalk.bifurcation.isolated.search_starts import generator, spread_starts, state_box
 from gapwalk.ensemble.batch_flow import state_at_rest
 from gapwalk.ensemble.lane_code import WIDTH
-from gapwalk.ensemble.lanes import prefers_lanes
+from gapwalk.ensemble.lanes import prefers_lanes, turn_of
+from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
+from gapwalk.orbit.find import find_orbit
 
-NARROW = 5e-5
-"""Width to which the ends of bands are narrowed down, as a share of the range."""
+_NARROW = 5e-5  # width to which the ends of bands are narrowed down, as a share of the range
 _ROUGH = 0.13  # the same beside chaos, as a share of a step: its life there is the longer, the nearer it is to its end
 _PART = 10  # steps of a part, at most
 _STEPS = 5  # steps of each part in one piece of work, at least
 _AT_ONCE = WIDTH // 2  # parts in a register, each in both directions
 _BETWEEN = WIDTH - 1  # values between two steps
-_FINER_ENDS = 3.0  # factor on the steps there: with half of that an end of train A was .1 rpm off
+_FINER_ENDS = 3.0  # factor on the steps there: with half of that an end is .1 rpm off, without it a band too many
+_NARROWED, _BESIDE = 0.15, 0.05  # shares of a step: width from which an end is located, how far it may be beside it
+_SAME = 0.05  # distance of an orbit from the motion that was settled, of its ranges, up to which it is that motion
+_TOUCHES, _ONCE = 3, 1e-6  # touches of a gap that are tried; how far others may be, of the largest depth
 _FEW = 4  # changes of a gap, from either end of a sweep, that are narrowed down
 _FLIES, _SWINGS = 0.02, (0.02, 0.1)  # rates of random starts, of the speed: of loose parts, and behind a spring
 _APART = 40  # random starts are at every fortieth of the range
@@ -204,28 +212,87 @@ def _narrowed(
 ) -> SettledSweep:
     """Add motions between two steps where a gap begins or ceases to rattle, until its ends are narrow."""
     line, sign = ParameterLine(system, sweep.parameter), sweep.direction.sign
-    edges, least = [motion.value for motion in sweep.lanes], NARROW * (sweep.within[1] - sweep.within[0])
-    lanes, places = (other.lanes, _ends(other.lanes, edges[::-1], other, gaps)) if other else ((), [])
+    edges, least = [motion.value for motion in sweep.lanes], _NARROW * (sweep.within[1] - sweep.within[0])
+    lanes, places = (other.lanes, _ends(other.lanes, edges[::-1], other, gaps)) if other else ((), {})
     watched = {motion.value: (motion,) for motion in lanes if not motion.period and motion.watched >= LONG}
     beside = {lanes[k + side].value for k in places for side in (0, 1)}  # of each end that the other sweep has found
-    sweep = _watched_on(line, sweep, gaps, watched)
-    rough = _ROUGH * abs(edges[-1] - edges[0]) / max(len(edges) - 1, 1)
+    sweep, step = _watched_on(line, sweep, gaps, watched), abs(edges[-1] - edges[0]) / max(len(edges) - 1, 1)
+    ends = _Touches(line, other)
     while True:
-        motions, starts = list(sweep.lanes), dict[bool, list[Start]]()
-        for place in _ends(motions, edges, sweep, gaps):
+        motions, starts = list(sweep.lanes), list[Start]()
+        for place, changing in _ends(motions, edges, sweep, gaps).items():
             one, two = motions[place : place + 2]
-            is_chaotic = not (one.period and two.period)
-            inside = inside_of(one.value, two.value, max(least, rough * is_chaotic))
+            is_chaotic, width = not (one.period and two.period), abs(two.value - one.value)
+            if width <= _NARROWED * step and all(ends.locate(gap, one, two, _BESIDE * step) for gap in changing):
+                continue
+            inside = inside_of(one.value, two.value, max(least, _ROUGH * step * is_chaotic))
             tried = [each for each in beside if min(one.value, two.value) < each < max(one.value, two.value)]
-            for value in (inside and tried) or inside:
-                start = Start((), value, line.system_at(value), one.state, watched.get(value, ()), is_chaotic, LONG)
-                starts.setdefault(is_chaotic, []).append(start)
+            starts += [
+                Start((), value, line.system_at(value), one.state, watched.get(value, ()), is_chaotic, LONG)
+                for value in (inside and tried) or inside
+            ]
         if not starts:
-            return sweep
-        for is_chaotic, own in starts.items():
-            finer = 1.0 if is_chaotic else _FINER_ENDS
-            motions += [motion for _, motion in settle_lanes(own, width=2 * WIDTH, finer=finer)]
+            return replace(sweep, ends=ends.found)
+        motions += [motion for _, motion in settle_lanes(starts, width=2 * WIDTH, finer=_FINER_ENDS)]
         sweep = replace(sweep, lanes=tuple(sorted(motions, key=lambda motion: sign * motion.value)))
+
+
+class _Touches:
+    """Exact ends of the bands of a sweep: where a gap of a periodic motion begins or ceases to part by a touch."""
+
+    def __init__(self, line: ParameterLine, other: SettledSweep | None) -> None:
+        self.line = line
+        known = {motion.value: motion for motion in other.lanes} if other else {}
+        self._others = [(each, known[each.before], known[each.after]) for each in other.ends] if other else []
+        self._tried = dict[tuple[str, float, float], BandEnd | None]()
+
+    @property
+    def found(self) -> tuple[SweepEnd, ...]:
+        """All that were located."""
+        return tuple(SweepEnd(*key, end) for key, end in self._tried.items() if end is not None)
+
+    def locate(self, gap: str, one: LaneMotion, two: LaneMotion, near: float) -> bool:
+        """Return True if the end of a gap between two motions is located, at most `near` beyond them."""
+        key = gap, one.value, two.value
+        if key not in self._tried:
+            alike = (
+                each.end
+                for each, before, after in self._others
+                if (each.gap, each.after, each.before) == key and before.is_like(two) and after.is_like(one)
+            )
+            end = next(alike, None) or next(filter(None, (self._touch(gap, each) for each in (two, one))), None)
+            low, high = min(key[1:]) - near, max(key[1:]) + near
+            self._tried[key] = end if end is not None and low <= end.value <= high else None
+        return self._tried[key] is not None
+
+    def _touch(self, gap: str, motion: LaneMotion) -> BandEnd | None:
+        """Return the touch of a gap near a motion, with what moves it; None without a period, or if none is found."""
+        if not motion.period:
+            return None
+        try:
+            orbit = find_orbit(self.line.system_at(motion.value), motion.period, motion.state)
+            spans = motion.extremes[2] - motion.extremes[0]
+            if (turn := turn_of(self.line.system.structure)) is not None:
+                spans[turn] = np.inf  # the rotation as a whole has no range
+            if not orbit.stable or np.any(np.abs(orbit.state - motion.state)[: len(spans)] > _SAME * spans):
+                return None
+            turns = {switch: orbit.turning_depths[switch] for switch in innermost(orbit.system, gap)}
+            sizes = {switch: np.abs(depths).min() for switch, (_, depths) in turns.items() if len(depths)}
+            if not sizes:
+                return None
+            switch = min(sizes, key=lambda each: sizes[each])
+            sign = 1.0 if np.median(turns[switch][1]) > 0.0 else -1.0  # pressed, or open
+            for _ in range(_TOUCHES):  # of several touches in a period, that which comes first
+                thetas, depths = map(np.array, orbit.turning_depths[switch])
+                end = grazing_near(orbit, self.line.name, switch, float(thetas[np.argmin(sign * depths)]))
+                assert end.special is not None
+                orbit = end.special.orbit
+                depths = sign * np.array(orbit.turning_depths[switch][1])
+                if depths.min() > -_ONCE * np.abs(depths).max():
+                    return replace(with_movers(end), special=None)
+            return None
+        except (ModelError, NumericalError, np.linalg.LinAlgError):
+            return None
 
 
 def _watched_on(
@@ -277,9 +344,11 @@ def inside_of(one: float, other: float, least: float) -> list[float]:
     return np.linspace(low, high, _BETWEEN + 2)[1:-1].tolist() if high - low > least else []
 
 
-def _ends(motions: Sequence[LaneMotion], edges: Sequence[float], sweep: SettledSweep, gaps: Sequence[str]) -> list[int]:
-    """Return the places of motions after which a gap begins or ceases to rattle: the first of each step, few a gap."""
-    found, sign = set[int](), sweep.direction.sign
+def _ends(
+    motions: Sequence[LaneMotion], edges: Sequence[float], sweep: SettledSweep, gaps: Sequence[str]
+) -> dict[int, list[str]]:
+    """Return the places of motions after which gaps begin or cease to rattle: the first of each step, few a gap."""
+    found, sign = dict[int, list[str]](), sweep.direction.sign
     for gap in gaps:
         changes = [
             place
@@ -291,8 +360,9 @@ def _ends(motions: Sequence[LaneMotion], edges: Sequence[float], sweep: SettledS
             int(np.searchsorted(np.multiply(edges, sign), sign * motions[k].value, "right")): k for k in changes[::-1]
         }
         places = [place for _, place in sorted(first.items())]
-        found |= {*places[:_FEW], *places[-_FEW:]}
-    return sorted(found)
+        for place in dict.fromkeys((*places[:_FEW], *places[-_FEW:])):
+            found.setdefault(place, []).append(gap)
+    return dict(sorted(found.items()))
 
 
 def lasting(system: System, sweeps: Sequence[SettledSweep]) -> str | None:

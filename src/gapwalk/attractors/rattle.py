@@ -7,7 +7,7 @@ are accurate to rounding by Gauss's rule, since it is analytic between contact e
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from gapwalk.attractors.settle import Settled
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
-from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.forces import Angles, contact_deflections, contact_force
-from gapwalk.flow.motion import Motion, Quadrature, acceleration_names, quadrature, signal_factor, switch_names
+from gapwalk.flow.motion import Quadrature, acceleration_names, quadrature, signal_factor, switch_names
 from gapwalk.model.bounds import Counted, check
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
@@ -27,7 +27,6 @@ from gapwalk.model.system import System
 from gapwalk.orbit.energy import impact_losses
 from gapwalk.orbit.orbit import Orbit
 
-_VERTICES, _AT_VERTEX, _FLAT = 12, 1e-7, 1e-12  # parabolas; change of the angle, and relative rise, that end them
 _PERIODS = 256  # forcing periods over which a motion without period is evaluated
 
 
@@ -192,7 +191,7 @@ def rattle(motion: Orbit | Settled, periods: int = _PERIODS) -> Rattle:
 def impacts(system: System, along: Quadrature, before: float = math.inf) -> tuple[Impact, ...]:
     """Return the impacts that begin before an angle and end within a motion, in the order of their closing."""
     # To include impacts that last across the end of an orbit, integrate the orbit over two of its periods.
-    losses, sizes = damping_power(system, along) * along.weights[:, None], np.abs(along.motion.forces)
+    losses, forces = damping_power(system, along) * along.weights[:, None], along.motion.forces
     names, theta = [form.name for form in system.structure.contacts], along.motion.theta
     found = []
     for contact, side, switch in innermost_switches(system):
@@ -204,11 +203,10 @@ def impacts(system: System, along: Quadrature, before: float = math.inf) -> tupl
             if closes.theta >= before:
                 continue
             first, last = theta.searchsorted(closes.theta, "right"), theta.searchsorted(opens.theta)
-            inside = np.arange(first, last)  # of many impacts, each looks at its own nodes alone
             duration = (opens.theta - closes.theta) / system.frequency
-            peak = largest(along, inside, lambda motion, place=place: np.abs(motion.forces[:, place]), sizes[:, place])
-            loss = float(losses[inside, place].sum())
-            impulse = abs(float(along.motion.forces[inside, place] @ along.weights[inside]))
+            peak = along.largest_size(forces[:, place], first, last)
+            loss = float(losses[first:last, place].sum())
+            impulse = abs(float(forces[first:last, place] @ along.weights[first:last]))
             found.append(Impact(contact, side, closes.theta, duration, abs(closes.velocity), peak, loss, impulse))
     return tuple(sorted(found, key=lambda impact: impact.theta))
 
@@ -268,59 +266,6 @@ def _closures(events: Sequence[ContactEvent], switch: int) -> list[tuple[Contact
     return [(one, other) for one, other in pairwise(own) if one.enters and not other.enters]
 
 
-def largest(
-    along: Quadrature,
-    nodes: NDArray[np.intp],
-    function: Callable[[Motion], NDArray[np.float64]],
-    known: NDArray[np.float64] | None = None,
-) -> float:
-    """Find the largest value of a function of the motion, maybe known at all nodes, near some, refined exactly."""
-    if not len(nodes):
-        return 0.0
-    motion = along.motion
-    values = (function(motion) if known is None else known)[nodes]
-    best = int(np.argmax(values))
-    if not 0 < best < len(nodes) - 1:
-        return float(values[best])
-    places = nodes[best - 1 : best + 2]
-    flow, coefficients, first = flow_of(motion.system), coefficients_of(motion.system), places[0]
-    state = np.concatenate((motion.q[first], motion.v[first], motion.z[first]))  # `states` would copy all of them
-    start = float(motion.theta[first])
-
-    def value_at(theta: float) -> float:
-        at = flow.integrate(coefficients, state, start, theta).state
-        return float(function(Motion.of(motion.system, np.array([theta]), at[None]))[0])
-
-    return _summit(motion.theta[places].tolist(), values[best - 1 : best + 2].tolist(), value_at)
-
-
-def _summit(thetas: list[float], values: list[float], value_at: Callable[[float], float]) -> float:
-    """Return the maximum of a function from three points, of which the middle one is the highest."""
-    # The vertices of parabolas converge to it superlinearly (successive parabolic interpolation; Brent 1973, chapter
-    # 5), and the error of the maximum is the square of theirs. The nodes are so dense that two or three of them
-    # suffice.
-    (a, b, c), (fa, fb, fc) = thetas, values
-    for _ in range(_VERTICES):
-        left, right = (b - a) * (fb - fc), (b - c) * (fb - fa)
-        if left == right:
-            break
-        theta = b - 0.5 * ((b - a) * left - (b - c) * right) / (left - right)
-        if not a < theta < c or abs(theta - b) <= _AT_VERTEX:
-            break
-        f = value_at(theta)
-        rises = f - fb
-        if f >= fb:
-            (a, fa), (c, fc) = ((b, fb), (c, fc)) if theta > b else ((a, fa), (b, fb))
-            b, fb = theta, f
-        elif theta > b:
-            c, fc = theta, f
-        else:
-            a, fa = theta, f
-        if abs(rises) <= _FLAT * abs(fb):
-            break
-    return fb
-
-
 def _in_units(system: System, found: tuple[Impact, ...]) -> tuple[Impact, ...]:
     """Convert the energies of impacts to J if the system has units; velocities stay as in states."""
     if system.units is None:
@@ -368,7 +313,6 @@ def _impulsiveness(along: Quadrature) -> tuple[Impulsiveness, ...]:
     mean = share @ along.motion.a
     varying = along.motion.a - mean
     second, fourth = share @ varying**2, share @ varying**4
-    nodes = np.arange(len(share))
     rows = []
     system = along.motion.system
     unit = signal_factor(system, "''")
@@ -377,7 +321,7 @@ def _impulsiveness(along: Quadrature) -> tuple[Impulsiveness, ...]:
             rows.append(Impulsiveness(name, math.nan, math.nan, math.nan, math.nan))
             continue
         rms = unit * float(np.sqrt(second[k]))
-        peak = unit * largest(along, nodes, lambda motion, k=k: np.abs(motion.a[:, k] - mean[k]))
+        peak = unit * along.largest_size(varying[:, k])
         crest, kurtosis = (peak / rms, float(fourth[k] / second[k] ** 2)) if rms > 0.0 else (0.0, 0.0)
         rows.append(Impulsiveness(name, rms, peak, crest, kurtosis))
     if isinstance(system.structure.assembly, TrainAssembly):
@@ -391,7 +335,7 @@ def _of_part(along: Quadrature, name: str, share: NDArray[np.float64]) -> Impuls
         return Impulsiveness(name, math.nan, math.nan, math.nan, math.nan)
     values = along.motion.signal(name)
     values = values - share @ values
-    rms, peak = float(np.sqrt(share @ values**2)), float(np.abs(values).max())
+    rms, peak = float(np.sqrt(share @ values**2)), along.largest_size(values)
     crest, kurtosis = (peak / rms, float(share @ values**4) / rms**4) if rms > 0.0 else (0.0, 0.0)
     return Impulsiveness(name, rms, peak, crest, kurtosis)
 

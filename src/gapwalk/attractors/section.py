@@ -318,8 +318,12 @@ def strobe(system: System, start: NDArray[np.float64], periods: int = 1000, phas
     if not 0.0 <= phase < PERIOD:
         raise ModelError(f"phase is {phase!r}; it must be an angle in radians, at least 0 and less than 2 pi")
     first = at_phase(system, check_state(system, start), phase)
-    states = np.vstack((first, Strobe(system, phase).run(first, periods - 1)))
-    thetas = phase + PERIOD * np.arange(periods, dtype=np.float64)
+    return strobed(system, np.vstack((first, Strobe(system, phase).run(first, periods - 1))), phase)
+
+
+def strobed(system: System, states: NDArray[np.float64], phase: float = 0.0) -> Section:
+    """Return the section of states that are one forcing period apart."""
+    thetas = phase + PERIOD * np.arange(len(states), dtype=np.float64)
     return Section(system, thetas, states, f"phase {phase / PERIOD:.4g} of the period")
 
 

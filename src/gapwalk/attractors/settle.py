@@ -27,7 +27,7 @@ from gapwalk.attractors.lyapunov import (
     of_multipliers,
 )
 from gapwalk.attractors.rotation import Rotation, rotation
-from gapwalk.attractors.section import Strobe, size_of
+from gapwalk.attractors.section import Section, Strobe, points_of, size_of, strobe, strobed
 from gapwalk.ensemble.lanes import Lanes, prefers_lanes
 from gapwalk.errors import ConvergenceError, FlowError
 from gapwalk.flow.motion import Motion, integrate
@@ -89,9 +89,9 @@ class TrappingRegion:
     def holds(self, states: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Mark the states that are inside, shape (count,); states that are not finite are outside."""
         inside = np.zeros(len(states), dtype=bool)
-        for strobe, shape in zip(self.strobes, self.shapes, strict=True):
+        for middle, shape in zip(self.strobes, self.shapes, strict=True):
             with np.errstate(over="ignore", invalid="ignore"):  # motions that diverge
-                inside |= np.square((states - strobe) @ shape.T).sum(axis=1) <= 1.0
+                inside |= np.square((states - middle) @ shape.T).sum(axis=1) <= 1.0
         return inside
 
 
@@ -426,6 +426,13 @@ class Settled(Shown):
         """Return the settled motion, sampled, with its contact events and force-deflection loops."""
         # By default it has as many forcing periods as the orbit, or 64.
         return integrate(self.system, self.state, periods or self.period or 64, samples)
+
+    def section(self, phase: float = 0.0) -> Section:
+        """Return the stroboscopic section: of an orbit its points, of other motions states that are known, or more."""
+        points = self.period or points_of(self.system)
+        if phase == 0.0 and len(self.strobes) >= points > 1 and self.orbit is None:
+            return strobed(self.system, self.strobes[-points:])
+        return strobe(self.system, self.state, points, phase)
 
     def __repr__(self) -> str:
         what = f"period {self.period}" if self.period else "not periodic"

@@ -12,6 +12,7 @@ import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import lru_cache
 from math import lcm
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -218,11 +219,14 @@ def spectrum(motion: Orbit | Settled, signal: str, options: SpectrumOptions | No
     >>> gw.analysis.spectrum(impacting, "x''").amplitudes[1:4].round(4)
     array([1.5755, 0.885 , 0.7284])
     """
+    return _spectrum(motion.system, motion.state.tobytes(), motion.period or 0, signal, options or SpectrumOptions())
+
+
+@lru_cache(maxsize=8)  # the study of a motion and its picture ask for the same
+def _spectrum(system: System, content: bytes, period: int, signal: str, options: SpectrumOptions) -> Spectrum:
     from scipy.signal import get_window  # imported late: it takes long
 
-    options = options or SpectrumOptions()
-    system, state, period = motion.system, motion.state, motion.period or 0
-    length = period or options.periods
+    state, length = np.frombuffer(content), period or options.periods
 
     def sampled(samples: int) -> Motion:
         return integrate(system, state, length, samples)
@@ -246,17 +250,16 @@ def _refined(
     tolerance: float,
 ) -> tuple[NDArray[np.complex128], float]:
     """Double the sampling until aliasing is small; return the lines of a signal and a bound on the aliasing."""
-    samples, coarse = _FIRST, None
+    samples = 2 * _FIRST
     while True:
         motion = sampled(samples)
-        values = motion.signal(signal)[:-1]
-        lines = _lines(values, motion.impulses(signal), length, window)
-        if coarse is not None:
-            folding = float(np.abs(lines[: len(coarse)] - coarse).max())
-            largest = float(np.abs(lines).max())
-            if folding <= tolerance * largest or samples >= _FINEST or len(values) > 1 << 21:
-                return lines, folding
-        samples, coarse = 2 * samples, lines
+        values, impulses = motion.signal(signal)[:-1], motion.impulses(signal)
+        coarse, lines = (_lines(each, impulses, length, window) for each in (values[::2], values))
+        folding = float(np.abs(lines[: len(coarse)] - coarse).max())
+        largest = float(np.abs(lines).max())
+        if folding <= tolerance * largest or samples >= _FINEST or len(values) > 1 << 21:
+            return lines, folding
+        samples *= 2
 
 
 def _lines(

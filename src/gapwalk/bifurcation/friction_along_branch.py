@@ -362,8 +362,10 @@ def margin(orbit: Orbit, change: Change, near: float) -> tuple[float, float]:
     own = own_phase(orbit, change, near)
     if own is not None:
         course = quantity.course(instant_of(orbit, own.start))
+        if own.length < (turned := quantity.turned(course)):  # another event ends the phase: it is least just before
+            return (own.start + own.length) % full, quantity.ahead(course, own.length)
         # the angle is that of the vertex, which the least value has on the other side of the change
-        return (own.start + quantity.turned(course)) % full, -abs(course.depth)
+        return (own.start + turned) % full, -abs(course.depth)
     return _least(orbit, quantity, change, near)
 
 
@@ -407,6 +409,11 @@ class _Quantity:
         """Return the angle from an instant to the vertex of the parabola there."""
         return course.vertex / float(self._coefficients[0])
 
+    def ahead(self, course: Course, angle: float) -> float:
+        """Return what the parabola at an instant comes to after an angle."""
+        time = angle * float(self._coefficients[0])
+        return course.value + (course.slope + 0.5 * course.bend * time) * time
+
 
 def _least(orbit: Orbit, quantity: _Quantity, change: Change, near: float) -> tuple[float, float]:
     """Return the angle and the value of the minimum of a quantity within a phase, the nearest to another angle."""
@@ -421,8 +428,15 @@ def _least(orbit: Orbit, quantity: _Quantity, change: Change, near: float) -> tu
         own = [each for each in own if apart(each.theta, near, full) < _SAME]
         if own:
             found = _vertex(orbit, quantity, min(own, key=lambda each: each.value).theta, _ROUGH)
-    if found is None:
-        raise LookupError
+    if found is None:  # friction elsewhere stops or begins to slip where it is least
+        others = (each for contact, phases in orbit.friction.items() if contact != change.contact for each in phases)
+        theta = min((each.start for each in others), key=lambda start: apart(start, near, full), default=math.inf)
+        if not apart(theta, near, full) < _TRACKED:
+            raise LookupError
+        course = quantity.course(instant_of(orbit, theta))
+        if not course.slope < 0.0:
+            raise LookupError
+        found = theta, course.value
     return found
 
 
@@ -738,6 +752,7 @@ _FALLS = 0.75  # share of its bend before that the bend of a margin has at most,
 _JUMPS = 1e-11  # arclength from a located point within which the margin is that small too
 _UNSEEN = 1e-6  # arclength within which the margin of a change is zero if it was found by halving
 _AT_ONE = 1e-12  # arclength within which two changes are at one point
+_AGAIN = 0.1  # share of the arclength over which a margin jumped, over which its zero is sought again
 _TOUCH = 1e-6  # margin of a located point, relative to the margins at the ends of its bracket, that is only rounding
 
 
@@ -910,6 +925,9 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
     located: Located | None = interval.located.get(change)
     if located is not None and first.arclength < located.point.arclength < last.arclength:
         return located  # found before the step was divided
+    kind, length = change[:4], last.arclength - first.arclength
+    if length > _AGAIN * interval.jumps.get(kind, math.inf):
+        return None
     tracked: dict[float, tuple[float, float]] = {}
 
     def value(arclength: float) -> float:
@@ -937,6 +955,7 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
         if root is None:  # where the margin jumps, it has no zero, and the step is divided
             root, converged = zero_between(value, first.arclength, last.arclength, jumps=False)
         if not converged:
+            interval.jumps[kind] = length
             return None
         # where the margin jumps, one of several phases was tracked on one side, and another one on the other side
         around = [size for place, (_, size) in tracked.items() if abs(place - root) <= _JUMPS]

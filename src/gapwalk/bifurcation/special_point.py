@@ -82,7 +82,8 @@ class StepInterval:
     Each new point is predicted by the cubic through its known neighbours and their tangents, then corrected in a plane
     across their chord. So points become cheaper as they become denser. Close to a crossing with another branch, points
     are interpolated instead; a crossing is added to `crossings` when it is found. Two zeros less than `finest` apart
-    are not distinguished. In `located` are places that need not be searched again when the step is divided.
+    are not distinguished. In `located` are places that need not be searched again when the step is divided, in `jumps`
+    the arclengths over which quantities were found to jump.
     """
 
     def __init__(self, corrector: Corrector, first: BranchPoint, last: BranchPoint) -> None:
@@ -91,6 +92,7 @@ class StepInterval:
         self._lengths = [first.arclength, last.arclength]
         self.crossings: list[Crossing] = []
         self.located: dict[Any, Any] = {}
+        self.jumps: dict[Any, float] = {}
         self.finest = min(_FINEST, max(RESOLUTION, _SHARE * (last.arclength - first.arclength)))
 
     @property

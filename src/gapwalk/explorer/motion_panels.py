@@ -417,7 +417,6 @@ _LOG = 200  # entries of the contact log
 _SAMPLES = 4096  # of a motion, at most; at least 32 a period
 _PERIODS = 24  # of a motion that does not repeat
 _ORDERS = 20.0  # of the spectrum
-_STROBES = 400  # of a motion without period
 
 
 def panels_of(motion: Orbit | Settled, signal: str, most: int = _SAMPLES) -> dict[str, Any]:
@@ -461,7 +460,7 @@ def lines_and_section(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
     lines = spectrum(orbit or motion, signal)
     base = signal.rstrip("'")
     base = base if base in motion.system.coordinates else motion.system.coordinates[0]
-    states = strobe(motion.system, motion.state, orbit.period if orbit else _STROBES)
+    states = strobe(motion.system, motion.state, orbit.period) if orbit else motion.section()
     shown = lines.orders <= _ORDERS * float(motion.system.turns or 1)
     return {
         "signal": signal,

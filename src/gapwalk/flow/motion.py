@@ -18,7 +18,7 @@ from typing import Annotated, Any, NamedTuple, overload
 
 import numpy as np
 from annotated_types import Ge
-from numpy.polynomial.legendre import leggauss
+from numpy.polynomial.legendre import legder, leggauss, legroots, legval, legvander
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
@@ -600,6 +600,10 @@ _WIDEST = PERIOD / 32  # largest width of an interval
 _PER_STEP = 0.5  # the same, as a share of the mean Taylor step of the flow
 _LOGS = tuple(map(attrgetter, ("contacts", "slips", "holds", "impacts")))
 _NARROWEST = 1e-9  # narrower intervals between events are omitted
+_NODES, _WEIGHTS = leggauss(_ORDER)
+_SERIES = (
+    (np.arange(_ORDER)[:, None] + 0.5) * legvander(_NODES, _ORDER - 1).T * _WEIGHTS
+)  # Legendre's, of values at them
 
 
 class Quadrature(NamedTuple):
@@ -608,6 +612,22 @@ class Quadrature(NamedTuple):
     motion: Motion  #: The motion; its samples are the nodes, and its events the crossings of breakpoints.
     #: shape (nodes,): Weights of the nodes over time (not theta); their sum is the duration of the motion.
     weights: NDArray[np.float64]
+
+    def largest(self, values: NDArray[np.float64], first: int = 0, stop: int | None = None) -> float:
+        """Return the largest value of a function of the motion from its values at all nodes, near some of them."""
+        own = values[first:stop]
+        if not len(own):
+            return 0.0
+        # between two edges it is analytic: the polynomial through the nodes there is exact almost to rounding
+        interval = (first + int(np.argmax(own))) // _ORDER * _ORDER
+        series = _SERIES @ values[interval : interval + _ORDER]
+        turns = legroots(legder(series))
+        inside = turns.real[(turns.imag == 0.0) & (np.abs(turns.real) < 1.0)]
+        return max(float(own.max()), float(legval(np.concatenate((inside, [-1.0, 1.0])), series).max()))
+
+    def largest_size(self, values: NDArray[np.float64], first: int = 0, stop: int | None = None) -> float:
+        """Return the largest magnitude, as `largest`; a magnitude itself has a kink where it vanishes."""
+        return max(self.largest(values, first, stop), self.largest(-values, first, stop))
 
 
 def quadrature(system: System, state: NDArray[np.float64], periods: int, restarts: Restarts = ()) -> Quadrature:
@@ -626,11 +646,10 @@ def quadrature(system: System, state: NDArray[np.float64], periods: int, restart
     parts = [np.linspace(a, b, 1 + int(np.ceil((b - a) / widest)))[:-1] for a, b in pairwise(edges)]
     starts = np.concatenate(parts)
     widths = np.diff(np.append(starts, end))
-    nodes, weights = leggauss(_ORDER)
-    thetas = (starts[:, None] + 0.5 * widths[:, None] * (nodes + 1.0)).ravel()
+    thetas = (starts[:, None] + 0.5 * widths[:, None] * (_NODES + 1.0)).ravel()
     found = sample(system, state, np.concatenate(([0.0], thetas)), restarts)
     motion = Motion.of(system, thetas, found.states[1:], *logs)
-    return Quadrature(motion, (0.5 * widths[:, None] * weights).ravel() / system.frequency)
+    return Quadrature(motion, (0.5 * widths[:, None] * _WEIGHTS).ravel() / system.frequency)
 
 
 # A signal of a motion: a coordinate, velocity, acceleration or contact force, or a sum of several with factors.

@@ -17,7 +17,7 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 from mpl_toolkits.mplot3d import Axes3D
 from numpy.typing import NDArray
 
-from gapwalk.attractors.section import Section, points_of, strobe
+from gapwalk.attractors.section import Section
 from gapwalk.attractors.settle import Attractor, Settled
 from gapwalk.attractors.spectrum import Spectrum, SpectrumOptions, Waterfall, spectrum
 from gapwalk.errors import ModelError
@@ -284,7 +284,7 @@ def draw_settled(
     length = period * -(-6 // period) if period else _LONG
     draw_history(integrate(system, settled.state, max(length, 6), _SMOOTH), axes["history"], signal)
     base = signal.rstrip("'") if signal.rstrip("'") in system.coordinates else system.coordinates[0]
-    draw_section(strobe(system, settled.state, period or points_of(system), phase), axes["section"], base)
+    draw_section(settled.section(phase), axes["section"], base)
     if contacts:
         turns = integrate(system, settled.state, period or _LONG, _SMOOTH)
         shown = contact or contacts[contact_to_show(system, signal, np.abs(turns.forces).max(axis=0))].name

@@ -208,7 +208,7 @@ def _numbers(version: str) -> tuple[int, ...]:
 APPLICATION = 0x67617077
 """Mark of a SQLite file that is a result of gapwalk: the letters gapw."""
 
-SCHEMA = 12
+SCHEMA = 13
 """Version of the format and of the records in it; a file of another version is refused."""
 
 TABLE = """CREATE TABLE part (

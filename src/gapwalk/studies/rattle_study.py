@@ -24,9 +24,8 @@ from gapwalk.answers.gap_states import (
     seldom,
     settled_sweep,
 )
-from gapwalk.answers.held_flank import QuietEnds, quiet_ends
+from gapwalk.answers.held_flank import QuietRanges, quiet_ranges
 from gapwalk.answers.lane_sweep import (
-    NARROW,
     LanePiece,
     Started,
     is_many,
@@ -245,7 +244,7 @@ class OtherMotions:
 
 
 PIECE = Part("piece", LanePiece, numbered=True)
-QUIET = Part("quiet", QuietEnds)
+QUIET = Part("quiet", QuietRanges)
 SWEEP = Part("sweep", SweepWithSeverity, numbered=True)
 STARTS = Part("starts", StartedPiece, numbered=True)
 OTHERS = Part("others", OtherMotions)
@@ -342,7 +341,7 @@ class RattleStudy(RangeStudy):
                 pieces = pieces_of(self.sweep.steps, stage, job.known[PIECE])
                 yield from job.each(PIECE, partial(sweep_piece, *about), pieces)
             quiet = job.system, self.parameter, self.ends, self.gaps
-            yield from job.once(QUIET, lambda: quiet_ends(*quiet))
+            yield from job.once(QUIET, lambda: quiet_ranges(*quiet))
             for number, direction in enumerate(Direction):
                 yield from job.once(SWEEP, lambda way=direction: self._joined(job, way), number)
             begin = partial(_started, job.system, self)
@@ -420,7 +419,6 @@ class RattleStudy(RangeStudy):
         known = tuple(each for each in worst if each is not None)
         bands, about = bands_of_sweeps(sweeps, self.gaps), (self.parameter, self.ends, self.gaps, self.reference)
         if (quiet := job.one(QUIET)) is not None:
-            bands = quiet.replace_in(bands, NARROW * (self.ends[1] - self.ends[0]))
             notes = [*quiet.notes, *notes]
         return RattleBands(job.system, *about, sweeps, bands, severities, known, complete, tuple(notes))
 

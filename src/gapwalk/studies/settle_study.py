@@ -14,7 +14,6 @@ from pydantic import AfterValidator, ValidationInfo
 
 from gapwalk.attractors.lyapunov import LyapunovOptions
 from gapwalk.attractors.rattle import ContactLoad, Impulsiveness, Rattle, SideRattle, rattle
-from gapwalk.attractors.section import points_of, strobe
 from gapwalk.attractors.settle import (
     Attractor,
     AttractorKind,
@@ -248,10 +247,9 @@ class SettleStudyOptions(SettleOptions, StudyKind):
         settled = settle(job.system, self.start, self)
         attractor = identify(settled, ClassifyOptions(self, self.lyapunov))
         motion = motion_of(attractor, settled)
-        section = strobe(job.system, motion.state, motion.period or points_of(job.system), self.phase)
         lines = tuple(spectrum(motion, self.signal).peaks(_LINES))
         loads = rattle(motion, _FEW) if prefers_lanes(job.system) else rattle(motion)
-        found = section.states, loads, lines, _energy_of(motion)
+        found = motion.section(self.phase).states, loads, lines, _energy_of(motion)
         yield job.end(SettleFinding(self, attractor, motion, *found))._replace(news=())
 
     def check_read(self, job: Job) -> None:
