@@ -6,7 +6,7 @@ Method: docs/numerics/notes/special-points.md
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import singledispatch
@@ -29,6 +29,7 @@ from gapwalk.bifurcation.loci.locus import (
     find_codim2,
     find_end_at_graze,
     find_merging,
+    half_ahead,
 )
 from gapwalk.bifurcation.loci.locus_equations import (
     MARGIN,
@@ -80,6 +81,8 @@ _SOUGHT_FIRST = 1e-7  # depth, in units of the state, at which the locus beyond 
 _SHORTENINGS = 10  # number of times that the next depth there may be brought closer to the one before
 _STRAYED = 0.1  # largest deviation of a place from its prediction, as a share of its distance from the one before
 _TINY = 1e-7  # scaled deviation that is always allowed
+_LEAD = 4.0  # angle before a turning point at which a touch has not begun, in radians by the root of its depth
+_WIDER, _CLOSER = 100.0, 1e-3  # ratios of the distances from the breakpoint at which the end at a graze is located
 _FAR_ENOUGH = 0.5  # distance from the corner, in multiples of AWAY, from which the walk can continue
 
 AWAY = 1e-3
@@ -191,10 +194,21 @@ class NearGrazing:
         """Return the orbit of the locus that just touches, seen from outside the breakpoint."""
         return self.at(self._outside(start), start)
 
-    def outside(self, point: BranchPoint, theta: float) -> tuple[Corrector, NDArray[np.float64]]:
-        """Return the corrector of motions that just do not touch, and a start for it near a point of the locus."""
-        start = np.insert(point.x, -2, theta / PERIOD)
-        return Corrector(replace(self._touch, depth=self._outside(start)), self._scales), start
+    def outside(self, point: BranchPoint, turning: Turning) -> tuple[list[Corrector], NDArray[np.float64]]:
+        """Return correctors of motions that do not touch, by ever less, and a start for the first near a point."""
+        # Newton's method must not step over the breakpoint, where the effect of a touch is that of a root. Its steps err
+        # by their square, and those to the end of a locus are as long as the root of the depth there.
+        start, depths = np.insert(point.x, -2, turning.theta / PERIOD), [_WIDER * abs(turning.depth)]
+        while depths[-1] > self.margin:
+            depths.append(max(_CLOSER * depths[-1], self.margin))
+        sign = np.sign(self._outside(start))
+        x, before = start * self._scales, _LEAD * math.sqrt(abs(turning.depth) / self.unit)
+        place = self._touch.place(x[:-1], float(x[-1]))
+        size = len(place.unknowns)
+        units = self._scales[:size]
+        way = self._touch.plane.turning(turning.switch, place, turning.theta - before)[1][0, :size] * units
+        start[:size] += (sign * depths[0] - turning.depth) * way / float(way @ way)
+        return [Corrector(replace(self._touch, depth=sign * depth), self._scales) for depth in depths], start
 
     def _outside(self, start: NDArray[np.float64]) -> float:
         x = start * self._scales
@@ -210,6 +224,16 @@ class NearGrazing:
         """Return the orbit of a correction."""
         x = correction.x * self._scales
         return self._touch.orbit(x[:-1], float(x[-1]), correction.evaluation)
+
+
+def _ends(
+    near: NearGrazing, target: float | None, point: BranchPoint, turning: Turning, within: float
+) -> Iterator[Finding]:
+    """Yield the end of a locus at a graze near a point, if there is one."""
+    with suppress(NumericalError, np.linalg.LinAlgError):
+        found = find_end_at_graze(target, *near.outside(point, turning), point, within)
+        if found is not None:
+            yield found
 
 
 def on_locus(correction: Correction) -> NDArray[np.float64]:
@@ -741,24 +765,41 @@ class LocusTracer(Iterator[LocusStep]):
         return step
 
     def _to_graze(self) -> LocusStep | None:
-        """Return the last step, if it leads to a graze at which the locus ends."""
-        kind, corrector, state = self.beginning.kind, self.beginning.corrector, self.walk.state
-        if not kind.by_multipliers:
-            return None
-        jumping = jumping_switches(state.point.orbit.system)
-        for reach, turning in approaches(state.previous, state.point) if jumping else ():
-            if not turning.is_touch or turning.switch not in jumping or reach > _ENDING:
-                continue
-            try:
-                touch, start = NearGrazing(corrector, turning.switch).outside(state.point, turning.theta)
-                found = find_end_at_graze(kind, touch, start, state.point, _OVER * reach)
-            except (NumericalError, np.linalg.LinAlgError):
-                continue
-            if found is not None:
+        """Return the last step, if it leads to the graze of a force that jumps, at which the locus ends."""
+        jumping = jumping_switches(self.walk.point.orbit.system)
+        for ends in (self._ends_of_multipliers, self._ends_at_half) if jumping else ():
+            for found in ends(jumping):
                 step = LocusStep(self._point(found.point), [self._codim2(found)])
                 self.end = LocusEnd(LocusEndReason.GRAZE, step.point.values, found.kind.value.replace("-", " "))
                 return step
         return None
+
+    def _ends_of_multipliers(self, jumping: Collection[int]) -> Iterator[Finding]:
+        """Yield the ends just ahead of a locus of multipliers, at a contact that ceases to touch."""
+        kind, corrector, state = self.beginning.kind, self.beginning.corrector, self.walk.state
+        for reach, turning in approaches(state.previous, state.point) if kind.by_multipliers else ():
+            if turning.is_touch and turning.switch in jumping and reach < _ENDING:
+                near = NearGrazing(corrector, turning.switch)
+                yield from _ends(near, kind.target, state.point, turning, _OVER * reach)
+
+    def _ends_at_half(self, jumping: Collection[int]) -> Iterator[Finding]:
+        """Yield the ends just ahead at which both halves of the motions graze alike: they reach half their period."""
+        state, plane, corrector = self.walk.state, self.beginning.plane, self.beginning.corrector
+        reach, own = half_ahead(state.previous, state.point), corrector.scales
+        deflections = [each for each in turnings(state.point) if each.switch in jumping]
+        if not reach < _ENDING or not deflections:
+            return
+        turning = min(deflections, key=lambda each: abs(each.depth))
+        states = plane.mean_of_halves(state.point.orbit)
+        scales = np.append(own[: len(states)], own[-2:])
+        halves = MultiplierEquation(plane.halved(), Kind.FLIP, scales, plane.tolerance)
+        mean = np.append(states / scales[:-2], state.point.x[-2:])
+        near = NearGrazing(Corrector(halves, scales), turning.switch)
+        for found in _ends(near, -1.0, replace(state.point, x=mean), turning, _OVER * reach):
+            place, tangent = np.delete(state.point.x, range(len(states))), state.point.tangent
+            place[-2:] = found.point.x[-2:]
+            x = np.append(found.point.x[:-2], place)  # on a grazing locus with the angle of the last point
+            yield found._replace(point=corrector.uncorrected(x, tangent, found.point.arclength))
 
     def _at_edge(self, inside: BranchPoint, outside: BranchPoint) -> BranchPoint | None:
         """Return the point of the locus at the limit of the first parameter that a step has passed."""

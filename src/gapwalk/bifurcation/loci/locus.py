@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any, NamedTuple, cast
@@ -321,6 +321,7 @@ _EXACT = 1e-13  # arclength to which zeros are located
 _BESIDE = 1e-5  # arclength from a cusp at which the parameters change at normal speed again
 _CUSP = 0.5  # largest sum of the tangents on both sides of a cusp, where they should be opposite, by their difference
 _SECANT = Secant(first=1e-3, exact=1e-9)  # the accuracy to which the coefficient is known
+_STEP = 0.01  # first step of a secant beside a graze, as a share of the root of the distance from the breakpoint
 _AHEAD = 0.5  # smallest cosine of the angle between the locus and the way to its end at a graze
 _OVER = 2.0  # largest distance of the end, in estimated distances
 
@@ -398,15 +399,18 @@ def resonance(point: BranchPoint, switch: int, theta: float, target: float | Non
 
 
 def find_end_at_graze(
-    kind: Kind, touch: Corrector, start: NDArray[np.float64], point: BranchPoint, within: float
+    target: float | None, touches: Sequence[Corrector], start: NDArray[np.float64], point: BranchPoint, within: float
 ) -> Finding | None:
-    """Locate the end of a locus of multipliers on the locus of a graze, whose corrector is given; None if none is near.
+    """Locate the end of a locus of multipliers on the locus of a graze; None if none is near.
+
+    The correctors are those of motions beside the graze, nearer to it one after the other.
 
     A multiplier is critical at a depth whose root is half the response of the motion to the touch (see `TouchMap`). So
     the locus ends where that response vanishes, which is sought on the locus of the graze.
     """
+    touch = touches[-1]
     equation = cast("GrazingEquation", touch.equation)
-    if kind.target is None and equation.plane.system.state_size > 2:
+    if target is None and equation.plane.system.state_size > 2:
         return None  # a pair leaves where two terms vanish, of which none is known to be the end of the locus
 
     def there(correction: Correction) -> BranchPoint:
@@ -420,18 +424,25 @@ def find_end_at_graze(
 
     def function(correction: Correction) -> float:
         theta = float(correction.x[-3] * touch.scales[-3])
-        return resonance(there(correction), equation.switch, theta, kind.target)
+        return resonance(there(correction), equation.switch, theta, target)
 
-    found = zero_along(touch, start, function, Secant(first=1e-5, farthest=2.0 * within))
+    found: Correction | None = None
+    for each in touches:
+        first = _STEP * math.sqrt(abs(cast("GrazingEquation", each.equation).depth) / float(each.scales[0]))
+        found = zero_along(each, start, function, Secant(first=first, farthest=2.0 * within))
+        if found is None:
+            return None
+        start = found.x
     if found is None:
         return None
     end = there(found)
-    length = end.arclength - point.arclength
-    if not 0.0 < length < within or float(end.tangent @ point.tangent) < _AHEAD:
+    length, (way, along) = end.arclength - point.arclength, ((end.x - point.x)[-2:], point.tangent[-2:])
+    ahead = float(way @ along) >= _AHEAD * float(np.linalg.norm(way) * np.linalg.norm(along))
+    if not 0.0 < length < within or not ahead:
         return None
     theta = float(found.x[-3] * touch.scales[-3])
     every = abs(resonance(end, equation.switch, theta, None)) < _ONE
-    meets = {1.0: Codim2.GRAZING_MEETS_FOLD, -1.0: Codim2.GRAZING_MEETS_FLIP}.get(kind.target or 0.0)
+    meets = {1.0: Codim2.GRAZING_MEETS_FOLD, -1.0: Codim2.GRAZING_MEETS_FLIP}.get(target or 0.0)
     what = Codim2.RESONANT_GRAZING if every or meets is None else meets
     here, values = function(found), []
     for way in (-_BESIDE, _BESIDE):
@@ -565,16 +576,21 @@ def _is_genuine(locus: Kind, what: Codim2, point: BranchPoint, interval: StepInt
     return bool(np.any(np.abs(np.abs(complex_ones) - 1.0) < _CIRCLE))  # excludes neutral saddles
 
 
+def half_ahead(before: BranchPoint | None, point: BranchPoint) -> float:
+    """Return the arclength after which the orbits reach half their period; infinity if they do not approach it."""
+    if before is None or point.orbit.period % 2 or not is_close(point):
+        return math.inf
+    past, now = (float(np.linalg.norm(halves_apart(each))) for each in (before, point))
+    return (point.arclength - before.arclength) * now / (past - now) if now < past else math.inf
+
+
 def find_merging(corrector: Corrector, before: BranchPoint | None, point: BranchPoint) -> BranchPoint | None:
     """Locate the end of a fold locus, where its orbits reach half their period, if it is just ahead; otherwise None."""
     # The equation is singular there, because every flip of the parent solves it too. So the end is located on the locus
     # of those flips as the zero of their cubic coefficient, by the secant method.
-    if before is None or point.orbit.period % 2 or not is_close(point):
+    distance = half_ahead(before, point)
+    if distance == math.inf:
         return None
-    past, now = (float(np.linalg.norm(halves_apart(each))) for each in (before, point))
-    if now >= past:
-        return None
-    distance = (point.arclength - before.arclength) * now / (past - now)
     equation = cast("MultiplierEquation", corrector.equation)
     shared = np.append(equation.plane.shared(), [True, True])  # and both parameters
     plane, scales = equation.plane.halved(), corrector.scales[shared]

@@ -542,8 +542,8 @@ def zero_along(
     correction, tangent = onto_curve(corrector, start)
     if correction is None:
         return None
-    origin, s, s_before, last = correction.x, 0.0, -secant.first, np.inf
-    before = corrector.correct(origin + s_before * tangent, tangent)
+    s, s_before, last = 0.0, -secant.first, np.inf
+    before = corrector.correct(correction.x + s_before * tangent, tangent)
     if before is None:
         return None
     f_before = function(before)
@@ -554,11 +554,17 @@ def zero_along(
         step = -f * (s - s_before) / (f - f_before)
         if abs(step) <= secant.exact or last < abs(step) < secant.noise:
             return correction
-        s_before, f_before, last = s, f, abs(step)
-        s += max(-secant.longest, min(secant.longest, step))
-        correction = corrector.correct(origin + s * tangent, tangent) if abs(s) < secant.farthest else None
-        if correction is None:
+        way, last = (correction.x - before.x) / (s - s_before), abs(step)
+        step = max(-secant.longest, min(secant.longest, step))
+        found = None
+        while found is None and abs(s + step) < secant.farthest:
+            found = corrector.correct(correction.x + step * way, tangent)
+            step *= 1.0 if found is not None else 0.5
+            if abs(step) < secant.first:
+                break
+        if found is None:
             return None
+        f_before, before, correction, s_before, s = f, correction, found, s, s + step
     return None
 
 
