@@ -6,10 +6,10 @@ Method: docs/numerics/notes/special-points.md
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import singledispatch
+from functools import cached_property, singledispatch
 from itertools import pairwise, product
 from typing import NamedTuple, cast
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.loci.locus import (
+    AT_GRAZE,
     Codim2,
     Codim2Point,
     Finding,
@@ -45,6 +46,7 @@ from gapwalk.bifurcation.loci.locus_equations import (
     zero_along,
 )
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
+from gapwalk.bifurcation.touch_map import touch_map
 from gapwalk.continuation.corrector import Correction, Corrector, Range, powers_of_two
 from gapwalk.continuation.curve import joined
 from gapwalk.continuation.curve_points import BranchPoint
@@ -54,7 +56,7 @@ from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD
 from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.method import Method, chosen
-from gapwalk.orbit.orbit import Orbit, describe_switch, switch_named
+from gapwalk.orbit.orbit import Orbit, apart, describe_switch, switch_named
 from gapwalk.orbit.shooting import Shooting
 
 # Corners: where a contact grazes at a bifurcation, the locus turns sharply, and the walk needs a special step.
@@ -90,10 +92,10 @@ AWAY = 1e-3
 
 
 class Corner(NamedTuple):
-    """Corner of a locus: what happens there, and the point of the locus beyond, from which the walk continues."""
+    """Corner of a locus: what happens there, and the point beyond from which the walk continues; None at its end."""
 
     finding: Finding
-    beyond: BranchPoint
+    beyond: BranchPoint | None
 
 
 class Turning(NamedTuple):
@@ -164,14 +166,17 @@ def _turn(corrector: Corrector, point: BranchPoint, within: float, turning: Turn
         return None  # the corner of another arc
     if not _leads_there(near, start, corner, turning):
         return None
+    x, orbit = on_locus(corner), near.orbit(corner)
+    value, contact = float(x[-1] * corrector.scales[-1]), describe_switch(orbit, turning.switch)
+    there = replace(point, value=value, orbit=orbit, x=x, arclength=point.arclength + length, memo={})
+    if not turning.is_touch and turning.switch in jumping_switches(orbit.system, friction=False):
+        # a touch, however light, moves all multipliers away
+        return Corner(Finding(AT_GRAZE[near.equation.kind.target], there, contact), None)
     beyond = _beyond(corrector, near, corner, turning)
     if beyond is None or beyond.orbit.closings == point.orbit.closings:
         return None
-    x, orbit = on_locus(corner), near.orbit(corner)
-    value = float(x[-1] * corrector.scales[-1])
-    there = replace(point, value=value, orbit=orbit, x=x, arclength=point.arclength + length, memo={})
     arclength = there.arclength + float(np.linalg.norm(beyond.x - x))
-    finding = Finding(Codim2.GRAZING, there, describe_switch(orbit, turning.switch))
+    finding = Finding(Codim2.GRAZING, there, contact)
     return Corner(finding, replace(beyond, arclength=arclength))
 
 
@@ -196,8 +201,8 @@ class NearGrazing:
 
     def outside(self, point: BranchPoint, turning: Turning) -> tuple[list[Corrector], NDArray[np.float64]]:
         """Return correctors of motions that do not touch, by ever less, and a start for the first near a point."""
-        # Newton's method must not step over the breakpoint, where the effect of a touch is that of a root. Its steps err
-        # by their square, and those to the end of a locus are as long as the root of the depth there.
+        # Newton's method must not step over the breakpoint, where the effect of a touch is that of a root. Its steps
+        # err by their square, and those to the end of a locus are as long as the root of the depth there.
         start, depths = np.insert(point.x, -2, turning.theta / PERIOD), [_WIDER * abs(turning.depth)]
         while depths[-1] > self.margin:
             depths.append(max(_CLOSER * depths[-1], self.margin))
@@ -552,6 +557,8 @@ _SHALLOW, _WIDE = 1e-6, 1e-2  # a touch shallower than this, in units of the sta
 _SHARE = 0.7  # share of the distance to a corner that a step may cover
 _BESIDE = 0.1 * AWAY  # distance from the path round a corner within which the start lies on it
 _EDGE = 1e-12  # distance from the limit of a range, in widths, within which the start lies on it
+_OWN = 1e-3  # radians from the turning point that grazes all along a locus, within which another is the same one
+_BEHIND = 0.1  # distance behind the last point at which a secant to the graze ahead begins, as a share of that ahead
 _RESTART = 0.2  # first step beyond a corner, as a share of the distance already covered from the corner
 _ENDS = (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)  # points at which a Neimark-Sacker locus ends
 
@@ -765,28 +772,40 @@ class LocusTracer(Iterator[LocusStep]):
         return step
 
     def _to_graze(self) -> LocusStep | None:
-        """Return the last step, if it leads to the graze of a force that jumps, at which the locus ends."""
-        jumping = jumping_switches(self.walk.point.orbit.system)
-        for ends in (self._ends_of_multipliers, self._ends_at_half) if jumping else ():
-            for found in ends(jumping):
-                step = LocusStep(self._point(found.point), [self._codim2(found)])
-                self.end = LocusEnd(LocusEndReason.GRAZE, step.point.values, found.kind.value.replace("-", " "))
-                return step
-        return None
+        """Return the last step, if it leads to a graze at which the locus ends."""
+        ends = *self._ends_of_multipliers(), *self._ends_at_half(), *self._ends_at_another()
+        return self._ended_at(ends[0]) if ends else None
 
-    def _ends_of_multipliers(self, jumping: Collection[int]) -> Iterator[Finding]:
+    def _ended_at(self, found: Finding) -> LocusStep:
+        """Return the last step, to the end of the locus at a graze."""
+        step = LocusStep(self._point(found.point), [self._codim2(found)])
+        self.end = LocusEnd(LocusEndReason.GRAZE, step.point.values, found.kind.value.replace("-", " "))
+        return step
+
+    @cached_property
+    def _jumping(self) -> frozenset[int]:
+        return jumping_switches(self.first.orbit.system)
+
+    def _is_sharp(self, turning: Turning) -> bool:
+        """Return True if multipliers jump, or grow without bound, where this touch begins."""
+        if turning.switch in self._jumping:
+            return True
+        touch = touch_map(self.walk.point.orbit, turning.switch, turning.theta)
+        return touch is not None and touch.order == 1.0
+
+    def _ends_of_multipliers(self) -> Iterator[Finding]:
         """Yield the ends just ahead of a locus of multipliers, at a contact that ceases to touch."""
         kind, corrector, state = self.beginning.kind, self.beginning.corrector, self.walk.state
         for reach, turning in approaches(state.previous, state.point) if kind.by_multipliers else ():
-            if turning.is_touch and turning.switch in jumping and reach < _ENDING:
+            if turning.is_touch and reach < _ENDING and self._is_sharp(turning):
                 near = NearGrazing(corrector, turning.switch)
                 yield from _ends(near, kind.target, state.point, turning, _OVER * reach)
 
-    def _ends_at_half(self, jumping: Collection[int]) -> Iterator[Finding]:
+    def _ends_at_half(self) -> Iterator[Finding]:
         """Yield the ends just ahead at which both halves of the motions graze alike: they reach half their period."""
         state, plane, corrector = self.walk.state, self.beginning.plane, self.beginning.corrector
         reach, own = half_ahead(state.previous, state.point), corrector.scales
-        deflections = [each for each in turnings(state.point) if each.switch in jumping]
+        deflections = [each for each in turnings(state.point) if each.switch in self._jumping]
         if not reach < _ENDING or not deflections:
             return
         turning = min(deflections, key=lambda each: abs(each.depth))
@@ -800,6 +819,34 @@ class LocusTracer(Iterator[LocusStep]):
             place[-2:] = found.point.x[-2:]
             x = np.append(found.point.x[:-2], place)  # on a grazing locus with the angle of the last point
             yield found._replace(point=corrector.uncorrected(x, tangent, found.point.arclength))
+
+    def _ends_at_another(self) -> Iterator[Finding]:
+        """Yield the ends just ahead of a grazing locus at which another deflection grazes a force that jumps."""
+        state, corrector, equation = self.walk.state, self.beginning.corrector, self.beginning.equation
+        if not isinstance(equation, GrazingEquation):
+            return
+        full, own = PERIOD * equation.period, self._angle(state.point)
+        for reach, turning in approaches(state.previous, state.point):
+            is_own = turning.switch == equation.switch and apart(turning.theta, own, full) < _OWN
+            if is_own or turning.is_touch or turning.switch not in self._jumping or reach > AWAY:
+                continue
+            misses = np.sign(turning.depth) * MARGIN * float(corrector.scales[0])
+
+            def function(found: Correction, turning: Turning = turning, misses: float = misses) -> float:
+                orbit = equation.orbit(*self._unscaled(found.x), found.evaluation)
+                turns = zip(*orbit.turning_depths[turning.switch], strict=True)
+                return min(turns, key=lambda each: apart(each[0], turning.theta, full))[1] - misses
+
+            secant = Secant(first=_BEHIND * reach, longest=reach, farthest=_OVER * reach)
+            found = zero_along(corrector, state.point.x, function, secant)
+            if found is not None:
+                length = float(np.linalg.norm(found.x - state.point.x))
+                there = corrector.point(found, state.point.tangent, state.point.arclength + length)
+                yield Finding(Codim2.GRAZING, there, describe_switch(there.orbit, turning.switch))
+
+    def _unscaled(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+        unknowns = x * self.beginning.corrector.scales
+        return unknowns[:-1], float(unknowns[-1])
 
     def _at_edge(self, inside: BranchPoint, outside: BranchPoint) -> BranchPoint | None:
         """Return the point of the locus at the limit of the first parameter that a step has passed."""
@@ -825,6 +872,8 @@ class LocusTracer(Iterator[LocusStep]):
         corner = turn_corner(self.beginning.corrector, state.point, within, ahead)
         if corner is None:
             return None
+        if corner.beyond is None:
+            return self._ended_at(corner.finding)
         if self._passes_start(state.point, corner):
             self.end = LocusEnd(LocusEndReason.CLOSED, self.first.values)
             length = state.point.arclength + float(np.linalg.norm(self.first.x - state.point.x))
@@ -837,6 +886,7 @@ class LocusTracer(Iterator[LocusStep]):
         """Return True if the path round a corner passes the first point of the tracer."""
         if point.arclength < 4.0 * self.options.first_step:
             return False
+        assert corner.beyond is not None
         places = [point.x, corner.finding.point.x, corner.beyond.x]
         return any(_distance(self.first.x, a, b) < _BESIDE for a, b in pairwise(places))
 

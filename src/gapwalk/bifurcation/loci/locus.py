@@ -31,7 +31,6 @@ from gapwalk.continuation.curve import Measured
 from gapwalk.continuation.curve_points import BranchPoint, OrbitOnCurve
 from gapwalk.continuation.walk import AnyEnd, Reason
 from gapwalk.errors import NumericalError
-from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.words import parameter_symbol
 from gapwalk.orbit.orbit import Orbit, apart, describe_switch
@@ -298,6 +297,8 @@ _ON_OTHERS = {
     Codim2.NEIMARK_SACKER_GRAZING: None,
 }
 """Kinds of points on all other loci, and the value of the critical multiplier there if it is real."""
+AT_GRAZE = {1.0: Codim2.FOLD_GRAZING, -1.0: Codim2.FLIP_GRAZING, None: Codim2.NEIMARK_SACKER_GRAZING}
+"""Points on the locus of a graze at which a multiplier is critical, by its value; None for a pair."""
 _TARGETS = {
     (Kind.FOLD, Codim2.FOLD_FLIP): -1.0,
     (Kind.FLIP, Codim2.FOLD_FLIP): 1.0,
@@ -370,10 +371,11 @@ def _resonances(
 ) -> list[Finding]:
     """Return the points between two points of a grazing locus at which the square-root term of the touch vanishes."""
     equation = cast("GrazingEquation", corrector.equation)
-    if equation.switch not in jumping_switches(first.orbit.system):
+    theta, contact, found = float(first.x[-3] * corrector.scales[-3]), describe_switch(first.orbit, equation.switch), []
+    if not resonance(first, equation.switch, theta, 1.0):
         return []
-    contact, found = describe_switch(first.orbit, equation.switch), []
-    for what, target in _RESONANT.items():
+    kinds = {AT_GRAZE[one]: one for one in (1.0, -1.0)} if first.memo["touch"].order == 1.0 else _RESONANT
+    for what, target in kinds.items():
 
         def function(point: BranchPoint, target: float | None = target) -> float:
             return resonance(point, equation.switch, float(point.x[-3] * corrector.scales[-3]), target)
@@ -385,15 +387,20 @@ def _resonances(
 
 
 def resonance(point: BranchPoint, switch: int, theta: float, target: float | None) -> float:
-    """Return the square-root term of a touch as it moves a multiplier away from a target; of any, if None.
+    """Return what vanishes where a locus of multipliers ends at a touch, for a target; for any, if None.
 
-    Zero where there is none. It is ``c M b``, or ``c adj(target - M) M b``, with c and M b scaled to 1; see `TouchMap`.
+    Of order 1/2 it is the square-root term as it moves a multiplier away from a target: ``c M b``, or
+    ``c adj(target - M) M b``, with c and M b scaled to 1; see `TouchMap`. Of order 1, where the touch changes M at
+    once, it is the determinant of target - M with that change. Otherwise it is zero.
     """
     if "touch" not in point.memo:
         point.memo["touch"] = touch_map(point.orbit, switch, theta)
     touch: TouchMap | None = point.memo["touch"]
-    if touch is None or touch.order != 0.5:
+    if touch is None or touch.order == 1.5 or (touch.order == 1.0 and target is None):
         return 0.0
+    if touch.order == 1.0:
+        own = target * np.eye(len(touch.vector)) - touch.monodromy
+        return float(np.linalg.det(own)) - touch.adjugate(cast("float", target))
     scale = float(np.linalg.norm(touch.covector) * np.linalg.norm(touch.vector))
     return (float(touch.covector @ touch.vector) if target is None else touch.adjugate(target)) / scale
 
@@ -444,6 +451,8 @@ def find_end_at_graze(
     every = abs(resonance(end, equation.switch, theta, None)) < _ONE
     meets = {1.0: Codim2.GRAZING_MEETS_FOLD, -1.0: Codim2.GRAZING_MEETS_FLIP}.get(target or 0.0)
     what = Codim2.RESONANT_GRAZING if every or meets is None else meets
+    if end.memo["touch"].order == 1.0:
+        what = AT_GRAZE[target]
     here, values = function(found), []
     for way in (-_BESIDE, _BESIDE):
         beside = touch.correct(found.x + way * (tangent := onto_curve(touch, found.x)[1]), tangent)
