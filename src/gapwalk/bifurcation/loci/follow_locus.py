@@ -17,8 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.kinds.sliding import Sliding
+from gapwalk.bifurcation.loci.begin_at import special_at, special_beside
 from gapwalk.bifurcation.loci.locus import (
     AT_GRAZE,
+    RESONANT,
     Codim2,
     Codim2Point,
     Finding,
@@ -375,13 +377,21 @@ class LocusStart:
 
 
 def start_locus(
-    special: SpecialPoint, first: str, second: str, to: Ranges, method: Method | None = None
+    special: SpecialPoint | Codim2Point,
+    first: str,
+    second: str,
+    to: Ranges,
+    method: Method | None = None,
+    kind: str | None = None,
 ) -> list[LocusStart]:
     """Begin the locus of a special point in both directions: towards smaller `first`, then towards larger."""
-    within = _checked(special, first, second, to)
-    corrector, there = _started(plane_of(chosen(method), special.orbit, (first, second)), special, within)
+    start = special_at(special, kind)
+    within = _checked(start, first, second, to)
+    if isinstance(special, Codim2Point) and special.kind in RESONANT and start.kind.by_multipliers:
+        start = special_beside(special, start.kind, (first, second), within)
+    corrector, there = _started(plane_of(chosen(method), start.orbit, (first, second)), start, within)
     back = replace(there, tangent=-there.tangent, determinant=-there.determinant, memo={})
-    return [LocusStart(special.kind, corrector, point, within, special.contact) for point in (back, there)]
+    return [LocusStart(start.kind, corrector, point, within, start.contact) for point in (back, there)]
 
 
 def refined(beginning: LocusStart) -> LocusStart | None:
@@ -564,11 +574,12 @@ _ENDS = (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)  # points at which a Neimar
 
 
 def follow_locus(
-    special: SpecialPoint,
+    special: SpecialPoint | Codim2Point,
     first: str,
     second: str,
     to: Ranges,
     *,
+    kind: str | None = None,
     walk: WalkOptions | None = None,
     method: Method | None = None,
     report: LocusReport | None = None,
@@ -578,11 +589,13 @@ def follow_locus(
     Parameters
     ----------
     special
-        The point to start from, from a branch along any parameter.
+        The point to start from, from a branch along any parameter; or a point of codimension two of another locus.
     first, second
         Names of the parameters, such as ``"frequency"`` and ``"mean.q1"``.
     to
         The range of each: ``((low, high), (low, high))``.
+    kind
+        At a point of codimension two the locus to begin: ``"fold"``, ``"flip"``, ``"neimark-sacker"``, ``"grazing"``.
     walk
         Options of the walk.
     method
@@ -616,7 +629,7 @@ def follow_locus(
     array([[1.372124, 1.1     ],
            [1.41379 , 0.9     ]])
     """
-    return trace_locus(start_locus(special, first, second, to, method), walk).to_end(traced_locus, report)
+    return trace_locus(start_locus(special, first, second, to, method, kind), walk).to_end(traced_locus, report)
 
 
 class LocusStep(NamedTuple):

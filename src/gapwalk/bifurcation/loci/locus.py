@@ -306,7 +306,7 @@ _TARGETS = {
     (Kind.NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER): -1.0,
 }
 """Value of the second critical multiplier, on a locus of one kind."""
-_RESONANT = {
+RESONANT = {
     Codim2.RESONANT_GRAZING: None,
     Codim2.GRAZING_MEETS_FOLD: 1.0,
     Codim2.GRAZING_MEETS_FLIP: -1.0,
@@ -374,7 +374,7 @@ def _resonances(
     theta, contact, found = float(first.x[-3] * corrector.scales[-3]), describe_switch(first.orbit, equation.switch), []
     if not resonance(first, equation.switch, theta, 1.0):
         return []
-    kinds = {AT_GRAZE[one]: one for one in (1.0, -1.0)} if first.memo["touch"].order == 1.0 else _RESONANT
+    kinds = {AT_GRAZE[one]: one for one in (1.0, -1.0)} if first.memo["touch"].order == 1.0 else RESONANT
     for what, target in kinds.items():
 
         def function(point: BranchPoint, target: float | None = target) -> float:
@@ -396,11 +396,10 @@ def resonance(point: BranchPoint, switch: int, theta: float, target: float | Non
     if "touch" not in point.memo:
         point.memo["touch"] = touch_map(point.orbit, switch, theta)
     touch: TouchMap | None = point.memo["touch"]
-    if touch is None or touch.order == 1.5 or (touch.order == 1.0 and target is None):
+    if touch is None or touch.order == 1.5:
         return 0.0
     if touch.order == 1.0:
-        own = target * np.eye(len(touch.vector)) - touch.monodromy
-        return float(np.linalg.det(own)) - touch.adjugate(cast("float", target))
+        return touch.determinant(target) if target is not None else 0.0
     scale = float(np.linalg.norm(touch.covector) * np.linalg.norm(touch.vector))
     return (float(touch.covector @ touch.vector) if target is None else touch.adjugate(target)) / scale
 
