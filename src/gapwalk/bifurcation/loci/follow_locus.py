@@ -33,6 +33,7 @@ from gapwalk.bifurcation.loci.locus import (
     find_end_at_graze,
     find_merging,
     half_ahead,
+    zero_at_graze,
 )
 from gapwalk.bifurcation.loci.locus_equations import (
     MARGIN,
@@ -48,6 +49,7 @@ from gapwalk.bifurcation.loci.locus_equations import (
     zero_along,
 )
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
+from gapwalk.bifurcation.steps_over_corners import free_angle
 from gapwalk.bifurcation.touch_map import touch_map
 from gapwalk.continuation.corrector import Correction, Corrector, Range, powers_of_two
 from gapwalk.continuation.curve import joined
@@ -159,7 +161,7 @@ def _turn(corrector: Corrector, point: BranchPoint, within: float, turning: Turn
     """Return the corner at which one turning point grazes, if the locus leads there and continues beyond."""
     near = NearGrazing(corrector, turning.switch)
     start = np.insert(point.x, -2, turning.theta / PERIOD)
-    corner = near.corner(start)
+    corner = near.corner(start, None if turning.is_touch else abs(turning.depth))
     if corner is None:
         return None
     way = on_locus(corner) - point.x
@@ -197,25 +199,39 @@ class NearGrazing:
         self._touch = GrazingEquation(equation.plane, switch, 0.0, min(equation.tolerance, 0.1 * self.margin))
         self._scales = np.insert(corrector.scales, -2, PERIOD)
 
-    def corner(self, start: NDArray[np.float64]) -> Correction | None:
-        """Return the orbit of the locus that just touches, seen from outside the breakpoint."""
-        return self.at(self._outside(start), start)
+    def corner(self, start: NDArray[np.float64], missed: float | None) -> Correction | None:
+        """Return the orbit of the locus that just touches, seen from outside; `missed` is the distance at the start."""
+        found = self.at(self._outside(start), start)
+        if found is not None or missed is None:
+            return found
+        return zero_at_graze(self._ever_nearer(missed, start), start, self._condition)
+
+    def _ever_nearer(self, depth: float, start: NDArray[np.float64]) -> list[Corrector]:
+        """Return correctors of motions that miss the breakpoint, by a depth and ever less."""
+        # Newton's method must not step over the breakpoint, where the effect of a touch is that of a root. Its steps
+        # err by their square.
+        sign, depths = math.copysign(1.0, self._outside(start)), [depth]
+        while depths[-1] > self.margin:
+            depths.append(max(_CLOSER * depths[-1], self.margin))
+        return [Corrector(replace(self._touch, depth=sign * depth), self._scales) for depth in depths]
+
+    def _condition(self, found: Correction) -> float:
+        return self.equation.criticality(found.evaluation.evidence).value
 
     def outside(self, point: BranchPoint, turning: Turning) -> tuple[list[Corrector], NDArray[np.float64]]:
         """Return correctors of motions that do not touch, by ever less, and a start for the first near a point."""
-        # Newton's method must not step over the breakpoint, where the effect of a touch is that of a root. Its steps
-        # err by their square, and those to the end of a locus are as long as the root of the depth there.
-        start, depths = np.insert(point.x, -2, turning.theta / PERIOD), [_WIDER * abs(turning.depth)]
-        while depths[-1] > self.margin:
-            depths.append(max(_CLOSER * depths[-1], self.margin))
-        sign = np.sign(self._outside(start))
+        # steps to the end of a locus are as long as the root of the depth
+        start = np.insert(point.x, -2, turning.theta / PERIOD)
+        correctors = self._ever_nearer(_WIDER * abs(turning.depth), start)
         x, before = start * self._scales, _LEAD * math.sqrt(abs(turning.depth) / self.unit)
         place = self._touch.place(x[:-1], float(x[-1]))
         size = len(place.unknowns)
-        units = self._scales[:size]
-        way = self._touch.plane.turning(turning.switch, place, turning.theta - before)[1][0, :size] * units
-        start[:size] += (sign * depths[0] - turning.depth) * way / float(way @ way)
-        return [Corrector(replace(self._touch, depth=sign * depth), self._scales) for depth in depths], start
+        way = (
+            self._touch.plane.turning(turning.switch, place, turning.theta - before)[1][0, :size] * self._scales[:size]
+        )
+        first = cast("GrazingEquation", correctors[0].equation)
+        start[:size] += (first.depth - turning.depth) * way / float(way @ way)
+        return correctors, start
 
     def _outside(self, start: NDArray[np.float64]) -> float:
         x = start * self._scales
@@ -224,8 +240,7 @@ class NearGrazing:
     def at(self, depth: float, start: NDArray[np.float64]) -> Correction | None:
         """Return the orbit with a given depth, found along the curve of that depth; None if none is found."""
         corrector = Corrector(replace(self._touch, depth=depth), self._scales)
-        criticality = self.equation.criticality
-        return zero_along(corrector, start, lambda found: criticality(found.evaluation.evidence).value, _SECANT)
+        return zero_along(corrector, start, self._condition, _SECANT)
 
     def orbit(self, correction: Correction) -> Orbit:
         """Return the orbit of a correction."""
@@ -462,7 +477,9 @@ def plane_of(method: Method, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane
 def _shot(method: Shooting, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane:
     if method.segments > 1:
         raise ModelError(f"segments is {method.segments}; a locus is followed with one, write Shooting(segments=1)")
-    return ShotPlane(orbit.system, names, orbit.period, method)
+    # where an event passes the start of the period the state there jumps, or has a corner
+    begin = free_angle(orbit, 1) if jumping_switches(orbit.system, friction=False) else 0.0
+    return ShotPlane(orbit.system, names, orbit.period, method, begin=begin)
 
 
 @plane_of.register(Balance)

@@ -404,6 +404,23 @@ def resonance(point: BranchPoint, switch: int, theta: float, target: float | Non
     return (float(touch.covector @ touch.vector) if target is None else touch.adjugate(target)) / scale
 
 
+def zero_at_graze(
+    touches: Sequence[Corrector],
+    start: NDArray[np.float64],
+    function: Callable[[Correction], float],
+    farthest: float = 0.1,
+) -> Correction | None:
+    """Locate a zero of a function on the locus of a graze, by motions that miss the contact by ever less."""
+    found: Correction | None = None
+    for each in touches:
+        first = _STEP * math.sqrt(abs(cast("GrazingEquation", each.equation).depth) / float(each.scales[0]))
+        found = zero_along(each, start, function, Secant(first=first, farthest=farthest))
+        if found is None:
+            break
+        start = found.x
+    return found
+
+
 def find_end_at_graze(
     target: float | None, touches: Sequence[Corrector], start: NDArray[np.float64], point: BranchPoint, within: float
 ) -> Finding | None:
@@ -432,13 +449,7 @@ def find_end_at_graze(
         theta = float(correction.x[-3] * touch.scales[-3])
         return resonance(there(correction), equation.switch, theta, target)
 
-    found: Correction | None = None
-    for each in touches:
-        first = _STEP * math.sqrt(abs(cast("GrazingEquation", each.equation).depth) / float(each.scales[0]))
-        found = zero_along(each, start, function, Secant(first=first, farthest=2.0 * within))
-        if found is None:
-            return None
-        start = found.x
+    found = zero_at_graze(touches, start, function, 2.0 * within)
     if found is None:
         return None
     end = there(found)
