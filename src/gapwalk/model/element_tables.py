@@ -286,7 +286,7 @@ class PlainFrictionBase(FrictionBase):
 
     deflection: Direction = Field(description="write by which coordinates it slips, as in { q1 = 1.0 }")
     force: Vector | None = None
-    numbers: Annotated[dict[Name, Number], Field(description="the parameters of the formula of limit")] = {}
+    numbers: dict[Name, Number] = Field({}, description="the parameters of the formula of limit")
 
     def enter(self, names: Names) -> None:
         """See `Element.enter`."""
