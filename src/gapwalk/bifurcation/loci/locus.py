@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any, NamedTuple, cast
@@ -20,6 +21,7 @@ from gapwalk.bifurcation.loci.locus_equations import (
     GrazingEquation,
     MultiplierEquation,
     Secant,
+    SlidingEquation,
     onto_curve,
     zero_along,
 )
@@ -125,6 +127,8 @@ class Codim2(StrEnum):
     """On a grazing locus: a multiplier at -1."""
     NEIMARK_SACKER_GRAZING = "neimark-sacker-grazing"
     """On a grazing locus: a pair on the unit circle."""
+    DEGENERATE_SLIDING = "degenerate-sliding"
+    """Where slip ends the friction would neither give way again nor hold: crossing- becomes switching-sliding."""
     RESONANT_GRAZING = "resonant-grazing"
     """The square-root term of a graze vanishes: loci of folds and flips end there, tangent to that of the graze."""
     GRAZING_MEETS_FOLD = "grazing-meets-fold"
@@ -347,14 +351,21 @@ def find_codim2(
         for graze in find_grazing(interval, before, first, last)
         if not _is_echo(corrector, graze)
     ]
-    for what in () if isinstance(locus, Sliding) else _KINDS.get(locus, _ON_OTHERS):
+    for what in _of_sliding(locus) if isinstance(locus, Sliding) else _KINDS.get(locus, _ON_OTHERS):
         function = _function(locus, what, corrector, first)
-        zeros = _search(function, interval, first, last, before)
-        genuine = (point for point in zeros if _is_genuine(locus, what, point, interval))
-        found += [Finding(what, point, "", _error(function, interval, point)) for point in genuine]
+        # just where friction could give way to both sides a motion may be unknown; shorter steps then find others
+        unknown = isinstance(locus, Sliding) and last.arclength - first.arclength < _FINEST
+        with suppress(NumericalError) if unknown else nullcontext():
+            zeros = _search(function, interval, first, last, before)
+            genuine = (point for point in zeros if _is_genuine(locus, what, point, interval))
+            found += [Finding(what, point, "", _error(function, interval, point)) for point in genuine]
     if isinstance(corrector.equation, GrazingEquation):
         found += _resonances(corrector, interval, before, first, last)
     return sorted(found, key=lambda finding: finding.point.arclength)
+
+
+def _of_sliding(kind: Sliding) -> tuple[Codim2, ...]:
+    return (Codim2.DEGENERATE_SLIDING,) if kind.what == "stop" else ()
 
 
 def errors_of(finding: Finding, corrector: Corrector) -> tuple[float, float]:
@@ -489,6 +500,8 @@ def _function(locus: Kind, what: Codim2, corrector: Corrector, first: BranchPoin
         return lambda point: float(point.tangent[-2:] @ heading)
 
     def compute(point: BranchPoint) -> float:
+        if isinstance(corrector.equation, SlidingEquation):
+            return corrector.equation.tangency(point.x[:-1] * corrector.scales[:-1], point.value)
         if what is not Codim2.GENERALISED_FLIP:
             return _multiplier_test(locus, what, point.orbit.free_multipliers)
         equation = cast("MultiplierEquation", corrector.equation)

@@ -21,7 +21,7 @@ from gapwalk.bifurcation.kinds.critical_multipliers import Criticality, flip_coe
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.corrector import Correction, Corrector, unknown_scales
-from gapwalk.errors import ConvergenceError
+from gapwalk.errors import ConvergenceError, FlowError
 from gapwalk.flow.equations import natural_length
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of, flow_with
 from gapwalk.flow.motion import DryModes, Gauge, modes_along
@@ -601,6 +601,7 @@ _ASIDE = 1e-6  # step of central differences, as a share of the unknowns
 _LEAD = 0.3  # largest angle before the instant, in radians, from which on friction keeps its mode
 _REFINEMENTS, _FARTHEST = 4, 0.05  # of the angle of the start, and the largest change in each
 _AT = 1e-3  # radians within which the beginning of a phase is the instant itself
+_BESIDE = 1e-10  # rate of the first coordinate by which the start is moved where the motion from it is not known
 _MARGIN = 1e-11  # distance from the change, on the side without the phase; as for grazing
 
 Array = NDArray[np.float64]
@@ -652,18 +653,32 @@ class SlidingEquation(LocusEquation):
             residual[size] -= _MARGIN
         return residual, jacobian, place
 
-    def _conditions(self, place: Place, theta: float) -> tuple[Array, Array]:
-        """Return both conditions, and their derivatives by unknowns, angle and parameters."""
-        plane, (what, contact, side) = cast("ShotPlane", self.plane), self.instant
-        structure, size = plane.system.structure, len(place.unknowns)
-        full = PERIOD * self.period
+    def _reached(self, place: Place, theta: float) -> tuple[float, Array, Array, FrictionGauge, DryModes, DryModes]:
+        """Return the instant: its angle, state, derivatives of that, gauge, and the modes of slip and of stick."""
+        plane, (_, contact, side), full = cast("ShotPlane", self.plane), self.instant, PERIOD * self.period
+        structure = plane.system.structure
         angle = theta % full
         lead = min(self.lead, angle) if self.lead >= full else self.lead
         angle += full * (angle < 2.0 * lead and self.lead < full)
         there, by_all, arc = plane.reached(place, contact, angle - lead, angle)
         gauge = FrictionGauge(layout_of(structure), contact)
         modes = modes_along(structure, np.array([angle - lead]), arc.slips, arc.holds, before=True).at(0)
-        slips, sticks = gauge.slipping(modes, side), gauge.sticking(modes)
+        return angle, there, by_all, gauge, gauge.slipping(modes, side), gauge.sticking(modes)
+
+    def tangency(self, unknowns: Array, value: float) -> float:
+        """Return the change of the reserve where slip ends, in its unit; its sign decides what follows the slip."""
+        place = self.place(unknowns, value)
+        try:
+            angle, there, _, gauge, _, sticks = self._reached(place, float(unknowns[-2]))
+        except FlowError:  # a motion that begins exactly there could go either way
+            place = self.place(unknowns + _BESIDE * (np.arange(len(unknowns)) == self.plane.system.size), value)
+            angle, there, _, gauge, _, sticks = self._reached(place, float(unknowns[-2]))
+        return _changing(gauge)(place.coefficients, angle, there, sticks, -self.instant.side) / self.units[1]
+
+    def _conditions(self, place: Place, theta: float) -> tuple[Array, Array]:
+        """Return both conditions, and their derivatives by unknowns, angle and parameters."""
+        plane, (what, _, side), size = cast("ShotPlane", self.plane), self.instant, len(place.unknowns)
+        angle, there, by_all, gauge, slips, sticks = self._reached(place, theta)
         pairs: dict[str, list[tuple[Callable[..., Any], DryModes, int]]] = {
             "stop": [(gauge.rate, slips, side), (gauge.reserve, sticks, -side)],
             "rate": [(gauge.rate, slips, side), (gauge.acceleration, slips, side)],
