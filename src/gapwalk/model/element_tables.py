@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -308,7 +309,8 @@ class PlainFrictionBase(FrictionBase):
 
 
 def _or_formula(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
-    return value if isinstance(value, str) else handler(value)
+    is_quantity = isinstance(value, str) and re.match(r"\s*\d[\d.eE+-]*\s*[^\W\d_]", value)
+    return value if isinstance(value, str) and not is_quantity else handler(value)
 
 
 def friction_part(base: type[FrictionBase] = PlainFrictionBase) -> Any:
