@@ -157,6 +157,28 @@ def test_loci_of_random_rigid_oscillators_end_at_named_points(seed):
                 assert end.values == pytest.approx(place, abs=1e-9)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(40, 46))
+@pytest.mark.parametrize("kind", ["rigid", "preloaded", "soft"])
+def test_loci_of_random_oscillators_end_at_points_that_two_of_them_name(kind, seed):
+    grazing = Grazing(kind, seed)
+    low, high = 0.5 * grazing.amplitude, 1.6 * grazing.amplitude
+    within = (0.6 * grazing.frequency, 1.5 * grazing.frequency), (0.2 * low, 6.0 * grazing.amplitude)
+    branch = gw.follow(gw.find_orbit(grazing.system(-0.5)), "harmonic1.amplitude", (low, high))
+    grazes, ends = [], []
+    for special in branch.special_points:
+        if special.kind in ("fold", "flip", "grazing"):
+            locus = gw.follow_locus(special, "frequency", "harmonic1.amplitude", within)
+            assert not any(end.reason.is_failure for end in locus.ends), locus.ends
+            named = [each for each in locus.codim2_points if each.contact or "grazing" in each.kind]
+            here = [each for each in named if each.values in [end.values for end in locus.ends]]
+            grazes += named if special.kind == "grazing" else []
+            ends += here if special.kind != "grazing" else []
+    for end in ends:
+        apart = [np.abs(np.subtract(end.values, each.values)) / np.add(end.errors, each.errors) for each in grazes]
+        assert min(map(max, apart)) < 1.0
+
+
 def test_with_two_coordinates_fold_flip_and_square_root_part():
     # the responses of the touch, computed again at the located motions, vanish one by one
     grazing = Grazing("rigid", 0)

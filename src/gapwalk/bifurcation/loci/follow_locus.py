@@ -223,15 +223,9 @@ class NearGrazing:
         # steps to the end of a locus are as long as the root of the depth
         start = np.insert(point.x, -2, turning.theta / PERIOD)
         correctors = self._ever_nearer(_WIDER * abs(turning.depth), start)
-        x, before = start * self._scales, _LEAD * math.sqrt(abs(turning.depth) / self.unit)
-        place = self._touch.place(x[:-1], float(x[-1]))
-        size = len(place.unknowns)
-        way = (
-            self._touch.plane.turning(turning.switch, place, turning.theta - before)[1][0, :size] * self._scales[:size]
-        )
         first = cast("GrazingEquation", correctors[0].equation)
-        start[:size] += (first.depth - turning.depth) * way / float(way @ way)
-        return correctors, start
+        before = turning.theta - _LEAD * math.sqrt(abs(turning.depth) / self.unit)
+        return correctors, _deeper(first, start, self._scales, before, first.depth - turning.depth)
 
     def _outside(self, start: NDArray[np.float64]) -> float:
         x = start * self._scales
@@ -246,6 +240,19 @@ class NearGrazing:
         """Return the orbit of a correction."""
         x = correction.x * self._scales
         return self._touch.orbit(x[:-1], float(x[-1]), correction.evaluation)
+
+
+def _deeper(
+    touch: GrazingEquation, start: NDArray[np.float64], scales: NDArray[np.float64], before: float, change: float
+) -> NDArray[np.float64]:
+    """Return a start whose deflection is deeper by a change, by the derivatives at an angle before it touches."""
+    x, start = start * scales, start.copy()
+    place = touch.place(x[:-1], float(x[-1]))
+    size = len(place.unknowns)
+    _, slopes = touch.plane.turning(touch.switch, place, before)
+    way = slopes[0, :size] * scales[:size]
+    start[:size] += change * way / float(way @ way)
+    return start
 
 
 def _ends(
@@ -365,6 +372,7 @@ AnyEquation = MultiplierEquation | GrazingEquation | SlidingEquation
 Ranges = tuple[tuple[float, float], tuple[float, float]]
 """Ranges of both parameters."""
 
+_MISSED = 1e-7  # distance from the breakpoint of the start of a locus of grazes, if the motion at the point touches
 _FAR = 1e-3  # scaled distance from the special point beyond which the corrected start is another point
 _LITTLE = 0.01  # share of the allowed error below which more harmonics would not help
 _COARSE = 1e-2  # largest scaled distance if the two are resolved with different numbers of harmonics
@@ -448,6 +456,10 @@ def _started(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Rang
     if inaccuracy and finer is not None:
         return _started(finer, special, within)
     correction, tangent = onto_curve(corrector, start)
+    if correction is None and isinstance(equation, GrazingEquation):  # the motion at the point may touch
+        before = float(x[-3]) - _LEAD * math.sqrt(_MISSED)
+        away = math.copysign(_MISSED * float(corrector.scales[0]), equation.depth)
+        correction, tangent = onto_curve(corrector, _deeper(equation, start, corrector.scales, before, away))
     if correction is None or correction.distance > (_FAR if isinstance(plane, ShotPlane) else _COARSE):
         if finer is not None and plane.inaccuracy(orbit, _LITTLE):
             return _started(finer, special, within)

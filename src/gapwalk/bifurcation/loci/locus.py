@@ -478,6 +478,7 @@ def find_end_at_graze(
     for way in (-_BESIDE, _BESIDE):
         beside = touch.correct(found.x + way * (tangent := onto_curve(touch, found.x)[1]), tangent)
         values.append(function(beside) if beside is not None else math.nan)
+    here = abs(here) + (abs(resonance(end, equation.switch, theta, None)) if every else 0.0)  # several points in one
     off, slope = abs(here) + abs(0.5 * sum(values) - here), abs(values[1] - values[0]) / (2.0 * _BESIDE)
     return Finding(what, end, describe_switch(end.orbit, equation.switch), off / slope if slope > 0.0 else math.inf)
 
