@@ -73,6 +73,7 @@ PERMITTED = {
     ("bifurcation/follow.py", "follow", "verification"): "follow(verify=True) is a convenience; walking never verifies",
     ("bifurcation/branch.py", "unexplained", "bifurcation"): "derived when it is asked for; walking never looks at it",
     ("bifurcation/branch.py", "basins", "studies"): "basins() of a branch is a convenience; walking never settles",
+    ("bifurcation/branch.py", "live", "plot"): "live() of a branch is a convenience; walking never draws",
     ("notebook.py", "plot", "plot"): "plot() of a record is a convenience; what makes records never draws",
     ("notebook.py", "_repr_html_", "plot"): "a card is a convenience of notebooks; its value never draws",
     ("summary.py", "to_dict", "results"): "plain values follow the type hints that the codec of results knows",

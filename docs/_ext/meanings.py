@@ -15,7 +15,7 @@ _DASHES = {"": "solid", "below": "dashed", "above": "dotted", "pair": "dash and 
 _DASHES |= {"third": "long dash, dot", "fourth": "long dash, two dots"}
 _MARKERS = {"^": "△", "s": "□", "o": "○", "d": "◇", "D": "◆", "*": "★", "P": "✚", "|": "❘", "x": "×", "+": "+"}
 _FILLED = {"o": "●", "h": "⬢"}
-_MARKERS |= {"1": "Y", "2": "⅄", "h": "⬡", "v": "▽", "X": "✖", "p": "⬠"}
+_MARKERS |= {"1": "Y", "2": "⅄", "h": "⬡", "v": "▽", "X": "✖", "p": "⬠", "8": "⯃"}
 
 
 def table() -> str:

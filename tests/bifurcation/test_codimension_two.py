@@ -73,6 +73,74 @@ def test_flips_touch_the_grazing_locus_like_a_parabola():
     assert ((heights[near] / away[near] ** 2 > 7.40) & (heights[near] / away[near] ** 2 < 7.48)).all()
 
 
+@once
+def doubled() -> gw.Branch:
+    """Motions of period two of an oscillator whose one-impact motions have doubled."""
+    low = 0.5 * math.hypot(1.0 - 2.2397**2, 0.2009 * 2.2397)
+    return gw.follow(branch_of(0.2009, 2.2397).special("flip")[0], "f.amplitude", (low, 3.2 * low))
+
+
+def test_doubled_motions_end_where_those_of_half_their_period_are_resonant():
+    branch, place = doubled(), resonance(0.2009)
+    own = {}
+    for special in branch.special_points:
+        locus = gw.follow_locus(special, "frequency", "f.amplitude", ((1.4, 3.3), (0.4, 24.0)))
+        assert not any(end.reason.is_failure for end in locus.ends), locus.ends
+        for found in locus.codim2(Codim2.RESONANT_GRAZING):
+            if found.values[0] < 2.0:
+                assert found.values == pytest.approx(place, abs=1e-9)
+            else:  # their own, of which folds, flips and grazes tell apart from each other
+                own[special.kind] = found
+    assert {*own} == {"fold", "flip", "grazing"}
+    for found in own.values():
+        apart = np.abs(np.subtract(found.values, own["grazing"].values))
+        assert (apart < np.add(found.errors, own["grazing"].errors)).all()
+
+
+@pytest.mark.parametrize(("kind", "slope"), [("fold", None), ("flip", (7.40, 7.48))])
+def test_other_loci_begin_at_the_resonant_graze(kind, slope):
+    c, place = 0.04, resonance(0.04)
+    graze = branch_of(c, 2.1).special("grazing")[0]
+    (start,) = gw.follow_locus(graze, "frequency", "f.amplitude", plane(2.0)).codim2(Codim2.RESONANT_GRAZING)
+    locus = gw.follow_locus(start, "frequency", "f.amplitude", plane(2.0), kind=kind)
+    (found,) = locus.codim2(Codim2.RESONANT_GRAZING)
+    assert found.values == pytest.approx(place, abs=1e-9)
+    if slope:  # Simpson and Ghosh
+        away = locus.values[:, 0] - place[0]
+        height = locus.values[:, 1] - np.hypot(1.0 - locus.values[:, 0] ** 2, c * locus.values[:, 0])
+        near = (away > 1e-4) & (away < 0.007)
+        assert near.any()
+        assert ((height[near] / away[near] ** 2 > slope[0]) & (height[near] / away[near] ** 2 < slope[1])).all()
+
+
+def test_the_locus_that_begins_is_named():
+    graze = branch_of(0.04, 2.1).special("grazing")[0]
+    (start,) = gw.follow_locus(graze, "frequency", "f.amplitude", plane(2.0)).codim2(Codim2.RESONANT_GRAZING)
+    with pytest.raises(gw.errors.ModelError, match=r"write the kind that begins there, of \('fold', 'flip'"):
+        gw.follow_locus(start, "frequency", "f.amplitude", plane(2.0))
+    with pytest.raises(gw.errors.ModelError, match="leave kind out"):
+        gw.follow_locus(graze, "frequency", "f.amplitude", plane(2.0), kind="flip")
+
+
+def test_folds_end_where_a_touch_of_a_damper_that_pushes_changes_the_multipliers():
+    # by the multipliers with a light touch on one locus, by those without it and the map of the touch on the other
+    stages = [gw.Stage(1.0, 18.9, side="positive")]
+    stop = gw.Contact("stop", {"x": 1.0}, stages, law="pushing", viscous_damping=0.82)
+    load, matrices = gw.Harmonic(0.3, {"x": 1.0}, name="f"), {"mass": [1.0], "stiffness": [1.0], "damping": [0.0857]}
+    system = gw.System(["x"], **matrices, contacts=[stop], harmonics=[load], frequency=1.2517)
+    branch = gw.follow(gw.find_orbit(system), "f.amplitude", (0.3, 0.7))
+    folds, grazes = (
+        gw.follow_locus(branch.special(kind)[0], "frequency", "f.amplitude", ((1.005, 1.3), (0.05, 1.0)))
+        for kind in ("fold", "grazing")
+    )
+    ends = [end for end in folds.ends if end.reason is LocusEndReason.GRAZE]
+    assert ends
+    assert all("fold grazing" in end.reason_words for end in ends)
+    others = [found.values for found in grazes.codim2(Codim2.FOLD_GRAZING)]
+    for end in ends:
+        assert min(np.abs(np.subtract(end.values, other)).max() for other in others) < 1e-9
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_loci_of_random_rigid_oscillators_end_at_named_points(seed):
@@ -87,6 +155,28 @@ def test_loci_of_random_rigid_oscillators_end_at_named_points(seed):
         for end in locus.ends:
             if end.reason is LocusEndReason.GRAZE:
                 assert end.values == pytest.approx(place, abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(40, 46))
+@pytest.mark.parametrize("kind", ["rigid", "preloaded", "soft"])
+def test_loci_of_random_oscillators_end_at_points_that_two_of_them_name(kind, seed):
+    grazing = Grazing(kind, seed)
+    low, high = 0.5 * grazing.amplitude, 1.6 * grazing.amplitude
+    within = (0.6 * grazing.frequency, 1.5 * grazing.frequency), (0.2 * low, 6.0 * grazing.amplitude)
+    branch = gw.follow(gw.find_orbit(grazing.system(-0.5)), "harmonic1.amplitude", (low, high))
+    grazes, ends = [], []
+    for special in branch.special_points:
+        if special.kind in ("fold", "flip", "grazing"):
+            locus = gw.follow_locus(special, "frequency", "harmonic1.amplitude", within)
+            assert not any(end.reason.is_failure for end in locus.ends), locus.ends
+            named = [each for each in locus.codim2_points if each.contact or "grazing" in each.kind]
+            here = [each for each in named if each.values in [end.values for end in locus.ends]]
+            grazes += named if special.kind == "grazing" else []
+            ends += here if special.kind != "grazing" else []
+    for end in ends:
+        apart = [np.abs(np.subtract(end.values, each.values)) / np.add(end.errors, each.errors) for each in grazes]
+        assert min(map(max, apart)) < 1.0
 
 
 def test_with_two_coordinates_fold_flip_and_square_root_part():

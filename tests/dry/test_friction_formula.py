@@ -33,6 +33,19 @@ def test_the_speed_of_the_belt_is_one_number() -> None:
     assert faster.duration == pytest.approx(period_on_belt(0.3), rel=1e-8)
 
 
+def test_a_file_has_the_formula_in_one_line(tmp_path) -> None:
+    path, lines = tmp_path / "belt.toml", 'limit = "1/(1+d*abs(v))"\nnumbers = { d = 3.0 }\nspeed = 0.2\n'
+    head = 'coordinates = ["x"]\nmass = [[1.0]]\nstiffness = [[1.0]]\n\n[[friction]]\nname = "belt"\n'
+    text = f"{head}deflection = {{ x = 1.0 }}\n{lines}"
+    path.write_text(text)
+    found = gw.free.find_self_excited(gw.read_model(path), start=[0.0, 0.1])
+    assert found.duration == pytest.approx(12.00103129483, abs=1e-9)  # DOP853 with events
+    for wrong, words in (('"1/(1+d"', "never closed"), ("0.3", "limit is no formula"), ("-1.0", "must be >= 0")):
+        path.write_text(text.replace('"1/(1+d*abs(v))"', wrong))
+        with pytest.raises(gw.errors.ModelError, match=words):
+            gw.read_model(path)
+
+
 def period_on_belt(speed: float) -> float:
     """The duration of stick and slip at a speed of the belt: it sticks until the spring pulls with 1."""
 

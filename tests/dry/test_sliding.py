@@ -361,3 +361,24 @@ def test_two_directions_of_slip_that_change_at_one_corner_turn_the_branch_once(i
     assert [each.contact for each in found] == ["stages1dry -", "stages1dry +"]
     assert [(each.before.total, each.after.total) for each in found] == [(0, 0), (0, 1)]
     assert not is_verified or gw.verify(branch).breaches == ()
+
+
+@pytest.mark.parametrize(("damping", "place", "bound"), [(0.0, (0.5, 1.0 / 3.0), 4e-8), (0.05, None, 1e-9)])
+def test_crossing_sliding_becomes_switching_sliding_at_the_degenerate_point(damping, place, bound):
+    # without damping slip lasts half a natural period, so that sin(pi W) W^2 / (1 - W^2) is the limit (Csernak and
+    # Licsko 2021), and the friction is at its bound where the load turns
+    loads, pad = [gw.Harmonic(1.0, {"x": 1.0}, phase=0.7)], friction("f", {"x": 1.0}, 0.3)
+
+    def points(frequency, kind):
+        system = gw.System(["x"], [[1.0]], damping=[[damping]], contacts=[pad], harmonics=loads, frequency=frequency)
+        branch = gw.follow(gw.find_orbit(system), "f.limit", (0.22, 0.5))
+        special = next(each for each in branch.special(kind) if each.contact == "f -")
+        locus = gw.follow_locus(special, "frequency", "f.limit", ((0.44, 0.57), (0.1, 0.6)))
+        return locus.codim2("degenerate-sliding")
+
+    (found,) = points(0.55, "crossing-sliding")
+    if place is None:  # the locus of switching-sliding leads there from the other side
+        (other,) = points(0.45, "switching-sliding")
+        place = other.values
+    assert found.values == pytest.approx(place, abs=bound)
+    assert max(found.errors) < bound

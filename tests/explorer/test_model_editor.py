@@ -10,7 +10,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.explorer import live_response
-from gapwalk.explorer.live_response import Asked, LiveResponses, answers, response
+from gapwalk.explorer.live_response import Asked, LiveResponses, Walked, answers, response
 from gapwalk.explorer.model_editor import checked_text, numbers_of, save_text, start_text, starts, text_of
 from gapwalk.explorer.workspace_folder import Workspace
 from gapwalk.model.model_file import check_model
@@ -110,7 +110,7 @@ def test_errors_have_their_lines_and_what_is_right_so_far_is_shown() -> None:
 def test_the_response_is_that_of_an_exact_walk_to_a_hundredth(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live_response, "_LONGEST", 600.0)  # on a busy machine it is stopped before its end
     first, *points, last = response(Asked(1, STOP))
-    assert last == {"end": ""}
+    assert last["end"] == ""
     assert (first["across"], first["up"]) == ("excitation frequency Ω", "amplitude of x (half the peak to peak)")
     (study,) = read_studies(io.StringIO(STOP))
     options = study.options
@@ -139,13 +139,33 @@ study = { kind = "response", parameter = "frequency", from = 0.8, to = 3.5, meas
 def test_folds_that_hold_a_walk_back_leave_nothing_of_the_range_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live_response, "_BEHIND", 2)
     _, *points, last = response(Asked(1, BACK))
-    assert last == {"end": ""}
+    assert last["end"] == ""
     settled = [each for each in points if each["label"] == live_response._SETTLED]
     walked = points[: -len(settled)]
     assert settled[0]["x"] > max(each["x"] for each in walked) > walked[-1]["x"]
     assert settled[-1]["x"] == 3.5
     for each in settled[-3:]:  # where nothing touches the stop
         assert each["y"] == pytest.approx(0.3 / abs(1.0 - each["x"] ** 2 + 0.05j * each["x"]), rel=0.01)
+
+
+def test_the_points_of_the_last_walk_are_moved_to_other_numbers_at_once() -> None:
+    last, wide = Walked(), BACK.replace("amplitude = 0.3", "amplitude = 0.31")
+    assert not [each for each in response(Asked(1, BACK), last) if "moved" in each]
+    found = list(response(Asked(2, wide), last))
+    (news,), rest = (each["moved"] for each in found if "moved" in each), found[-1]["marks"]
+    free = [(x, y) for x, y in zip(news["x"], news["y"], strict=True) if y < 0.95]
+    assert len(free) > 10
+    for x, y in free:  # where nothing touches the stop
+        assert y == pytest.approx(0.31 / abs(1.0 - x**2 + 0.05j * x), rel=0.01)
+    (study,) = read_studies(io.StringIO(wide))
+    exact = gw.follow(gw.find_orbit(study.system, start="rest"), "frequency", 3.5)
+    upper, lower = (each.value for each in exact.special("fold"))
+    coarse, whole = ([x for kind, x, _ in each if kind == "fold"] for each in (news["marks"], rest))
+    assert whole == pytest.approx([upper, lower], rel=1e-5)
+    assert coarse == pytest.approx([upper, lower], rel=0.05)  # the lower one is a corner, beside a graze
+    assert coarse[0] == pytest.approx(upper, rel=1e-5)
+    other = wide.replace("stiffness = 20.0", 'stiffness = 20.0, side = "positive"')  # another structure
+    assert not [each for each in response(Asked(3, other), last) if "moved" in each]
 
 
 def test_a_response_without_time_is_not_empty(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -171,7 +191,7 @@ def test_beginnings_have_a_response_without_a_compiled_flow(name, monkeypatch) -
 def test_friction_has_a_response_too(name) -> None:
     *_, before, last = response(Asked(1, example(name)))
     assert before["y"] > 0.0
-    assert last == {"end": ""}
+    assert last["end"] == ""
 
 
 def test_what_has_no_response_is_said() -> None:

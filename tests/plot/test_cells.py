@@ -42,6 +42,16 @@ def chart():
     )  # fmt: skip
 
 
+def test_periodic_cells_are_labelled_by_their_impacts(chart):
+    assert chart.z[0].tolist() == ["0/1", "0/2", "1/3", "4/12", "", ""]  # 0, 0.1, 0.2 and 0.3 a period
+    assert [row[-1] for row in chart.tables()["cells"]()][1:4] == ["0/1", "0/2", "1/3"]
+    figure = picture_of(chart, labels="z", panels=())
+    assert legend_of(figure)[:3] == ["z = 0/1", "z = 1/1", "z = 0/2"]
+    assert legend_of(figure)[-2:] == ["quasi-periodic", "chaotic"]
+    with pytest.raises(ModelError, match='write "period", or "z"'):
+        draw(chart, labels="number", panels=())
+
+
 def legend_of(figure: Figure) -> list[str]:
     (legend,) = figure.legends
     return [text.get_text() for text in legend.get_texts()]

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -97,6 +98,23 @@ class Regimes(Shown):
         order = sorted(words, key=lambda key: (key[0] < 0, key))
         return {regime_word(*key): words[key] for key in order}
 
+    @cached_property
+    def z(self) -> NDArray[np.str_]:
+        """Impacts p in n forcing periods of each periodic cell, such as ``3/2``; elsewhere empty; see `Orbit.z`."""
+        contacts = self.system.structure.contacts[: self.impacts.shape[2]]
+        names = {place: form.name for place, form in enumerate(contacts) if form.stages}
+
+        def text(row: int, column: int) -> str:
+            period, counts = int(self.periods[row, column]), self.impacts[row, column]
+            known = [place for place in names if np.isfinite(counts[place])]
+            if self.regimes[row, column] != Regime.PERIODIC or not known:
+                return ""
+            each = {names[place]: f"{round(period * counts[place])}/{period}" for place in known}
+            return ", ".join(each.values() if len(names) == 1 else (f"{name} {z}" for name, z in each.items()))
+
+        cells = np.ndindex(*self.regimes.shape)
+        return np.array([text(*place) for place in cells], dtype=np.str_).reshape(self.regimes.shape)
+
     def at(self, first: float, second: float) -> str:
         """Return the regime of the cell that contains two parameter values."""
         place = []
@@ -115,7 +133,7 @@ class Regimes(Shown):
         contacts = [contact.name for contact in self.system.structure.contacts][: self.impacts.shape[2]]
         headings = [f"{what}.{contact}" for what in ("peak.force", "impacts") for contact in contacts]
         names = parameter_headings([self.first, self.second], self.system.coordinates)
-        yield [*names, "regime", "period", "exponent", *headings]
+        yield [*names, "regime", "period", "exponent", *headings, *["z"] * bool(contacts)]
         (across, up), (rows, columns) = self.axes, self.regimes.shape
         for row, column in np.ndindex(rows, columns):
             regime, period = int(self.regimes[row, column]), int(self.periods[row, column])
@@ -126,6 +144,7 @@ class Regimes(Shown):
                 regime_word(regime, period),
                 period,
                 *("" if np.isnan(each) else float(each) for each in (self.exponents[row, column], *forces, *impacts)),
+                *[str(self.z[row, column])] * bool(contacts),
             ]
 
     def _groups(self) -> dict[str, int]:

@@ -149,6 +149,13 @@ class Branch(Curve, Measured):
 
         return shares(self.system, self.parameter, (float(min(self.values)), float(max(self.values))), box, **options)
 
+    def live(self, parameter: str, to: tuple[float, float], measure: str = "half") -> Any:
+        """Draw it above a slider for another parameter, which is returned; in a notebook write %matplotlib widget."""
+        # At each step of the slider the points of a quick walk are moved; at rest the branch is followed again.
+        from gapwalk.plot.live_branch import live_slider
+
+        return live_slider(self, parameter, to, measure)
+
     def special(self, kind: Kind | str) -> tuple[SpecialPoint, ...]:
         """Return the special points of one kind, which may be given by its name, such as ``fold``."""
         found = tuple(special for special in self.special_points if special.kind == kind)

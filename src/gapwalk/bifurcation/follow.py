@@ -257,7 +257,7 @@ class BranchTracer(Iterator[Step]):
         graze = graze_ahead(self.beginning.corrector, state.point)
         if graze is None or self._ends_at_parent(before, state.point):
             return None
-        self.walk.finish(graze.point, EndReason.STEP, self._grazes(graze.contact))
+        self.walk.finish(graze.point, EndReason.WITHIN_ROUNDING, graze.contact)
         return graze.point, [graze]
 
     def _examined(

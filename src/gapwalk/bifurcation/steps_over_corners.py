@@ -802,7 +802,7 @@ class _Section:
 
     def __init__(self, corrector: Corrector, equation: ShootingEquation, point: BranchPoint) -> None:
         self._own, self._equation = corrector, equation
-        self._posed = replace(equation, begin=_free_angle(point.orbit, equation.options.segments))
+        self._posed = replace(equation, begin=free_angle(point.orbit, equation.options.segments))
         self.corrector = Corrector(self._posed, corrector.scales)
 
     def passage(self, outer: Walk, state: WalkState, kinds: Sequence[Kind]) -> StartPassage:
@@ -889,7 +889,7 @@ def _clearance(orbit: Orbit, segments: int) -> float:
     return min((min(theta % span, span - theta % span) for theta in _angles(orbit)), default=math.inf)
 
 
-def _free_angle(orbit: Orbit, segments: int) -> float:
+def free_angle(orbit: Orbit, segments: int) -> float:
     """Return the angle, after the start of each segment, in the middle of the longest part without events there."""
     span = PERIOD * orbit.period / segments
     angles = sorted([0.0, *(theta % span for theta in _angles(orbit)), span])

@@ -75,6 +75,11 @@ class TouchMap:
         bordered[:size, size], bordered[size, :size] = self.vector, -self.covector
         return float(np.linalg.det(bordered))
 
+    def determinant(self, multiplier: float) -> float:
+        """Return ``det(mu - M - b c)``, which vanishes where a touch of order 1 has this multiplier."""
+        own = float(np.linalg.det(multiplier * np.eye(len(self.vector)) - self.monodromy))
+        return own - self.adjugate(multiplier)
+
     @cached_property
     def multipliers(self) -> NDArray[np.complex128]:
         """Multipliers without the touch, largest modulus first."""

@@ -114,7 +114,7 @@ class Reason(Enum):
     @property
     def is_failure(self) -> bool:
         """True if a walk that ended for this reason reached neither an end of the curve nor of the range."""
-        return self.name in ("FLOATING", "COARSE", "STEP", "POINTS", "FAILED")
+        return self.name in ("FLOATING", "COARSE", "STEP", "WITHIN_ROUNDING", "POINTS", "FAILED")
 
     @classmethod
     def of(cls, reason: Reason) -> Self:
@@ -139,6 +139,7 @@ class EndReason(Reason):
     JUMPS = "the motion jumps, so that the branch ends"
     COARSE = "the motion needs to be resolved more finely"
     STEP = "the step became smaller than the smallest allowed"
+    WITHIN_ROUNDING = "the branch ends at a graze: motions beyond it touch by no more than rounding"
     POINTS = "the largest number of points was reached"
     STOPPED = "the walk was stopped before its end"
     INTERRUPTED = "the walk was interrupted"

@@ -2,8 +2,9 @@
 
 The walk is by harmonic balance to a hundredth, from the static equilibrium, with long steps and without special points.
 It needs no compiled flow, so a changed structure costs no more than a changed number. What harmonic balance does not
-describe (rigid stops, some friction) is walked by shooting. Where the walk gives up, as among many grazes, or has
-turned back at a fold and gets no further, the motion is settled by equal steps to the end of the range.
+describe (rigid stops, some friction) is walked by shooting. Where a number alone has changed, the points of the last
+walk are first moved to the new curve: a picture for each step of a slider. Where the walk gives up, as among many
+grazes, or has turned back at a fold and gets no further, the motion is settled by equal steps to the end of the range.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import asyncio
 import signal
 import threading
 import time
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -22,6 +23,8 @@ from gapwalk.answers.settled_curve import SettledCurve
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation import directions, start_branch
 from gapwalk.bifurcation.band import Band
+from gapwalk.bifurcation.moved_curve import MOVED, marks, moved
+from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason, Walk, WalkOptions
 from gapwalk.errors import GapwalkError, ModelError, NumericalError
@@ -45,6 +48,7 @@ BALANCE = Balance(error=0.01)
 """Harmonics up to a hundredth of the motion: less than the width of a line on the page."""
 SHOOTING = Shooting(tolerance=1e-6)
 STEPS = WalkOptions(initial_step=0.01, largest_step=0.02, largest_turn=0.3, max_points=1000)
+_KEPT = 0.75  # share of the points wanted of which a moved curve is moved again
 _LONGEST = 15.0  # seconds of CPU time that a response may take, half of which are for its walk
 _BEHIND = 250  # points that a walk may stay behind the furthest value: more are folds that nobody sees at this width
 _LABELS = ("stable", "below", "above", "pair", "neutral")
@@ -64,8 +68,35 @@ class Asked:
     root: str = ""
 
 
-def response(asked: Asked) -> Iterator[dict[str, Any]]:
-    """Walk the response of a text quickly."""
+@dataclass(slots=True)
+class Walked:
+    """The last walk, whose points are moved to the curve of a text with other numbers."""
+
+    about: tuple[Any, ...] = ()  #: The parts of the system, what is walked, over which range, and what is shown.
+    corrector: Corrector | None = None
+    points: tuple[BranchPoint, ...] = ()
+
+    def moved(self, about: tuple[Any, ...], system: System, given: str) -> Iterator[dict[str, Any]]:
+        """Yield the moved points of a walk that was about the same, all at once, with what happens between them."""
+        if self.corrector is None or self.about != about:
+            return
+        points = moved(self.corrector, self.points, system)
+        if len(points) > _KEPT * min(len(self.points), MOVED):  # the next ones are moved from here
+            self.points = tuple(points)
+        if len(points) > 1:
+            shown = [(each.value, each.measure(given), _LABELS.index(each.instability.label)) for each in points]
+            found = dict(zip(("x", "y", "label"), map(list, zip(*shown, strict=True)), strict=True))
+            yield {"moved": {**found, "marks": _marks(points, self.corrector, given)}}
+
+
+def _marks(points: Sequence[BranchPoint], corrector: Corrector, given: str) -> list[tuple[str, float, float]]:
+    found = marks(points, float(corrector.scales[-1]))
+    return [(each.kind.value, each.value, each.measure(given)) for each in found]
+
+
+def response(asked: Asked, last: Walked | None = None) -> Iterator[dict[str, Any]]:
+    """Walk the response of a text quickly, after its points by those of the last walk, which this one replaces."""
+    last = last or Walked()
     study = _shown(check_studies(parse_source(asked.text, asked.name, asked.root)))
     options = study.options
     assert isinstance(options, RangeStudy)
@@ -75,8 +106,10 @@ def response(asked: Asked) -> Iterator[dict[str, Any]]:
     axes = [options.parameter, measure_name(given, system)]
     yield {**titles, "range": [options.begin, options.end], "axes": axes}
     period = options.period if isinstance(options, BranchOptions) else 1
-    until, end = time.process_time() + _LONGEST, ""
-    for point in _walk(system, options, period, until - _LONGEST / 2):
+    about = system.structure, options.parameter, options.begin, options.end, given, period
+    yield from last.moved(about, system, given)
+    until, end, walked = time.process_time() + _LONGEST, "", Walked(about)
+    for point in _walk(system, options, period, until - _LONGEST / 2, walked):
         if isinstance(point, str):
             end = point
         elif not isinstance(point, Band):
@@ -86,7 +119,9 @@ def response(asked: Asked) -> Iterator[dict[str, Any]]:
         if time.process_time() > until:
             end = f"stopped after {_LONGEST:g} s of work; Compute walks all of it"
             break
-    yield {"end": end}
+    last.about, last.corrector, last.points = about, walked.corrector, walked.points
+    found = _marks(walked.points, walked.corrector, given) if walked.corrector else []
+    yield {"marks": found, "end": end}
 
 
 def _shown(studies: tuple[Study, ...]) -> Study:
@@ -102,7 +137,9 @@ def _parameter(study: Study) -> str:
     return study.options.parameter
 
 
-def _walk(system: System, options: RangeStudy, period: int, until: float) -> Iterator[BranchPoint | Band | str]:
+def _walk(
+    system: System, options: RangeStudy, period: int, until: float, walked: Walked
+) -> Iterator[BranchPoint | Band | str]:
     """Yield the points of the walk, what settles where it gives up, and why it ended before its range did."""
     try:
         start, method = _first(system, period)
@@ -113,8 +150,10 @@ def _walk(system: System, options: RangeStudy, period: int, until: float) -> Ite
     beginning = start_branch(start, options.parameter, options.end, direction, method)
     walk = Walk(beginning.first, beginning.within, beginning.corrector, STEPS)
     furthest, behind = beginning.first, 0
+    walked.corrector, walked.points = beginning.corrector, (beginning.first,)
     yield furthest
     for point in walk:
+        walked.points += (point,)
         yield point
         is_further = direction * (point.value - furthest.value) > 0.0
         furthest, behind = (point, 0) if is_further else (furthest, behind + 1)
@@ -157,12 +196,12 @@ def _first(system: System, period: int) -> tuple[Orbit, Method]:
     return find_orbit(system, period, "settle", method=SHOOTING), SHOOTING
 
 
-def answers(asked: Asked) -> Iterator[dict[str, Any]]:
+def answers(asked: Asked, walked: Walked | None = None) -> Iterator[dict[str, Any]]:
     """Yield the response for the page: points together, at most four times a second; errors as a sentence."""
     points: dict[str, list[float]] = {"x": [], "y": [], "label": []}
     last = time.monotonic()
     try:
-        for each in response(asked):
+        for each in response(asked, walked):
             if "x" not in each:
                 yield {**each, **(points if "end" in each else {})}
                 continue
@@ -182,12 +221,13 @@ def work(line: Any) -> None:
     """Walk what is asked for, one after the other: the main function of the process."""
     # It looks for a newer request after each point, and ends with its server, whose end of the pipe then closes.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    walked = Walked()
     with suppress(EOFError, OSError):
         while True:
             asked = line.recv()
             while line.poll():
                 asked = line.recv()
-            for news in answers(asked) if isinstance(asked, Asked) else ():
+            for news in answers(asked, walked) if isinstance(asked, Asked) else ():
                 if news:
                     line.send((asked.number, news))
                 if line.poll():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ from pydantic import (
     PlainValidator,
     ValidationError,
     ValidationInfo,
+    ValidatorFunctionWrapHandler,
     WrapValidator,
     create_model,
     field_validator,
@@ -285,16 +287,30 @@ class PlainFrictionBase(FrictionBase):
 
     deflection: Direction = Field(description="write by which coordinates it slips, as in { q1 = 1.0 }")
     force: Vector | None = None
+    numbers: dict[Name, Number] = Field({}, description="the parameters of the formula of limit")
 
     def enter(self, names: Names) -> None:
         """See `Element.enter`."""
         super().enter(names)
+        if self.numbers and not isinstance(self.given.get("limit"), str):
+            raise ValueError('has numbers, but limit is no formula; write limit = "1/(1 + d*abs(v))", say')
         with refusing(f"contact {self.name!r}: "):
-            names.elements.setdefault("friction", []).append(self.contact())
+            try:
+                names.elements.setdefault("friction", []).extend(self.contacts())
+            except FormulaError as error:
+                text = given(self.given["limit"])
+                raise ValueError(f"limit is {text}, column {error.column}: {error.reason}") from None
 
-    def contact(self) -> Contact:
-        """Make the friction."""
-        return friction(self.name, self.deflection, normal=self.normal or "", force=self.force, **self.given)
+    def contacts(self) -> tuple[Contact, ...]:
+        """Make the friction, with the formula of its limit if it has one."""
+        more: Any = {"numbers": self.numbers, **self.given}
+        made = friction(self.name, self.deflection, normal=self.normal or "", force=self.force, **more)
+        return made if isinstance(made, tuple) else (made,)
+
+
+def _or_formula(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
+    is_quantity = isinstance(value, str) and re.match(r"\s*\d[\d.eE+-]*\s*[^\W\d_]", value)
+    return value if isinstance(value, str) and not is_quantity else handler(value)
 
 
 def friction_part(base: type[FrictionBase] = PlainFrictionBase) -> Any:
@@ -303,6 +319,9 @@ def friction_part(base: type[FrictionBase] = PlainFrictionBase) -> Any:
         name: (Annotated[number_of(each) | None, Field(description=each.words)], None)
         for name, each in FRICTION.items()
     }
+    if base is PlainFrictionBase:
+        kind, default = fields["limit"]
+        fields["limit"] = Annotated[kind, WrapValidator(_or_formula)], default
     return create_model(base.__name__.replace("Base", "Part"), __base__=base, **fields)
 
 

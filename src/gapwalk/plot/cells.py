@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from typing import Any
@@ -139,15 +141,15 @@ def _marked_strobes(found: Basins, which: str) -> Iterator[tuple[int, tuple[Arra
 
 
 @pictured(Regimes, size=stacked(1), forms=("axes",))
-def regimes_picture(found: Regimes, *, loci: Iterable[Locus] = ()) -> Picture:
-    """Describe the kinds of motion in the plane of two parameters; `loci` are as in `draw_regimes`."""
+def regimes_picture(found: Regimes, *, loci: Iterable[Locus] = (), labels: str = "period") -> Picture:
+    """Describe the kinds of motion in the plane of two parameters; `loci` and `labels` are as in `draw_regimes`."""
     checked, different = found.check.checked, len(found.check.different)
     shares = ", ".join(f"{name} {count / found.regimes.size:.1%}" for name, count in found.cells.items())
     return Picture(
         found.system,
         (found.first, found.second),
         curves_of_loci(loci, "{}"),
-        partial(_parts_of_regimes, found),
+        partial(_parts_of_regimes, found, labels),
         sentences=[f"Of {found.regimes.size:,} cells: {shares}"],
         note=f"checked with the exact flow: {different} of {checked} cells differed"
         if checked
@@ -155,9 +157,17 @@ def regimes_picture(found: Regimes, *, loci: Iterable[Locus] = ()) -> Picture:
     )
 
 
-def _parts_of_regimes(found: Regimes) -> Parts:
+def _parts_of_regimes(found: Regimes, labels: str = "period") -> Parts:
     """Return the cells, of which periodic motions are named first."""
+    if labels not in ("period", "z") or (labels == "z" and not found.impacts.shape[2]):
+        raise ModelError(f'labels is {labels!r}; write "period", or "z" for a map with figures of contacts')
     codes, entries = np.zeros(found.regimes.shape, dtype=int), list[tuple[str, str]]()
+    within = dict(zip((found.first, found.second), found.within, strict=True))
+    if labels == "z":
+        for text, color, cells in _parts_by_z(found):
+            codes[cells] = len(entries)
+            entries.append((text, color))
+        return Parts(cells=[Cells(codes, entries, found.within)], within=within)
     kinds = np.unique(np.stack((found.regimes, found.periods), axis=-1).reshape(-1, 2), axis=0)
     for text, word in style.regime_entries({regime_word(*pair) for pair in kinds.tolist()}).items():
         m = style.period_of(word)
@@ -167,8 +177,19 @@ def _parts_of_regimes(found: Regimes) -> Parts:
             cells = found.periods == m if m <= style.NAMED_PERIODS else found.periods > style.NAMED_PERIODS
         codes[cells] = len(entries)
         entries.append((text, style.regime_color(word)))
-    within = dict(zip((found.first, found.second), found.within, strict=True))
     return Parts(cells=[Cells(codes, entries, found.within)], within=within)
+
+
+def _parts_by_z(found: Regimes) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
+    """Yield a text, a colour and the cells of the commonest impacts per period, of all others, and of other regimes."""
+    common = [z for z, _ in Counter(filter(None, found.z.ravel().tolist())).most_common(style.NAMED_PERIODS)]
+    for number, z in enumerate(sorted(common, key=lambda z: [int(each) for each in re.findall(r"\d+", z)][::-1])):
+        yield f"z = {z}", style.AREA_OF_ONE if number == 0 else style.period_color(number + 1), found.z == z
+    others = (found.regimes == Regime.PERIODIC) & ~np.isin(found.z, common)
+    if others.any():
+        yield "other z", style.period_color(11), others
+    for regime in (each for each in Regime if each != Regime.PERIODIC and (found.regimes == each).any()):
+        yield regime.text, style.regime_color(regime.text), found.regimes == regime
 
 
 @draws(Regimes, panels=True, size=lambda found, panels=None, **_: stacked(1 + len(_shown(found, panels))))
@@ -179,13 +200,17 @@ def draw_regimes(
     panels: Sequence[str] | None = None,
     loci: Iterable[Locus] = (),
     contact: int | str | None = None,
+    labels: str = "period",
     title: str = "",
 ) -> None:
-    """Draw a regime map: kinds of motion in the plane of two parameters, and the severity of contacts."""
+    """Draw a regime map: kinds of motion in the plane of two parameters, and the severity of contacts.
+
+    Periodic motions have the colour of their period, or with `labels` ``"z"`` of their impacts per period.
+    """
     shown = _shown(found, panels)
     axes = figure.subplots(1 + len(shown), 1, sharex=True, squeeze=False)[:, 0]
     axes[0].set_title(title, wrap=True)
-    drawing_of(found, in_axes=True)[0].draw(found, axes[0], loci=loci)
+    drawing_of(found, in_axes=True)[0].draw(found, axes[0], loci=loci, labels=labels)
     for which, ax in zip(shown, axes[1:], strict=True):
         _draw_forces(found, which, contact, ax)
     for ax in axes[:-1]:

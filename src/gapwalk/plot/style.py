@@ -370,6 +370,7 @@ CODIM2 = {
         (Codim2.RESONANCE_1_3, "1:3 resonance", "1:3", "p", 5.4, "white"),
         (Codim2.RESONANCE_1_4, "1:4 resonance", "1:4", "h", 5.4, "white"),
         (Codim2.RESONANT_GRAZING, "resonant graze", "RG", "*", 7.0, "white"),
+        (Codim2.DEGENERATE_SLIDING, "degenerate sliding", "DS", "8", 5.0, "white"),
         (Codim2.GRAZING_MEETS_FOLD, "graze meets fold", "GFo", "<", 5.0, "white"),
         (Codim2.GRAZING_MEETS_FLIP, "graze meets flip", "GFl", ">", 5.0, "white"),
     )

@@ -38,6 +38,7 @@ from gapwalk.verification.verification import Check, Ledger, Spot
 CROSSING = 1e-6
 """Regularity of a point below which branches cross there; near a fold it is 1e-4 or more."""
 
+_STUCK = (EndReason.STEP, EndReason.WITHIN_ROUNDING)  # ends of a walk at which it may repeat its last point
 _ASIDE = 1e-7  # the longest Newton step after which a walk takes the multipliers of the point before it
 _LOOSE = 10.0  # factor on the residual that a walk accepts: states elsewhere may be larger
 _TOLD_APART = 2.0  # frequency by which the scales of velocities differ from those of lengths
@@ -214,7 +215,7 @@ def verify_special_points(ledger: Ledger, track: Track) -> None:
 def ends_at(branch: Branch, special: SpecialPoint) -> bool:
     """Return True for a graze at which a branch ends, since motions beyond it touch by less than rounding."""
     ends = zip((0, -1), branch.ends, strict=False)  # a lost end is said elsewhere
-    places = [branch.points[place].arclength for place, end in ends if end.reason is EndReason.STEP]
+    places = [branch.points[place].arclength for place, end in ends if end.reason in _STUCK]
     return special.kind is Kind.GRAZING and special.point.arclength in places
 
 

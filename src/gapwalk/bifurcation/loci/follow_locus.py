@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import singledispatch
+from functools import cached_property, singledispatch
 from itertools import pairwise, product
 from typing import NamedTuple, cast
 
@@ -17,7 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.kinds.sliding import Sliding
+from gapwalk.bifurcation.loci.begin_at import special_at, special_beside
 from gapwalk.bifurcation.loci.locus import (
+    AT_GRAZE,
+    RESONANT,
     Codim2,
     Codim2Point,
     Finding,
@@ -29,6 +32,8 @@ from gapwalk.bifurcation.loci.locus import (
     find_codim2,
     find_end_at_graze,
     find_merging,
+    half_ahead,
+    zero_at_graze,
 )
 from gapwalk.bifurcation.loci.locus_equations import (
     MARGIN,
@@ -44,6 +49,8 @@ from gapwalk.bifurcation.loci.locus_equations import (
     zero_along,
 )
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
+from gapwalk.bifurcation.steps_over_corners import free_angle
+from gapwalk.bifurcation.touch_map import touch_map
 from gapwalk.continuation.corrector import Correction, Corrector, Range, powers_of_two
 from gapwalk.continuation.curve import joined
 from gapwalk.continuation.curve_points import BranchPoint
@@ -53,7 +60,7 @@ from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD
 from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.method import Method, chosen
-from gapwalk.orbit.orbit import Orbit, describe_switch, switch_named
+from gapwalk.orbit.orbit import Orbit, apart, describe_switch, switch_named
 from gapwalk.orbit.shooting import Shooting
 
 # Corners: where a contact grazes at a bifurcation, the locus turns sharply, and the walk needs a special step.
@@ -80,6 +87,8 @@ _SOUGHT_FIRST = 1e-7  # depth, in units of the state, at which the locus beyond 
 _SHORTENINGS = 10  # number of times that the next depth there may be brought closer to the one before
 _STRAYED = 0.1  # largest deviation of a place from its prediction, as a share of its distance from the one before
 _TINY = 1e-7  # scaled deviation that is always allowed
+_LEAD = 4.0  # angle before a turning point at which a touch has not begun, in radians by the root of its depth
+_WIDER, _CLOSER = 100.0, 1e-3  # ratios of the distances from the breakpoint at which the end at a graze is located
 _FAR_ENOUGH = 0.5  # distance from the corner, in multiples of AWAY, from which the walk can continue
 
 AWAY = 1e-3
@@ -87,10 +96,10 @@ AWAY = 1e-3
 
 
 class Corner(NamedTuple):
-    """Corner of a locus: what happens there, and the point of the locus beyond, from which the walk continues."""
+    """Corner of a locus: what happens there, and the point beyond from which the walk continues; None at its end."""
 
     finding: Finding
-    beyond: BranchPoint
+    beyond: BranchPoint | None
 
 
 class Turning(NamedTuple):
@@ -152,7 +161,7 @@ def _turn(corrector: Corrector, point: BranchPoint, within: float, turning: Turn
     """Return the corner at which one turning point grazes, if the locus leads there and continues beyond."""
     near = NearGrazing(corrector, turning.switch)
     start = np.insert(point.x, -2, turning.theta / PERIOD)
-    corner = near.corner(start)
+    corner = near.corner(start, None if turning.is_touch else abs(turning.depth))
     if corner is None:
         return None
     way = on_locus(corner) - point.x
@@ -161,14 +170,17 @@ def _turn(corrector: Corrector, point: BranchPoint, within: float, turning: Turn
         return None  # the corner of another arc
     if not _leads_there(near, start, corner, turning):
         return None
+    x, orbit = on_locus(corner), near.orbit(corner)
+    value, contact = float(x[-1] * corrector.scales[-1]), describe_switch(orbit, turning.switch)
+    there = replace(point, value=value, orbit=orbit, x=x, arclength=point.arclength + length, memo={})
+    if not turning.is_touch and turning.switch in jumping_switches(orbit.system, friction=False):
+        # a touch, however light, moves all multipliers away
+        return Corner(Finding(AT_GRAZE[near.equation.kind.target], there, contact), None)
     beyond = _beyond(corrector, near, corner, turning)
     if beyond is None or beyond.orbit.closings == point.orbit.closings:
         return None
-    x, orbit = on_locus(corner), near.orbit(corner)
-    value = float(x[-1] * corrector.scales[-1])
-    there = replace(point, value=value, orbit=orbit, x=x, arclength=point.arclength + length, memo={})
     arclength = there.arclength + float(np.linalg.norm(beyond.x - x))
-    finding = Finding(Codim2.GRAZING, there, describe_switch(orbit, turning.switch))
+    finding = Finding(Codim2.GRAZING, there, contact)
     return Corner(finding, replace(beyond, arclength=arclength))
 
 
@@ -187,14 +199,33 @@ class NearGrazing:
         self._touch = GrazingEquation(equation.plane, switch, 0.0, min(equation.tolerance, 0.1 * self.margin))
         self._scales = np.insert(corrector.scales, -2, PERIOD)
 
-    def corner(self, start: NDArray[np.float64]) -> Correction | None:
-        """Return the orbit of the locus that just touches, seen from outside the breakpoint."""
-        return self.at(self._outside(start), start)
+    def corner(self, start: NDArray[np.float64], missed: float | None) -> Correction | None:
+        """Return the orbit of the locus that just touches, seen from outside; `missed` is the distance at the start."""
+        found = self.at(self._outside(start), start)
+        if found is not None or missed is None:
+            return found
+        return zero_at_graze(self._ever_nearer(missed, start), start, self._condition)
 
-    def outside(self, point: BranchPoint, theta: float) -> tuple[Corrector, NDArray[np.float64]]:
-        """Return the corrector of motions that just do not touch, and a start for it near a point of the locus."""
-        start = np.insert(point.x, -2, theta / PERIOD)
-        return Corrector(replace(self._touch, depth=self._outside(start)), self._scales), start
+    def _ever_nearer(self, depth: float, start: NDArray[np.float64]) -> list[Corrector]:
+        """Return correctors of motions that miss the breakpoint, by a depth and ever less."""
+        # Newton's method must not step over the breakpoint, where the effect of a touch is that of a root. Its steps
+        # err by their square.
+        sign, depths = math.copysign(1.0, self._outside(start)), [depth]
+        while depths[-1] > self.margin:
+            depths.append(max(_CLOSER * depths[-1], self.margin))
+        return [Corrector(replace(self._touch, depth=sign * depth), self._scales) for depth in depths]
+
+    def _condition(self, found: Correction) -> float:
+        return self.equation.criticality(found.evaluation.evidence).value
+
+    def outside(self, point: BranchPoint, turning: Turning) -> tuple[list[Corrector], NDArray[np.float64]]:
+        """Return correctors of motions that do not touch, by ever less, and a start for the first near a point."""
+        # steps to the end of a locus are as long as the root of the depth
+        start = np.insert(point.x, -2, turning.theta / PERIOD)
+        correctors = self._ever_nearer(_WIDER * abs(turning.depth), start)
+        first = cast("GrazingEquation", correctors[0].equation)
+        before = turning.theta - _LEAD * math.sqrt(abs(turning.depth) / self.unit)
+        return correctors, _deeper(first, start, self._scales, before, first.depth - turning.depth)
 
     def _outside(self, start: NDArray[np.float64]) -> float:
         x = start * self._scales
@@ -203,13 +234,35 @@ class NearGrazing:
     def at(self, depth: float, start: NDArray[np.float64]) -> Correction | None:
         """Return the orbit with a given depth, found along the curve of that depth; None if none is found."""
         corrector = Corrector(replace(self._touch, depth=depth), self._scales)
-        criticality = self.equation.criticality
-        return zero_along(corrector, start, lambda found: criticality(found.evaluation.evidence).value, _SECANT)
+        return zero_along(corrector, start, self._condition, _SECANT)
 
     def orbit(self, correction: Correction) -> Orbit:
         """Return the orbit of a correction."""
         x = correction.x * self._scales
         return self._touch.orbit(x[:-1], float(x[-1]), correction.evaluation)
+
+
+def _deeper(
+    touch: GrazingEquation, start: NDArray[np.float64], scales: NDArray[np.float64], before: float, change: float
+) -> NDArray[np.float64]:
+    """Return a start whose deflection is deeper by a change, by the derivatives at an angle before it touches."""
+    x, start = start * scales, start.copy()
+    place = touch.place(x[:-1], float(x[-1]))
+    size = len(place.unknowns)
+    _, slopes = touch.plane.turning(touch.switch, place, before)
+    way = slopes[0, :size] * scales[:size]
+    start[:size] += change * way / float(way @ way)
+    return start
+
+
+def _ends(
+    near: NearGrazing, target: float | None, point: BranchPoint, turning: Turning, within: float
+) -> Iterator[Finding]:
+    """Yield the end of a locus at a graze near a point, if there is one."""
+    with suppress(NumericalError, np.linalg.LinAlgError):
+        found = find_end_at_graze(target, *near.outside(point, turning), point, within)
+        if found is not None:
+            yield found
 
 
 def on_locus(correction: Correction) -> NDArray[np.float64]:
@@ -319,6 +372,7 @@ AnyEquation = MultiplierEquation | GrazingEquation | SlidingEquation
 Ranges = tuple[tuple[float, float], tuple[float, float]]
 """Ranges of both parameters."""
 
+_MISSED = 1e-7  # distance from the breakpoint of the start of a locus of grazes, if the motion at the point touches
 _FAR = 1e-3  # scaled distance from the special point beyond which the corrected start is another point
 _LITTLE = 0.01  # share of the allowed error below which more harmonics would not help
 _COARSE = 1e-2  # largest scaled distance if the two are resolved with different numbers of harmonics
@@ -346,13 +400,21 @@ class LocusStart:
 
 
 def start_locus(
-    special: SpecialPoint, first: str, second: str, to: Ranges, method: Method | None = None
+    special: SpecialPoint | Codim2Point,
+    first: str,
+    second: str,
+    to: Ranges,
+    method: Method | None = None,
+    kind: str | None = None,
 ) -> list[LocusStart]:
     """Begin the locus of a special point in both directions: towards smaller `first`, then towards larger."""
-    within = _checked(special, first, second, to)
-    corrector, there = _started(plane_of(chosen(method), special.orbit, (first, second)), special, within)
+    start = special_at(special, kind)
+    within = _checked(start, first, second, to)
+    if isinstance(special, Codim2Point) and special.kind in RESONANT and start.kind.by_multipliers:
+        start = special_beside(special, start.kind, (first, second), within)
+    corrector, there = _started(plane_of(chosen(method), start.orbit, (first, second)), start, within)
     back = replace(there, tangent=-there.tangent, determinant=-there.determinant, memo={})
-    return [LocusStart(special.kind, corrector, point, within, special.contact) for point in (back, there)]
+    return [LocusStart(start.kind, corrector, point, within, start.contact) for point in (back, there)]
 
 
 def refined(beginning: LocusStart) -> LocusStart | None:
@@ -394,6 +456,10 @@ def _started(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Rang
     if inaccuracy and finer is not None:
         return _started(finer, special, within)
     correction, tangent = onto_curve(corrector, start)
+    if correction is None and isinstance(equation, GrazingEquation):  # the motion at the point may touch
+        before = float(x[-3]) - _LEAD * math.sqrt(_MISSED)
+        away = math.copysign(_MISSED * float(corrector.scales[0]), equation.depth)
+        correction, tangent = onto_curve(corrector, _deeper(equation, start, corrector.scales, before, away))
     if correction is None or correction.distance > (_FAR if isinstance(plane, ShotPlane) else _COARSE):
         if finer is not None and plane.inaccuracy(orbit, _LITTLE):
             return _started(finer, special, within)
@@ -423,7 +489,9 @@ def plane_of(method: Method, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane
 def _shot(method: Shooting, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane:
     if method.segments > 1:
         raise ModelError(f"segments is {method.segments}; a locus is followed with one, write Shooting(segments=1)")
-    return ShotPlane(orbit.system, names, orbit.period, method)
+    # where an event passes the start of the period the state there jumps, or has a corner
+    begin = free_angle(orbit, 1) if jumping_switches(orbit.system, friction=False) else 0.0
+    return ShotPlane(orbit.system, names, orbit.period, method, begin=begin)
 
 
 @plane_of.register(Balance)
@@ -528,16 +596,19 @@ _SHALLOW, _WIDE = 1e-6, 1e-2  # a touch shallower than this, in units of the sta
 _SHARE = 0.7  # share of the distance to a corner that a step may cover
 _BESIDE = 0.1 * AWAY  # distance from the path round a corner within which the start lies on it
 _EDGE = 1e-12  # distance from the limit of a range, in widths, within which the start lies on it
+_OWN = 1e-3  # radians from the turning point that grazes all along a locus, within which another is the same one
+_BEHIND = 0.1  # distance behind the last point at which a secant to the graze ahead begins, as a share of that ahead
 _RESTART = 0.2  # first step beyond a corner, as a share of the distance already covered from the corner
 _ENDS = (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)  # points at which a Neimark-Sacker locus ends
 
 
 def follow_locus(
-    special: SpecialPoint,
+    special: SpecialPoint | Codim2Point,
     first: str,
     second: str,
     to: Ranges,
     *,
+    kind: str | None = None,
     walk: WalkOptions | None = None,
     method: Method | None = None,
     report: LocusReport | None = None,
@@ -547,11 +618,13 @@ def follow_locus(
     Parameters
     ----------
     special
-        The point to start from, from a branch along any parameter.
+        The point to start from, from a branch along any parameter; or a point of codimension two of another locus.
     first, second
         Names of the parameters, such as ``"frequency"`` and ``"mean.q1"``.
     to
         The range of each: ``((low, high), (low, high))``.
+    kind
+        At a point of codimension two the locus to begin: ``"fold"``, ``"flip"``, ``"neimark-sacker"``, ``"grazing"``.
     walk
         Options of the walk.
     method
@@ -585,7 +658,7 @@ def follow_locus(
     array([[1.372124, 1.1     ],
            [1.41379 , 0.9     ]])
     """
-    return trace_locus(start_locus(special, first, second, to, method), walk).to_end(traced_locus, report)
+    return trace_locus(start_locus(special, first, second, to, method, kind), walk).to_end(traced_locus, report)
 
 
 class LocusStep(NamedTuple):
@@ -742,23 +815,80 @@ class LocusTracer(Iterator[LocusStep]):
 
     def _to_graze(self) -> LocusStep | None:
         """Return the last step, if it leads to a graze at which the locus ends."""
+        ends = *self._ends_of_multipliers(), *self._ends_at_half(), *self._ends_at_another()
+        return self._ended_at(ends[0]) if ends else None
+
+    def _ended_at(self, found: Finding) -> LocusStep:
+        """Return the last step, to the end of the locus at a graze."""
+        step = LocusStep(self._point(found.point), [self._codim2(found)])
+        self.end = LocusEnd(LocusEndReason.GRAZE, step.point.values, found.kind.value.replace("-", " "))
+        return step
+
+    @cached_property
+    def _jumping(self) -> frozenset[int]:
+        return jumping_switches(self.first.orbit.system)
+
+    def _is_sharp(self, turning: Turning) -> bool:
+        """Return True if multipliers jump, or grow without bound, where this touch begins."""
+        if turning.switch in self._jumping:
+            return True
+        touch = touch_map(self.walk.point.orbit, turning.switch, turning.theta)
+        return touch is not None and touch.order == 1.0
+
+    def _ends_of_multipliers(self) -> Iterator[Finding]:
+        """Yield the ends just ahead of a locus of multipliers, at a contact that ceases to touch."""
         kind, corrector, state = self.beginning.kind, self.beginning.corrector, self.walk.state
-        if not kind.by_multipliers:
-            return None
-        jumping = jumping_switches(state.point.orbit.system)
-        for reach, turning in approaches(state.previous, state.point) if jumping else ():
-            if not turning.is_touch or turning.switch not in jumping or reach > _ENDING:
+        for reach, turning in approaches(state.previous, state.point) if kind.by_multipliers else ():
+            if turning.is_touch and reach < _ENDING and self._is_sharp(turning):
+                near = NearGrazing(corrector, turning.switch)
+                yield from _ends(near, kind.target, state.point, turning, _OVER * reach)
+
+    def _ends_at_half(self) -> Iterator[Finding]:
+        """Yield the ends just ahead at which both halves of the motions graze alike: they reach half their period."""
+        state, plane, corrector = self.walk.state, self.beginning.plane, self.beginning.corrector
+        reach, own = half_ahead(state.previous, state.point), corrector.scales
+        deflections = [each for each in turnings(state.point) if each.switch in self._jumping]
+        if not reach < _ENDING or not deflections:
+            return
+        turning = min(deflections, key=lambda each: abs(each.depth))
+        states = plane.mean_of_halves(state.point.orbit)
+        scales = np.append(own[: len(states)], own[-2:])
+        halves = MultiplierEquation(plane.halved(), Kind.FLIP, scales, plane.tolerance)
+        mean = np.append(states / scales[:-2], state.point.x[-2:])
+        near = NearGrazing(Corrector(halves, scales), turning.switch)
+        for found in _ends(near, -1.0, replace(state.point, x=mean), turning, _OVER * reach):
+            place, tangent = np.delete(state.point.x, range(len(states))), state.point.tangent
+            place[-2:] = found.point.x[-2:]
+            x = np.append(found.point.x[:-2], place)  # on a grazing locus with the angle of the last point
+            yield found._replace(point=corrector.uncorrected(x, tangent, found.point.arclength))
+
+    def _ends_at_another(self) -> Iterator[Finding]:
+        """Yield the ends just ahead of a grazing locus at which another deflection grazes a force that jumps."""
+        state, corrector, equation = self.walk.state, self.beginning.corrector, self.beginning.equation
+        if not isinstance(equation, GrazingEquation):
+            return
+        full, own = PERIOD * equation.period, self._angle(state.point)
+        for reach, turning in approaches(state.previous, state.point):
+            is_own = turning.switch == equation.switch and apart(turning.theta, own, full) < _OWN
+            if is_own or turning.is_touch or turning.switch not in self._jumping or reach > AWAY:
                 continue
-            try:
-                touch, start = NearGrazing(corrector, turning.switch).outside(state.point, turning.theta)
-                found = find_end_at_graze(kind, touch, start, state.point, _OVER * reach)
-            except (NumericalError, np.linalg.LinAlgError):
-                continue
+            misses = np.sign(turning.depth) * MARGIN * float(corrector.scales[0])
+
+            def function(found: Correction, turning: Turning = turning, misses: float = misses) -> float:
+                orbit = equation.orbit(*self._unscaled(found.x), found.evaluation)
+                turns = zip(*orbit.turning_depths[turning.switch], strict=True)
+                return min(turns, key=lambda each: apart(each[0], turning.theta, full))[1] - misses
+
+            secant = Secant(first=_BEHIND * reach, longest=reach, farthest=_OVER * reach)
+            found = zero_along(corrector, state.point.x, function, secant)
             if found is not None:
-                step = LocusStep(self._point(found.point), [self._codim2(found)])
-                self.end = LocusEnd(LocusEndReason.GRAZE, step.point.values, found.kind.value.replace("-", " "))
-                return step
-        return None
+                length = float(np.linalg.norm(found.x - state.point.x))
+                there = corrector.point(found, state.point.tangent, state.point.arclength + length)
+                yield Finding(Codim2.GRAZING, there, describe_switch(there.orbit, turning.switch))
+
+    def _unscaled(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+        unknowns = x * self.beginning.corrector.scales
+        return unknowns[:-1], float(unknowns[-1])
 
     def _at_edge(self, inside: BranchPoint, outside: BranchPoint) -> BranchPoint | None:
         """Return the point of the locus at the limit of the first parameter that a step has passed."""
@@ -784,6 +914,8 @@ class LocusTracer(Iterator[LocusStep]):
         corner = turn_corner(self.beginning.corrector, state.point, within, ahead)
         if corner is None:
             return None
+        if corner.beyond is None:
+            return self._ended_at(corner.finding)
         if self._passes_start(state.point, corner):
             self.end = LocusEnd(LocusEndReason.CLOSED, self.first.values)
             length = state.point.arclength + float(np.linalg.norm(self.first.x - state.point.x))
@@ -796,6 +928,7 @@ class LocusTracer(Iterator[LocusStep]):
         """Return True if the path round a corner passes the first point of the tracer."""
         if point.arclength < 4.0 * self.options.first_step:
             return False
+        assert corner.beyond is not None
         places = [point.x, corner.finding.point.x, corner.beyond.x]
         return any(_distance(self.first.x, a, b) < _BESIDE for a, b in pairwise(places))
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any, NamedTuple, cast
@@ -20,6 +21,7 @@ from gapwalk.bifurcation.loci.locus_equations import (
     GrazingEquation,
     MultiplierEquation,
     Secant,
+    SlidingEquation,
     onto_curve,
     zero_along,
 )
@@ -31,7 +33,6 @@ from gapwalk.continuation.curve import Measured
 from gapwalk.continuation.curve_points import BranchPoint, OrbitOnCurve
 from gapwalk.continuation.walk import AnyEnd, Reason
 from gapwalk.errors import NumericalError
-from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.words import parameter_symbol
 from gapwalk.orbit.orbit import Orbit, apart, describe_switch
@@ -126,6 +127,8 @@ class Codim2(StrEnum):
     """On a grazing locus: a multiplier at -1."""
     NEIMARK_SACKER_GRAZING = "neimark-sacker-grazing"
     """On a grazing locus: a pair on the unit circle."""
+    DEGENERATE_SLIDING = "degenerate-sliding"
+    """Where slip ends the friction would neither give way again nor hold: crossing- becomes switching-sliding."""
     RESONANT_GRAZING = "resonant-grazing"
     """The square-root term of a graze vanishes: loci of folds and flips end there, tangent to that of the graze."""
     GRAZING_MEETS_FOLD = "grazing-meets-fold"
@@ -298,6 +301,8 @@ _ON_OTHERS = {
     Codim2.NEIMARK_SACKER_GRAZING: None,
 }
 """Kinds of points on all other loci, and the value of the critical multiplier there if it is real."""
+AT_GRAZE = {1.0: Codim2.FOLD_GRAZING, -1.0: Codim2.FLIP_GRAZING, None: Codim2.NEIMARK_SACKER_GRAZING}
+"""Points on the locus of a graze at which a multiplier is critical, by its value; None for a pair."""
 _TARGETS = {
     (Kind.FOLD, Codim2.FOLD_FLIP): -1.0,
     (Kind.FLIP, Codim2.FOLD_FLIP): 1.0,
@@ -305,7 +310,7 @@ _TARGETS = {
     (Kind.NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER): -1.0,
 }
 """Value of the second critical multiplier, on a locus of one kind."""
-_RESONANT = {
+RESONANT = {
     Codim2.RESONANT_GRAZING: None,
     Codim2.GRAZING_MEETS_FOLD: 1.0,
     Codim2.GRAZING_MEETS_FLIP: -1.0,
@@ -321,6 +326,7 @@ _EXACT = 1e-13  # arclength to which zeros are located
 _BESIDE = 1e-5  # arclength from a cusp at which the parameters change at normal speed again
 _CUSP = 0.5  # largest sum of the tangents on both sides of a cusp, where they should be opposite, by their difference
 _SECANT = Secant(first=1e-3, exact=1e-9)  # the accuracy to which the coefficient is known
+_STEP = 0.01  # first step of a secant beside a graze, as a share of the root of the distance from the breakpoint
 _AHEAD = 0.5  # smallest cosine of the angle between the locus and the way to its end at a graze
 _OVER = 2.0  # largest distance of the end, in estimated distances
 
@@ -345,14 +351,21 @@ def find_codim2(
         for graze in find_grazing(interval, before, first, last)
         if not _is_echo(corrector, graze)
     ]
-    for what in () if isinstance(locus, Sliding) else _KINDS.get(locus, _ON_OTHERS):
+    for what in _of_sliding(locus) if isinstance(locus, Sliding) else _KINDS.get(locus, _ON_OTHERS):
         function = _function(locus, what, corrector, first)
-        zeros = _search(function, interval, first, last, before)
-        genuine = (point for point in zeros if _is_genuine(locus, what, point, interval))
-        found += [Finding(what, point, "", _error(function, interval, point)) for point in genuine]
+        # just where friction could give way to both sides a motion may be unknown; shorter steps then find others
+        unknown = isinstance(locus, Sliding) and last.arclength - first.arclength < _FINEST
+        with suppress(NumericalError) if unknown else nullcontext():
+            zeros = _search(function, interval, first, last, before)
+            genuine = (point for point in zeros if _is_genuine(locus, what, point, interval))
+            found += [Finding(what, point, "", _error(function, interval, point)) for point in genuine]
     if isinstance(corrector.equation, GrazingEquation):
         found += _resonances(corrector, interval, before, first, last)
     return sorted(found, key=lambda finding: finding.point.arclength)
+
+
+def _of_sliding(kind: Sliding) -> tuple[Codim2, ...]:
+    return (Codim2.DEGENERATE_SLIDING,) if kind.what == "stop" else ()
 
 
 def errors_of(finding: Finding, corrector: Corrector) -> tuple[float, float]:
@@ -369,10 +382,11 @@ def _resonances(
 ) -> list[Finding]:
     """Return the points between two points of a grazing locus at which the square-root term of the touch vanishes."""
     equation = cast("GrazingEquation", corrector.equation)
-    if equation.switch not in jumping_switches(first.orbit.system):
+    theta, contact, found = float(first.x[-3] * corrector.scales[-3]), describe_switch(first.orbit, equation.switch), []
+    if not resonance(first, equation.switch, theta, 1.0):
         return []
-    contact, found = describe_switch(first.orbit, equation.switch), []
-    for what, target in _RESONANT.items():
+    kinds = {AT_GRAZE[one]: one for one in (1.0, -1.0)} if first.memo["touch"].order == 1.0 else RESONANT
+    for what, target in kinds.items():
 
         def function(point: BranchPoint, target: float | None = target) -> float:
             return resonance(point, equation.switch, float(point.x[-3] * corrector.scales[-3]), target)
@@ -384,29 +398,53 @@ def _resonances(
 
 
 def resonance(point: BranchPoint, switch: int, theta: float, target: float | None) -> float:
-    """Return the square-root term of a touch as it moves a multiplier away from a target; of any, if None.
+    """Return what vanishes where a locus of multipliers ends at a touch, for a target; for any, if None.
 
-    Zero where there is none. It is ``c M b``, or ``c adj(target - M) M b``, with c and M b scaled to 1; see `TouchMap`.
+    Of order 1/2 it is the square-root term as it moves a multiplier away from a target: ``c M b``, or
+    ``c adj(target - M) M b``, with c and M b scaled to 1; see `TouchMap`. Of order 1, where the touch changes M at
+    once, it is the determinant of target - M with that change. Otherwise it is zero.
     """
     if "touch" not in point.memo:
         point.memo["touch"] = touch_map(point.orbit, switch, theta)
     touch: TouchMap | None = point.memo["touch"]
-    if touch is None or touch.order != 0.5:
+    if touch is None or touch.order == 1.5:
         return 0.0
+    if touch.order == 1.0:
+        return touch.determinant(target) if target is not None else 0.0
     scale = float(np.linalg.norm(touch.covector) * np.linalg.norm(touch.vector))
     return (float(touch.covector @ touch.vector) if target is None else touch.adjugate(target)) / scale
 
 
+def zero_at_graze(
+    touches: Sequence[Corrector],
+    start: NDArray[np.float64],
+    function: Callable[[Correction], float],
+    farthest: float = 0.1,
+) -> Correction | None:
+    """Locate a zero of a function on the locus of a graze, by motions that miss the contact by ever less."""
+    found: Correction | None = None
+    for each in touches:
+        first = _STEP * math.sqrt(abs(cast("GrazingEquation", each.equation).depth) / float(each.scales[0]))
+        found = zero_along(each, start, function, Secant(first=first, farthest=farthest))
+        if found is None:
+            break
+        start = found.x
+    return found
+
+
 def find_end_at_graze(
-    kind: Kind, touch: Corrector, start: NDArray[np.float64], point: BranchPoint, within: float
+    target: float | None, touches: Sequence[Corrector], start: NDArray[np.float64], point: BranchPoint, within: float
 ) -> Finding | None:
-    """Locate the end of a locus of multipliers on the locus of a graze, whose corrector is given; None if none is near.
+    """Locate the end of a locus of multipliers on the locus of a graze; None if none is near.
+
+    The correctors are those of motions beside the graze, nearer to it one after the other.
 
     A multiplier is critical at a depth whose root is half the response of the motion to the touch (see `TouchMap`). So
     the locus ends where that response vanishes, which is sought on the locus of the graze.
     """
+    touch = touches[-1]
     equation = cast("GrazingEquation", touch.equation)
-    if kind.target is None and equation.plane.system.state_size > 2:
+    if target is None and equation.plane.system.state_size > 2:
         return None  # a pair leaves where two terms vanish, of which none is known to be the end of the locus
 
     def there(correction: Correction) -> BranchPoint:
@@ -420,23 +458,27 @@ def find_end_at_graze(
 
     def function(correction: Correction) -> float:
         theta = float(correction.x[-3] * touch.scales[-3])
-        return resonance(there(correction), equation.switch, theta, kind.target)
+        return resonance(there(correction), equation.switch, theta, target)
 
-    found = zero_along(touch, start, function, Secant(first=1e-5, farthest=2.0 * within))
+    found = zero_at_graze(touches, start, function, 2.0 * within)
     if found is None:
         return None
     end = there(found)
-    length = end.arclength - point.arclength
-    if not 0.0 < length < within or float(end.tangent @ point.tangent) < _AHEAD:
+    length, (way, along) = end.arclength - point.arclength, ((end.x - point.x)[-2:], point.tangent[-2:])
+    ahead = float(way @ along) >= _AHEAD * float(np.linalg.norm(way) * np.linalg.norm(along))
+    if not 0.0 < length < within or not ahead:
         return None
     theta = float(found.x[-3] * touch.scales[-3])
     every = abs(resonance(end, equation.switch, theta, None)) < _ONE
-    meets = {1.0: Codim2.GRAZING_MEETS_FOLD, -1.0: Codim2.GRAZING_MEETS_FLIP}.get(kind.target or 0.0)
+    meets = {1.0: Codim2.GRAZING_MEETS_FOLD, -1.0: Codim2.GRAZING_MEETS_FLIP}.get(target or 0.0)
     what = Codim2.RESONANT_GRAZING if every or meets is None else meets
+    if end.memo["touch"].order == 1.0:
+        what = AT_GRAZE[target]
     here, values = function(found), []
     for way in (-_BESIDE, _BESIDE):
         beside = touch.correct(found.x + way * (tangent := onto_curve(touch, found.x)[1]), tangent)
         values.append(function(beside) if beside is not None else math.nan)
+    here = abs(here) + (abs(resonance(end, equation.switch, theta, None)) if every else 0.0)  # several points in one
     off, slope = abs(here) + abs(0.5 * sum(values) - here), abs(values[1] - values[0]) / (2.0 * _BESIDE)
     return Finding(what, end, describe_switch(end.orbit, equation.switch), off / slope if slope > 0.0 else math.inf)
 
@@ -459,6 +501,8 @@ def _function(locus: Kind, what: Codim2, corrector: Corrector, first: BranchPoin
         return lambda point: float(point.tangent[-2:] @ heading)
 
     def compute(point: BranchPoint) -> float:
+        if isinstance(corrector.equation, SlidingEquation):
+            return corrector.equation.tangency(point.x[:-1] * corrector.scales[:-1], point.value)
         if what is not Codim2.GENERALISED_FLIP:
             return _multiplier_test(locus, what, point.orbit.free_multipliers)
         equation = cast("MultiplierEquation", corrector.equation)
@@ -565,16 +609,21 @@ def _is_genuine(locus: Kind, what: Codim2, point: BranchPoint, interval: StepInt
     return bool(np.any(np.abs(np.abs(complex_ones) - 1.0) < _CIRCLE))  # excludes neutral saddles
 
 
+def half_ahead(before: BranchPoint | None, point: BranchPoint) -> float:
+    """Return the arclength after which the orbits reach half their period; infinity if they do not approach it."""
+    if before is None or point.orbit.period % 2 or not is_close(point):
+        return math.inf
+    past, now = (float(np.linalg.norm(halves_apart(each))) for each in (before, point))
+    return (point.arclength - before.arclength) * now / (past - now) if now < past else math.inf
+
+
 def find_merging(corrector: Corrector, before: BranchPoint | None, point: BranchPoint) -> BranchPoint | None:
     """Locate the end of a fold locus, where its orbits reach half their period, if it is just ahead; otherwise None."""
     # The equation is singular there, because every flip of the parent solves it too. So the end is located on the locus
     # of those flips as the zero of their cubic coefficient, by the secant method.
-    if before is None or point.orbit.period % 2 or not is_close(point):
+    distance = half_ahead(before, point)
+    if distance == math.inf:
         return None
-    past, now = (float(np.linalg.norm(halves_apart(each))) for each in (before, point))
-    if now >= past:
-        return None
-    distance = (point.arclength - before.arclength) * now / (past - now)
     equation = cast("MultiplierEquation", corrector.equation)
     shared = np.append(equation.plane.shared(), [True, True])  # and both parameters
     plane, scales = equation.plane.halved(), corrector.scales[shared]

@@ -21,7 +21,7 @@ from gapwalk.bifurcation.kinds.critical_multipliers import Criticality, flip_coe
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.corrector import Correction, Corrector, unknown_scales
-from gapwalk.errors import ConvergenceError
+from gapwalk.errors import ConvergenceError, FlowError
 from gapwalk.flow.equations import natural_length
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of, flow_with
 from gapwalk.flow.motion import DryModes, Gauge, modes_along
@@ -151,8 +151,15 @@ class ShotPlane(OrbitPlane):
     """
 
     options: Shooting = Shooting()
+    #: Angle at which the states that are the unknowns are taken, in radians; an `Orbit` has its state at theta = 0.
+    begin: float = 0.0
     alike: tuple[str, ...] = ()
     """Parameters of which any may be the second and following; they share one compiled flow. Empty for `names`."""
+
+    def halved(self) -> ShotPlane:
+        """See `OrbitPlane.halved`."""
+        half = self.period // 2
+        return replace(self, period=half, begin=self.begin % (PERIOD * half))
 
     def with_system(self, system: System) -> ShotPlane:
         """Return the plane of another system with the same parts, with the same compiled flow if that suits it."""
@@ -178,17 +185,17 @@ class ShotPlane(OrbitPlane):
     ) -> tuple[Place, NDArray[np.float64]]:
         """Evaluate the equations without derivatives by the parameters, which take a third of the time of `place`."""
         # Returns the place, and the state at the angle `theta` on the way; at the start if there is none.
-        flow, stop = _without_directions(self._flow), PERIOD * self.period
+        flow, start, stop = _without_directions(self._flow), self.begin, self.begin + PERIOD * self.period
         coefficients, there = self._parameters.coefficients(*point)[0], unknowns
-        angle = 0.0 if theta is None else theta % stop
-        if angle > 0.0:
-            found = flow.vary(coefficients, unknowns, np.array([0.0, angle, stop]))
+        angle = start if theta is None else self._after(theta)
+        if angle > start:
+            found = flow.vary(coefficients, unknowns, np.array([start, angle, stop]))
             arc, there = (
                 Arc(found.states[-1], found.transitions[-1], None, found.contacts, 0, *found.logs[1:]),
                 found.states[1],
             )
         else:
-            arc = flow.integrate(coefficients, unknowns, 0.0, stop)
+            arc = flow.integrate(coefficients, unknowns, start, stop)
         ended = self._released(coefficients, arc, unknowns)
         jacobian = transition_of(ended).copy()
         jacobian.flat[:: len(unknowns) + 1] -= 1.0
@@ -203,11 +210,15 @@ class ShotPlane(OrbitPlane):
     def orbit(self, unknowns: NDArray[np.float64], first: float, second: float, evaluation: Evaluation) -> Orbit:
         """See `OrbitPlane.orbit`."""
         arc: Arc = evaluation.evidence.evidence
-        closure = Closure.of(self._layout, lambda: evaluation.evidence.coefficients, [arc], unknowns)
+        coefficients, state, full = evaluation.evidence.coefficients, unknowns.copy(), PERIOD * self.period
+        if self.begin:
+            state = self._flow.integrate(coefficients, unknowns, self.begin, full, evaluation.evidence.slopes).state
+            arc = self._flow.integrate(coefficients, state, 0.0, full, evaluation.evidence.slopes)
+        closure = Closure.of(self._layout, lambda: coefficients, [arc], state)
         return Orbit(
             self._parameters.system_at(first, second),
             self.period,
-            unknowns.copy(),
+            state,
             closure.multipliers,
             tuple(arc.contacts),
             float(np.abs(evaluation.residual).max()),
@@ -217,8 +228,11 @@ class ShotPlane(OrbitPlane):
         )
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
-        """Return the state at theta = 0."""
-        return orbit.state.copy()
+        """Return the state at the angle at which the unknowns are taken."""
+        if not self.begin:
+            return orbit.state.copy()
+        flow = flow_of(orbit.system)
+        return flow.integrate(coefficients_of(orbit.system), orbit.state, 0.0, self.begin).state
 
     def scales(self, orbit: Orbit) -> NDArray[np.float64]:
         """See `OrbitPlane.scales`."""
@@ -251,10 +265,10 @@ class ShotPlane(OrbitPlane):
         """See `OrbitPlane.turning`; the rate is over time."""
         gauge, coefficients, slopes = Gauge(self._layout, switch), place.coefficients, place.slopes
         n, size = self.system.size, len(place.unknowns)
-        angle = theta % (PERIOD * self.period)
+        angle = self._after(theta)
         there, by_all = place.unknowns, np.eye(size, size + len(self.names))
-        if angle > 0.0:
-            arc = self._flow.integrate(coefficients, place.unknowns, 0.0, angle, slopes)
+        if angle > self.begin:
+            arc = self._flow.integrate(coefficients, place.unknowns, self.begin, angle, slopes)
             there, by_all = arc.state, _final_derivatives(arc)
         vector, (depth, rate, turning) = gauge.vector(coefficients), gauge.read(coefficients, angle, there)
         derivatives = np.empty((2, size + 1 + len(self.names)))
@@ -300,7 +314,8 @@ class ShotPlane(OrbitPlane):
     def mean_of_halves(self, orbit: Orbit) -> NDArray[np.float64]:
         """See `OrbitPlane.mean_of_halves`."""
         flow, coefficients = flow_of(orbit.system), coefficients_of(orbit.system)
-        return 0.5 * (orbit.state + flow.integrate(coefficients, orbit.state, 0.0, 0.5 * PERIOD * orbit.period).state)
+        first, half = self.unknowns(orbit), 0.5 * PERIOD * orbit.period
+        return 0.5 * (first + flow.integrate(coefficients, first, self.begin, self.begin + half).state)
 
     def _turn(
         self,
@@ -310,7 +325,12 @@ class ShotPlane(OrbitPlane):
         keeps: int | None = None,
     ) -> Arc:
         """Integrate the motion from a state over the whole period, with all sensitivities."""
-        return self._flow.integrate(coefficients, state, 0.0, PERIOD * self.period, slopes, keeps=keeps)
+        stop = self.begin + PERIOD * self.period
+        return self._flow.integrate(coefficients, state, self.begin, stop, slopes, keeps=keeps)
+
+    def _after(self, theta: float) -> float:
+        """Return an angle within the period after that at which the unknowns are taken."""
+        return self.begin + (theta - self.begin) % (PERIOD * self.period)
 
     def _released(self, coefficients: NDArray[np.float64], arc: Arc, start: NDArray[np.float64]) -> Arc:
         """Return the motion over the whole period with the reset of what friction keeps; see `released`."""
@@ -542,8 +562,8 @@ def zero_along(
     correction, tangent = onto_curve(corrector, start)
     if correction is None:
         return None
-    origin, s, s_before, last = correction.x, 0.0, -secant.first, np.inf
-    before = corrector.correct(origin + s_before * tangent, tangent)
+    s, s_before, last = 0.0, -secant.first, np.inf
+    before = corrector.correct(correction.x + s_before * tangent, tangent)
     if before is None:
         return None
     f_before = function(before)
@@ -554,11 +574,17 @@ def zero_along(
         step = -f * (s - s_before) / (f - f_before)
         if abs(step) <= secant.exact or last < abs(step) < secant.noise:
             return correction
-        s_before, f_before, last = s, f, abs(step)
-        s += max(-secant.longest, min(secant.longest, step))
-        correction = corrector.correct(origin + s * tangent, tangent) if abs(s) < secant.farthest else None
-        if correction is None:
+        way, last = (correction.x - before.x) / (s - s_before), abs(step)
+        step = max(-secant.longest, min(secant.longest, step))
+        found = None
+        while found is None and abs(s + step) < secant.farthest:
+            found = corrector.correct(correction.x + step * way, tangent)
+            step *= 1.0 if found is not None else 0.5
+            if abs(step) < secant.first:
+                break
+        if found is None:
             return None
+        f_before, before, correction, s_before, s = f, correction, found, s, s + step
     return None
 
 
@@ -575,6 +601,7 @@ _ASIDE = 1e-6  # step of central differences, as a share of the unknowns
 _LEAD = 0.3  # largest angle before the instant, in radians, from which on friction keeps its mode
 _REFINEMENTS, _FARTHEST = 4, 0.05  # of the angle of the start, and the largest change in each
 _AT = 1e-3  # radians within which the beginning of a phase is the instant itself
+_BESIDE = 1e-10  # rate of the first coordinate by which the start is moved where the motion from it is not known
 _MARGIN = 1e-11  # distance from the change, on the side without the phase; as for grazing
 
 Array = NDArray[np.float64]
@@ -626,18 +653,32 @@ class SlidingEquation(LocusEquation):
             residual[size] -= _MARGIN
         return residual, jacobian, place
 
-    def _conditions(self, place: Place, theta: float) -> tuple[Array, Array]:
-        """Return both conditions, and their derivatives by unknowns, angle and parameters."""
-        plane, (what, contact, side) = cast("ShotPlane", self.plane), self.instant
-        structure, size = plane.system.structure, len(place.unknowns)
-        full = PERIOD * self.period
+    def _reached(self, place: Place, theta: float) -> tuple[float, Array, Array, FrictionGauge, DryModes, DryModes]:
+        """Return the instant: its angle, state, derivatives of that, gauge, and the modes of slip and of stick."""
+        plane, (_, contact, side), full = cast("ShotPlane", self.plane), self.instant, PERIOD * self.period
+        structure = plane.system.structure
         angle = theta % full
         lead = min(self.lead, angle) if self.lead >= full else self.lead
         angle += full * (angle < 2.0 * lead and self.lead < full)
         there, by_all, arc = plane.reached(place, contact, angle - lead, angle)
         gauge = FrictionGauge(layout_of(structure), contact)
         modes = modes_along(structure, np.array([angle - lead]), arc.slips, arc.holds, before=True).at(0)
-        slips, sticks = gauge.slipping(modes, side), gauge.sticking(modes)
+        return angle, there, by_all, gauge, gauge.slipping(modes, side), gauge.sticking(modes)
+
+    def tangency(self, unknowns: Array, value: float) -> float:
+        """Return the change of the reserve where slip ends, in its unit; its sign decides what follows the slip."""
+        place = self.place(unknowns, value)
+        try:
+            angle, there, _, gauge, _, sticks = self._reached(place, float(unknowns[-2]))
+        except FlowError:  # a motion that begins exactly there could go either way
+            place = self.place(unknowns + _BESIDE * (np.arange(len(unknowns)) == self.plane.system.size), value)
+            angle, there, _, gauge, _, sticks = self._reached(place, float(unknowns[-2]))
+        return _changing(gauge)(place.coefficients, angle, there, sticks, -self.instant.side) / self.units[1]
+
+    def _conditions(self, place: Place, theta: float) -> tuple[Array, Array]:
+        """Return both conditions, and their derivatives by unknowns, angle and parameters."""
+        plane, (what, _, side), size = cast("ShotPlane", self.plane), self.instant, len(place.unknowns)
+        angle, there, by_all, gauge, slips, sticks = self._reached(place, theta)
         pairs: dict[str, list[tuple[Callable[..., Any], DryModes, int]]] = {
             "stop": [(gauge.rate, slips, side), (gauge.reserve, sticks, -side)],
             "rate": [(gauge.rate, slips, side), (gauge.acceleration, slips, side)],

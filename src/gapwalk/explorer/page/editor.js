@@ -8,7 +8,8 @@ import { ModelText } from "./model_text.js";
 import { Sliders } from "./sliders.js";
 
 const $ = (id) => document.getElementById(id);
-const BETWEEN = 250; // milliseconds from one check to the next: at most four a second
+const BETWEEN = 250; // milliseconds from one check to the next while one types: at most four a second
+const MOVING = 50; // the same while a slider moves, and the curve with it
 const PATIENCE = 1000; // milliseconds that a walk may take before another step of a slider begins the next one
 
 export class Editor {
@@ -162,7 +163,7 @@ export class Editor {
     return true;
   }
 
-  /** Check the text soon, at most four times a second; while a slider moves, a curve is left time to grow. */
+  /** Check the text soon, at most four times a second; while a slider moves, as often as the curve has moved too. */
   later(why) {
     this.tell();
     $("edit-undo").disabled = !this.text.past.length;
@@ -173,7 +174,7 @@ export class Editor {
       this.timer = isEarly ? setTimeout(check, 20) : undefined;
       if (!isEarly) this.check().catch((error) => this.say(error.message, true));
     };
-    this.timer ??= setTimeout(check, Math.max(0, this.last + BETWEEN - performance.now()));
+    this.timer ??= setTimeout(check, Math.max(0, this.last + (this.isHasty ? BETWEEN : MOVING) - performance.now()));
   }
 
   /** Check the text, and show its response as it grows; an earlier check is given up. */
@@ -188,6 +189,7 @@ export class Editor {
         if (request.signal.aborted) return;
         if (isFirst) this.showCheck(news, text);
         else if (news.across) this.chart.begin(news);
+        else if (news.moved) { this.chart.move(news.moved); this.isBusy = false; }
         else this.chart.add(news);
         isFirst = false;
         if ("end" in news) document.body.dataset.walked = ++this.checks;
