@@ -37,7 +37,7 @@ from gapwalk.answers.tolerance import chance_of
 from gapwalk.attractors.lane_settling import LaneMotion
 from gapwalk.attractors.many_motions import enough, has_kernel, motions_of
 from gapwalk.attractors.rattle import Rattle, rattle
-from gapwalk.attractors.regimes import Regime, RegimeOptions, judge, regime_word
+from gapwalk.attractors.regimes import Regime, RegimeOptions, judge, regime_word, take_another_look
 from gapwalk.bifurcation.isolated.search_starts import spread_starts, state_box
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import FlowError, ModelError
@@ -553,9 +553,11 @@ def _kind_of(system: System, states: NDArray[np.float64]) -> str:
     states, options = states[:_JUDGED], RegimeOptions(longest=_WATCHED, forces=False)
     work = partial(judge, states=states, scales=np.tile(system.state_scales(), (len(states), 1)), options=options)
     found, _ = enough(motions_of(system, states), work)
-    words = [regime_word(*each) for each in zip(found.regimes.tolist(), found.periods.tolist(), strict=True)]
-    most = max(words, key=words.count)
-    return NOT_PERIODIC if most in (Regime.RUNAWAY.text, Regime.UNDECIDED.text) else most
+    kinds = found.regimes.tolist()
+    most = Regime(max(kinds, key=kinds.count))
+    if most is Regime.QUASI_PERIODIC:  # or a transient that takes thousands of periods
+        most = Regime(take_another_look(system, found.states[kinds.index(most)])[0])
+    return most.text if most in (Regime.CHAOTIC, Regime.QUASI_PERIODIC) else NOT_PERIODIC
 
 
 _TINTS = {GapState.ONE_SIDE: ("one", "rattles on one side"), GapState.BOTH_SIDES: ("both", "rattles on both sides")}
