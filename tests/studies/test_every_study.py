@@ -15,6 +15,7 @@ from gapwalk.cli import main
 from gapwalk.errors import Interrupted, StoreError
 from gapwalk.flow import Flow
 from gapwalk.model.model_source import parse_source
+from gapwalk.studies import runner
 from gapwalk.studies.regime_study import Carry
 from gapwalk.studies.study_file import check_study
 from gapwalk.studies.study_kind import StudyKind, kinds
@@ -145,3 +146,16 @@ def test_every_study(kind, text, tmp_path, monkeypatch, capsys) -> None:
     assert rows
     assert main(["export", "x.gapwalk", "--output", "x.png"]) == 0
     assert Path("x.png").stat().st_size > 1000
+
+
+def test_ctrl_c_while_what_is_stored_is_read_gives_no_part_of_a_curve(tmp_path, monkeypatch) -> None:
+    study, path = check_study(parse_source(TEXTS["run-up"])), tmp_path / "x.gapwalk"
+    gw.run(study, path)
+
+    def follow(*_: object) -> None:
+        raise Interrupted("points of a curve")
+
+    monkeypatch.setattr(runner, "_take", follow)
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        gw.run(study, path, resume=True)
+    assert not isinstance(stopped.value, Interrupted)

@@ -220,7 +220,12 @@ def run(
         raise ModelError(f"run takes a study or a model file, not {reprlib.repr(request)}; write {hint}")
     if resume and output is not None and asked.reduced is not None and os.path.lexists(output):
         asked = as_before(asked, load_result(output).study)
-    result = run_study(asked, output, resume=resume, force=force, report=report)
-    from gapwalk.studies.verify import with_checks, with_verification  # only now: it loads all that can be verified
+    try:
+        result = run_study(asked, output, resume=resume, force=force, report=report)
+        from gapwalk.studies.verify import with_checks, with_verification  # only now: it loads all that can be verified
 
-    return with_verification(with_checks(result, output), asked.options, output)
+        return with_verification(with_checks(result, output), asked.options, output)
+    except Interrupted as stop:
+        if isinstance(stop.found, Result):
+            raise
+        raise KeyboardInterrupt from None  # a curve was followed to read or check what is stored: that stays as it is
