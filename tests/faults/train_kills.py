@@ -41,7 +41,8 @@ over = { parameter = "speed", from = "700 rpm", to = "1000 rpm" }""",
     "design": """kind = "design"\nfrom = "900 rpm"\nto = "1000 rpm"
 changes = [{ parameter = "churn.linear", by = 0.9 }, { parameter = "o2.amplitude", by = 0.5 }]
 goals = [{ quiet = "idle", from = "900 rpm", to = "1000 rpm" }]""",
-    "scan": """kind = "scan"\nparameters = ["o2.amplitude"]\nfactors = [0.9, 1.1]\nstarts = 2\npairs = 0\nneighbours = 8\nlongest = 200
+    "scan": """kind = "scan"\nparameters = ["o2.amplitude"]\nfactors = [0.9, 1.1]\nstarts = 2\npairs = 0\nlongest = 200
+neighbours = 8
 claim = [{ motion = "period 1", at = { speed = "900 rpm" } }]""",
     "rattle-chance": f"""kind = "rattle-chance"\nvalues = ["900 rpm", "800 rpm"]\nsamples = 200\n{SPREAD}""",
     "regimes": f"""kind = "regimes"\nresolution = [16, 8]\nfrom = "500 rpm"\nto = "1100 rpm"\n{SECOND}""",
