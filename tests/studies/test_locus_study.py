@@ -235,6 +235,7 @@ def test_a_log_has_a_line_now_and_then(monkeypatch, capsys) -> None:
 def test_a_long_part_shows_its_share() -> None:
     reached = lines._Reached(lines.ProgressLine("rattle", str, total=1.0, show=False), plan="3 rounds")
     reached.begin(lines.Pace(1, 4, 1), lambda: 0.5)
+    reached._begun -= 10.0
     assert str(reached).startswith("1 of 4  38 %  about ")
     reached.note(lines.Pace(4, 4, 1))
     assert str(reached) == "4 of 4  100 %  the result is put together and checked"

@@ -399,7 +399,8 @@ class _Settling:
         """Return the periods to watch a motion without period: more if chaos excites a swing that lasts."""
         modes, watched = self._modes_of(lane, start), start.watch
         own, end = modes.ends(self._sections(lane, _WATCHED))
-        if self._swing(lane, modes, np.sqrt((np.abs(own - end) ** 2).mean(axis=0))) > _SWINGS:
+        swing = self._swing(lane, modes, np.sqrt((np.abs(own - end) ** 2).mean(axis=0)))
+        if swing > _SWINGS or modes.longest > _WATCHED:  # chaos may let one that outlasts the watch grow
             watched = max(watched, _BATCHES * math.ceil(TIMES * modes.longest / _BATCHES))
         return max(start.watch, min(watched, LONG))
 

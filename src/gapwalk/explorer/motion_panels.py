@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.section import strobe
+from gapwalk.attractors.section import points_of, strobe
 from gapwalk.attractors.settle import Settled
 from gapwalk.attractors.spectrum import spectrum
 from gapwalk.bifurcation.loci import Codim2Point, LocusPoint
@@ -419,6 +419,9 @@ _PERIODS = 24  # of a motion that does not repeat
 _ORDERS = 20.0  # of the spectrum
 
 
+_STROBES = 400  # of a motion without period
+
+
 def panels_of(motion: Orbit | Settled, signal: str, most: int = _SAMPLES) -> dict[str, Any]:
     """Return all panels of a motion except its spectrum, its section and its energy (see `details_of`)."""
     system = motion.system
@@ -460,7 +463,8 @@ def lines_and_section(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
     lines = spectrum(orbit or motion, signal)
     base = signal.rstrip("'")
     base = base if base in motion.system.coordinates else motion.system.coordinates[0]
-    states = strobe(motion.system, motion.state, orbit.period) if orbit else motion.section()
+    points = orbit.period if orbit else min(_STROBES, points_of(motion.system))
+    states = strobe(motion.system, motion.state, points)
     shown = lines.orders <= _ORDERS * float(motion.system.turns or 1)
     return {
         "signal": signal,

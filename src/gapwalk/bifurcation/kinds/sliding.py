@@ -14,16 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.friction_along_branch import (
-    Change,
     Located,
     changes_between,
     directions_left,
     find_changes,
     located_again,
     never_slips,
-    own_phase,
     position_of,
 )
+from gapwalk.bifurcation.friction_margin import Change, own_phase
 from gapwalk.bifurcation.special_point import (
     ROUNDING,
     SAFETY,

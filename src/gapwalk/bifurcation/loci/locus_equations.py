@@ -15,8 +15,8 @@ from typing import Any, ClassVar, NamedTuple, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.friction_along_branch import Change, margin, modes_around
-from gapwalk.bifurcation.friction_along_branch import instant_of as instant_in
+from gapwalk.bifurcation.friction_margin import Change, margin, modes_around
+from gapwalk.bifurcation.friction_margin import instant_of as instant_in
 from gapwalk.bifurcation.kinds.critical_multipliers import Criticality, flip_coefficient
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.special_point import Kind

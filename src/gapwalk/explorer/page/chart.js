@@ -73,7 +73,7 @@ export function chart(place, { curves = [], dots = [], bars = null, across = [],
   }
   for (const tick of ticks(y0, y1, 5)) {
     svg.append(element("line", { class: "grid", x1: left, x2: width - RIGHT, y1: py(tick), y2: py(tick) }));
-    svg.append(element("text", { x: left - 4, y: py(tick) + 3.5, "text-anchor": "end" }, named(tick)));
+    svg.append(element("text", { x: left - 4, y: Math.min(py(tick) + 3.5, height - BOTTOM), "text-anchor": "end" }, named(tick)));
   }
   if (square) svg.append(element("ellipse", { class: "stop", fill: "none", cx: px(0), cy: py(0), rx: px(1) - px(0), ry: py(0) - py(1) }));
   for (const v of across) svg.append(element("line", { class: "stop", x1: left, x2: width - RIGHT, y1: py(v), y2: py(v) }));
