@@ -36,8 +36,10 @@ HIDDEN += ("NamedFile", "PaceLimits", "ShootingEquation", "Structure", "TouchEqu
 # What stands behind an answer, whose own summary says it: `help` describes it.
 HIDDEN += (
     "Alignment",
+    "BackbonePoint",
     "BasinCheck",
     "Basis",
+    "Box",
     "BranchCheck",
     "Combination",
     "Confirmation",
@@ -62,9 +64,11 @@ HIDDEN += (
     "ScanCheck",
     "SearchResult",
     "Section",
+    "SettledSweep",
     "SpecialCheck",
     "SpeedTable",
     "Stretch",
+    "SweepEnd",
     "Table",
     "ToleranceCheck",
 )
