@@ -202,7 +202,7 @@ def impacts(system: System, along: Quadrature, before: float = math.inf) -> tupl
         for closes, opens in _closures(along.motion.events, switch):
             if closes.theta >= before:
                 continue
-            first, last = theta.searchsorted(closes.theta, "right"), theta.searchsorted(opens.theta)
+            first, last = int(theta.searchsorted(closes.theta, "right")), int(theta.searchsorted(opens.theta))
             duration = (opens.theta - closes.theta) / system.frequency
             peak = along.largest_size(forces[:, place], first, last)
             loss = float(losses[first:last, place].sum())
