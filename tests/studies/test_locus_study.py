@@ -182,7 +182,7 @@ def test_options_survive_the_file() -> None:
 def test_options_make_sense_in_python_too() -> None:
     second = gw.studies.ParameterRange("harmonic1.amplitude", 0.09, 0.6)
     given = {"parameter": "frequency", "begin": 2.0, "end": 0.6, "measure": "half.x", "second": second}
-    with pytest.raises(ModelError, match="one section and one kind, as in sections="):
+    with pytest.raises(ModelError, match="one kind, as in sections="):
         LocusStudyOptions(**given, sections=(0.3, 0.4), kinds=(gw.Kind.FOLD,))
     with pytest.raises(ModelError, match="a branch point has no locus in two parameters: it exists by a symmetry"):
         LocusStudyOptions(**given, sections=(0.3,), kinds=(gw.Kind.BRANCH_POINT,))

@@ -96,7 +96,7 @@ def parsed(text: str) -> Any:
     if len(text) > _LONGEST or not re.fullmatch(r"[A-Za-zµμ0-9 ^*/().-]+", text) or re.search(r"\^-?\d{2}|\d{4}", text):
         raise ValueError("this is no unit")
     if re.search(r"/[^()/*]*[ *][^()/]", text):
-        raise ValueError("a product after the stroke needs brackets, as in N m/(rad s)")
+        raise ValueError("a product after the slash (/) needs brackets, as in N m/(rad s)")
     for word in re.findall(r"[A-Za-zµμ]+", text):
         if word not in registry_of_units():
             raise ValueError(f"there is no unit {word!r} here" + (f"; {HINTS[word]}" if word in HINTS else ""))

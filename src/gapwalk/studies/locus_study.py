@@ -92,7 +92,10 @@ class LocusStudyOptions(MapStudyOptions):
 
     def __post_init__(self) -> None:
         if not isinstance(self.sections, tuple) or len(self.sections) != 1 or len(self.kinds) != 1:
-            raise ModelError("a locus has one section and one kind, as in sections=(0.25,), kinds=(gw.Kind.FOLD,)")
+            raise ModelError(
+                "a locus begins at one value of the second parameter and has one kind, as in sections=(0.25,), "
+                "kinds=(gw.Kind.FOLD,)"
+            )
         self.which  # noqa: B018  (raises what is wrong with it)
 
     @classmethod
