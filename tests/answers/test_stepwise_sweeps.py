@@ -177,6 +177,8 @@ def test_a_second_motion_is_found_by_random_starts_and_followed_both_ways() -> N
     assert {each.direction for each in loud} == set(Direction)
     assert all(each.name == OTHER for each in found)
     assert any(len(each.lanes) > 1 for each in loud)
+    first = spans_of(loud[0], "mesh")[0]
+    assert {str(end.kind) for end in (first.low, first.high) if end.value == 1000.0} == {"end of a motion"}
     assert "16 random starts at each of 1 values led to" in notes[0]
 
 

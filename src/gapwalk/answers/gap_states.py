@@ -708,7 +708,9 @@ def _spans_of_lanes(sweep: SettledSweep, gap: str) -> list[GapSpan]:
             between.append(BandEnd(0.5 * (one.value + other.value), kind, 0.5 * abs(other.value - one.value)))
             located.append(known.get((one.value, other.value), between[-1]))
             kept.append(after.state)
-    first, last = (BandEnd(motions[k].value, RANGE) for k in (0, -1))
+    # a motion that no sweep meets is followed to where it becomes another, mostly within the range
+    inside = (motions[k].value for k in (0, -1))
+    first, last = (BandEnd(each, LOST if sweep.name and each not in sweep.within else RANGE) for each in inside)
     ends = [first, *located, last]
     if any(sweep.direction.sign * (two.value - one.value) < 0.0 for one, two in pairwise(ends)):
         ends = [first, *between, last]  # spans shorter than the error of a step
