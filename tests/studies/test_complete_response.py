@@ -13,8 +13,10 @@ from gapwalk.answers.band_picture import band_series
 from gapwalk.answers.settled_curve import STEPS, SettledCurve
 from gapwalk.bifurcation.band import Band, graze_words
 from gapwalk.continuation.walk import EndReason
+from gapwalk.errors import ModelError
 from gapwalk.flow.flow import flow_of
 from gapwalk.model.coefficients import coefficients_of
+from gapwalk.studies.compare import compare_results
 from gapwalk.studies.result import Result
 from gapwalk.studies.study_file import Study
 from tests.computed import once
@@ -200,3 +202,60 @@ def test_what_is_stored_goes_on_to_the_same_response(tmp_path: Path) -> None:
 def test_few_coordinates_or_gaps_are_walked_as_ever() -> None:
     assert SettledCurve.of(stop_study().system, "frequency", (0.7, 1.9)) is None
     assert SettledCurve.of(response().system, "speed", (1100.0, 1050.0)) is not None
+
+
+def rattling(begin: float, end: float) -> Study:
+    """The response of the train over speeds of which the first has no orbit that can be followed."""
+    return gw.read_study(io.StringIO(TRAIN.replace("1100 rpm", f"{begin} rpm").replace('"1050 rpm"', f'"{end} rpm"')))
+
+
+@once
+def without_an_orbit() -> Result:
+    return gw.run(rattling(1076.0, 1074.0))
+
+
+def test_a_response_without_any_orbit_is_what_settles() -> None:
+    result = without_an_orbit()
+    (only,) = result.branches
+    assert result.complete
+    assert not only.points
+    assert len(only.bands) == STEPS + 1
+    assert [end.value for end in only.ends] == [1076.0, 1074.0]
+    first, second, *_ = only.summary()
+    assert str(first).startswith("no orbit of period 1 can be followed")
+    assert "201 values, 0 of them periodic" in str(second)
+    assert "0 points" in repr(only)
+    axes = only.plot("max.mesh1")
+    assert len(axes.collections) == 1
+    headings, *rows = result.tables()["points"]()
+    assert "speed" in headings or not rows
+    assert len(list(result.tables()["bands"]())) == STEPS + 2
+
+
+def test_without_orbits_nothing_can_be_verified_or_compared() -> None:
+    result = without_an_orbit()
+    with pytest.raises(ModelError, match="settled motions alone"):
+        gw.verify(result)
+    with pytest.raises(ModelError, match="settled motions alone"):
+        compare_results(result, result)
+
+
+def test_an_orbit_is_followed_from_where_one_settles(tmp_path: Path) -> None:
+    path = tmp_path / "response.gapwalk"
+
+    def report(point: object, _: object) -> None:
+        if isinstance(point, Band) and point.value > 1080.0 and not stopped:
+            stopped.append(point.value)
+            signal.raise_signal(signal.SIGINT)
+
+    stopped = list[float]()
+    part = until_ctrl_c(gw.run, rattling(1079.0, 1087.0), output=path, report=report)
+    assert part.interrupted
+    assert not part.branches[0].points
+    result = gw.run(rattling(1079.0, 1087.0), output=path, resume=True)
+    assert result.complete
+    first = result.branches[0]
+    assert first.bands[0].value == 1079.0
+    assert first.values[0] > 1080.0
+    assert max(high for _, high in reached(result)) == 1087.0
+    assert gw.verify(result).ok

@@ -53,7 +53,11 @@ def _describe(found: Stretches) -> Picture:
     return Picture(
         first.system,
         (first.parameter, measure),
-        [NamedCurve(f"P{each.period}-{number}", each) for number, each in enumerate(found.branches, start=1)],
+        [
+            NamedCurve(f"P{each.period}-{number}", each)
+            for number, each in enumerate(found.branches, start=1)
+            if each.points
+        ],
         lambda: Parts([each for name in shown for each in band_series(found.branches, name)]),
         script="record.branches",
     )

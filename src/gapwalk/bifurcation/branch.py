@@ -96,17 +96,19 @@ class Branch(Curve, Measured):
 
     parameter: str  #: Name of the parameter that varies.
     period: int  #: m, number of forcing periods of the orbits.
-    points: tuple[BranchPoint, ...]  #: The orbits in the order of the walk.
+    points: tuple[BranchPoint, ...]  #: The orbits in the order of the walk; none where only motions settle.
     special_points: tuple[SpecialPoint, ...]  #: Special points in the order of the walk.
     ends: tuple[End, ...]  #: Ends of the branch with their reasons, at its first and at its last point.
     #: Settled motions where no orbit is followed, as many gaps rattle; the first stretch has those of the response.
     bands: tuple[Band, ...] = field(default=(), metadata={"stored": False})
     #: Further stretches of the response, beyond some of these motions; `gapwalk.studies.Result.branches` has all.
     beyond: tuple[Branch, ...] = field(default=(), metadata={"stored": False})
+    #: System of the settled motions, if there is no orbit.
+    base: System | None = field(default=None, metadata={"stored": False})
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""
-        if not self.points or len(self.ends) != 2 or self.period < 1:
+        if not (self.points or self.bands) or len(self.ends) != 2 or self.period < 1:
             raise ValueError("a branch has no points, or no ends")
         for point in (*self.points, *(special.point for special in self.special_points)):
             if point.orbit.period != self.period or point.orbit.system[self.parameter] != point.value:
@@ -115,7 +117,7 @@ class Branch(Curve, Measured):
     @property
     def system(self) -> System:
         """System at the first point."""
-        return self.points[0].orbit.system
+        return self.points[0].orbit.system if self.base is None else self.base
 
     @property
     def closed(self) -> bool:
@@ -177,6 +179,10 @@ class Branch(Curve, Measured):
     @summarizes
     def summary(self, points: bool = True) -> SummaryParts:
         """Return range and counts of the branch, where and why it ends, and the table of special points if wanted."""
+        if not self.points:
+            yield f"no orbit of period {self.period} can be followed: the motions that settle are given"
+            yield from graze_words(self.bands, self.parameter, self.system)
+            return
         symbol = parameter_symbol(self.parameter, self.system.units)
         first, last = told_apart(float(self.values[0]), float(self.values[-1]), 10)
         low, high = self.values.min(), self.values.max()
@@ -229,8 +235,8 @@ class Branch(Curve, Measured):
     def __repr__(self) -> str:
         kinds = ", ".join(f"{len(self.special(kind))} {kind}" for kind in Kind.known() if self.special(kind))
         return (
-            f"Branch(period {self.period}, {self.parameter} {self.points[0].value:.6g} ... "
-            f"{self.points[-1].value:.6g}, {len(self.points)} points, {kinds or 'no special points'})"
+            f"Branch(period {self.period}, {self.parameter} {self.ends[0].value:.6g} ... "
+            f"{self.ends[-1].value:.6g}, {len(self.points)} points, {kinds or 'no special points'})"
         )
 
 

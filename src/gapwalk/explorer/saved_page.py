@@ -283,13 +283,9 @@ def lines_of(found: Any) -> Lines:
         case Sweep():
             return _answered(AnswerView(found))
         case Result(finding=None, map=None):
-            lines = _along(found.named)
-            with_bands = any(branch.bands for branch in found.branches)
-            return (
-                lines._replace(answer=AnswerView(Stretches(found.branches, shown_measure(found.system, found.walked))))
-                if with_bands
-                else lines
-            )
+            if any(branch.bands for branch in found.branches):
+                return _answered(AnswerView(Stretches(found.branches, shown_measure(found.system, found.walked))))
+            return _along(found.named)
         case Result(finding=None, map=chart) if chart is not None and chart.loci:
             return lines_of(chart)
         case Result(finding=SettleFinding() as finding):

@@ -304,6 +304,8 @@ def cut(branch: Branch, curves: Curves, away: Distance | None = None) -> list[Pi
 
     Over distances the computed points alone are joined: between them, a root has no smooth curve.
     """
+    if not branch.points:
+        return []
     states = zip(branch.points, branch.instabilities, strict=True)
     nodes = [(point.arclength, point, state.label, False) for point, state in states]
     nodes += [(each.point.arclength, each.point, each.after.label, True) for each in branch.special_points]
@@ -350,7 +352,8 @@ def joined(
 
 def curve_of(pieces: Sequence[Piece]) -> NDArray[np.float64]:
     """Return the points of pieces with one measure, one after the other, shape (points, 2)."""
-    return drawable(np.concatenate([np.column_stack((piece.x, piece.y)) for piece in pieces]))
+    lines = [np.column_stack((piece.x, piece.y)) for piece in pieces]
+    return drawable(np.concatenate(lines)) if lines else np.empty((0, 2))
 
 
 def drawable(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -551,6 +551,8 @@ def _check_comparable(first: Result, second: Result) -> None:
                 f"the {which} result is of the kind {result.options.kind} and has neither branches nor a map of cells; "
                 "compare results of the kinds response, diagram, map, regimes, basins and rattle (over two parameters)"
             )
+        if not all(branch.points for branch in result.branches):
+            raise ModelError(f"the {which} result has settled motions alone and no orbits, which a comparison needs")
     planes = [
         (result.walked.parameter, *([] if result.map is None else [result.map.second])) for result in (first, second)
     ]

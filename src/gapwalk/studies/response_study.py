@@ -30,7 +30,7 @@ from gapwalk.bifurcation.detector import DetectorState
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, WalkState
-from gapwalk.errors import ConvergenceError, NumericalError, StoreError
+from gapwalk.errors import NumericalError, StoreError
 from gapwalk.interrupts import end_gently
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
@@ -122,44 +122,40 @@ class ResponseWork(Work):
 
     def take(self, known: Parts) -> None:
         """Read the first orbit, and the walk from there so far."""
-        self._start, moments = known.one(START), dict(known.all(MOMENT))
+        self._start, moments = known.get(START), dict(known.all(MOMENT))
         if not moments or list(moments) != list(range(len(moments))):
             raise ValueError("it holds nothing, or a part of the walk is missing")
         self._moments = list(moments.values())
+        if self._start is None and self._moments[0].points:
+            raise ValueError("its first orbit is missing")
 
     def parts(self, workers: Workers) -> Generator[Found]:
         """Walk to the end; the first Ctrl-C stops between two points."""
-        begun: tuple[Found, ...] = ()
-        if self._start is None:
-            self._start, bands = self._first_orbit()
-            self._ready = tracer = self._tracer(self._start, None)
-            self._moments = [Moment((tracer.first,), bands=bands)]
-            begun = (Found((START.entry(self._start), MOMENT.entry(self._moments[0], 0)), ((tracer.first, []),)),)
         with _interrupts() as interrupts:
-            yield from begun
+            if not self._moments:
+                yield self._first()
             end = None
             while end is None:
                 end = yield from self._settle(interrupts) if self._is_settling else self._walk(interrupts)
             if end.reason is EndReason.INTERRUPTED:
                 raise KeyboardInterrupt
 
-    def _first_orbit(self) -> tuple[Orbit, tuple[Band, ...]]:
-        """Return the first orbit, and the settled motions before it if there is none at the first value."""
-        asked, curve = self.asked, self._curve
+    def _first(self) -> Found:
+        """Begin with an orbit at the first value, or with what settles there if no orbit can be followed from it."""
+        asked, curve, bands = self.asked, self._curve, list[Band]()
         if curve is None or asked.start != "settle":
-            return find_orbit(self.system, asked.period, asked.start, method=self._method), ()
-        bands = [curve.at(0)]
-        if not bands[0].total:  # a quiet motion that settles slowly: its orbit is found by Newton's method
+            self._start = find_orbit(self.system, asked.period, asked.start, method=self._method)
+        elif (band := curve.at(0)).total:
+            self._start, bands = self._orbit_at([band]), [band]
+        else:  # a quiet motion that settles slowly: its orbit is found by Newton's method
+            bands = [band]
             with suppress(NumericalError):
-                return find_orbit(self.system, asked.period, bands[0].state, method=self._method), ()
-        while (orbit := self._orbit_at(bands[-1:])) is None:
-            if bands[-1].value == curve.values[-1]:
-                raise ConvergenceError(
-                    f"no value of the range has a periodic motion of period {asked.period} with few separations, from "
-                    'which a response begins: use a study of the kind "rattle" or "sweep"'
-                )
-            bands += curve.after(bands)
-        return orbit, tuple(bands[:-1])
+                self._start = find_orbit(self.system, asked.period, band.state, method=self._method)
+        if self._start is None:
+            return self._kept(Moment((), bands=tuple(bands)), tuple((band, []) for band in bands))
+        self._ready = tracer = self._tracer(self._start, None)
+        found = self._kept(Moment((tracer.first,)), ((tracer.first, []),))
+        return found._replace(entries=(START.entry(self._start), *found.entries))
 
     def _orbit_at(self, bands: Sequence[Band], *, again: bool = False) -> Orbit | None:
         """Return the orbit at the last of some settled motions; None if the walk cannot go on from there."""
@@ -179,8 +175,8 @@ class ResponseWork(Work):
     @property
     def _is_settling(self) -> bool:
         """True if the motion is settled from now on."""
-        for moment in reversed(self._moments[1:]):
-            if moment.orbit is not None:
+        for moment in reversed(self._moments):
+            if moment.orbit is not None or (moment.points and moment is self._moments[0]):
                 return False
             if moment.bands or moment.turn is not None:
                 return True
@@ -191,9 +187,10 @@ class ResponseWork(Work):
         curve, bands = self._curve, list[Band]()
         assert curve is not None
         stretches = _stretches(self._moments)
-        for moment in self._moments[stretches[-1] + 1 :]:
+        begun = self._moments[0].points or stretches[1:]  # an orbit was followed before
+        for moment in self._moments[stretches[-1] + bool(begun) :]:
             bands += moment.bands
-        first, calm, value = _first_end(self._moments), _CALM * len(stretches), self.asked.end
+        first, calm, value = _first_end(self._moments), _CALM * len(stretches) if begun else 1, self.asked.end
         while True:
             try:
                 if bands:
@@ -216,7 +213,7 @@ class ResponseWork(Work):
             yield self._kept(moment, tuple((band, []) for band in new))
             if end is not None:
                 return end
-            orbit = self._orbit_at(bands[-calm:], again=True) if len(bands) >= calm else None
+            orbit = self._orbit_at(bands[-calm:], again=bool(begun)) if len(bands) >= calm else None
             if orbit is not None:
                 self._ready = self._tracer(orbit, None)
                 first_point = self._ready.first
@@ -308,6 +305,8 @@ class ResponseWork(Work):
         for number, place in enumerate(places):
             own = moments[place : places[number + 1] if places[number + 1 :] else len(moments)]
             points = tuple(chain.from_iterable(moment.points for moment in own))
+            if not points:  # motions that settle before the first orbit
+                continue
             special_points = tuple(chain.from_iterable(moment.special_points for moment in own))
             end = next((moment.turn for moment in own if moment.turn is not None), None)
             if (
@@ -319,6 +318,9 @@ class ResponseWork(Work):
             ends = End(EndReason.START, points[0].value), end or End(EndReason.STOPPED, points[-1].value)
             branches.append(checked(Branch(self.asked.parameter, self.asked.period, points, special_points, ends)))
         bands = tuple(chain.from_iterable(moment.bands for moment in moments))
+        if not branches:
+            ends = moments[-1].ends or (_first_end(moments), End(EndReason.STOPPED, bands[-1].value))
+            return Branch(self.asked.parameter, self.asked.period, (), (), ends, bands, base=self.system)
         return replaced(branches[0], bands=bands, beyond=tuple(branches[1:])) if bands else branches[0]
 
     def _tracer(self, start: Orbit, state: BranchTracerState | None) -> BranchTracer:

@@ -129,13 +129,24 @@ def _verify(ledger: Ledger, what: Verifiable, report: Advance | None) -> None:
         case Result():
             found = _found(what)
             if isinstance(found, Branch):
-                name, walked, first = f"P{found.period}-1", what.study.walked, found.points[0].value
-                low, high = sorted((walked.begin, walked.end))
-                verify_branches(ledger, [(name, found)], report, (low, high))
-                detail = "" if first == walked.begin else f"the study begins at {walked.begin:.10g}"
-                ledger.enter(Check.ENDS, Spot(name, "point 0", first), math.inf if detail else 0.0, detail)
+                _verify_response(ledger, what, found, report)
             else:
                 _verify(ledger, found, report)
+
+
+def _verify_response(ledger: Ledger, what: Result, first: Branch, report: Advance | None) -> None:
+    """Verify the stretches of a response, and that it begins where the study does."""
+    if not first.points:
+        raise ModelError("this response has settled motions alone, and no orbit to verify")
+    walked, value = what.study.walked, first.points[0].value
+    named = [(f"P{each.period}-{number}", each) for number, each in enumerate(what.branches, start=1)]
+    low, high = sorted((walked.begin, walked.end))
+    verify_branches(ledger, named, report, (low, high))
+    is_late = walked.begin not in {value, *(band.value for band in first.bands)}
+    detail = f"the study begins at {walked.begin:.10g}" if is_late else ""
+    ledger.enter(Check.ENDS, Spot(named[0][0], "point 0", value), math.inf if detail else 0.0, detail)
+    if first.bands:
+        ledger.note("the motions that settle beside the orbits are not verified")
 
 
 def _verify_tori(ledger: Ledger, what: Tori, report: Advance | None) -> None:
