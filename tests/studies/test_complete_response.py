@@ -126,7 +126,7 @@ def test_words_tables_and_document_have_the_settled_motions() -> None:
     first = result.branches[0]
     text = "\n".join(map(str, result.summary()))
     assert "settled, speed from 1050 to" in text
-    assert "mesh2: about" in text
+    assert "mesh2: separates at" in text
     heading, *rows = result.tables()["bands"]()
     assert list(heading[:4]) == ["speed", "period", "separations", "least.springs"]
     assert len(rows) == len(first.bands)
@@ -146,9 +146,9 @@ def test_grazes_are_counted_in_runs() -> None:
     bands = [band(value, count) for value, count in ((10, 1), (9, 1), (8, 2), (7, 3), (3, 3), (2, 4))]
     first, grazes, second, more = graze_words(bands, "speed", system)
     assert "4 values" in first
-    assert grazes == "  mesh2: about 2 grazes, speed from 7 to 9 rpm"
+    assert grazes == "  mesh2: separates at 4 of them, up to 3 times in a period; about 2 grazes, speed from 7 to 9 rpm"
     assert "2 values" in second
-    assert more == "  mesh2: about 1 graze, speed from 2 to 3 rpm"
+    assert more == "  mesh2: separates at 2 of them, up to 4 times in a period; about 1 graze, speed from 2 to 3 rpm"
 
 
 def test_the_picture_has_a_band_and_its_mean() -> None:
@@ -223,7 +223,7 @@ def test_a_response_without_any_orbit_is_what_settles() -> None:
     assert [end.value for end in only.ends] == [1076.0, 1074.0]
     first, second, *_ = only.summary()
     assert str(first).startswith("no orbit of period 1 can be followed")
-    assert "201 values, 0 of them periodic" in str(second)
+    assert "201 values, at 0 of them periodic" in str(second)
     assert "0 points" in repr(only)
     axes = only.plot("max.mesh1")
     assert len(axes.collections) == 1

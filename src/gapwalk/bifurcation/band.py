@@ -90,13 +90,20 @@ def graze_words(bands: Sequence[Band], parameter: str, system: System) -> Iterat
         periodic, most = sum(band.period > 0 for band in run), max(band.total for band in run)
         yield (
             f"settled, {range_words(ends, parameter, system.units)}: {len(run)} values, "
-            f"{periodic} of them periodic, with up to {most:.4g} separations in a forcing period"
+            f"at {periodic} of them periodic, with up to {most:.4g} separations in a forcing period"
         )
         for place, form in enumerate(system.structure.equations.contacts):
-            changed = [
-                pair for pair in pairwise(run) if abs(pair[1].separations[place] - pair[0].separations[place]) >= _SAME
-            ]
+            counts = np.array([band.separations[place] for band in run])
+            if not np.nanmax(np.append(counts, 0.0)) > 0.0:
+                continue
+            words = (
+                f"  {form.name}: separates at {np.sum(counts > 0)} of them, up to {max(counts):.4g} times in a period"
+            )
+            # where no motion repeats, the counts of neighbours differ by chance
+            pairs = [pair for pair in pairwise(run) if all(band.period for band in pair)]
+            changed = [pair for pair in pairs if abs(np.subtract(*(band.separations[place] for band in pair))) >= _SAME]
             if changed:
                 values = [band.value for pair in changed for band in pair]
                 around = range_words((min(values), max(values)), parameter, system.units)
-                yield f"  {form.name}: about {len(changed)} graze{'s' if changed[1:] else ''}, {around}"
+                words += f"; about {len(changed)} graze{'s' if changed[1:] else ''}, {around}"
+            yield words
