@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from gapwalk.answers.gap_states import (
     RANGE,
     BandEnd,
-    Mover,
     chosen_gaps,
     contact_place,
     innermost,
@@ -35,9 +34,8 @@ from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bracketed_root import find_root
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError
-from gapwalk.flow.flow import PERIOD, Flow, flow_of, flow_with
+from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.flow.forces import contact_deflections
-from gapwalk.flow.motion import Gauge
 from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
 from gapwalk.model.equilibria import find_equilibria
 from gapwalk.model.laws import Stages, StageTerms
@@ -61,7 +59,6 @@ _NEAR, _ABOUT = 1e-9, 1e-4  # shares of the range to which ends are located that
 _ROUNDING = 1e-12  # relative error of an end, beside the last step of Newton's method
 _TINY = 1e-300  # size of a motion that is none
 _TOUCHES, _CLOSE = 8, 1e-10  # the most steps of Newton's method towards a touch, and the relative change that ends them
-_SIZES = (1e-5, 3e-5)  # relative changes of parameters for derivatives of the end
 
 
 @dataclass(frozen=True, eq=False)
@@ -382,34 +379,6 @@ def grazing_near(orbit: Orbit, parameter: str, switch: int, theta: float | None 
     contact, sides = describe_switch(orbit, switch), orbit.instability
     special = SpecialPoint(Kind.GRAZING, at, sides, sides, error, contact, parameter=parameter)
     return BandEnd(value, str(Kind.GRAZING), error, special)
-
-
-def with_movers(end: BandEnd) -> BandEnd:
-    """Return an exact end with the parameters that move it, by differences of single periods.
-
-    `BandEnd.with_movers` has more digits, and takes ten times as long for a train.
-    """
-    if (special := end.special) is None:
-        return end
-    orbit, parameter = special.orbit, special.parameter
-    switch = next(k for k in range(len(orbit.system.breakpoints)) if describe_switch(orbit, k) == special.contact)
-    plane, equation, unknowns = _posed(orbit, parameter, switch)
-    _, matrix, place = equation.linearised(unknowns, orbit.system[plane.names[1]])
-    names, gauge, movers = moving_names(orbit.system, parameter), Gauge(layout_of(orbit.system.structure), switch), []
-    ways = [ParameterLine(orbit.system, name).coefficients(orbit.system[name])[1] for name in names]
-    flow = flow_with(layout_of(orbit.system.structure), np.any([place.coefficients, *ways], axis=0).astype(float))
-    angles = np.array([0.0, float(unknowns[-2]), PERIOD * orbit.period])
-    for name, way in zip(names, ways, strict=True):
-        value, found = orbit.system[name], list[float]()
-        for size in _SIZES:
-            some = [place.coefficients + sign * size * value * way for sign in (1.0, -1.0)]
-            moved = [flow.sample(each, orbit.state, angles).states for each in some]
-            depths = [gauge.depth(each, angles[1], states[1])[0] for each, states in zip(some, moved, strict=True)]
-            change = np.array([*(moved[0][2] - moved[1][2]), depths[0] - depths[1], 0.0]) / (2.0 * size)
-            found.append(float(_solve(plane, orbit, matrix, change)[-1]))
-        error = abs(found[1] - found[0])
-        movers.append(Mover(name, found[0] / value, error / abs(value), found[0] / end.value))
-    return replace(end, movers=tuple(sorted(movers, key=lambda mover: -abs(mover.share))))
 
 
 def _posed(orbit: Orbit, parameter: str, switch: int) -> tuple[ShotPlane, GrazingEquation, NDArray[np.float64]]:

@@ -29,7 +29,7 @@ from gapwalk.answers.gap_states import (
     labels_along,
     usual_gaps,
 )
-from gapwalk.answers.held_flank import grazing_near, with_movers
+from gapwalk.answers.held_flank import grazing_near
 from gapwalk.attractors.lane_settling import LONG, TIMES, LaneMotion, Start, settle_lanes, slow_modes, slow_places
 from gapwalk.bifurcation.isolated.search_starts import generator, spread_starts, state_box
 from gapwalk.ensemble.batch_flow import state_at_rest
@@ -289,7 +289,7 @@ class _Touches:
                 orbit = end.special.orbit
                 depths = sign * np.array(orbit.turning_depths[switch][1])
                 if depths.min() > -_ONCE * np.abs(depths).max():
-                    return replace(with_movers(end), special=None)
+                    return replace(end.with_movers(), special=None)
             return None
         except (ModelError, NumericalError, np.linalg.LinAlgError):
             return None

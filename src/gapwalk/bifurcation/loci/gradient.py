@@ -17,8 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.loci.follow_locus import equation_of, plane_of
-from gapwalk.bifurcation.loci.locus_equations import LocusEquation, MultiplierEquation, OrbitPlane, Place, ShotPlane
-from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.loci.locus_equations import (
+    GrazingEquation,
+    LocusEquation,
+    MultiplierEquation,
+    OrbitPlane,
+    Place,
+    ShotPlane,
+)
+from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.corrector import powers_of_two
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.model.system import System
@@ -30,9 +37,11 @@ from gapwalk.summary import SummaryParts, Table, Tables, remarks, rows_of, summa
 _STEPS = (3e-5, 3e-6, 3e-7)  # of central differences of the monodromy matrix, in scaled variables
 _FIRST = 4  # parameters that a line of text names
 _BATCH = 4  # parameters whose sensitivities are integrated together
+_OUTSIDE = 1e-3  # depth of a touch where its slopes are taken, relative to that on a locus
+_WIDE = 64  # the same where the transition matrix is not integrated with them
 _MANY = 400  # names above which only those of single numbers, not of vectors and matrices, are taken by default
 _ASIDE = 1e-5  # scaled distance from the special point at which its equations must be solved
-_ROUNDING = 1e-12  # relative error of a slope from first derivatives
+_ROUNDING, _TOUCHED = 1e-12, 1e-7  # relative errors of a slope from first derivatives; of a touch
 _NOTHING = 1e-10  # share of the largest effect below which one is rounding: such as a frequency at an extremum over it
 _FAINT = 1e-4  # error of a slope, relative to the largest one in percent per percent, above which it is reported
 
@@ -213,9 +222,12 @@ def gradient(special: SpecialPoint, names: Sequence[str] = (), method: Method | 
     way = (method or orbit.method()).for_loci()
     alike = tuple(dict.fromkeys((*usual, *names)))  # one compiled flow serves all usual requests
     slopes, errors = np.zeros(len(names)), np.zeros(len(names))
+    plane = plane_of(way, orbit, (parameter, names[0]))
+    if special.kind is Kind.GRAZING and isinstance(plane, ShotPlane):
+        slopes = _touch_slopes(replace(plane, names=(parameter,)), special, names)
+        return Gradient(special, names, slopes, _TOUCHED * np.abs(slopes))
     for end in range(_BATCH, len(names) + _BATCH, _BATCH):
         batch = slice(max(0, min(end, len(names)) - _BATCH), end)  # the last one reaches back, to be of equal size
-        plane = plane_of(way, orbit, (parameter, names[0]))
         plane = replace(plane, names=(parameter, *names[batch]))
         if isinstance(plane, ShotPlane):
             plane = replace(plane, alike=alike)
@@ -277,6 +289,21 @@ def moving_names(system: System, parameter: str) -> tuple[str, ...]:
     places = range(len(every)) if len(every) <= _MANY else every.single
     values = system.values
     return tuple(every[place] for place in places if place != own and values[place] != 0.0)
+
+
+def _touch_slopes(plane: ShotPlane, special: SpecialPoint, names: Sequence[str]) -> NDArray[np.float64]:
+    """Return the slopes of a grazing point by parameters, in the plane of its own parameter."""
+    equation, unknowns, scales = equation_of(plane, special, [abs(special.value) or 1.0])
+    assert isinstance(equation, GrazingEquation)
+    scales = scales[: len(unknowns)]
+    # on the side without the event: where the touch is one, its angles and with them all derivatives have half the digits
+    equation = replace(equation, depth=_OUTSIDE * equation.depth)
+    found = equation.linearised(unknowns)
+    unknowns = unknowns + _solved_of((found[0], np.column_stack((found[1], found[0])), found[2]), scales)[:, -1]
+    residual, by_all, place = equation.linearised(unknowns)
+    batches = [names[first : first + _WIDE] for first in range(0, len(names), _WIDE)]
+    moved = [plane.by_parameters(equation.switch, place, float(unknowns[-2]), batch) for batch in batches]
+    return _solved_of((residual, np.hstack((by_all, *moved)), place), scales)[-1]
 
 
 def _slopes(plane, special: SpecialPoint) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

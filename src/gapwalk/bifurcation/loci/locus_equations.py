@@ -7,7 +7,7 @@ with a critical multiplier: a fold, a flip or a Neimark-Sacker point. From a pla
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, ClassVar, NamedTuple, Self, cast
@@ -25,7 +25,7 @@ from gapwalk.errors import ConvergenceError, FlowError
 from gapwalk.flow.equations import natural_length
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of, flow_with
 from gapwalk.flow.motion import DryModes, Gauge, modes_along
-from gapwalk.model.coefficients import CoefficientLayout, ParameterPlane, coefficients_of, layout_of
+from gapwalk.model.coefficients import CoefficientLayout, ParameterLine, ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation
@@ -277,6 +277,20 @@ class ShotPlane(OrbitPlane):
         derivatives[:, :size], derivatives[:, size + 1 :] = by_all[:, :size], by_all[:, size:]
         derivatives[:, size] = coefficients[0] * rate, coefficients[0] * turning
         return np.array([depth, rate]), derivatives
+
+    def by_parameters(self, switch: int, place: Place, theta: float, names: Sequence[str]) -> NDArray[np.float64]:
+        """Return the derivatives of the residual, and of depth and rate as in `turning`, by parameters.
+
+        Their columns are integrated without the transition matrix.
+        """
+        gauge, coefficients, n = Gauge(self._layout, switch), place.coefficients, self.system.size
+        ways = np.array([ParameterLine(self.system, name).coefficients(self.system[name])[1] for name in names])
+        angles = np.array([self.begin, self._after(theta), self.begin + PERIOD * self.period])
+        found = flow_of(self.system, *names).vary(coefficients, place.unknowns, angles, ways)
+        there = np.reshape(np.split(found.sensitivities[1], [n, 2 * n])[:2], (2, n, -1))
+        moved = gauge.vector(coefficients) @ there
+        moved += np.transpose([gauge.slopes(coefficients, way, angles[1], found.states[1]) for way in ways])
+        return np.vstack((found.sensitivities[2], moved))
 
     def reached(
         self, place: Place, contact: int, keeping: float, angle: float
