@@ -361,12 +361,16 @@ def grazing_near(orbit: Orbit, parameter: str, switch: int, theta: float | None 
 
     It is that of the turning point at the angle `theta`; by default of the one nearest to the breakpoint.
     """
-    plane, equation, unknowns = _posed(orbit, parameter, switch)
+    names = parameter, moving_names(orbit.system, parameter)[0]
+    plane = ShotPlane(orbit.system, names, orbit.period, Shooting())
+    equation = GrazingEquation(plane, switch, 0.0, _EXACT)
+    unknowns = equation.unknowns(orbit)
+    scales = np.concatenate((plane.scales(orbit), [PERIOD, abs(orbit.system[parameter]) or 1.0]))
     unknowns[-2] = unknowns[-2] if theta is None else theta
     other = orbit.system[plane.names[1]]
     for _ in range(_TOUCHES):
         residual, matrix, place = equation.linearised(unknowns, other)
-        before, step = unknowns, _solve(plane, orbit, matrix, residual)
+        before, step = unknowns, -scales * np.linalg.solve(matrix[:, : len(scales)] * scales, residual)
         unknowns = before + step
         if abs(float(step[-1])) <= _CLOSE * abs(float(unknowns[-1])):
             break
@@ -379,22 +383,6 @@ def grazing_near(orbit: Orbit, parameter: str, switch: int, theta: float | None 
     contact, sides = describe_switch(orbit, switch), orbit.instability
     special = SpecialPoint(Kind.GRAZING, at, sides, sides, error, contact, parameter=parameter)
     return BandEnd(value, str(Kind.GRAZING), error, special)
-
-
-def _posed(orbit: Orbit, parameter: str, switch: int) -> tuple[ShotPlane, GrazingEquation, NDArray[np.float64]]:
-    """Return the equation of a touch, in the plane with any other parameter, and its unknowns."""
-    names = parameter, moving_names(orbit.system, parameter)[0]
-    plane = ShotPlane(orbit.system, names, orbit.period, Shooting())
-    equation = GrazingEquation(plane, switch, 0.0, _EXACT)
-    return plane, equation, equation.unknowns(orbit)
-
-
-def _solve(
-    plane: ShotPlane, orbit: Orbit, matrix: NDArray[np.float64], change: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the change of the unknowns, the parameter last, by which a change of all equations is undone."""
-    scales = np.concatenate((plane.scales(orbit), [PERIOD, abs(orbit.system[plane.names[0]]) or 1.0]))
-    return scales * np.asarray(np.linalg.solve(matrix[:, : len(scales)] * scales, -change), dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)

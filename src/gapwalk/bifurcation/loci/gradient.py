@@ -296,7 +296,7 @@ def _touch_slopes(plane: ShotPlane, special: SpecialPoint, names: Sequence[str])
     equation, unknowns, scales = equation_of(plane, special, [abs(special.value) or 1.0])
     assert isinstance(equation, GrazingEquation)
     scales = scales[: len(unknowns)]
-    # on the side without the event: where the touch is one, its angles and with them all derivatives have half the digits
+    # on the side without the event: where the touch is one, its angles and all derivatives have half the digits
     equation = replace(equation, depth=_OUTSIDE * equation.depth)
     found = equation.linearised(unknowns)
     unknowns = unknowns + _solved_of((found[0], np.column_stack((found[1], found[0])), found[2]), scales)[:, -1]
