@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import FlowError
-from gapwalk.flow.constraints import reachable, reachable_masks
+from gapwalk.flow.constraints import reachable_masks
 from gapwalk.flow.contact_events import (
     ContactEvent,
     Switchboard,
@@ -620,10 +620,12 @@ def flow_of(system: System, *parameters: str | tuple[str, ...], transition: bool
         return _compile(system.structure, masks, transition, survey)
 
 
-def flow_with(layout: CoefficientLayout, coefficients: NDArray[np.float64], *, transition: bool = False) -> Flow:
-    """Return the compiled flow of the system that has some coefficients."""
+def flow_with(layout: CoefficientLayout, coefficients: Array, *ways: Array, transition: bool = False) -> Flow:
+    """Return the compiled flow of the system that has some coefficients, with derivatives along changes of them."""
+    masks = np.any([coefficients, *ways], axis=0), *(way != 0.0 for way in ways)
     with _compiling:
-        return _compile(layout.assembled, (reachable(layout, coefficients != 0.0).tobytes(),), transition, False)
+        found = reachable_masks(layout.assembled, tuple(mask.tobytes() for mask in masks))
+        return _compile(layout.assembled, found, transition, False)
 
 
 @lru_cache(maxsize=_MOST)

@@ -286,7 +286,7 @@ class ShotPlane(OrbitPlane):
         gauge, coefficients, n = Gauge(self._layout, switch), place.coefficients, self.system.size
         ways = np.array([ParameterLine(self.system, name).coefficients(self.system[name])[1] for name in names])
         angles = np.array([self.begin, self._after(theta), self.begin + PERIOD * self.period])
-        found = flow_of(self.system, *names).vary(coefficients, place.unknowns, angles, ways)
+        found = flow_with(self._layout, coefficients, *ways).vary(coefficients, place.unknowns, angles, ways)
         there = np.reshape(np.split(found.sensitivities[1], [n, 2 * n])[:2], (2, n, -1))
         moved = gauge.vector(coefficients) @ there
         moved += np.transpose([gauge.slopes(coefficients, way, angles[1], found.states[1]) for way in ways])
