@@ -274,3 +274,18 @@ def test_a_motion_beside_that_of_another_system_has_its_own_numbers(changed: dic
         ((_, alone),) = settle_lanes([start])
         assert beside[start.key].rms == pytest.approx(alone.rms, rel=1e-3)
         assert after[start.key].rms == pytest.approx(alone.rms, rel=1e-3)
+
+
+def test_an_orbit_that_equal_steps_keep_moving_is_found() -> None:
+    # one gear impacts, and a mesh beside it moves by some percent of its small range from period to period
+    system, _ = trains()["twenty inertias"]
+    loads = [name for name in system.parameters if name.endswith(".amplitude")]
+    louder = system.at({name: 1.19 * system[name] for name in loads}).at(speed=1725.97445)
+    orbit = gw.find_orbit(louder)
+    assert orbit.stable
+    ((_, motion),) = settle_lanes([Start(0, 1725.97445, louder, orbit.state, is_warm=True)])
+    assert (motion.period, motion.diverged) == (1, False)
+    assert motion.waited < 200
+    assert np.nansum(motion.sides) == sum(orbit.closings)
+    n = louder.size
+    assert np.abs(motion.state - orbit.state)[:n].max() < 1e-6 * np.ptp(motion.extremes, axis=0).max()

@@ -22,11 +22,13 @@ from numpy.typing import NDArray
 
 from gapwalk.ensemble.lane_code import OF_CONTACT, OF_COORDINATE, OF_SIGNAL, WIDTH
 from gapwalk.ensemble.lanes import Lanes, even, steps_of, turn_of
+from gapwalk.errors import NumericalError
 from gapwalk.flow.forces import accelerations, contact_deflections
 from gapwalk.flow.motion import acceleration_names, signal_factor
 from gapwalk.model.coefficients import ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
+from gapwalk.orbit.find import find_orbit
 
 LANE_ERROR = 1e-3
 """Error of a period by equal steps, relative to the size of the motion, where contacts open and close."""
@@ -300,6 +302,8 @@ class _Settling:
         #: The notes of each lane over each period that it was followed, and the states at its end; and their number.
         self.notes, self.strobes = np.zeros((count, _WATCHED, len(rows))), np.zeros((count, _WATCHED, states.shape[1]))
         self.ages, self.waits = [0] * count, [0] * count
+        #: The exact orbit of each lane, for which none was looked if it is None.
+        self.orbits: list[tuple[NDArray[np.float64], ...] | None] = [None] * count
         self.slow = slow_places(system)
         self.modes = dict[bytes, _SlowModes]()
         self.clear = np.array([self._clearances(row) for row in coefficients]).reshape(count, 2, -1)
@@ -314,7 +318,7 @@ class _Settling:
     def take(self, lane: int, start: Start | None) -> None:
         """Give a lane another motion, or none."""
         self.starts[lane] = start
-        self.ages[lane], self.waits[lane] = 0, 0
+        self.ages[lane], self.waits[lane], self.orbits[lane] = 0, 0, None
         if start is not None:
             numbers = coefficients_of(start.system)
             self.lanes.put(np.array([lane]), numbers[None], start.state[None], self._rows(start.system)[None])
@@ -447,7 +451,10 @@ class _Settling:
             if lost[lane]:
                 yield lane, self._motion(lane, start, np.full_like(states[lane], np.nan), 0, 1)
                 continue
-            if (there := self._arrives(lane, start)) is not None:
+            if found := self.orbits[lane]:
+                self.ages[lane] = 1
+                yield lane, self._motion(lane, start, found[0], 1, 1)
+            elif (there := self._arrives(lane, start)) is not None:
                 yield lane, there
             elif (verdict := self._judge(lane, start)) is not None:
                 yield lane, self._motion(lane, start, states[lane].copy(), *verdict)
@@ -471,7 +478,11 @@ class _Settling:
             ):
                 return q, q
         transient = _WARM if start.is_warm else _TRANSIENT
-        if age < transient + start.watch or (age < _PATIENCE and (shrinks < _SHRINKS or self._calms(lane))):
+        if age < transient + start.watch:
+            return None
+        if not period and self._is_at_orbit(lane, start):
+            return None
+        if age < _PATIENCE and (shrinks < _SHRINKS or self._calms(lane)):
             return None
         if period:
             return period, period
@@ -488,6 +499,27 @@ class _Settling:
         about = _accelerations(self._noted(lane, _WATCHED)[:, self.kinds["energy"]])
         is_new = bool(start.known) and not any(each.has_like(*about) for each in start.known)
         return None if is_new and self.waits[lane] + age < _DOUBT else (0, watched)
+
+    def _is_at_orbit(self, lane: int, start: Start) -> bool:
+        """Begin at the stable orbit near a motion that closes alike in all periods and yet does not repeat, if one is.
+
+        Equal steps keep a lightly damped orbit with impacts moving by some percent, and a slow mode may outlast any
+        watch; the exact flow knows both. What the orbit does in its first period is then taken.
+        """
+        if self.orbits[lane] is not None or np.ptp(self._closings(lane, start.watch), axis=0).any():
+            return False
+        self.orbits[lane] = ()
+        (notes,), (section,) = self._noted(lane, 1), self._sections(lane, 1)
+        scale = self._scale(notes[self.kinds["most"]] - notes[self.kinds["least"]])
+        try:
+            orbit = find_orbit(start.system, 1, section)
+        except NumericalError:
+            return False
+        if not orbit.stable or np.any(np.abs(orbit.state - section)[: len(scale)] > _NEAR * scale):
+            return False
+        self._restart(lane, orbit.state)
+        self.orbits[lane] = (orbit.state,)
+        return True
 
     def _is_there(self, lane: int, end: NDArray[np.float64]) -> bool:
         """Return True if the slow modes are where they end: one that oscillates slowly hardly changes as it turns."""
