@@ -695,11 +695,11 @@ def claims_page(checked: Checked) -> str:
 _COUNTED = re.compile(r"(- |)Of \d+ statements of the paper( below| about its figures|),[^;]*;")
 _SHORT = {
     Verdict.LETTER: "{} hold to the letter",
-    Verdict.KIND: "{} in kind",
-    Verdict.OTHER_READING: "{} under another reading",
-    Verdict.OTHER_NUMBER: "{} at one other number",
-    Verdict.OTHER_NUMBERS: "{} at several",
-    Verdict.EXPLAINED: "{} do not, which is explained",
+    Verdict.KIND: "{} hold except for some numbers",
+    Verdict.OTHER_READING: "{} hold with a formula read differently",
+    Verdict.OTHER_NUMBER: "{} with one printed number changed",
+    Verdict.OTHER_NUMBERS: "{} with several changed",
+    Verdict.EXPLAINED: "{} do not hold for a known reason",
     Verdict.NOT_FOUND: "{} were not found",
     Verdict.LOST: "{} cannot be tested",
 }

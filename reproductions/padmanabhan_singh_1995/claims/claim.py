@@ -70,20 +70,20 @@ class Verdict(StrEnum):
 _RULES = {
     Verdict.LETTER: "The statement holds at the printed numbers, and each number that it names is met within "
     f"{TOLERANCE:.0%}.",
-    Verdict.KIND: "At the printed numbers the feature is there, but a number that the statement names is off by more "
-    f"than {TOLERANCE:.0%}, two things that are to agree differ by more than that, a change is smaller, or only a part "
-    "of what the statement names has it; the verdict says which, and by how much.",
-    Verdict.OTHER_READING: "It holds if a formula is taken as the paper prints it, where the default is not; no number "
-    "is changed.",
-    Verdict.OTHER_NUMBER: "It holds if exactly one number of the tables is another; the verdict says where that "
-    "number needs more digits than they print. Two entries that stand for one damper, spring or clutch, changed by one "
-    "factor, are one number, and what the paper changes without printing it is none.",
-    Verdict.OTHER_NUMBERS: "It holds if two or more numbers of the tables are others; the verdict says how many.",
+    Verdict.KIND: "At the printed numbers the feature is there, but a number that the statement names differs by more "
+    f"than {TOLERANCE:.0%}, two quantities that should agree differ by more than that, a change is smaller, or only "
+    "some of the motions that the statement names have the feature; the verdict says which, and by how much.",
+    Verdict.OTHER_READING: "It holds if a formula is used as the paper prints it, in place of the form that gapwalk "
+    "uses by default; no number is changed.",
+    Verdict.OTHER_NUMBER: "It holds if exactly one number of the tables is changed; the verdict says where that "
+    "number needs more digits than the tables print. Two entries of one damper, spring or clutch that change by one "
+    "factor count as one number; a quantity that the paper itself changes without printing it does not count.",
+    Verdict.OTHER_NUMBERS: "It holds if two or more numbers of the tables are changed; the verdict says how many.",
     Verdict.EXPLAINED: "It does not hold, and a check with numbers shows why the paper may have come to it.",
     Verdict.NOT_FOUND: "It does not hold at the printed numbers, in any reading or at any other number that was tried, "
     "and no check explains it.",
-    Verdict.LOST: "What it rests on is lost: a curve that was never printed as numbers, or numbers of the tables that "
-    "cannot be read. As far as they can be read it does not hold.",
+    Verdict.LOST: "It needs a curve that was never printed as numbers, or numbers of the tables that cannot be read. "
+    "With the digits that can be read it does not hold.",
     Verdict.ELSEWHERE: "What the paper describes exists at other numbers, found by a search. It is no statement of the "
     "paper, and is never counted.",
 }
