@@ -295,7 +295,7 @@ def test_a_label_beside_a_graze_is_that_of_the_exact_orbit() -> None:
     # the mesh parts by 2e-9 rad of a gap of 3e-3: one look by equal steps takes it for closed, finer steps do not
     system = trains()["twenty inertias"][0].at(speed=1977.3797716414572)
     ((_, motion),) = settle_lanes([Start(0, 1977.4, system, state_at_rest(system))])
-    rates = longer([(system, motion.state)], 168, 126)
+    rates = longer([(system, motion.state)], 48, 24)
     staged = [k for k, form in enumerate(system.structure.equations.contacts) if form.stages]
     assert np.nansum(motion.sides[staged], axis=1).tolist() == rates[0].tolist()
     assert rates.sum() == 1.0
