@@ -17,7 +17,7 @@ from gapwalk.ensemble.lanes import Lanes
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.model.coefficients import coefficients_of
-from tests.attractors.lane_labels import Text, compare, trains
+from tests.attractors.lane_labels import Text, compare, longer, trains
 from tests.tiers import in_campaign
 
 TRAIN_A = Path(__file__).parents[1] / "data/train_a.toml"
@@ -289,3 +289,13 @@ def test_an_orbit_that_equal_steps_keep_moving_is_found() -> None:
     assert np.nansum(motion.sides) == sum(orbit.closings)
     n = louder.size
     assert np.abs(motion.state - orbit.state)[:n].max() < 1e-6 * np.ptp(motion.extremes, axis=0).max()
+
+
+def test_a_label_beside_a_graze_is_that_of_the_exact_orbit() -> None:
+    # the mesh parts by 2e-9 rad of a gap of 3e-3: one look by equal steps takes it for closed, finer steps do not
+    system = trains()["twenty inertias"][0].at(speed=1977.3797716414572)
+    ((_, motion),) = settle_lanes([Start(0, 1977.4, system, state_at_rest(system))])
+    rates = longer([(system, motion.state)], 48, 24)
+    staged = [k for k, form in enumerate(system.structure.equations.contacts) if form.stages]
+    assert np.nansum(motion.sides[staged], axis=1).tolist() == rates[0].tolist()
+    assert rates.sum() == 1.0

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,6 +29,7 @@ from gapwalk.model.coefficients import ParameterPlane, coefficients_of, layout_o
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.orbit import Orbit
 
 LANE_ERROR = 1e-3
 """Error of a period by equal steps, relative to the size of the motion, where contacts open and close."""
@@ -457,7 +458,7 @@ class _Settling:
             elif (there := self._arrives(lane, start)) is not None:
                 yield lane, there
             elif (verdict := self._judge(lane, start)) is not None:
-                yield lane, self._motion(lane, start, states[lane].copy(), *verdict)
+                yield lane, self._checked(lane, start, self._motion(lane, start, states[lane].copy(), *verdict))
 
     def _judge(self, lane: int, start: Start) -> tuple[int, int] | None:
         """Return the period and the number of watched periods once the motion of a lane is decided; else None."""
@@ -509,17 +510,41 @@ class _Settling:
         if self.orbits[lane] is not None or np.ptp(self._closings(lane, start.watch), axis=0).any():
             return False
         self.orbits[lane] = ()
-        (notes,), (section,) = self._noted(lane, 1), self._sections(lane, 1)
-        scale = self._scale(notes[self.kinds["most"]] - notes[self.kinds["least"]])
-        try:
-            orbit = find_orbit(start.system, 1, section)
-        except NumericalError:
-            return False
-        if not orbit.stable or np.any(np.abs(orbit.state - section)[: len(scale)] > _NEAR * scale):
+        if (orbit := self._orbit(lane, start, 1, self._sections(lane, 1)[0])) is None:
             return False
         self._restart(lane, orbit.state)
         self.orbits[lane] = (orbit.state,)
         return True
+
+    def _orbit(self, lane: int, start: Start, period: int, state: NDArray[np.float64]) -> Orbit | None:
+        """Return the stable orbit of the exact flow near a state; None if there is none."""
+        notes = self._noted(lane, period)
+        scale = self._scale(notes[:, self.kinds["most"]].max(axis=0) - notes[:, self.kinds["least"]].min(axis=0))
+        try:
+            orbit = find_orbit(start.system, period, state)
+        except NumericalError:
+            return None
+        is_near = np.all(np.abs(orbit.state - state)[: len(scale)] <= _NEAR * scale)
+        return orbit if orbit.stable and is_near else None
+
+    def _checked(self, lane: int, start: Start, motion: LaneMotion) -> LaneMotion:
+        """Return a periodic motion with the closings of its orbit, if a gap is nearer to a change than steps tell."""
+        notes = self._noted(lane, motion.watched)
+        low, high = notes[:, self.kinds["low"]].min(axis=0), notes[:, self.kinds["high"]].max(axis=0)
+        apart = np.min([np.abs(each - bound) for each in (low, high) for bound in self.clear[lane]], axis=0)
+        if not motion.period or np.all(apart > 3.0 * LANE_ERROR * (high - low)):
+            return motion
+        if (orbit := self._orbit(lane, start, motion.period, motion.state)) is None:
+            return motion
+        sides, first = motion.sides.copy(), dict[tuple[int, float], int]()
+        for switch, (contact, side, _) in enumerate(orbit.system.breakpoints):
+            first.setdefault((contact, side), switch)
+        for (contact, side), switch in first.items():
+            sides[contact, int(side < 0)] = orbit.closings[switch] / motion.period
+        closes = np.nansum(sides, axis=1) > 0.0
+        return replace(
+            motion, sides=sides, parted=np.where(closes, np.maximum(motion.parted, 1.0), 0.0 * motion.parted)
+        )
 
     def _is_there(self, lane: int, end: NDArray[np.float64]) -> bool:
         """Return True if the slow modes are where they end: one that oscillates slowly hardly changes as it turns."""
