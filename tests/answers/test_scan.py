@@ -112,7 +112,7 @@ def test_luck_is_that_of_a_binomial_distribution() -> None:
     assert (none.hits, none.chance) == (0, 0.0)
     assert (1.0 - none.upper) ** 300 == pytest.approx(0.05)
     assert with_scores(2, 2, neighbours=2).luck(2).upper == 1.0
-    assert "nothing is known of luck" in with_scores(neighbours=0).luck(2).words
+    assert "the chance of luck is unknown" in with_scores(neighbours=0).luck(2).words
 
 
 def test_the_summary_names_the_best_and_the_chance_of_luck() -> None:

@@ -447,7 +447,7 @@ def test_coverage_in_sentences(figure_15):
 def test_a_bound_for_each_value_where_they_differ():
     result = search(case("15"), "frequency", [0.45, 0.85], options=SearchOptions(starts=8, newton_starts=0))
     text = " ".join(coverage(result))
-    assert "at the best value, and at the worst, 0.85, nothing can be said" in text
+    assert "at the value with most settled starts; at 0.85, nothing can be said" in text
 
 
 def test_good_turing_counts_motions_met_once():

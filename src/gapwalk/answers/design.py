@@ -82,7 +82,11 @@ class Change:
         if not low <= value <= high:
             raise ModelError(f"{self.parameter} is {value:g}, outside its limits from {low:g} to {high:g}")
         for bound in (low, high):
-            system.at({self.parameter: bound})
+            try:
+                system.at({self.parameter: bound})
+            except ModelError as error:
+                wrong = f"{self.parameter} may change from {low:g} to {high:g} (by = {self.by:g}), but"
+                raise ModelError(f"{wrong} {bound:g} is not allowed; write a smaller by, or limits") from error
         return low, high
 
     def scale(self, system: System) -> float:
@@ -535,9 +539,9 @@ class Design(Shown):
         yield Table(("goal", ">margin before", ">after", ""), goals)
         for each in self.judged:
             if math.isfinite(each.without):
-                yield f'  without "{each.words}" a change of {each.without:.4g} reaches the others'
+                yield f'  without the goal "{each.words}", a change of {each.without:.4g} reaches the others'
             elif not math.isnan(each.without):
-                yield f'  without "{each.words}" the others are not reached either'
+                yield f'  without the goal "{each.words}", the others are not reached either'
         yield ""
         reached = [route for route in self.routes if route.is_reached]
         count, steps = len(self.routes), sum(route.steps for route in self.routes)

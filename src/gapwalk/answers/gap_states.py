@@ -215,7 +215,7 @@ def stable_stretch(
         return Stretch(branch, first, lost.value, lost, str(lost.kind)), last.orbit.state
     if not last.stable:  # the point where it was lost could not be located
         values = [point.value for point in branch.points[-2:]]
-        return Stretch(branch, first, float(np.mean(values)), None, "a loss of stability"), last.orbit.state
+        return Stretch(branch, first, float(np.mean(values)), None, "the motion becomes unstable"), last.orbit.state
     return Stretch(branch, first, branch.ends[-1].value, None, branch.ends[-1].reason_words), last.orbit.state
 
 
@@ -734,8 +734,8 @@ def seldom(sweeps: Sequence[SettledSweep], gap: str) -> str | None:
     where = f"at {low:.6g}" if low == high else f"at {len(found)} values from {low:.6g} to {high:.6g}"
     watched = min(motion.watched for motion in found)
     return (
-        f"{gap} was not seen to part {where}, where the motion has no period, in {watched} forcing periods or more: "
-        f"it parts there in less than one of {watched / 3.0:.0f} (95 %)"
+        f"{gap} did not separate {where}, where the motion has no period, within {watched} forcing periods or more: "
+        f"with 95 % confidence it separates in less than one of {watched / 3.0:.0f} periods"
     )
 
 
@@ -899,7 +899,7 @@ def other_motions(
             except (NumericalError, FlowError) as error:
                 notes.append(f"{parameter} = {value:.6g}: a motion from a random start: {error}")
     count = len(found) // len(Direction)
-    what = "no motion that the sweeps had not met" if not count else f"{count} that the sweeps had not met"
+    what = f"{count or 'no'} motions that the sweeps do not meet"
     notes.append(f"{starts} random starts at each of {values} values led to {what}")
     return found, notes
 

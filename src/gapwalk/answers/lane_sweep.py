@@ -372,8 +372,8 @@ def lasting(system: System, sweeps: Sequence[SettledSweep]) -> str | None:
     if longest * TIMES <= LONG:
         return None
     return (
-        f"a free vibration takes {longest:.0f} forcing periods to fall to 1/e: where motions have no period, the "
-        f"figures of slow parts, means over {LONG} periods, may differ from those of a long run"
+        f"a free vibration takes {longest:.0f} forcing periods to decay to 1/e: where motions have no period, means of "
+        f"slowly moving parts, which are taken over {LONG} periods, may differ from those of a longer run"
     )
 
 
@@ -491,12 +491,12 @@ def other_sweeps(
                 )
             )
     count = len(started)
-    what = "no motion that the sweeps had not met" if not new else f"{new} that the sweeps had not met"
+    what = f"{new or 'no'} motions that the sweeps do not meet"
     each = started[0].count if started else 0
     notes = [f"{each} random starts at each of {count} values led to {what}"]
     if not new and each:
         notes.append(
-            f"at each value, the share of starts that lead elsewhere is below {300.0 / each:.3g} % with 95 % confidence"
+            f"at each value, with 95 % confidence, less than {300.0 / each:.3g} % of all starts lead to other motions"
         )
     return found, notes
 

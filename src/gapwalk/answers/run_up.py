@@ -71,7 +71,7 @@ class JumpDelay(NamedTuple):
         pace, units = system.structure.pace, system.units
         fold = f"the fold at {value_words(self.fold, pace, units, 6)}, where a slow sweep jumps"
         if np.isnan(self.jump):
-            return f"no jump after {fold}: the motion did not follow the response up to there, or not beyond"
+            return f"no jump after {fold}: the motion left the response before the fold, or did not jump beyond it"
         late = f"{self.delay:.3g} s" if units else f"a time of {self.delay:.4g}"
         return f"jump at {value_words(self.jump, pace, units, 6)}, {late} after {fold}"
 

@@ -976,12 +976,12 @@ def _judge(
     text = f"its largest exponent is {lead:.3g} +- {error:.1g} per forcing period"
     if lead > options.zero and lead > options.errors * error:
         if exponents.regular:  # a regular motion on an attractor has no positive exponent
-            return AttractorKind.UNDECIDED, None, (f"{text}, but regular: it is leaving an unstable motion",)
+            return AttractorKind.UNDECIDED, None, (f"{text}, but regular: the motion leaves an unstable one",)
         return AttractorKind.CHAOTIC, None, (f"{text}: positive",)
     if lead < -options.zero and lead < -options.errors * error:
         return AttractorKind.UNDECIDED, None, (f"{text}: negative, but no orbit was found; raise max_period",)
     for period, away in exact_returns(settled.system, strobes[-_KEPT:])[:1]:
-        words = f"it returns to {away:.1e} after {period} forcing periods, but attracts nothing"
+        words = f"it repeats to {away:.1e} after {period} forcing periods, but does not attract other motions"
         return AttractorKind.UNDECIDED, None, (f"{text}: zero", words)
     if len(strobes) < _STROBES:
         strobes = np.vstack((strobes, Strobe(settled.system).run(strobes[-1], _STROBES - len(strobes))))

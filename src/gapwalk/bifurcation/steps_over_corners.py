@@ -119,7 +119,7 @@ def _difference(first: Orbit, last: Orbit) -> str:
         return f"beyond it, {_name(first, more[0])} behaves otherwise at {_ELSEWHERE}"
     if more:
         return f"beyond it, {_name(first, more[0])} behaves otherwise at theta = {more[0].theta:.6g}"
-    return "beyond it, its last events are others"
+    return "beyond it, its last events differ"
 
 
 def coincidence(orbit: Orbit) -> str:
@@ -129,7 +129,7 @@ def coincidence(orbit: Orbit) -> str:
     for first, last in pairwise(events):
         names = _name(orbit, first), _name(orbit, last)
         if last.theta - first.theta <= _AT_ONCE and names[0] != names[1] and not _move_as_one(orbit, first, last):
-            advice = "beyond, the second may come first, and the motion is another one: start there"
+            advice = "beyond, their order may change: begin a new walk there"
             return f"{names[0]} and {names[1]} change at once at theta = {first.theta:.6g}, and {advice}"
     return ""
 

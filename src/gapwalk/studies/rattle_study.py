@@ -412,7 +412,7 @@ class RattleStudy(RangeStudy):
             step = abs((self.end - self.begin) / self.sweep.steps)
             notes.append(
                 f"at {sampled} values the settled motion did not become periodic within {self.sweep.patience} forcing "
-                f"periods; nothing is known between samples, {step:.4g} apart"
+                f"periods; between these values, {step:.4g} apart, nothing is known"
             )
         if not complete:
             notes.append(f"stopped when {len(job.known[SWEEP])} of {len(Direction)} sweeps were done")
