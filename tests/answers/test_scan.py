@@ -118,7 +118,7 @@ def test_luck_is_that_of_a_binomial_distribution() -> None:
 def test_the_summary_names_the_best_and_the_chance_of_luck() -> None:
     found = with_scores(2, 2, 1, neighbours=200)
     text = str(found.summary())
-    assert "0 of 2 claims hold in the model, 2 with" in text
+    assert "0 of 2 claims hold in the model; 2 hold with" in text
     assert "2 of 200 random neighbours fulfil 2 claims or more (1.00%" in text
     assert found.best[0] == 1
 

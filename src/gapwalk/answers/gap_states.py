@@ -1,12 +1,12 @@
 """States of a gap in one motion: closed, open, or rattling on one side or on both; and systems whose gaps keep one.
 
 A gap is a contact with a clearance. It is quiet where it never opens and where it never touches; it rattles where it
-does both by turns. Only the innermost stage of each side counts: further stages stiffen a contact that is closed.
-Many motions are judged by the batch integrator once they have settled.
+does both in turn. Only the innermost stage of each side counts: further stages stiffen a contact that is closed. Many
+motions are judged by the batch integrator once they have settled.
 
-A motion in which a gap is quiet is also a motion of the system whose gap keeps that state for ever: its force on that
-side goes on beyond the breakpoint as the same formula, as if the parts were glued, or it is always zero. That system
-is smooth where the gap would rattle, so that its response shows how far a design is from a quiet gap.
+A motion in which a gap is quiet is also a motion of a system whose gap cannot change its state: its force is given by
+the same formula beyond the breakpoint too, as if the parts were glued, or it is always zero. That system is smooth
+where the gap would rattle, so that its response shows how far a design is from a quiet gap.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Ends of quiet bands exactly, before any transient: the response with all teeth held on their flank.
 
-A gap whose parts press on one flank is held there by its own spring, which may pull. The held system has no gap: its
-response is a smooth curve. While no flank pulls, its motion is a motion of the machine; where the least force of a
-flank is zero the quiet motion ends, and beyond it there is none.
+In the held system, the spring of a gap whose parts press on one flank may also pull. So this system has no gap, and its
+response is a smooth curve. While no flank pulls, its motion is one of the machine. Where the smallest force of a flank
+is zero, the quiet motion ends, and beyond there is none.
 
 Method: docs/numerics/notes/answers.md
 """

@@ -1,10 +1,10 @@
 """Slow sweeps of systems with many gaps by equal steps: what all gaps do at each step, up and down.
 
-Where several gaps rattle, no two neighbouring values have the same sequence of contacts: the answer is no curve with a
-hundred grazing points but a band, of which each value is settled. A register holds four parts of the range in both
-directions. Each step begins with the motion of the one before; each part begins at rest, and is taken over by the part
-before it where that arrives with the same motion. The ends of bands are narrowed down by further values between two
-steps. Motions that no sweep meets are sought from random starts of physical size, and followed both ways.
+Where several gaps rattle, no two neighbouring values have the same sequence of contacts: the answer is not a curve with
+a hundred grazing points, but a band of motions that settle at each value. Four parts of the range are computed side by
+side, in both directions. Each step begins with the motion of the step before, and each part at rest; the sweep of the
+part before continues into it until both have the same motion. Further values between two steps narrow down the ends of
+bands. Motions that no sweep meets are sought from random starts of physical size, and followed both ways.
 
 Method: docs/numerics/notes/ensembles.md
 """

@@ -133,7 +133,7 @@ def variations(
     Returns
     -------
     Variations
-        Those that are systems; the others are named.
+        The variations that are valid systems; `left_out` names the others.
 
     Raises
     ------

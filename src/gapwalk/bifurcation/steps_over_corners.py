@@ -1,9 +1,9 @@
 """Step over a graze at a stiff stop, where the branch turns within a depth too small for steps along the branch.
 
-After a graze at a stop k times stiffer than the rest of the system, the branch turns within a depth of 1/k^2. For
-k = 1e6 this is within rounding of the state at theta = 0. As a function of the depth itself (`TouchEquation`) the
-branch is smooth. The step over such a corner therefore uses depths that grow by a constant factor from one to the next
-on both sides of the graze. The special points in between are detected and located on that scale.
+After a graze at a stop k times stiffer than the rest of the system, the branch turns within a depth of 1/k^2. For k =
+1e6 this is within rounding of the state at theta = 0. As a function of the depth itself (`TouchEquation`) the branch is
+smooth. The step over such a corner therefore uses depths that grow by a constant factor on both sides of the graze. The
+special points in between are detected and located on that scale.
 
 Method: docs/numerics/notes/continuation.md
 """

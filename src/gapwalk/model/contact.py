@@ -283,12 +283,11 @@ def friction(
     coefficient, normal
         Instead of the limit: the coefficient of friction, and the name of the contact whose force presses.
     stages_of
-        Name of the contact by whose stages it acts: to the limit, 0 by default, each closed stage adds its number
-        `hysteresis`.
+        Name of a contact, of which each closed stage adds its number `hysteresis` to the limit (then 0 by default).
     stiffness
         Stiffness of the spring in series; without it friction sticks rigidly.
     static
-        Force at which slip begins over that in slip, >= 1; for friction that sticks rigidly.
+        Force at which slip begins, divided by that in slip, >= 1; for friction that sticks rigidly.
     speed
         Constant rate of the base, as of a belt: the slip rate is that of the deflection less this one.
     force
@@ -297,8 +296,8 @@ def friction(
     Returns
     -------
     Contact
-        The friction; of a formula, two contacts in one entry of the contacts of a system: the second, ``<name>_load``,
-        has the parameters of the formula, and acts on nothing.
+        The friction. With a formula these are two contacts in one entry of a system's contacts: the second,
+        ``<name>_load``, has the parameters of the formula, and acts on nothing.
 
     Raises
     ------

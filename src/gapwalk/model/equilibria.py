@@ -505,10 +505,10 @@ def find_equilibria(system: System) -> Rest:
     the search goes from one combination to those to which it leads. With cubic terms that soften, further ones may lie
     within one combination.
 
-    Of forces by formulas (and by other laws that are no polynomials) there may be any number of equilibria. If there is
-    one coordinate, and all forces are polynomials, they are all real roots; otherwise those nearest to zero that a
-    search from many positions finds, and `Rest.complete` is False. Numbers that vary over the angle have their mean
-    value, and prescribed displacements are zero. Dry friction is left out, and rigid stops are open (`Rest.notes`).
+    With forces by formulas (or other laws that are not polynomials) there may be any number of equilibria. With one
+    coordinate and polynomial forces, all are found, as real roots; otherwise a search from many positions finds those
+    nearest to zero, and `Rest.complete` is False. Numbers that vary over the angle have their mean value, and
+    prescribed displacements are zero. Dry friction is left out, and rigid stops are open (`Rest.notes`).
 
     Parameters
     ----------

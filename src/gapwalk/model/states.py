@@ -48,7 +48,7 @@ class State:
     {'k': 2.0, 'c': 0.5}
     """
 
-    name: str  #: Its name, by which formulas of other forces and states know it; its numbers begin with it.
+    name: str  #: Its name in formulas of other forces and states, and prefix of its parameters' names.
     #: The formula of its rate: ``z`` is the state, ``x`` the deflection and ``v`` its rate; see `gapwalk.force`.
     rate: str
     #: The deflection by coordinate name, or several of them by their names in the formulas. Without one, the formulas

@@ -282,8 +282,8 @@ class Orbit(Shown):
     system: System  #: The system, with the parameter values at which this orbit exists.
     period: int  #: m: the orbit repeats after m forcing periods.
     state: NDArray[np.float64]  #: shape (state_size,): Positions, velocities and extensions at theta = 0.
-    #: shape (state_size,): Floquet multipliers, largest modulus first. It is exactly 1 for what friction keeps that
-    #: never slips.
+    #: shape (state_size,): Floquet multipliers, largest modulus first. One is exactly 1 for each position that friction
+    #: keeps because it never slips.
     multipliers: NDArray[np.complex128]
     events: tuple[ContactEvent, ...]  #: Crossings of breakpoints in one full period.
     residual: float  #: Largest component of the difference between its end and its start.
@@ -455,10 +455,10 @@ class Orbit(Shown):
     def closing_changes(self, other: Orbit) -> tuple[int, ...]:
         """Count how much more often each switch closes in another orbit, near this one; negative if less often.
 
-        A stop that is held has infinitely many impacts before, and how many more the log has says nothing. A graze
-        splits a flight between two of them in two. Where flights cannot be compared one by one, as where a stop is held
-        several times, those impacts are counted that precede a gap between two. If it is held in one of both motions
-        only, nothing is counted: between the two, infinitely many impacts graze.
+        Infinitely many impacts precede a phase in which a stop is held, so their number in the log means nothing. A
+        graze splits a flight between two of them in two. Where flights cannot be compared one by one, as where a stop
+        is held several times, those impacts are counted that precede a gap between two. If the stop is held in only one
+        of both motions, nothing is counted: between these, infinitely many impacts graze.
         """
         changes = [then - now for now, then in zip(self.closings, other.closings, strict=True)]
         for switch, phases in self.held.items():

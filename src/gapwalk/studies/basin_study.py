@@ -69,8 +69,8 @@ class BasinOptions(Bounded):
     #: True to find the label of every cell at a border between basins with the exact flow, and of those within two
     #: cells of a label that was wrong; otherwise those of `check` cells at borders are.
     exact_borders: bool = True
-    #: Random cells elsewhere whose label is found again with the exact flow: that many, and with `exact_borders` that
-    #: many again, until none of the last ones is wrong.
+    #: Number of random cells elsewhere whose label is found again with the exact flow; with `exact_borders`, as many
+    #: again until none of them is wrong.
     check: Natural = 1024
     #: Seed of the choice of the states that are examined first, of those that are checked, and of random starts.
     seed: Natural = 0

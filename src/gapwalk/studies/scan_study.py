@@ -486,7 +486,7 @@ class ScanStudy(StudyKind):
     #: Factors by which each parameter is multiplied, one at a time; 0 leaves it out.
     factors: tuple[float, ...] = (0.0, 0.5, 0.8, 0.9, 1.1, 1.25, 2.0)
     pairs: Count = 0  #: Number of random pairs of these changes that are tried too.
-    #: Number of random neighbours, for which all parameters are multiplied: they tell the chance of luck.
+    #: Number of random neighbours, with all parameters multiplied by random factors, to estimate the chance of luck.
     neighbours: Count = 200
     spread: Annotated[float, Gt(0)] = 0.1  #: Standard deviation of the logarithm of their factors.
     #: Starts of the motions of each variation: rest, and states spread over a box.

@@ -306,8 +306,7 @@ class Train:
     #: that inertia is prescribed). Where an order counts teeth, or is a fraction, it is a `Counted` load.
     harmonics: Sequence[Load | Counted] = ()
     frequency: float = 1.0  #: The fundamental frequency W (angular), > 0; with a unit, in Hz, rpm or rad/s.
-    #: Name of the inertia on which the torque acts that balances the other mean torques of a free train; the mean
-    #: torque of that one is then no parameter.
+    #: Name of the inertia whose mean torque balances all others in a free train; this torque is then no parameter.
     reaction: str | None = None
     #: In place of the frequency: the speed of a shaft, as ``"1500 rpm"``; orders of the excitation are then counted per
     #: turn of it. The parameter is called ``speed``.
@@ -321,7 +320,7 @@ class Train:
     #: Drags between parts that turn at different speeds, and on the casing.
     drags: Sequence[Drag] = ()
     planetaries: Sequence[Planetary] = ()  #: Planetary sets and differentials; they add inertias of their planets.
-    bearings: Sequence[Bearing] = ()  #: Those in which gears move sideways; they add an inertia each.
+    bearings: Sequence[Bearing] = ()  #: Bearings in which gears move sideways; each adds an inertia.
     #: The number of each group of drags, by which it multiplies them; 1 by default.
     groups: Mapping[str, float] = field(default_factory=dict, hash=False)
     #: Factors of numbers that depend on the speed, by their names: ``{"arc.limit": "1 + 0.01*W**2"}``, with W the

@@ -51,8 +51,8 @@ class Inertia:
     #: Moment of inertia, > 0, in kg m^2 or any consistent unit. None if its motion is prescribed: loads vary its angle,
     #: as in ``gw.Harmonic("0.1 deg", varies="flywheel.angle")``.
     inertia: float | None = None
-    #: Radius at which its signal ``name.acceleration`` is counted, in m/s^2, as ``"35 mm"``; None: in rad/s^2. It is
-    #: no parameter: nothing moves otherwise.
+    #: Radius at which its signal ``name.acceleration`` is counted, in m/s^2, as ``"35 mm"``; None: in rad/s^2. It is no
+    #: parameter, because no motion depends on it.
     radius: float | None = None
 
     def _converted(self, change: Change) -> Self:

@@ -92,7 +92,7 @@ class Cylinder(OfCurve):
     over_speed: OverSpeed = ()  #: A factor of the torque of the gas over the speed, as for `Harmonic`.
     left_out: float = 0.0  #: The share of the energy of the gas torque that is in orders which are left out.
     source: str = ""  #: Name of the file.
-    speeds: tuple[Any, ...] = ()  #: Of a map: its name, the unit of its speeds, the frequency W at the speed 1, those.
+    speeds: tuple[Any, ...] = ()  #: Of a map: its name, unit of speeds, frequency W at the speed 1, and speeds.
     name: str = ""  #: Prefix of its parameters' names.
 
     @classmethod
