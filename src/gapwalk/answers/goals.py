@@ -512,7 +512,7 @@ class Quiet(Goal):
         return (*(_CLOSED[side] for side in sides), "open")
 
     def posed(self, system: System, way: str) -> System:
-        """Return the system whose gap keeps the state: it has no rattle that hides how far a quiet motion is."""
+        """Return the system whose gap keeps its state, so that rattle does not hide how far a quiet motion is."""
         return kept(system, self.gap, _side(way))
 
     def words(self, system: System, parameter: str) -> str:
@@ -527,7 +527,7 @@ class Quiet(Goal):
     def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
         """Return the margins of the depth of its turning points where it is least in the band.
 
-        A grazing point that leaves the band passes an end of it, where the depth is zero then: no way of its own.
+        A grazing point leaves the band at one of its ends, where the depth is then zero: this is no separate way.
         """
 
         def measure(point: BranchPoint) -> float:

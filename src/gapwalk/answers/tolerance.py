@@ -200,7 +200,7 @@ class Spreads:
         return self.names or tuple(law.parameter for law in self.laws)
 
     def about(self, system: System) -> Spreads:
-        """Return the distribution with the values of a system for missing means; see `Spread.about`."""
+        """Return the distribution with the values of a system in place of missing means; see `Spread.about`."""
         for name in self.varied:
             system.structure.place(name)
         return replace(self, laws=tuple(law.about(system) for law in self.laws))

@@ -374,7 +374,7 @@ def integrate(
         The system.
     start : shape (state_size,)
         Positions, velocities and extensions at `phase`; extensions that are left out are zero. Or a list of such
-        states, as of an ensemble: of an array with a row for each, ``list(states)``.
+        states, for an ensemble: ``list(states)`` for an array with one row for each.
     periods
         Length in forcing periods, > 0: forwards in time.
     samples

@@ -493,7 +493,7 @@ def left_out(system: System) -> tuple[str, ...]:
             "equilibrium at which it can hold are equilibria too"
         )
     if rigid:
-        notes.append(f"rigid stops are open ({', '.join(rigid)}): a rest against one is not computed")
+        notes.append(f"rigid stops are open ({', '.join(rigid)}): equilibria against one are not computed")
     return tuple(notes)
 
 

@@ -290,7 +290,7 @@ class Orbit(Shown):
     steps: int  #: Number of integration steps over the orbit; it determines the sampling.
     #: Beginnings of slip and stick of friction in one full period; the modes at its start come first.
     slips: tuple[SlipEvent, ...] = field(default=(), kw_only=True)
-    #: Numbers of the contacts whose friction never slips: the orbit is one of a continuum, in which they keep it.
+    #: Numbers of the contacts whose friction never slips and keeps its position: the orbit is one of a continuum.
     stuck: tuple[int, ...] = field(default=(), kw_only=True)
     #: shape (segments - 1, state_size): States at the starts of the later of several equal segments: of a strongly
     #: unstable orbit, the state at theta = 0 alone does not determine the rest to working accuracy.
@@ -592,7 +592,7 @@ class Orbit(Shown):
     def strobes(self, count: int, apart: float = PERIOD) -> NDArray[np.float64]:
         """Return the first `count` states at intervals of `apart` radians of theta, shape (count, state_size).
 
-        They are brought back along the `drift`, which is the same from each of them on.
+        Their `drift` is subtracted.
         """
         states, flow, coefficients = [self.state], flow_of(self.system), coefficients_of(self.system)
         if len(self.restarts):

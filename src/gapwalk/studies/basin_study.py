@@ -380,10 +380,10 @@ class BasinStudy(BasinOptions, StudyKind):
     """Basins of attraction in a plane of initial states.
 
     Each cell is judged by the state at its centre; those beyond a rigid stop are left out. The batch integrator follows
-    it until it is in the trapping region of a known attractor (see `gapwalk.attractors.settle`); the
-    attractors themselves are exact. Cells at borders between basins, and samples of the others, are followed again by
-    the exact flow, which corrects labels and counts the wrong ones. A system that the batch integrator cannot include,
-    as one with friction that sticks rigidly, is followed by the exact flow alone, a hundred times slower.
+    the motion until it is in the trapping region of a known attractor (see `gapwalk.attractors.settle`); the attractors
+    themselves are exact. Cells at borders between basins, and samples of the others, are followed again by the exact
+    flow, which corrects labels and counts the wrong ones. A system that the batch integrator cannot include, as one
+    with friction that sticks rigidly, is followed by the exact flow alone, a hundred times slower.
 
     Raises
     ------

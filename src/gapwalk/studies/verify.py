@@ -114,7 +114,7 @@ def _verify(ledger: Ledger, what: Verifiable, report: Advance | None) -> None:
                 named = [(f"{what.over.name} = {member.value:g}, {name}", branch) for name, branch in member.named]
                 verify_branches(ledger, named, report, what.within)
                 verify_distinct(ledger, named)
-            ledger.note("the joints between the members of a family are not verified, their branches are")
+            ledger.note("the branches of a family are verified, but not the connections between its members")
         case Threshold():
             if not what.loci:
                 raise ModelError(f"there is no locus to verify: {what.sentence}")

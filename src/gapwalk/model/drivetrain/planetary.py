@@ -6,8 +6,8 @@ With ``a = z_p / z_s``, ``b = z_r / z_s``, all angles in the same sense, the def
     planet and ring:  b (ring - centre) - a (planet - centre) + (b - a) tan(alpha) radial
 
 `centre` is the angle of a planet's centre about the axis of the set: that of the carrier, unless the planets have
-bearings; `radial` is its way out over the radius of the circle, and `alpha` the pressure angle. Their sum is that of a
-set without planets' inertia, and of a differential: ``sun + b ring - (1 + b) carrier``.
+bearings; `radial` is its radial displacement over the radius of its circle, and `alpha` the pressure angle. Their sum
+is that of a set without planets' inertia, and of a differential: ``sun + b ring - (1 + b) carrier``.
 
 Method: docs/numerics/notes/models.md; Lin and Parker (1999), Journal of Vibration and Acoustics 121, 316-321.
 """

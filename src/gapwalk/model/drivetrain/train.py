@@ -315,13 +315,13 @@ class Train:
     forces: Sequence[Force] = ()
     #: Name of the inertia whose speed is given; by default the first. Only `Counted` loads need it.
     reference: str = ""
-    longest: int = LONGEST  #: The largest number of periods of the slowest load in the common period of all loads.
+    longest: int = LONGEST  #: Most periods of the slowest load that the common period of all loads may have.
     frictions: Sequence[Friction] = ()
     #: Drags between parts that turn at different speeds, and on the casing.
     drags: Sequence[Drag] = ()
     planetaries: Sequence[Planetary] = ()  #: Planetary sets and differentials; they add inertias of their planets.
     bearings: Sequence[Bearing] = ()  #: Bearings in which gears move sideways; each adds an inertia.
-    #: The number of each group of drags, by which it multiplies them; 1 by default.
+    #: The factor of each group of drags; 1 by default.
     groups: Mapping[str, float] = field(default_factory=dict, hash=False)
     #: Factors of numbers that depend on the speed, by their names: ``{"arc.limit": "1 + 0.01*W**2"}``, with W the
     #: angular speed of the reference shaft.

@@ -380,7 +380,7 @@ class Law(ABC):
         return 0
 
     def guards(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Sequence[Any]:
-        """Compute one number for each mode of the law, which is 1 where that number is positive, and otherwise 0.
+        """Compute one number for each mode of the law: the mode is 1 where its number is positive, and otherwise 0.
 
         The force must be continuous where a guard vanishes. A guard may depend on earlier modes.
 

@@ -146,10 +146,10 @@ def orders_of(
 
     Notes
     -----
-    Of even samples (to 1 % of their distance) the discrete Fourier transform is taken; of others the Fourier
+    For even samples (to 1 % of their distance) the discrete Fourier transform is taken; for others the Fourier
     integrals of the straight lines between them, in closed form: with the rises ``r_i`` over the widths ``w_i`` about
-    the middles ``m_i``, ``cosine = -2 / (T k) sum r_i sin(k m_i) sinc(k w_i / 2)``, and ``sine`` with ``cos``
-    likewise, where nothing cancels.
+    the middles ``m_i``, ``cosine = -2 / (T k) sum r_i sin(k m_i) sinc(k w_i / 2)``, and ``sine`` with ``cos`` likewise,
+    where nothing cancels.
 
     Examples
     --------

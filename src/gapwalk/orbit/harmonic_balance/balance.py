@@ -56,8 +56,7 @@ class Balance(Method):
     stability: str = "variational"
     #: Largest residual of an orbit, relative to the size of its lines.
     tolerance: Annotated[float, Ge(1e-14), Le(1e-3)] = 1e-10
-    #: True to use harmonic balance also with many gaps (about 20), where studies otherwise use shooting: 25 times as
-    #: fast.
+    #: True to use harmonic balance also from about 20 gaps on, where studies otherwise use shooting (25 times faster).
     only: bool = False
 
     def __post_init__(self) -> None:
