@@ -115,7 +115,7 @@ def _make_room(path: Path, study: Study) -> None:
         if path.is_file() and looks_like_result(path) and is_another(path, study):
             number = next(k for k in count(1) if not path.with_stem(f"{path.stem}-{k}").exists())
             kept = path.rename(path.with_stem(f"{path.stem}-{number}"))
-            show([f"{path} was the result of another model text; its name is now {kept}"], console(stderr=True))
+            show([f"{path} was the result of another model text; it is now {kept}"], console(stderr=True))
 
 
 def _file_number(path: Path) -> int | None:

@@ -276,7 +276,7 @@ def enter(sweep: Sweep, segment: SweepSegment) -> str:
     sweep.regimes[segment.lane, places] = segment.regimes
     if not segment.note:
         return ""
-    ends = " and is left out from there on" if lane.is_carried else ""
+    ends = " and ends there" if lane.is_carried else ""
     return f"start {lane.start}, {lane.way}: the motion could not be followed{ends}: {segment.note}"
 
 
