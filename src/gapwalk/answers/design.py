@@ -259,7 +259,7 @@ class DesignProblem:
             worst = min(found.needs, key=lambda need: need.margin, default=None)
             words = worst.words if worst is not None else ""
             if is_given_up:
-                words += f"; given up, {_HOPELESS:g} times beyond the least change known"
+                words += f"; given up: more than {_HOPELESS:g} times the smallest change known"
             is_missing = found.missing > max(_DONE * self.options.margin, EXACT)
             missing = found.missing if is_missing else 0.0
             return Route(ways, start, self._values(found.u), self.size(found.u), missing, steps, words)
@@ -631,7 +631,7 @@ def proved(
     if others:
         low, high = min(each.value for each in others), max(each.value for each in others)
         notes.append(
-            f"the search found motions of other periods between {low:.6g} and {high:.6g}; the goals are not about them"
+            f"the search found motions of other periods between {low:.6g} and {high:.6g}; the goals do not concern them"
         )
     for low, high in unstable_spans(new.branch, *new.ends):
         notes.append(f"the response is unstable between {low:.6g} and {high:.6g}; another motion settles there")

@@ -235,7 +235,7 @@ class _Response:
         for guess in self._guess(value, near), near[0].state:
             if (state := self._solved(value, guess, goal)) is not None:
                 return self._add(value, state)
-        raise ConvergenceError(f"no motion with held flanks was found at {self.words(value)}, beside one")
+        raise ConvergenceError(f"no motion with held flanks was found at {self.words(value)}, near a value with one")
 
     def _add(self, value: float, state: NDArray[np.float64]) -> _Point:
         self.points.append(_Point(self.line.system_at(value), value, state, self.sides))

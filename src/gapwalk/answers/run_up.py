@@ -82,7 +82,7 @@ def jump_delays(run: RunUp, branch: Branch, coordinate: str) -> tuple[JumpDelay,
     if branch.parameter != pace:
         raise ModelError(f"the branch is over {branch.parameter}; a run-up needs a response over {pace}")
     if not run.course.is_one_way:
-        raise ModelError("the speed changes its direction; delays are known for a run-up or a run-down alone")
+        raise ModelError("the speed changes its direction; delays are computed only where it rises or falls throughout")
     sign = np.sign(run.course.speed[-1] - run.course.speed[0])
     speed, half = run.half(coordinate)
     values = np.array([point.value for point in branch.points])

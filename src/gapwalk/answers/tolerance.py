@@ -235,7 +235,7 @@ class Spreads:
         least = float(np.linalg.eigvalsh(matrix)[0])
         if least < _LEAST:
             raise ModelError(
-                f"correlation has the eigenvalue {least:.3g}; no parameters are correlated so, all must be above 0"
+                f"correlation has the eigenvalue {least:.3g}; it is no correlation matrix: all must be above 0"
             )
 
 

@@ -754,8 +754,8 @@ class _Transient:
             approach = self._look()
             if approach is not None:
                 orbit, rate = approach.orbit, float(np.abs(approach.orbit.free_multipliers).max())
-                how = f"it is {approach.distance:.1e} from a stable orbit of period {orbit.period}"
-                how += f" (largest multiplier {rate:.6g}) and contracts to it"
+                how = f"its distance from a stable orbit of period {orbit.period} is {approach.distance:.1e}"
+                how += f" (largest multiplier {rate:.6g}), and it converges to this orbit"
                 return self._record(True, orbit, approach.distance, how)
             if self._is_stationary():
                 return self._record(True, None, self.drift.change, self.drift.text(options.tolerance))
@@ -830,7 +830,7 @@ class _Transient:
         ):  # its period may be longer than those that were searched for
             found = exact_returns(self.strobe.system, kept[len(kept) // 2 :])
             for period, away in [each for each in found if each.period > self.options.max_period][:1]:
-                evidence += (f"it returns to {away:.1e} after {period} forcing periods: raise max_period",)
+                evidence += (f"it repeats to {away:.1e} after {period} forcing periods: raise max_period",)
         return Settled(self.strobe.system, kept, self.periods, converged, orbit, float(residual), evidence)
 
 

@@ -100,7 +100,7 @@ def discontinuity_ahead(corrector: Corrector, point: BranchPoint) -> Discontinui
         ]
     except NumericalError:
         return None
-    words = f"{_difference(sides[0].orbit, sides[1].orbit)}; its state after a period jumps by {jump:.1g} of itself"
+    words = f"{_difference(sides[0].orbit, sides[1].orbit)}; the state after a period jumps by {jump:.1g} of its size"
     return Discontinuity(sides[0].value, words)
 
 

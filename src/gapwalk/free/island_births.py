@@ -256,7 +256,7 @@ class Foretold(Shown):
     def summary(self) -> SummaryParts:
         """Return the births in words."""
         born = sum(not birth.joins for birth in self.births)
-        yield f"along {self.line!r}, {born} isolated branches are foretold under {self.load}"
+        yield f"along {self.line!r}, {born} isolated branches are foretold for the load {self.load}"
         if self.births:
             yield births_table(self.births)
 

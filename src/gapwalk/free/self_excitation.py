@@ -328,7 +328,7 @@ def follow_self_excited(
 def _beginnings(start: object, system: System, parameter: str, to: float | tuple[float, float]) -> list[BranchStart]:
     if isinstance(start, RestEvent):
         if start.kind != HOPF.name:
-            raise ModelError(f"periodic motions begin at a Hopf point, and this is one where {start.words}")
+            raise ModelError(f"periodic motions begin at a Hopf point, but this is a point where {start.words}")
         if isinstance(to, int | float):
             raise ModelError(
                 f"to is {to}; motions from a Hopf point may exist on both sides of it: write a range, such as "

@@ -289,7 +289,7 @@ def friction(
     static
         Force at which slip begins, divided by that in slip, >= 1; for friction that sticks rigidly.
     speed
-        Constant rate of the base, as of a belt: the slip rate is that of the deflection less this one.
+        Constant rate of the base, as of a belt: the slip rate is the rate of the deflection minus this one.
     force
         The vector along which it acts, on the left-hand side of the equations of motion; by default its deflection.
 

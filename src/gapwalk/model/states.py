@@ -168,7 +168,7 @@ class State:
             text = _with(text, {"v": "x'"})
         used = formula_of(text, [*vectors, *(f"{each}'" for each in vectors)]).variables
         if any(f"{each}'" in used for each in ("z", self.name) if vectors.get(each) == {self.name: 1.0}):
-            raise ModelError(f"state {self.name!r}: its own rate occurs in a formula; write its formula in place of it")
+            raise ModelError(f"state {self.name!r}: a formula contains its own rate; write that rate's formula")
         arguments = [each for each in vectors if {each, f"{each}'"} & {*used}]
         if not arguments:
             raise ModelError(

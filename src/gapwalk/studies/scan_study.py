@@ -583,7 +583,7 @@ class ScanStudy(StudyKind):
             notes.append(f"stopped when {len(chunks)} of {len(self._pieces(every))} chunks were done")
         elif unknown:
             notes.append(
-                f"{unknown} of {holds.size} verdicts are unknown: no orbit, or a walk that did not come so far"
+                f"{unknown} of {holds.size} verdicts are unknown: no orbit was found, or a walk did not reach the range"
             )
         error = max((chunk.error for chunk in chunks.values()), default=0.0)
         about = holds, amounts, check or ScanCheck(), error, complete, tuple(notes)

@@ -1,8 +1,8 @@
 """Gears that move in their bearings, along or across the line of action of their teeth.
 
 A displacement ``y`` of a gear of base radius ``r`` along the line of action deflects the teeth as the angle ``y / r``
-does. So the way of the gear in its bearing is an inertia ``m r^2`` with the angle ``y / r``, and the bearing a shaft to
-the ground, of the stiffness ``k r^2``. The deflection of a mesh with the ratio i is then
+does. So the gear's displacement is represented by an inertia ``m r^2`` with the angle ``y / r``, and the bearing by a
+shaft of the stiffness ``k r^2`` to the ground. The deflection of a mesh with the ratio i is then
 
     first + cos(angle) y1 / r1 - i second - |i| cos(angle) y2 / r2
 

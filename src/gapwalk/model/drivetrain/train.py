@@ -202,7 +202,7 @@ def connection_problems(train: Train) -> Iterator[str]:
     drags = [link for link in train.links if link.is_drag and link.name in found.basis]
     for link in drags:
         if f"{link.name}_slip" in {part.name for part in (*train.inertias, *train.links)}:
-            yield f"{link.name}_slip is the name of how far {link.name} slips; choose another one for the part"
+            yield f"{link.name}_slip names the slip of {link.name}; choose another one for the part"
     if not drags and all(link.is_rigid or link.is_drag for link in train.links):
         first = [*train.branches, *train.links][0].name
         yield f"{first} is rigid, as all links are, so nothing vibrates; give a shaft or a gear stiffness"

@@ -317,7 +317,7 @@ class Gear(Link):
         if self.teeth is None or not isinstance(self.ratio, int | float) or not 0 < abs(self.ratio) < math.inf:
             return
         if len(pair) > 2 or not all(isinstance(each, int) and not isinstance(each, bool) and each > 0 for each in pair):
-            yield f"has teeth = {self.teeth!r}; write the number of the first gear, or both, as in [27, 41]"
+            yield f"has teeth = {self.teeth!r}; write the number of teeth of the first gear, or of both, as in [27, 41]"
             return
         second = abs(self.ratio) * (pair[0] or 0)
         whole = pair[1] if pair[1:] else max(round(second), 1)
@@ -541,7 +541,7 @@ class Friction(Springless):
     static
         Torque at which slip begins over that in slip, >= 1; for friction that sticks rigidly.
     speed
-        Constant rate of the base: the slip rate is that of the deflection less this one.
+        Constant rate of the base: the slip rate is the rate of the deflection minus this one.
     numbers
         The numbers above by name.
 

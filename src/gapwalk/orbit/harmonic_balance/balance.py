@@ -88,7 +88,7 @@ class Balance(Method):
         if any(orbit.is_exact for orbit in orbits):
             return (
                 "by shooting, in place of harmonic balance, which takes some 25 times as long for so many unknowns; "
-                "to balance nevertheless, write only = true in [study.balance], or Balance(only=True)"
+                "to use it nevertheless, write only = true in [study.balance], or Balance(only=True)"
             )
         fewest, most = (choose(orbit.harmonics for orbit in orbits) for choose in (min, max))
         count = f"{most}" if fewest == most else f"{fewest} to {most}"
