@@ -409,8 +409,8 @@ class PeakBelow(Goal):
     'peak of stop below 9 between Ω = 1.2 and 1.35'
     """
 
-    #: Name of a contact, for its force; of a shaft or gear of a drive train, for its whole torque, that of its
-    #: permanent spring and damper included; or any signal, as in `Orbit.signal`.
+    #: Name of a contact, for its force; of a shaft or gear of a drive train, for its whole torque, with its permanent
+    #: spring and damper; or any signal, as in `Orbit.signal`.
     signal: str
     limit: Positive  #: The limit of its magnitude, in the unit of the signal (N m for a torque) or non-dimensional.
     within: tuple[float, float]  #: The band.
@@ -506,7 +506,7 @@ class Quiet(Goal):
     within: tuple[float, float]  #: The band.
 
     def ways(self, system: System) -> tuple[str, ...]:
-        """Return the ways: closed on one of its sides, if there it is no rigid stop, or open."""
+        """Return the ways: closed on one of its sides, unless that is a rigid stop, or open."""
         law = system.structure.contacts[contact_place(system, self.gap)].law
         sides = () if law.rebounds else sorted(innermost(system, self.gap).values(), reverse=True)
         return (*(_CLOSED[side] for side in sides), "open")

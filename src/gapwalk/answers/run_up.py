@@ -442,9 +442,9 @@ def run_up(
 
     Notes
     -----
-    Loads follow the angle of the excitation, and those that grow with the speed follow it at once. If a reaction holds
-    the speed of a train, it also supplies the torque ``sum(J r^2) a`` that accelerates all inertias of the train.
-    `speed` is then that of the first inertia.
+    Loads follow the angle of the excitation, and their sizes the present speed. If a reaction holds the speed of a
+    train, it also supplies the torque ``sum(J r^2) a`` that accelerates all inertias of the train. `speed` is then that
+    of the first inertia.
 
     Examples
     --------

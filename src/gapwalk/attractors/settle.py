@@ -860,7 +860,7 @@ class ClassifyOptions(Bounded):
     #: settle, lyapunov: Options of the transient and of the average of the exponents.
     settle: SettleOptions = field(default_factory=SettleOptions)
     lyapunov: LyapunovOptions = field(default_factory=LyapunovOptions)
-    #: Size of an exponent per forcing period below which it may be that of a torus.
+    #: Size of an exponent per forcing period below which it may be zero, as on a torus.
     zero: Annotated[float, Gt(0), Le(0.01)] = 1e-5
     #: Number of standard errors by which an exponent must differ from zero to count as different.
     errors: Annotated[float, Ge(1)] = 5.0

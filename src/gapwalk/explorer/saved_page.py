@@ -506,7 +506,7 @@ def save_html(
         Largest number of points of the branches whose motions are stored; about 2 kB each for two coordinates. Of
         more points every second (third, ...) is stored. All special points have their motions in addition.
     gradients
-        Largest number of special points of which the file also says what moves them most.
+        Largest number of special points for which the file also lists the parameters that move them most.
 
     Raises
     ------

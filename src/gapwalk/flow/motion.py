@@ -693,7 +693,7 @@ class Signal:
     ) -> NDArray[np.float64]:
         """Return its derivative along a direction of states, coefficients and theta, to rounding, shape (samples,).
 
-        The modes of dry friction are those of the motion: events at which a signal jumps are not moved.
+        The modes of dry friction and the instants at which a signal jumps are kept.
         """
         system, layout, step = motion.system, layout_of(motion.system.structure), 1j * _STEP
         n = system.size

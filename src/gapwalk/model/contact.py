@@ -81,8 +81,8 @@ class Stage:
     #: The parameters of a stage with a name are called ``contact.name.clearance`` instead of ``contact.clearance``.
     #: Only a single stage may be without a name.
     name: str = ""
-    #: Further parameters of the stage by name: those of the force law of the contact, and `hysteresis`, the limit of
-    #: dry friction while the stage is closed (`friction` acts by it).
+    #: Further parameters of the stage by name: those of the contact's force law, and `hysteresis`, the limit of the dry
+    #: friction that acts while the stage is closed (see `friction`).
     numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
     #: The middle of the gap, at most as far from 0 as the clearance: then each side has a stage of its own, with
     #: ``positive`` or ``negative`` in the names of its parameters.
@@ -137,11 +137,11 @@ class Contact:
     #: ``deflection``, as for any contact that obeys action and reaction.
     force: Mapping[str, float] | None = field(default=None, hash=False)
     #: The force law, or its name: ``"elastic"``, ``"viscous"``, ``"hunt-crossley"``, ``"hunt-crossley-as-printed"``, or
-    #: that of one that was registered.
+    #: that of a registered law.
     law: Law = field(default_factory=lambda: law_of("elastic"))
     #: Parameters of the law by name; they may also be given as arguments.
     numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
-    #: Parameters that are those of another contact: the names of both, as in ``{"belt_load.speed": "belt.speed"}``.
+    #: Parameters that are equal to one of another contact: both names, as in ``{"belt_load.speed": "belt.speed"}``.
     shares: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __init__(
@@ -458,7 +458,7 @@ def rigid_stop(
     clearance
         Where the stop is, >= 0.
     restitution
-        Rate after an impact over that before it, from 0 (it stays) to 1 (no energy is lost).
+        Rate after an impact, divided by that before it: from 0 (no rebound) to 1 (no loss of energy).
     side
         ``"positive"``, ``"negative"``, or ``"both"`` for a gap between two rigid sides.
     force

@@ -575,7 +575,7 @@ class Orbit(Shown):
         return tuple(drags_turned_back(self.motion())) if one_sided_drags(self.system.structure) else ()
 
     def begun_in(self, state: NDArray[np.float64]) -> Orbit:
-        """Return the orbit with another state at theta = 0, such as that of another phase."""
+        """Return the orbit with another state at theta = 0, such as after a change of phase."""
         return self if np.array_equal(state, self.state) else replace(self, state=state, restarts=_NO_STATES)
 
     def repeated(self, times: int) -> Orbit:

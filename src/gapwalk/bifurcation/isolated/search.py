@@ -164,7 +164,7 @@ def search(
         Options of the search.
     workers
         Executor of the work; by default that of the `with` block around it, `gapwalk.parallel.on_cores` or
-        `gapwalk.parallel.on_cluster`, and else this process alone. The result does not depend on it.
+        `gapwalk.parallel.on_cluster`, and otherwise this process alone. The result does not depend on it.
     report
         Called after each piece of work.
     stop

@@ -278,9 +278,9 @@ class Train:
     Notes
     -----
     Where a drag alone joins two parts of the train (a fluid coupling, ``coupling`` say), they slip, and a mean torque
-    makes the angle between them grow for ever. The equations do not depend on it, so it is no coordinate. In its place
-    stands ``coupling_slip``, a leaky integral of the rate of slip; it is no angle that could be measured. The rate of
-    slip is ``coupling.torque`` over ``coupling.damping``.
+    makes the angle between them grow without bound. The equations do not depend on it, so it is no coordinate. In its
+    place stands ``coupling_slip``, a leaky integral of the rate of slip, which is no measurable angle. The rate of slip
+    is ``coupling.torque`` over ``coupling.damping``.
 
     Its quantities are all plain numbers in consistent units, or all texts with units, such as ``"0.14 kg m^2"``,
     ``"30 N m/deg"``, ``"3 deg"``, ``"120 N m"``; a 0 needs none. A train with units holds numbers in them, and `units`

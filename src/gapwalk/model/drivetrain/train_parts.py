@@ -539,7 +539,7 @@ class Friction(Springless):
     stiffness
         Stiffness of a spring in series (a Jenkins element); without it friction sticks rigidly.
     static
-        Torque at which slip begins over that in slip, >= 1; for friction that sticks rigidly.
+        Torque at which slip begins, divided by that in slip, >= 1; for friction that sticks rigidly.
     speed
         Constant rate of the base: the slip rate is the rate of the deflection minus this one.
     numbers
@@ -616,13 +616,13 @@ class Drag(Springless):
     quadratic
         Torque over the square of the slip.
     constant
-        Torque of dry friction while it slips. Its direction is that of the mean slip: where the parts also turn back
-        against each other, write a `Friction`.
+        Torque of dry friction while it slips. It acts against the mean slip; where the slip reverses, write a
+        `Friction`.
     breakaway, stribeck, exponent
         By Stribeck's curve the constant torque grows towards `breakaway` at rest, as ``exp(-|s / stribeck|**exponent)``
         does. The exponent is 1 or 2, 2 by default.
     law
-        In place of all of these: a formula of the slip ``s``, which may contain ``W`` as that of a `Force`.
+        In place of all of these: a formula of the slip ``s``, which may contain ``W`` as in a `Force`.
     group
         Name of a group of drags, all multiplied by one parameter ``<group>.drag``, such as a factor of the viscosity
         over the temperature.
