@@ -130,7 +130,7 @@ def coincidence(orbit: Orbit) -> str:
         names = _name(orbit, first), _name(orbit, last)
         if last.theta - first.theta <= _AT_ONCE and names[0] != names[1] and not _move_as_one(orbit, first, last):
             advice = "beyond, their order may change: begin a new walk there"
-            return f"{names[0]} and {names[1]} change at once at theta = {first.theta:.6g}, and {advice}"
+            return f"{names[0]} and {names[1]} change together at theta = {first.theta:.6g}, and {advice}"
     return ""
 
 
