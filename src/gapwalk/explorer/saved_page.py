@@ -237,7 +237,7 @@ class HeardRequests:
     def _view(self, request: Request) -> HeardRunUp:
         entry = self.session.exploration(_field(request, "file")).entry(_field(request, "result"))
         if entry.answer is None or not isinstance(entry.answer.record, RunUp):
-            raise ModelError(f"{entry.title} is no run-up; only a run-up is heard over the speed")
+            raise ModelError(f"{entry.title} is no run-up; only run-ups have a sound over the speed")
         return HeardRunUp(entry.answer)
 
 

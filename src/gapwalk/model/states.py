@@ -1,6 +1,6 @@
 """States without inertia: coordinates ``z`` whose equations are of first order, ``z' = f(z, x, v)``.
 
-A state is carried by a coordinate ``y`` that follows it with a lag, ``z = y + g y'``. So an equation of z of first
+A state is computed from a coordinate ``y`` that follows it with a lag, ``z = y + g y'``. So an equation of z of first
 order is one of y of second order, exactly: ``c z' + k z = f`` becomes ``g c y'' + (c + g k) y' + k y = f``. The lag is
 the inverse of the frequency at which a system is made.
 
