@@ -49,12 +49,12 @@ FUNCTIONS = {
 SHARED = {
     "workers": (
         "Workers | int | None",
-        "Number of processes, by default one for each core; or running workers.",
+        "Processes, by default one for each core, or running workers.",
     ),
-    "report": ("Report | None", "Called with each part of the work that is stored."),
+    "report": ("Report | None", "Called with each part that is stored."),
     "output": (
         "str | os.PathLike[str] | None",
-        "Result file for `gapwalk.open_result`; if it holds a part of the same work, that is continued.",
+        "Result file for `gapwalk.open_result`; a partial result in it is continued.",
     ),
 }
 """Types and descriptions of the keywords that all functions have."""
