@@ -780,7 +780,7 @@ class _Transient:
             strobes.append(lanes.states[0])
         self.states = np.array(strobes)
         apart = float(np.max(motion.error / np.maximum(motion.rms, np.finfo(float).tiny)))
-        how = f"it does not repeat after at most 8 forcing periods; over {motion.watched} of them, by equal steps, the "
+        how = f"it does not repeat within 8 forcing periods; by equal steps over {motion.watched} periods, the "
         return self._record(True, None, apart, how + f"root mean squares of accelerations are known to {apart:.1g}")
 
     def _advance(self, count: int) -> None:

@@ -708,8 +708,8 @@ class Signal:
             is_train = isinstance(system.structure.assembly, TrainAssembly)
             if is_train and coefficients is not None and any(name in of_train for name, _ in self.terms):
                 raise ModelError(
-                    f"the slope of {self.name} by a parameter is not known: it depends on the parts of the train "
-                    "themselves; fit to a coordinate, or to its acceleration"
+                    f"the slope of {self.name} by a parameter is not known: it depends on parameters of the "
+                    "train directly; fit to a coordinate, or to its acceleration"
                 )
             columns.append(assembled_histories(system, angles, q, v, a, forces))
         everything: NDArray[np.complex128] = np.hstack(columns)

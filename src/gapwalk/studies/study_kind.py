@@ -350,7 +350,7 @@ class Found(NamedTuple):
     #: Entries for the file, written together or not at all. If there are none yet, this is stored with the next ones,
     #: and reported only then; without a file it is reported at once.
     entries: tuple[Entry, ...]
-    #: Reports after it is stored: the arguments of each call. None: the value of the first entry, and the
+    #: Reports after it is stored: the arguments of each call. None: one call with the value of the first entry and the
     #: `gapwalk.parallel.workers.Pace` of the work.
     news: tuple[tuple[Any, ...], ...] | None = None
 
