@@ -118,7 +118,7 @@ def test_a_rattling_motion_that_no_sweep_meets_is_found_from_random_starts():
     assert band.high.value == pytest.approx(high + 0.00998598, abs=1e-7)  # the jump of the sweep that comes from below
     assert {row.met for row in found.severities if row.state.rattles} == {"other"}
     assert found.worst[0].severity.met == "other"
-    assert any("led to 1 motion that no sweep meets" in note for note in found.notes)
+    assert any("led to 1 motion beyond those of the sweeps" in note for note in found.notes)
 
 
 def test_a_file_stores_it_and_a_stopped_run_goes_on(tmp_path):

@@ -899,7 +899,7 @@ def other_motions(
             except (NumericalError, FlowError) as error:
                 notes.append(f"{parameter} = {value:.6g}: a motion from a random start: {error}")
     count = len(found) // len(Direction)
-    what = f"{count or 'no'} motion{'s' * (count > 1)} that no sweep meets"
+    what = f"{count or 'no'} motion{'s' * (count > 1)} beyond those of the sweeps"
     notes.append(f"{starts} random starts at each of {values} values led to {what}")
     return found, notes
 

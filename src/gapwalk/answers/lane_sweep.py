@@ -491,7 +491,7 @@ def other_sweeps(
                 )
             )
     count = len(started)
-    what = f"{new or 'no'} motion{'s' * (new > 1)} that no sweep meets"
+    what = f"{new or 'no'} motion{'s' * (new > 1)} beyond those of the sweeps"
     each = started[0].count if started else 0
     notes = [f"{each} random starts at each of {count} values led to {what}"]
     if not new and each:
