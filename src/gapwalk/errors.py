@@ -155,7 +155,7 @@ class Interrupted(KeyboardInterrupt):
     Attributes
     ----------
     found
-        Return value of the call so far.
+        The result of the call, as far as it was computed.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: what they do not interrupt."""
+"""Sections of code that Ctrl-C and SIGTERM do not interrupt."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parts of SciPy, imported when they are first used: their import is a fifth of the start of a command."""
+"""Parts of SciPy, imported when they are first used, because this import takes a fifth of the start of a command."""
 
 from __future__ import annotations
 

@@ -221,7 +221,7 @@ def test_a_gear_that_nothing_presses_floats(tmp_path) -> None:
     assert [limit.side for limit in found.limits] == [1, 0]
     assert not found.limits[1].lifts
     assert not found.limits[1].forces.any()
-    assert found.notes == ("nothing presses mesh2: it floats in its gap, and whether it rattles is left to simulation",)
+    assert found.notes == ("nothing presses mesh2 on a flank: only a simulation shows whether it rattles",)
 
 
 def test_where_another_part_makes_the_held_motion_jump_the_curve_ends() -> None:

@@ -118,7 +118,7 @@ def test_a_rattling_motion_that_no_sweep_meets_is_found_from_random_starts():
     assert band.high.value == pytest.approx(high + 0.00998598, abs=1e-7)  # the jump of the sweep that comes from below
     assert {row.met for row in found.severities if row.state.rattles} == {"other"}
     assert found.worst[0].severity.met == "other"
-    assert any("led to 1 that the sweeps had not met" in note for note in found.notes)
+    assert any("led to 1 motion beyond those of the sweeps" in note for note in found.notes)
 
 
 def test_a_file_stores_it_and_a_stopped_run_goes_on(tmp_path):
@@ -219,8 +219,8 @@ def test_a_share_of_a_chaotic_motion_does_not_depend_on_the_sample():
     found = gw.ask.rattle_bands(system, "frequency", (2.38, 2.39), **options, workers=1)
     (worst,) = found.worst
     assert (worst.share, worst.starts, worst.motion, worst.severity.period) == (1.0, 8, "chaotic", 0)
-    low = 0.025 ** (1 / 8)  # Clopper and Pearson, all of eight
-    assert worst.words == f"8 of 8 random starts rattle there: {100 * low:.3g} to 100 % of all"
+    low = 100 * 0.025 ** (1 / 8)  # Clopper and Pearson, all of eight
+    assert worst.words == f"8 of 8 random starts lead to rattle; with 95 % confidence, {low:.3g} to 100 % of all do"
     text = found.sentence("stop")
     assert f"worst near 2.3{str(worst.severity.value)[3]}: peak force about {worst.severity.peak:.3g}, " in text
     assert "chaotic" in text

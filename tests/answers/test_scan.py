@@ -112,13 +112,13 @@ def test_luck_is_that_of_a_binomial_distribution() -> None:
     assert (none.hits, none.chance) == (0, 0.0)
     assert (1.0 - none.upper) ** 300 == pytest.approx(0.05)
     assert with_scores(2, 2, neighbours=2).luck(2).upper == 1.0
-    assert "nothing is known of luck" in with_scores(neighbours=0).luck(2).words
+    assert "the chance of luck is unknown" in with_scores(neighbours=0).luck(2).words
 
 
 def test_the_summary_names_the_best_and_the_chance_of_luck() -> None:
     found = with_scores(2, 2, 1, neighbours=200)
     text = str(found.summary())
-    assert "0 of 2 claims hold in the model, 2 with" in text
+    assert "0 of 2 claims hold in the model; 2 hold with" in text
     assert "2 of 200 random neighbours fulfil 2 claims or more (1.00%" in text
     assert found.best[0] == 1
 

@@ -189,7 +189,7 @@ def test_where_no_start_leads_elsewhere_the_share_is_bounded() -> None:
     assert sum(started[0].led) == 8
     found, notes = other_sweeps(SMALL, sweeps, 30, started)
     assert not found
-    assert "share of starts that lead elsewhere is below 37.5 % with 95 % confidence" in notes[1]
+    assert "with 95 % confidence, less than 37.5 % of all starts lead to other motions" in notes[1]
 
 
 def motion(value: float, period: int, closings: float, watched: int = 66, margin: float = 0.1) -> LaneMotion:
@@ -214,8 +214,8 @@ def test_a_gap_that_parts_seldom_in_chaos_has_one_band_and_an_end_of_that_kind()
     assert (rattles.low.value, rattles.high.value, rattles.high.kind) == (1, 3.5, "seldom parts beyond")
     assert (rattles.state.rattles, seldom_parts.state.rattles) == (True, False)
     assert seldom([sweep], "mesh") == (
-        "mesh was not seen to part at 2 values from 4 to 5, where the motion has no period, in 66 forcing periods or "
-        "more: it parts there in less than one of 22 (95 %)"
+        "mesh did not separate at 2 values from 4 to 5, where the motion has no period, within 66 forcing periods or "
+        "more: with 95 % confidence it separates in less than one of 22 periods"
     )
 
 

@@ -124,7 +124,7 @@ def test_the_longest_period_is_an_option(fig15):
     few = settle(fig15, "rest", SettleOptions(max_periods=3000, max_period=2), frequency=0.45)
     assert few.converged
     assert few.period is None
-    assert "it returns to" in few.evidence[-1]
+    assert "it repeats to" in few.evidence[-1]
     assert "after 3 forcing periods: raise max_period" in few.evidence[-1]
 
 

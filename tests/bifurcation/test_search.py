@@ -208,7 +208,7 @@ def test_motions_that_never_become_periodic_are_counted_and_kept():
     assert result.found
     assert not any(found.orbit.stable for found in result.found)
     text = " ".join(coverage(result))
-    assert "12 did not become periodic" in text
+    assert "12 motions did not become periodic" in text
     assert "nothing can be said" in text
 
 
@@ -436,7 +436,7 @@ def test_coverage_in_sentences(figure_15):
     assert sum(hits) == settled
     assert sentences[0].startswith(f"64 starts at 2 values of frequency, 0.45 to 0.8: {settled} settled on ")
     assert "An isolated branch narrower than 0.35 in frequency may lie between two values." in text
-    assert f"per motion number {hits[0]} to {hits[-1]}, with a median of {hits[(len(hits) - 1) // 2]}." in text
+    assert f"reached from {hits[0]} to {hits[-1]} starts (median {hits[(len(hits) - 1) // 2]})." in text
     assert "with 95 % confidence, less than 8.9 % of the box of starts at any of these values" in text
     once = sum(found.hits_settled == 1 for found in result.found)
     assert next_is_new(result) == once / settled
@@ -447,7 +447,7 @@ def test_coverage_in_sentences(figure_15):
 def test_a_bound_for_each_value_where_they_differ():
     result = search(case("15"), "frequency", [0.45, 0.85], options=SearchOptions(starts=8, newton_starts=0))
     text = " ".join(coverage(result))
-    assert "at the best value, and at the worst, 0.85, nothing can be said" in text
+    assert "at the value with most settled starts; at 0.85, nothing can be said" in text
 
 
 def test_good_turing_counts_motions_met_once():

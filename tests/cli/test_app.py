@@ -112,7 +112,7 @@ def test_check_warns_of_damping_that_takes_no_energy_out(damping, words, tmp_pat
 
 def test_a_table_of_the_other_method_is_said_not_to_be_used(model, capsys) -> None:
     words = ["--set", "study.method=harmonic-balance", "--set", "study.shooting.segments=4"]
-    told = "not used: [study.shooting], for method is harmonic-balance"
+    told = "not used: [study.shooting], because method is harmonic-balance"
     assert main(["check", str(model), *words]) == 0
     assert told in capsys.readouterr().out
     assert main(["check", str(model), *words, "--json"]) == 0

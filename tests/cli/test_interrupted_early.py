@@ -46,7 +46,7 @@ def test_an_earlier_result_that_stays_is_not_to_be_resumed(tmp_path, monkeypatch
     monkeypatch.setattr(run_command, "_run_study", interrupted)
     assert main(["run", str(model), "--force"]) == 130
     error = capsys.readouterr().err
-    assert f"no part was complete, so nothing is stored; {file} is what it was" in error
+    assert f"no part was complete, so nothing is stored; {file} is unchanged" in error
     assert "--resume" not in error
     assert file.read_bytes() == content
 

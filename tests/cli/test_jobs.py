@@ -126,7 +126,7 @@ def test_motions_that_run_away_are_told_and_are_3(tmp_path, monkeypatch, capsys)
         Path(f"{kind}.toml").write_text(MODELS[kind])
     assert main(["run", "sweep.toml", *words]) == 3
     captured = capsys.readouterr()
-    assert captured.err.count("the motion could not be followed and was not carried on") == 2
+    assert captured.err.count("the motion could not be followed and ends there") == 2
     assert "up, start 1: 1 band" in captured.out
     assert not Path("sweep.png").exists()  # there is no point to draw
     assert main(["run", "sweep.toml", *words, "--resume", "--quiet"]) == 3

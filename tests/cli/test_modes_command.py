@@ -65,7 +65,7 @@ def test_many_inertias_are_told_by_the_largest(tmp_path, capsys) -> None:
     path.write_text("mean = { d0 = 42.0 }\n" + "\n".join(parts), encoding="utf-8")
     assert main(["modes", str(path)]) == 0
     text = capsys.readouterr().out
-    assert "d0 at 1; reaction" in text
+    assert "d0 by 1; reaction" in text
     assert "moves most" in text
     assert "d0 +1.000" in text
     assert "... and 11 more, up to W = 1.9986" in text

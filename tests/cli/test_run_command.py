@@ -142,7 +142,7 @@ def test_the_result_of_another_text_gets_a_number_and_that_of_the_same_is_kept(m
     before = Path("stop.gapwalk").read_bytes()
     model.write_text(MODEL.replace("to = 1.9", "to = 0.9"))
     assert main(["run", str(model), "-j"]) == 0
-    assert "stop.gapwalk was the result of another text; it is stop-1.gapwalk now" in capsys.readouterr().err
+    assert "stop.gapwalk was the result of another model text; it is now stop-1.gapwalk" in capsys.readouterr().err
     assert Path("stop-1.gapwalk").read_bytes() == before
     model.write_text(MODEL)
     assert main(["run", str(model), "-o", "stop.gapwalk", "--quiet"]) == 2  # a name that was asked for stays

@@ -119,7 +119,7 @@ def test_a_walk_that_two_coinciding_events_stop_names_them() -> None:
     start, walk = system.at(frequency=1.003 * system.frequency), gw.WalkOptions(largest_step=0.1, smallest_step=1e-10)
     branch = gw.follow(gw.find_orbit(start), "frequency", 1.005 * system.frequency, walk=walk)
     assert branch.ends[-1].reason is EndReason.STEP
-    assert "stages0.one - and stages0dry change at once at theta = 2.68635" in branch.ends[-1].detail
+    assert "stages0.one - and stages0dry change together at theta = 2.68635" in branch.ends[-1].detail
 
 
 @pytest.mark.slow

@@ -50,7 +50,7 @@ def test_a_rest_beyond_a_rigid_stop_is_none() -> None:
     assert not beyond.equilibria
     for each in (inside, beyond):
         assert not each.complete  # it may lean on the stop
-        assert each.notes[-1] == "rigid stops are open (wall): a rest against one is not computed"
+        assert each.notes[-1] == "rigid stops are open (wall): equilibria against one are not computed"
 
 
 def test_several_coordinates_and_formulas_beside_friction() -> None:
@@ -102,7 +102,7 @@ def test_the_command_says_what_it_leaves_out(tmp_path, capsys) -> None:
     assert "dry friction is left out (clutch_friction)" in out
     assert "rigid stops are open (clutch_stop)" in out
     assert "with rigid stops open, and with dry friction that sticks: mode W" in out
-    assert "with rigid stops held, and with dry friction that sticks: none, nothing is left free" in out
+    assert "with rigid stops held, and with dry friction that sticks: none, because nothing can move" in out
     assert main(["modes", str(path), "--json"]) == 0
     assert "clutch_stop" in capsys.readouterr().out
 

@@ -205,7 +205,7 @@ def test_a_stop_too_stiff_for_harmonics_is_named() -> None:
         gw.run(replace(study, options=replace(study.options, method=gw.Balance(15, error=1e-3)))).branches[0].ends[1:]
     )
     assert end.reason is EndReason.STEP
-    assert "stop + grazes, and the branch turns there too sharply to be followed: start beyond it, or with a" in str(
+    assert "stop + grazes, and the branch turns there too sharply to be followed: begin beyond it, or with a" in str(
         end
     )
 

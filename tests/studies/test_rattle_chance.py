@@ -138,12 +138,12 @@ def test_parts_without_an_answer_do_not_count() -> None:
     found = gw.ask.rattle_chance(system(), laws, samples=20, workers=1)
     refused = int(np.sum(found.samples[:, 0] < 0.0))
     assert found.chance("stop", 1.2).samples == 20 - refused
-    assert f"{refused} samples do not count: the model refuses them" in found.notes
+    assert f"{refused} samples do not count, because the model does not allow their values" in found.notes
     grown = gw.ask.rattle_chance(
         system(), [gw.ask.Spread("damping.x.x", SpreadLaw.UNIFORM, low=-0.9, high=-0.5)], samples=4, workers=1
     )
     assert grown.chance("stop", 1.2).samples == 0
-    assert "4 samples do not count for a gap: a motion diverges" in grown.notes
+    assert "4 samples do not count for a gap, because a motion diverges" in grown.notes
     assert "in an unknown share of all parts" in str(grown.summary())
 
 

@@ -215,7 +215,7 @@ def test_a_motion_that_runs_away_ends_its_lane_and_is_noted() -> None:
     assert set(again[:20]) == {"diverges"}
     assert np.isnan(found.sections[1, edge]).all()
     assert len(found.notes) == 4  # two segments of the last lane
-    assert found.notes[0].startswith("start 1, up: the motion could not be followed and was not carried on: stiffness")
+    assert found.notes[0].startswith("start 1, up: the motion could not be followed and ends there: stiffness")
     x, y = found.section("x")
     assert len(x) == len(y) == np.count_nonzero(~np.isnan(found.sections[..., 0]))
 

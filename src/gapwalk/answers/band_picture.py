@@ -34,7 +34,7 @@ def band_series(branches: Sequence[Branch], measure: str) -> Iterator[Series]:
     for branch in branches:
         measure = full_measure(measure, branch.system.coordinates)
         if measure.startswith("half.") or measure.startswith("peak_to_peak."):
-            text = "largest to either side of the mean", "settled, no orbit followed"
+            text = "largest deviations from the mean", "settled, no orbit followed"
         for run in runs_of(branch.bands):
             shown = [(band.value, heights) for band in run if (heights := band.shown(branch.system, measure))]
             if shown:

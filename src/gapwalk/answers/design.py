@@ -82,7 +82,11 @@ class Change:
         if not low <= value <= high:
             raise ModelError(f"{self.parameter} is {value:g}, outside its limits from {low:g} to {high:g}")
         for bound in (low, high):
-            system.at({self.parameter: bound})
+            try:
+                system.at({self.parameter: bound})
+            except ModelError as error:
+                wrong = f"{self.parameter} may change from {low:g} to {high:g} (by = {self.by:g}), but"
+                raise ModelError(f"{wrong} {bound:g} is not allowed; write a smaller by, or limits") from error
         return low, high
 
     def scale(self, system: System) -> float:
@@ -255,7 +259,7 @@ class DesignProblem:
             worst = min(found.needs, key=lambda need: need.margin, default=None)
             words = worst.words if worst is not None else ""
             if is_given_up:
-                words += f"; given up, {_HOPELESS:g} times beyond the least change known"
+                words += f"; given up: more than {_HOPELESS:g} times the smallest change known"
             is_missing = found.missing > max(_DONE * self.options.margin, EXACT)
             missing = found.missing if is_missing else 0.0
             return Route(ways, start, self._values(found.u), self.size(found.u), missing, steps, words)
@@ -535,9 +539,9 @@ class Design(Shown):
         yield Table(("goal", ">margin before", ">after", ""), goals)
         for each in self.judged:
             if math.isfinite(each.without):
-                yield f'  without "{each.words}" a change of {each.without:.4g} reaches the others'
+                yield f'  without the goal "{each.words}", a change of {each.without:.4g} reaches the others'
             elif not math.isnan(each.without):
-                yield f'  without "{each.words}" the others are not reached either'
+                yield f'  without the goal "{each.words}", the others are not reached either'
         yield ""
         reached = [route for route in self.routes if route.is_reached]
         count, steps = len(self.routes), sum(route.steps for route in self.routes)
@@ -627,7 +631,7 @@ def proved(
     if others:
         low, high = min(each.value for each in others), max(each.value for each in others)
         notes.append(
-            f"the search found motions of other periods between {low:.6g} and {high:.6g}; the goals are not about them"
+            f"the search found motions of other periods between {low:.6g} and {high:.6g}; the goals do not concern them"
         )
     for low, high in unstable_spans(new.branch, *new.ends):
         notes.append(f"the response is unstable between {low:.6g} and {high:.6g}; another motion settles there")

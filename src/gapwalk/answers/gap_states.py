@@ -1,12 +1,12 @@
 """States of a gap in one motion: closed, open, or rattling on one side or on both; and systems whose gaps keep one.
 
 A gap is a contact with a clearance. It is quiet where it never opens and where it never touches; it rattles where it
-does both by turns. Only the innermost stage of each side counts: further stages stiffen a contact that is closed.
-Many motions are judged by the batch integrator once they have settled.
+does both in turn. Only the innermost stage of each side counts: further stages stiffen a contact that is closed. Many
+motions are judged by the batch integrator once they have settled.
 
-A motion in which a gap is quiet is also a motion of the system whose gap keeps that state for ever: its force on that
-side goes on beyond the breakpoint as the same formula, as if the parts were glued, or it is always zero. That system
-is smooth where the gap would rattle, so that its response shows how far a design is from a quiet gap.
+A motion in which a gap is quiet is also a motion of a system whose gap cannot change its state: its force is given by
+the same formula beyond the breakpoint too, as if the parts were glued, or it is always zero. That system is smooth
+where the gap would rattle, so that its response shows how far a design is from a quiet gap.
 """
 
 from __future__ import annotations
@@ -215,7 +215,7 @@ def stable_stretch(
         return Stretch(branch, first, lost.value, lost, str(lost.kind)), last.orbit.state
     if not last.stable:  # the point where it was lost could not be located
         values = [point.value for point in branch.points[-2:]]
-        return Stretch(branch, first, float(np.mean(values)), None, "a loss of stability"), last.orbit.state
+        return Stretch(branch, first, float(np.mean(values)), None, "the motion becomes unstable"), last.orbit.state
     return Stretch(branch, first, branch.ends[-1].value, None, branch.ends[-1].reason_words), last.orbit.state
 
 
@@ -550,7 +550,7 @@ def kept(system: System, gap: str, side: int) -> System:
     structure, place = system.structure, contact_place(system, gap)
     form = structure.contacts[place]
     if side and form.law.rebounds:
-        raise ModelError(f"{gap} is a rigid stop, which has no force that could keep it closed; its gap may stay open")
+        raise ModelError(f"{gap} is a rigid stop, so nothing can keep its gap closed; ask it to stay open")
     contacts = (*structure.contacts[:place], replace(form, law=_Kept(form.law, side)), *structure.contacts[place + 1 :])
     return System.from_values(replace(structure, contacts=contacts), system.values)
 
@@ -734,8 +734,8 @@ def seldom(sweeps: Sequence[SettledSweep], gap: str) -> str | None:
     where = f"at {low:.6g}" if low == high else f"at {len(found)} values from {low:.6g} to {high:.6g}"
     watched = min(motion.watched for motion in found)
     return (
-        f"{gap} was not seen to part {where}, where the motion has no period, in {watched} forcing periods or more: "
-        f"it parts there in less than one of {watched / 3.0:.0f} (95 %)"
+        f"{gap} did not separate {where}, where the motion has no period, within {watched} forcing periods or more: "
+        f"with 95 % confidence it separates in less than one of {watched / 3.0:.0f} periods"
     )
 
 
@@ -899,7 +899,7 @@ def other_motions(
             except (NumericalError, FlowError) as error:
                 notes.append(f"{parameter} = {value:.6g}: a motion from a random start: {error}")
     count = len(found) // len(Direction)
-    what = "no motion that the sweeps had not met" if not count else f"{count} that the sweeps had not met"
+    what = f"{count or 'no'} motion{'s' * (count > 1)} beyond those of the sweeps"
     notes.append(f"{starts} random starts at each of {values} values led to {what}")
     return found, notes
 

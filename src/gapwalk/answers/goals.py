@@ -409,8 +409,8 @@ class PeakBelow(Goal):
     'peak of stop below 9 between Ω = 1.2 and 1.35'
     """
 
-    #: Name of a contact, for its force; of a shaft or gear of a drive train, for its whole torque, that of its
-    #: permanent spring and damper included; or any signal, as in `Orbit.signal`.
+    #: Name of a contact, for its force; of a shaft or gear of a drive train, for its whole torque, with its permanent
+    #: spring and damper; or any signal, as in `Orbit.signal`.
     signal: str
     limit: Positive  #: The limit of its magnitude, in the unit of the signal (N m for a torque) or non-dimensional.
     within: tuple[float, float]  #: The band.
@@ -506,13 +506,13 @@ class Quiet(Goal):
     within: tuple[float, float]  #: The band.
 
     def ways(self, system: System) -> tuple[str, ...]:
-        """Return the ways: closed on one of its sides, if there it is no rigid stop, or open."""
+        """Return the ways: closed on one of its sides, unless that is a rigid stop, or open."""
         law = system.structure.contacts[contact_place(system, self.gap)].law
         sides = () if law.rebounds else sorted(innermost(system, self.gap).values(), reverse=True)
         return (*(_CLOSED[side] for side in sides), "open")
 
     def posed(self, system: System, way: str) -> System:
-        """Return the system whose gap keeps the state: it has no rattle that hides how far a quiet motion is."""
+        """Return the system whose gap keeps its state, so that rattle does not hide how far a quiet motion is."""
         return kept(system, self.gap, _side(way))
 
     def words(self, system: System, parameter: str) -> str:
@@ -527,7 +527,7 @@ class Quiet(Goal):
     def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
         """Return the margins of the depth of its turning points where it is least in the band.
 
-        A grazing point that leaves the band passes an end of it, where the depth is zero then: no way of its own.
+        A grazing point leaves the band at one of its ends, where the depth is then zero: this is no separate way.
         """
 
         def measure(point: BranchPoint) -> float:

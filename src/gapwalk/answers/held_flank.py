@@ -1,8 +1,8 @@
 """Ends of quiet bands exactly, before any transient: the response with all teeth held on their flank.
 
-A gap whose parts press on one flank is held there by its own spring, which may pull. The held system has no gap: its
-response is a smooth curve. While no flank pulls, its motion is a motion of the machine; where the least force of a
-flank is zero the quiet motion ends, and beyond it there is none.
+In the held system, the spring of a gap whose parts press on one flank may also pull. So this system has no gap, and its
+response is a smooth curve. While no flank pulls, its motion is one of the machine. Where the smallest force of a flank
+is zero, the quiet motion ends, and beyond there is none.
 
 Method: docs/numerics/notes/answers.md
 """
@@ -232,7 +232,7 @@ class _Response:
         for guess in self._guess(value, near), near[0].state:
             if (state := self._solved(value, guess, goal)) is not None:
                 return self._add(value, state)
-        raise ConvergenceError(f"no motion with held flanks was found at {self.words(value)}, beside one")
+        raise ConvergenceError(f"no motion with held flanks was found at {self.words(value)}, near a value with one")
 
     def _add(self, value: float, state: NDArray[np.float64]) -> _Point:
         self.points.append(_Point(self.line.system_at(value), value, state, self.sides))
@@ -301,21 +301,21 @@ def _judged(response: _Response, within: tuple[float, float]) -> QuietLimits:
     limits, notes = list[QuietLimit](), list[str]()
     for gap, side in response.sides.items():
         if not side:
-            notes.append(f"nothing presses {gap}: it floats in its gap, and whether it rattles is left to simulation")
+            notes.append(f"nothing presses {gap} on a flank: only a simulation shows whether it rattles")
         ends = [*[low] * (first.depths[gap] < 0.0), *(_ends(response, gap) if side else ())]
         ends += [high] * (len(ends) % 2)
         exact = tuple(end for end in ends if end.special)
         limits.append(QuietLimit(gap, side, np.zeros(0), tuple(zip(ends[::2], ends[1::2], strict=True)), exact))
     for end in (each for each in (low, high) if each.kind == JUMP):
         notes.append(
-            f"with the flanks held, the motion jumps at {response.words(end.value)}, where other non-linear parts end "
-            "it; beyond, there may be others, or none that repeats"
+            f"with the flanks held, the motion jumps at {response.words(end.value)} because of other nonlinear parts; "
+            "beyond, other motions may settle, periodic or not"
         )
     for special in [end.special for limit in limits for end in limit.exact if end.special]:
         stuck = " and ".join(special.orbit.system.structure.contacts[place].name for place in special.orbit.stuck)
         where = response.words(special.value)
-        notes += [f"the quiet motion at {where} is unstable: it is lost before"] * (not special.orbit.stable)
-        notes += [f"{stuck} never slips at {where}: the end is that of its position at rest, one of many"] * bool(stuck)
+        notes += [f"the quiet motion is unstable at {where} already: it is lost before"] * (not special.orbit.stable)
+        notes += [f"{stuck} never slips at {where}: the end depends on its position"] * bool(stuck)
     points = response.ordered  # with those at which ends were looked for
     values, extent = np.array([point.value for point in points]), (low.value, high.value)
     limits = [replace(each, forces=np.array([point.force(each.gap) for point in points])) for each in limits]
@@ -402,5 +402,5 @@ def quiet_ranges(system: System, parameter: str, within: tuple[float, float], ga
         f"from {value_words(low.value, parameter, system.units)} to {value_words(high.value, parameter, system.units)}"
         for low, high in found.restless
     ]
-    notes = [f"no motion is quiet {' and '.join(ranges)}: a gap would have to be pulled"] if ranges else []
+    notes = [f"no motion is quiet {' and '.join(ranges)}: a closed contact would have to pull there"] if ranges else []
     return QuietRanges((*notes, *found.notes))

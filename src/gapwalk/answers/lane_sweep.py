@@ -1,10 +1,10 @@
 """Slow sweeps of systems with many gaps by equal steps: what all gaps do at each step, up and down.
 
-Where several gaps rattle, no two neighbouring values have the same sequence of contacts: the answer is no curve with a
-hundred grazing points but a band, of which each value is settled. A register holds four parts of the range in both
-directions. Each step begins with the motion of the one before; each part begins at rest, and is taken over by the part
-before it where that arrives with the same motion. The ends of bands are narrowed down by further values between two
-steps. Motions that no sweep meets are sought from random starts of physical size, and followed both ways.
+Where several gaps rattle, no two neighbouring values have the same sequence of contacts: the answer is not a curve with
+a hundred grazing points, but a band of motions that settle at each value. Four parts of the range are computed side by
+side, in both directions. Each step begins with the motion of the step before, and each part at rest; the sweep of the
+part before continues into it until both have the same motion. Further values between two steps narrow down the ends of
+bands. Motions that no sweep meets are sought from random starts of physical size, and followed both ways.
 
 Method: docs/numerics/notes/ensembles.md
 """
@@ -372,8 +372,8 @@ def lasting(system: System, sweeps: Sequence[SettledSweep]) -> str | None:
     if longest * TIMES <= LONG:
         return None
     return (
-        f"a free vibration takes {longest:.0f} forcing periods to fall to 1/e: where motions have no period, the "
-        f"figures of slow parts, means over {LONG} periods, may differ from those of a long run"
+        f"a free vibration takes {longest:.0f} forcing periods to decay to 1/e: where motions have no period, means of "
+        f"slowly moving parts, which are taken over {LONG} periods, may differ from those of a longer run"
     )
 
 
@@ -491,12 +491,12 @@ def other_sweeps(
                 )
             )
     count = len(started)
-    what = "no motion that the sweeps had not met" if not new else f"{new} that the sweeps had not met"
+    what = f"{new or 'no'} motion{'s' * (new > 1)} beyond those of the sweeps"
     each = started[0].count if started else 0
     notes = [f"{each} random starts at each of {count} values led to {what}"]
     if not new and each:
         notes.append(
-            f"at each value, the share of starts that lead elsewhere is below {300.0 / each:.3g} % with 95 % confidence"
+            f"at each value, with 95 % confidence, less than {300.0 / each:.3g} % of all starts lead to other motions"
         )
     return found, notes
 

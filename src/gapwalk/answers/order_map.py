@@ -158,8 +158,8 @@ def order_map(
     cuts
         Orders whose amplitudes are drawn beside the map; by default those of the loads.
     turns
-        Length of a window in turns of the reference shaft (in forcing periods without a speed): of 8, orders are 1/8
-        apart.
+        Length of a window in turns of the reference shaft (in forcing periods without a speed): with 8 turns, orders
+        are 1/8 apart.
     overlap
         Share by which windows overlap.
     parameter

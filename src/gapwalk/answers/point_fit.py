@@ -809,7 +809,7 @@ class _Trial:
             a, b = known[one].unknowns, known[other].unknowns
             is_alike = tracked[one].special.kind == tracked[other].special.kind and len(a) == len(b)
             if is_alike and float(np.abs((a - b) / tracked[one].scales[: len(a)]).max()) < _SAME:
-                raise ConvergenceError(f"two points of kind {tracked[one].special.kind} came to one at {a[-1]:.8g}")
+                raise ConvergenceError(f"two points of kind {tracked[one].special.kind} met at {a[-1]:.8g}")
         self._at, self._found = x.copy(), [known[id(point)] for point in self.points]
         return self._found
 
@@ -903,7 +903,7 @@ def _notes(squares: float, freedom: int) -> tuple[str, ...]:
     from scipy.special import chdtrc  # imported late: it takes long
 
     if freedom <= 0:
-        return ("there are no more points than determined parameters, so nothing tests the model itself",)
+        return ("there are no more points than determined parameters, so the fit is no test of the model",)
     if chdtrc(freedom, squares) < _UNLIKELY:
         return (
             f"the points differ from the fitted ones by more than their uncertainties (chi-square {squares:.3g} of "

@@ -137,10 +137,10 @@ class Worst:
     @property
     def words(self) -> str:
         """The share in words, with the interval that contains it with 95 % confidence (Clopper and Pearson 1934)."""
-        there = "lead there" if _is_told(self.severity) else "rattle there"
+        what = "this motion" if _is_told(self.severity) else "rattle"
         chance = chance_of(round(self.share * self.starts), self.starts)
         ends = f"{100.0 * chance.low:.3g} to {100.0 * chance.high:.3g} %"
-        return f"{chance.count} of {self.starts} random starts {there}: {ends} of all"
+        return f"{chance.count} of {self.starts} random starts lead to {what}; with 95 % confidence, {ends} of all do"
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +193,7 @@ class RattleBands(Shown):
             parts.append(f"{name} accelerates by {rms} {unit} rms, {largest} at most")
         if not math.isnan(severity.peak):
             peak = _figure(severity.peak, severity)
-            parts.append(f"up to {about}{peak} N m" if units else f"peak force {about}{peak}")
+            parts.append(f"peak torque {about}{peak} N m" if units else f"peak force {about}{peak}")
         else:
             fastest = _figure(severity.approach, severity)
             parts.append(f"impacts at {about}{fastest}{' ' + units.state(chr(39)) if units else ''}")
@@ -253,10 +253,11 @@ class RattleBands(Shown):
         of = (lambda name, unit: f">{name} [{unit}]") if units else (lambda name, unit: f">{name}")
         of_parts = {units.signal(row.part)[1] for row in rows} if units else {""}
         unit = of_parts.pop() if len(of_parts) == 1 else "rad/s^2 or m/s^2"
+        level = f">level [{f'dB re {self.reference:g} {unit}'.rstrip()}]"
         yield f"\n{gap}: the {len(chosen)} motions with the {largest}, of {len(rows)} that rattle"
         headings = (f">{symbol}", "met", "state", "period", "part", of("rms", unit), of("most", unit), ">kurtosis")
         headings += (of("lost", "W"), ">impacts/s" if units else ">impacts/time", ">per turn", of("peak", "N m"))
-        headings += (of("approach", units.state("'") if units else ""), f">dB re {self.reference:g}")
+        headings += (of("approach", units.state("'") if units else ""), level)
         yield Table(
             headings,
             [

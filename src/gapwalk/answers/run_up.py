@@ -71,7 +71,7 @@ class JumpDelay(NamedTuple):
         pace, units = system.structure.pace, system.units
         fold = f"the fold at {value_words(self.fold, pace, units, 6)}, where a slow sweep jumps"
         if np.isnan(self.jump):
-            return f"no jump after {fold}: the motion did not follow the response up to there, or not beyond"
+            return f"no jump after {fold}: the motion left the response before the fold, or did not jump beyond it"
         late = f"{self.delay:.3g} s" if units else f"a time of {self.delay:.4g}"
         return f"jump at {value_words(self.jump, pace, units, 6)}, {late} after {fold}"
 
@@ -82,7 +82,7 @@ def jump_delays(run: RunUp, branch: Branch, coordinate: str) -> tuple[JumpDelay,
     if branch.parameter != pace:
         raise ModelError(f"the branch is over {branch.parameter}; a run-up needs a response over {pace}")
     if not run.course.is_one_way:
-        raise ModelError("the speed changes its direction; delays are known for a run-up or a run-down alone")
+        raise ModelError("the speed changes its direction; delays are computed only where it rises or falls throughout")
     sign = np.sign(run.course.speed[-1] - run.course.speed[0])
     speed, half = run.half(coordinate)
     values = np.array([point.value for point in branch.points])
@@ -442,9 +442,9 @@ def run_up(
 
     Notes
     -----
-    Loads follow the angle of the excitation, and those that grow with the speed follow it at once. If a reaction holds
-    the speed of a train, it also supplies the torque that runs the train up, ``sum(J r^2) a``: the inertias that hang
-    on it pull back. `speed` is then that of the first inertia.
+    Loads follow the angle of the excitation, and their sizes the present speed. If a reaction holds the speed of a
+    train, it also supplies the torque ``sum(J r^2) a`` that accelerates all inertias of the train. `speed` is then that
+    of the first inertia.
 
     Examples
     --------

@@ -133,7 +133,7 @@ def variations(
     Returns
     -------
     Variations
-        Those that are systems; the others are named.
+        The variations that are valid systems; `left_out` names the others.
 
     Raises
     ------
@@ -232,11 +232,11 @@ class Luck(NamedTuple):
     def words(self) -> str:
         """The chance of luck in a sentence."""
         if not self.neighbours:
-            return "no random neighbours were tried, so nothing is known of luck; write neighbours = 200"
+            return "no random neighbours were tried, so the chance of luck is unknown; write neighbours = 200"
         return (
             f"{self.hits} of {self.neighbours:,} random neighbours fulfil {self.score} claims or more "
-            f"({self.share:.2%}, at most {self.upper:.2%} with 95 % confidence): with a chance of {self.chance:.0%} "
-            f"(at most {self.at_most:.0%}) at least one of {self.tried:,} variations would by luck alone"
+            f"({self.share:.2%}, at most {self.upper:.2%} with 95 % confidence): the chance that at least one of "
+            f"{self.tried:,} variations does so by luck is {self.chance:.0%} (at most {self.at_most:.0%})"
         )
 
 
@@ -305,7 +305,7 @@ class Scan(Shown):
         score = int(self.scores[best[0]])
         equal = sum(self.scores[index] == score for index in best) - 1
         more = f", and with {equal} other variation{'s' if equal > 1 else ''}" if equal else ""
-        return f"{own_words}, {score} with {self.words(best[0])}{more}"
+        return f"{own_words}; {score} hold with {self.words(best[0])}{more}"
 
     @property
     def failures(self) -> tuple[str, ...]:

@@ -70,7 +70,7 @@ class MotionClaim:
     """
 
     motion: str  #: ``"period 3"`` (of the excitation), ``"periodic"``, ``"quasi-periodic"`` or ``"chaotic"``.
-    #: Values of parameters, by name, at which it is said.
+    #: Values of parameters, by name, for which the claim is made.
     at: Mapping[str, float] = field(default_factory=dict, hash=False)
     #: Least share of the starts that must settle on it; at 0, one start is enough, and 1 means that there is nothing
     #: else.
@@ -124,7 +124,7 @@ class _Walked:
     """What all claims about branches have: the range of a parameter, and the walk over it."""
 
     parameter: str  #: The parameter of the branch.
-    #: low, high: The range of which it is said.
+    #: low, high: The range that the claim is about.
     low: float
     high: float
     #: Range over which the branch is walked, from the first value to the second; by default from `high` to `low`.
@@ -132,7 +132,7 @@ class _Walked:
     #: Number m of forcing periods after which the orbits of the branch repeat; two of them, such as ``(1, 2)``, speak
     #: of the branch and of those of twice the period that leave it.
     period: int | tuple[int, int] = 1
-    #: Values of other parameters, by name, at which it is said.
+    #: Values of other parameters, by name, for which the claim is made.
     at: Mapping[str, float] = field(default_factory=dict, hash=False)
     says: str = ""  #: The claim in your own words, for tables and pictures.
 

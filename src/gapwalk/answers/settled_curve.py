@@ -1,7 +1,7 @@
 """Settled motions along a response where it cannot be followed, by equal steps: from one value to the next.
 
-Each value begins with the motion of the one before, whose slow part is continued along a straight line. Where motions
-have no period, there is little to begin with, so that as many values as a register has lanes are settled at once.
+At each value the motion starts from that of the value before, with its slow part extrapolated linearly. This hardly
+helps motions without period, so these are settled at as many values at once as can be computed side by side.
 
 Method: docs/numerics/notes/ensembles.md, section Response
 """

@@ -208,14 +208,14 @@ class Confirmation(NamedTuple):
     @property
     def words(self) -> str:
         """Description of how the motions were tried."""
-        text = f"{self.starts} starts at each place, followed until they repeat, for at most {self.waited} periods"
+        text = f"{self.starts} starts at each value, followed until motions repeat, for at most {self.waited} periods"
         if self.restless:
-            text += f"; {self.restless} had not settled by then, of which nothing is said"
+            text += f"; {self.restless} motions had not settled by then and do not count"
         if self.lost:
-            text += f"; {self.lost} diverged, of which nothing is said"
+            text += f"; {self.lost} motions diverged and do not count"
         if self.error:
-            text += f"; error {self.error:.0e} a period"
-        return text + (f"; {self.checked} watched by the exact flow too" if self.checked else "")
+            text += f"; error {self.error:.0e} of the motion in a period"
+        return text + (f"; {self.checked} quiet motions checked with the exact flow" if self.checked else "")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -291,7 +291,7 @@ class Threshold(Shown):
         if self.between:
             last, first = (value_words(value, self.parameter, units, 6) for value in self.between)
             place = value_words(self.at, self.over, units, 6)
-            return f"{gaps} {verb} not rattle over {over} at {first} {way} (at {last}: at {place})"
+            return f"{gaps} {verb} not rattle over {over} at {first} {way} (rattle remains at {last}, {place})"
         if self.limit is None:
             return f"{gaps}: no threshold of {range_words((self.begin, self.end), self.parameter, units)} over {over}"
         return (
@@ -307,7 +307,7 @@ class Threshold(Shown):
         units = self.system.units
         unit = units.parameter(self.parameter) if units else ""
         if self.limit is not None:
-            place = ", at the end of the range: beyond it the limit is farther" if self.is_edge else ""
+            place = " (at an end of the range: a wider range has another limit)" if self.is_edge else ""
             yield f"error of the limit {self.uncertainty:.0e}{f' {unit}' if unit else ''}{place}"
         if (found := self.confirmation) is not None and not found.rattling:
             share = min(300.0 / max(found.settled, 1), 100.0)
@@ -614,8 +614,8 @@ class ThresholdSearch:
                 notes.append(f"something rattles at {self._place(hit)}, but its border could not be followed")
         if best is not None and hit is None and not self._rattles_inside:
             notes = [
-                f"just inside the limit, at {self._words(self._inside(best), 7)}, the motion that leaves it "
-                "settles without rattle: the limit is safe, but the motions that rattle may cease before it"
+                f"a motion that starts just inside the limit, at {self._words(self._inside(best), 7)}, settles without "
+                "rattle: the limit is safe, but motions may cease to rattle before it is reached"
             ]
         self.rounds.append(Round(tried, hit, tuple(extrema), tuple(notes)))
         tell(0.0)

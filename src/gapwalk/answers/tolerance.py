@@ -200,7 +200,7 @@ class Spreads:
         return self.names or tuple(law.parameter for law in self.laws)
 
     def about(self, system: System) -> Spreads:
-        """Return the distribution with the values of a system for missing means; see `Spread.about`."""
+        """Return the distribution with the values of a system in place of missing means; see `Spread.about`."""
         for name in self.varied:
             system.structure.place(name)
         return replace(self, laws=tuple(law.about(system) for law in self.laws))
@@ -235,7 +235,7 @@ class Spreads:
         least = float(np.linalg.eigvalsh(matrix)[0])
         if least < _LEAST:
             raise ModelError(
-                f"correlation has the eigenvalue {least:.3g}; no parameters are correlated so, all must be above 0"
+                f"correlation has the eigenvalue {least:.3g}; it is no correlation matrix: all must be above 0"
             )
 
 
@@ -646,19 +646,19 @@ class Tolerance(Shown):
         tracked = int(np.sum(np.isin(self.how, (HowFound.TRACKED, HowFound.PARTLY))))
         if tracked > check.checked:
             yield (
-                f"note: the other {tracked - check.checked:,} tracked samples were not walked. Each has points that a "
-                "walk has shown together; a point that no walk has shown is not noticed"
+                f"note: the other {tracked - check.checked:,} tracked samples were not walked. Their special points "
+                "are those of walked samples; any that no walk has met would be missing"
             )
         if self.further:
             count = len({each.sample for each in self.further if self.known[each.sample]})
             kinds = sorted({each.kind for each in self.further})
             yield (
-                f"note: {100.0 * count / max(1, int(self.known.sum())):.3g} % of the samples have further points "
-                f"({', '.join(kinds)})"
+                f"note: {100.0 * count / max(1, int(self.known.sum())):.3g} % of the samples have special "
+                f"points that the nominal system lacks ({', '.join(kinds)})"
             )
         if np.any(doubtful := [each.unexplained > 1.0 - _EXPLAINED for each in self.influences]):
             names = ", ".join(f"{self.points[j].value:.6g}" for j in np.flatnonzero(doubtful))
-            yield f"note: no polynomial explains the points at {names}; their indices are of one parameter at a time"
+            yield f"note: no polynomial fits the points at {names}; their indices are those of single parameters"
 
     def _influences(self, index: int) -> Influences:
         column = self.values[:, index]

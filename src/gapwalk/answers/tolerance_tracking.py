@@ -1,10 +1,10 @@
 """Special points of many samples of a system: some branches are walked, and in the others the same points are tracked.
 
 The walks show in which forms the points occur, also those that the nominal system does not have
-(`gapwalk.answers.point_fit`). The forms are tracked in some more samples by Newton's method. Polynomials fitted to
-all these solutions predict those of the other samples, and where each form exists. A prediction whose error is known to
-be small is the answer; others are corrected. Where such forms are found together as no walk has met them, this stretch
-of the branch is walked (`gapwalk.answers.tolerance_tracking`).
+(`gapwalk.answers.point_fit`). The forms are tracked in some more samples by Newton's method. Polynomials fitted to all
+these solutions predict those of the other samples, and where each form exists. A prediction whose error is known to be
+small is the answer; others are corrected. Where forms occur together that no walk has met together, this stretch of the
+branch is walked (`gapwalk.answers.tolerance_tracking`).
 """
 
 from __future__ import annotations

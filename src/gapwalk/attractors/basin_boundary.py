@@ -86,7 +86,7 @@ def manifold(
         ``"unstable"`` or ``"stable"``. The stable one is followed backwards in time, which needs forces that do not
         depend on rates, besides linear damping.
     length
-        Length of each side in the space of states, at least.
+        Least length of each side in the space of states.
     accuracy
         Largest distance of the manifold from the lines between its points.
 

@@ -1,10 +1,10 @@
 """Settling of many motions by equal steps: which gaps part, how badly, and with which period.
 
-Each lane follows a motion until one of three rules decides. Quiet: nothing has touched or parted for eight periods, and
-what is left of the transient, by its contraction, is less than a third of every gap's distance from a change. Periodic:
-the section repeats after at most eight periods, and the same holds. Otherwise it has no period: 64 periods are watched,
-or more, and means over eight batches give intervals. Rules by a fixed number of periods are either wrong or wasteful.
-What a motion does is independent of those beside it.
+Each lane follows a motion until one of three rules decides. Quiet: no contact has opened or closed for eight periods,
+and the rest of the transient, estimated from its contraction, is less than a third of each gap's distance from a
+change. Periodic: the section repeats after at most eight periods, and the same holds. Otherwise the motion has no
+period: 64 periods or more are evaluated, and means over eight batches give intervals. What a motion does is independent
+of those beside it.
 
 Method: docs/numerics/notes/ensembles.md
 """

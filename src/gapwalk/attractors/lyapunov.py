@@ -150,7 +150,7 @@ def lyapunov(
     Raises
     ------
     ModelError
-        If the state has the wrong length, or is given where it is not needed, or not where it is.
+        If the state has the wrong length, or is missing, or is given with a settled motion.
     FlowError
         If the motion diverges.
 

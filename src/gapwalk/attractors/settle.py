@@ -754,8 +754,8 @@ class _Transient:
             approach = self._look()
             if approach is not None:
                 orbit, rate = approach.orbit, float(np.abs(approach.orbit.free_multipliers).max())
-                how = f"it is {approach.distance:.1e} from a stable orbit of period {orbit.period}"
-                how += f" (largest multiplier {rate:.6g}) and contracts to it"
+                how = f"its distance from a stable orbit of period {orbit.period} is {approach.distance:.1e}"
+                how += f" (largest multiplier {rate:.6g}), and it converges to this orbit"
                 return self._record(True, orbit, approach.distance, how)
             if self._is_stationary():
                 return self._record(True, None, self.drift.change, self.drift.text(options.tolerance))
@@ -780,7 +780,7 @@ class _Transient:
             strobes.append(lanes.states[0])
         self.states = np.array(strobes)
         apart = float(np.max(motion.error / np.maximum(motion.rms, np.finfo(float).tiny)))
-        how = f"it does not repeat after at most 8 forcing periods; over {motion.watched} of them, by equal steps, the "
+        how = f"it does not repeat within 8 forcing periods; by equal steps over {motion.watched} periods, the "
         return self._record(True, None, apart, how + f"root mean squares of accelerations are known to {apart:.1g}")
 
     def _advance(self, count: int) -> None:
@@ -830,7 +830,7 @@ class _Transient:
         ):  # its period may be longer than those that were searched for
             found = exact_returns(self.strobe.system, kept[len(kept) // 2 :])
             for period, away in [each for each in found if each.period > self.options.max_period][:1]:
-                evidence += (f"it returns to {away:.1e} after {period} forcing periods: raise max_period",)
+                evidence += (f"it repeats to {away:.1e} after {period} forcing periods: raise max_period",)
         return Settled(self.strobe.system, kept, self.periods, converged, orbit, float(residual), evidence)
 
 
@@ -860,7 +860,7 @@ class ClassifyOptions(Bounded):
     #: settle, lyapunov: Options of the transient and of the average of the exponents.
     settle: SettleOptions = field(default_factory=SettleOptions)
     lyapunov: LyapunovOptions = field(default_factory=LyapunovOptions)
-    #: Size of an exponent per forcing period below which it may be that of a torus.
+    #: Size of an exponent per forcing period below which it may be zero, as on a torus.
     zero: Annotated[float, Gt(0), Le(0.01)] = 1e-5
     #: Number of standard errors by which an exponent must differ from zero to count as different.
     errors: Annotated[float, Ge(1)] = 5.0
@@ -976,12 +976,12 @@ def _judge(
     text = f"its largest exponent is {lead:.3g} +- {error:.1g} per forcing period"
     if lead > options.zero and lead > options.errors * error:
         if exponents.regular:  # a regular motion on an attractor has no positive exponent
-            return AttractorKind.UNDECIDED, None, (f"{text}, but regular: it is leaving an unstable motion",)
+            return AttractorKind.UNDECIDED, None, (f"{text}, but regular: the motion leaves an unstable one",)
         return AttractorKind.CHAOTIC, None, (f"{text}: positive",)
     if lead < -options.zero and lead < -options.errors * error:
         return AttractorKind.UNDECIDED, None, (f"{text}: negative, but no orbit was found; raise max_period",)
     for period, away in exact_returns(settled.system, strobes[-_KEPT:])[:1]:
-        words = f"it returns to {away:.1e} after {period} forcing periods, but attracts nothing"
+        words = f"it repeats to {away:.1e} after {period} forcing periods, but does not attract other motions"
         return AttractorKind.UNDECIDED, None, (f"{text}: zero", words)
     if len(strobes) < _STROBES:
         strobes = np.vstack((strobes, Strobe(settled.system).run(strobes[-1], _STROBES - len(strobes))))

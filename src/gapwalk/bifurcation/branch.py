@@ -99,7 +99,7 @@ class Branch(Curve, Measured):
     points: tuple[BranchPoint, ...]  #: The orbits in the order of the walk; none where only motions settle.
     special_points: tuple[SpecialPoint, ...]  #: Special points in the order of the walk.
     ends: tuple[End, ...]  #: Ends of the branch with their reasons, at its first and at its last point.
-    #: Settled motions where no orbit is followed, as many gaps rattle; the first stretch has those of the response.
+    #: Settled motions where many gaps rattle, so that no orbit is followed; the first stretch of a response has all.
     bands: tuple[Band, ...] = field(default=(), metadata={"stored": False})
     #: Further stretches of the response, beyond some of these motions; `gapwalk.studies.Result.branches` has all.
     beyond: tuple[Branch, ...] = field(default=(), metadata={"stored": False})
@@ -152,7 +152,7 @@ class Branch(Curve, Measured):
         return shares(self.system, self.parameter, (float(min(self.values)), float(max(self.values))), box, **options)
 
     def live(self, parameter: str, to: tuple[float, float], measure: str = "half") -> Any:
-        """Draw it above a slider for another parameter, which is returned; in a notebook write %matplotlib widget."""
+        """Draw it above a slider for another parameter; return the slider. Notebooks need %matplotlib widget."""
         # At each step of the slider the points of a quick walk are moved; at rest the branch is followed again.
         from gapwalk.plot.live_branch import live_slider
 
@@ -166,7 +166,7 @@ class Branch(Curve, Measured):
         return found
 
     def distances(self, place: str) -> NDArray[np.float64]:
-        """Return the distance of each point from a special point, ``above fold 1``; nan on the other side of it."""
+        """Return the distance of each point from a special point, as in ``above fold 1``; nan on its other side."""
         # It may also be "below grazing 2", "distance from fold 1" (both sides), or a value: "above 0.85".
         return Distance.of([self], place)(self.values)
 

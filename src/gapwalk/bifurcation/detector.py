@@ -244,7 +244,7 @@ def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) 
     count = None if _is_undecided(a) else a.instability.total
     for each in special:
         if count is not None and each.before.total != count:
-            yield f"{count} unstable multipliers precede a {each.kind} that states {each.before.total} before it"
+            yield f"{count} unstable multipliers precede a {each.kind}, but it states {each.before.total} before it"
         count = each.after.total
     if count is not None and not _is_undecided(b) and b.instability.total != count:
         between = ", ".join(each.kind.value for each in special) or "nothing"
@@ -268,7 +268,7 @@ def _corners(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) ->
         sides = {"before": group[0].before, "after": group[-1].after}
         touching = [("after" if changes[switch] > 0 else "before")] if only else [*sides]
         if all(sides[side].total == 0 for side in touching):
-            yield f"no multiplier is unstable {' or '.join(touching)} {each.contact} grazes, where one is unbounded"
+            yield f"no multiplier is unstable {' or '.join(touching)} {each.contact} grazes, but one is unbounded"
 
 
 def _is_undecided(point: BranchPoint) -> bool:

@@ -504,7 +504,7 @@ class BranchTracer(Iterator[Step]):
                 return step
             still = [each for each in point.orbit.friction if never_slips(special[number].point.orbit, each)]
             names = " and ".join(structure.contacts[each].name for each in still)
-            words = f"what {names} keep from here on depends on the path; settle beyond, and begin another branch there"
+            words = f"the position of {names} depends on the path from here on; settle a motion beyond, and follow that"
         last = first if number is None else special[number].point
         self.walk.finish(last, EndReason.GIVES_WAY, words)
         return last, special[: 0 if number is None else number + 1]
@@ -665,13 +665,13 @@ class BranchTracer(Iterator[Step]):
         full, rigid = PERIOD * last.orbit.period, {switch for _, switch in last.orbit.system.structure.reactions}
         at_start = (each for each in last.orbit.events if min(each.theta, full - each.theta) < AT_START)
         if any(each.switch in rigid for each in at_start):
-            advice = "there the state jumps: begin the period elsewhere, with another phase of the loads"
+            advice = "the state jumps there: change the phases of all loads, so that the period starts elsewhere"
             add(f"an impact comes to the start of the period, and {advice}")
             return
         for each in last.orbit.margins if last.orbit.is_exact else []:
             if each.what == "reserve" and abs(each.value) <= _GRAZES * each.range:
                 name = last.orbit.system.structure.contacts[each.contact].name
-                advice = "beyond, it slips at once over a finite distance: start there"
+                advice = "beyond, it slips over a finite distance at once: begin a new walk there"
                 add(f"the force of {name} reaches the one at which slip begins, and {advice}")
                 return
         size = magnitude(last.orbit.extremes[:, :2], last.orbit.system)
@@ -685,7 +685,7 @@ class BranchTracer(Iterator[Step]):
     def _grazes(self, contact: str) -> str:
         """Return the details of the end of a walk that got stuck where a contact grazes."""
         detail = self.walk.end.detail if self.walk.end else ""
-        advice = "the branch turns there too sharply to be followed: start beyond it, or with a softer contact"
+        advice = "the branch turns there too sharply to be followed: begin beyond it, or with a softer contact"
         return f"{detail}; {contact} grazes, and {advice}"
 
 

@@ -1,10 +1,10 @@
 """Step over a graze that touches at all angles at once, as where a whirling rotor meets a ring all around.
 
 A force by a formula with ``max``, ``min`` or ``abs`` sets in at the kink of that function. Where a motion reaches the
-kink at all its angles at once, the derivatives of the orbit's equation jump, and the branch has a corner. A start a
-little beyond it, along the old direction, is no orbit: it soon leaves the kink again, so that the derivatives there are
-those of neither side. With several segments each of which begins beyond the kink, the motion stays there, and the
-derivatives are those of the far side.
+kink at all its angles at once, the derivatives of the orbit's equation jump, and the branch has a corner. A first guess
+a little beyond it, along the old direction, soon leaves the kink again, so the derivatives there are those of neither
+side. With several segments, each of which begins beyond the kink, the motion stays there, and the derivatives are those
+of the far side.
 """
 
 from __future__ import annotations

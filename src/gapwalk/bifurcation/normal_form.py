@@ -1,4 +1,4 @@
-"""Normal forms of folds, flips and Neimark-Sacker points: coefficients, criticality, and the amplitude of what leaves.
+"""Normal forms of folds, flips and Neimark-Sacker points: coefficients, criticality, and amplitudes beyond.
 
 The map of the state over the period of the motion is reduced to the critical direction q, with A q = mu q and
 p^* A = mu p^*, p^* q = 1. With derivatives B and C of second and third order, and R(z) = (z - A)^-1, the terms are

@@ -699,8 +699,8 @@ class Kind(str):
     def offsets(self, multipliers: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the signed distances of multipliers from criticality, positive beyond it; by default there are none.
 
-        In a machine with equal parts several become critical at once. Their mean is then smooth and changes its sign,
-        while the test function may not: see `Search.zeros`.
+        In a machine with equal parts several multipliers become critical at once. Their mean is then smooth and changes
+        its sign, while the test function may not: see `Search.zeros`.
         """
         return np.zeros(0)
 
@@ -737,7 +737,7 @@ class Kind(str):
         return search.bracketed_mean(self, a, b, ranks)
 
     def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
-        """Return the error of a located zero, from that of another discretisation; infinite if it has none."""
+        """Return the error of a located zero, from another discretisation; infinite if it cannot be estimated."""
         return location_error(zero, second, [search.near(zero.point)])
 
     def nature(self, before: BranchPoint, after: BranchPoint) -> str | None:

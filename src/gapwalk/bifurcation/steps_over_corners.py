@@ -1,9 +1,9 @@
 """Step over a graze at a stiff stop, where the branch turns within a depth too small for steps along the branch.
 
-After a graze at a stop k times stiffer than the rest of the system, the branch turns within a depth of 1/k^2. For
-k = 1e6 this is within rounding of the state at theta = 0. As a function of the depth itself (`TouchEquation`) the
-branch is smooth. The step over such a corner therefore uses depths that grow by a constant factor from one to the next
-on both sides of the graze. The special points in between are detected and located on that scale.
+After a graze at a stop k times stiffer than the rest of the system, the branch turns within a depth of 1/k^2. For k =
+1e6 this is within rounding of the state at theta = 0. As a function of the depth itself (`TouchEquation`) the branch is
+smooth. The step over such a corner therefore uses depths that grow by a constant factor on both sides of the graze. The
+special points in between are detected and located on that scale.
 
 Method: docs/numerics/notes/continuation.md
 """
@@ -100,7 +100,7 @@ def discontinuity_ahead(corrector: Corrector, point: BranchPoint) -> Discontinui
         ]
     except NumericalError:
         return None
-    words = f"{_difference(sides[0].orbit, sides[1].orbit)}; its state after a period jumps by {jump:.1g} of itself"
+    words = f"{_difference(sides[0].orbit, sides[1].orbit)}; the state after a period jumps by {jump:.1g} of its size"
     return Discontinuity(sides[0].value, words)
 
 
@@ -119,7 +119,7 @@ def _difference(first: Orbit, last: Orbit) -> str:
         return f"beyond it, {_name(first, more[0])} behaves otherwise at {_ELSEWHERE}"
     if more:
         return f"beyond it, {_name(first, more[0])} behaves otherwise at theta = {more[0].theta:.6g}"
-    return "beyond it, its last events are others"
+    return "beyond it, its last events differ"
 
 
 def coincidence(orbit: Orbit) -> str:
@@ -129,8 +129,8 @@ def coincidence(orbit: Orbit) -> str:
     for first, last in pairwise(events):
         names = _name(orbit, first), _name(orbit, last)
         if last.theta - first.theta <= _AT_ONCE and names[0] != names[1] and not _move_as_one(orbit, first, last):
-            advice = "beyond, the second may come first, and the motion is another one: start there"
-            return f"{names[0]} and {names[1]} change at once at theta = {first.theta:.6g}, and {advice}"
+            advice = "beyond, their order may change: begin a new walk there"
+            return f"{names[0]} and {names[1]} change together at theta = {first.theta:.6g}, and {advice}"
     return ""
 
 

@@ -170,7 +170,7 @@ def export_result(
     from gapwalk.studies.result import load_result
 
     if form is not None and len(outputs) > 1:
-        raise ModelError("--format is that of one output; leave it out, and give each output its ending")
+        raise ModelError("--format applies to a single output; leave it out, and give each output its ending")
     forms = [_form_of(form, output, path) for output in outputs or [None]]
     if size is not None and not set(forms) & set(_PICTURES):
         raise ModelError(f"--size concerns pictures; write --format svg, pdf or png instead of {forms[0]}, or omit it")

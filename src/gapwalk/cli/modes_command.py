@@ -53,7 +53,7 @@ def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bo
     show([title or str(file), *train_lines(system), *lines])
     for heading, modes in found:
         if not len(modes):
-            show([f"\nNatural vibrations {heading}: none, nothing is left free"])
+            show([f"\nNatural vibrations {heading}: none, because nothing can move"])
             continue
         show([f"\nNatural vibrations {heading}:", _table(modes, system)])
         if len(modes) > _ROWS:
@@ -139,7 +139,7 @@ def train_lines(system: System) -> list[str]:
             "" if steady is None else f"; at {value_words(steady, system.structure.pace, units, 6)} drags balance them"
         )
         lines.append(
-            f"  mean torques do not balance: it accelerates steadily, {form.inertias[0]} at {size}{found}; {hint} "
+            f"  mean torques do not balance: the train accelerates, {form.inertias[0]} by {size}{found}; {hint} "
             "would balance them"
         )
     return lines
@@ -147,7 +147,7 @@ def train_lines(system: System) -> list[str]:
 
 def _rest_lines(rest: Rest, units: Units | None) -> list[str]:
     if not rest:
-        reason = ": the mean load drives it away" if rest.complete else " was found"
+        reason = ": nothing balances the mean load" if rest.complete else " was found"
         return [f"  no static equilibrium{reason}"]
     angle, torque = (f" {units.signal('')[1]}", " N m") if units else ("", "")
     lines = []

@@ -80,14 +80,14 @@ def run_file(
             earlier = None if how["resume"] else _file_number(path)
             most = None if scheduler is None or screen_output.is_quiet else study.options.most_workers
             if most is not None:
-                helped = "this process alone does the work" if most == 1 else f"at most {most} workers have work"
+                helped = "this process alone does the work" if most == 1 else f"at most {most} workers are used"
                 show([f"{study.name or study.options.kind}: {helped}"], console(stderr=True))
             try:
                 code, document = _run_study(study, path, **how)
             except (GapwalkError, KeyboardInterrupt) as error:
                 is_stored = path.exists() and _file_number(path) != earlier
                 if isinstance(error, KeyboardInterrupt) and not error.args and not is_stored:
-                    kept = f"; {path} is what it was" * path.exists()
+                    kept = f"; {path} is unchanged" * path.exists()
                     error.args = (f"no part was complete, so nothing is stored{kept}",)
                 can_resume = isinstance(error, (KeyboardInterrupt, WorkError)) and is_stored
                 if alone:
@@ -115,7 +115,7 @@ def _make_room(path: Path, study: Study) -> None:
         if path.is_file() and looks_like_result(path) and is_another(path, study):
             number = next(k for k in count(1) if not path.with_stem(f"{path.stem}-{k}").exists())
             kept = path.rename(path.with_stem(f"{path.stem}-{number}"))
-            show([f"{path} was the result of another text; it is {kept} now"], console(stderr=True))
+            show([f"{path} was the result of another model text; it is now {kept}"], console(stderr=True))
 
 
 def _file_number(path: Path) -> int | None:

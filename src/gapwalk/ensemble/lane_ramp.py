@@ -2,7 +2,7 @@
 
 Steps are equal over the angle, ``h = dtheta / W``, some whole number of them between two samples. A forcing period is
 divided into pieces, within which all numbers are those of the mean speed; from piece to piece they follow the speed.
-The rotation of a train as a whole is simply integrated. Friction needs no decisions, as at constant speed.
+The rotation of a train as a whole is simply integrated. Friction is treated as at constant speed.
 
 Method: docs/numerics/notes/answers.md
 """

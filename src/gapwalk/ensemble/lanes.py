@@ -1,10 +1,10 @@
 """Many motions at once by equal steps without events: for statistics, labels and starts, not for orbits.
 
 Eight motions are advanced in a register (`gapwalk.ensemble.lane_code`), twice in a step, each time from the last two
-accelerations: deflections by Stoermer's formula, velocities by Adams and Moulton's. Contact forces are continuous,
-so a step over a breakpoint has an error of second order, others of fourth; a step turns the fastest vibration by 0.44.
-Friction in series with a spring is exact but for where it turns; friction that sticks rigidly has a stiff spring with a
-damper in place of stick. Rigid stops need the exact flow. Half the step tells how right it is.
+accelerations: deflections by Stoermer's formula, velocities by Adams and Moulton's. Contact forces are continuous, so a
+step over a breakpoint has an error of second order, others of fourth. In a step, the phase of the fastest vibration
+advances by 0.44 rad. Friction in series with a spring is exact except where it turns; rigid friction sticks by a stiff
+spring with a damper. Rigid stops need the exact flow. A run with half the step shows the error.
 
 Method: docs/numerics/notes/ensembles.md
 """

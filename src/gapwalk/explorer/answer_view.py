@@ -157,7 +157,7 @@ def family_picture(found: Family, measure: str = "") -> Picture:
             for each, branch in member.named
         ],
         partial(_parts_of_family, found, several),
-        sentences=[f"{ends}: {len(several)} special points go on through members, each joined to the next"],
+        sentences=[f"{ends}: {len(several)} special points continue from member to member"],
         parameters=names,
         script="record.branches",
     )

@@ -3,8 +3,8 @@
 The walk is by harmonic balance to a hundredth, from the static equilibrium, with long steps and without special points.
 It needs no compiled flow, so a changed structure costs no more than a changed number. What harmonic balance does not
 describe (rigid stops, some friction) is walked by shooting. Where a number alone has changed, the points of the last
-walk are first moved to the new curve: a picture for each step of a slider. Where the walk gives up, as among many
-grazes, or has turned back at a fold and gets no further, the motion is settled by equal steps to the end of the range.
+walk are first moved to the new curve: a picture for each step of a slider. Where the walk cannot go on, as among many
+grazes or after it has turned back at a fold, settled motions are computed by equal steps to the end of the range.
 """
 
 from __future__ import annotations

@@ -237,7 +237,7 @@ class HeardRequests:
     def _view(self, request: Request) -> HeardRunUp:
         entry = self.session.exploration(_field(request, "file")).entry(_field(request, "result"))
         if entry.answer is None or not isinstance(entry.answer.record, RunUp):
-            raise ModelError(f"{entry.title} is no run-up; only a run-up is heard over the speed")
+            raise ModelError(f"{entry.title} is no run-up; only run-ups have a sound over the speed")
         return HeardRunUp(entry.answer)
 
 
@@ -502,7 +502,7 @@ def save_html(
         Largest number of points of the branches whose motions are stored; about 2 kB each for two coordinates. Of
         more points every second (third, ...) is stored. All special points have their motions in addition.
     gradients
-        Largest number of special points of which the file also says what moves them most.
+        Largest number of special points for which the file also lists the parameters that move them most.
 
     Raises
     ------

@@ -374,7 +374,7 @@ def integrate(
         The system.
     start : shape (state_size,)
         Positions, velocities and extensions at `phase`; extensions that are left out are zero. Or a list of such
-        states, as of an ensemble: of an array with a row for each, ``list(states)``.
+        states, for an ensemble: ``list(states)`` for an array with one row for each.
     periods
         Length in forcing periods, > 0: forwards in time.
     samples
@@ -693,7 +693,7 @@ class Signal:
     ) -> NDArray[np.float64]:
         """Return its derivative along a direction of states, coefficients and theta, to rounding, shape (samples,).
 
-        The modes of dry friction are those of the motion: events at which a signal jumps are not moved.
+        The modes of dry friction and the instants at which a signal jumps are kept.
         """
         system, layout, step = motion.system, layout_of(motion.system.structure), 1j * _STEP
         n = system.size
@@ -708,8 +708,8 @@ class Signal:
             is_train = isinstance(system.structure.assembly, TrainAssembly)
             if is_train and coefficients is not None and any(name in of_train for name, _ in self.terms):
                 raise ModelError(
-                    f"the slope of {self.name} by a parameter is not known: it depends on the parts of the train "
-                    "themselves; fit to a coordinate, or to its acceleration"
+                    f"the slope of {self.name} by a parameter is not known: it depends on parameters of the "
+                    "train directly; fit to a coordinate, or to its acceleration"
                 )
             columns.append(assembled_histories(system, angles, q, v, a, forces))
         everything: NDArray[np.complex128] = np.hstack(columns)

@@ -332,8 +332,8 @@ def backbone(
     system
         The system; its damping and excitation are left out by `without_losses`.
     start
-        Number of a linear mode about the equilibrium, from 1, with the vibrations that begin at it; or positions from
-        which the system is released at rest, as a guess, where there is no linear mode (free flight in a gap).
+        Number of a linear mode about the equilibrium, from 1, at which the vibrations begin; or, where there is no
+        linear mode (free flight in a gap), a guess of positions from which the system is released at rest.
     to
         Range of the frequency; by default a fifth to five times the first one.
     options

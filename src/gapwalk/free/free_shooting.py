@@ -404,7 +404,7 @@ class FreeEquation(OrbitEquation):
         ]
         if kept := never_slipping(arcs):
             names = ", ".join(self.system.structure.contacts[contact].name for contact in kept)
-            raise FlowError(f"{names} never slips along a free motion, so it is one of a continuum")
+            raise FlowError(f"{names} never slips along a free motion, so this motion is one of a continuum")
         found = assembled(arcs, states)
         assert found.by_parameter is not None
         sensitivity = found.by_parameter.reshape(states.size, -1)

@@ -1,8 +1,8 @@
-"""What a backbone foretells: the load at which a response reaches each free vibration, and where islands are born.
+"""What a backbone foretells: the load needed to reach each free vibration, and where isolated branches are born.
 
-Along a backbone, the amplitude of a load at which its work balances the losses says how large the load must be for a
-response to come there. Where it has a minimum, nothing is there below, and a closed branch above: an isolated branch
-is born. Where it has a maximum, two of them, or one and the main branch, join.
+Along a backbone, the amplitude of a load at which its work balances the losses says how large the load must be for the
+response to reach each vibration. Where this amplitude has a minimum, there is no response below it and a closed branch
+above it: an isolated branch is born. At a maximum, two branches join.
 
 Method: docs/numerics/notes/tori.md
 """
@@ -256,7 +256,7 @@ class Foretold(Shown):
     def summary(self) -> SummaryParts:
         """Return the births in words."""
         born = sum(not birth.joins for birth in self.births)
-        yield f"along {self.line!r}, {born} isolated branches are foretold under {self.load}"
+        yield f"along {self.line!r}, {born} isolated branches are foretold for the load {self.load}"
         if self.births:
             yield births_table(self.births)
 

@@ -255,8 +255,8 @@ def follow_self_excited(
 ) -> Branch:
     """Follow periodic motions without excitation along a parameter, from a Hopf point or from one of them.
 
-    Their frequency is an unknown. Amplitude, stability and special points are those of any branch; a contact that is
-    first touched is a grazing point.
+    Their frequency is an unknown. Amplitude, stability and special points are as for any branch; where a contact is
+    first touched, there is a grazing point.
 
     Parameters
     ----------
@@ -328,7 +328,7 @@ def follow_self_excited(
 def _beginnings(start: object, system: System, parameter: str, to: float | tuple[float, float]) -> list[BranchStart]:
     if isinstance(start, RestEvent):
         if start.kind != HOPF.name:
-            raise ModelError(f"periodic motions begin at a Hopf point, and this is one where {start.words}")
+            raise ModelError(f"periodic motions begin at a Hopf point, but this is a point where {start.words}")
         if isinstance(to, int | float):
             raise ModelError(
                 f"to is {to}; motions from a Hopf point may exist on both sides of it: write a range, such as "
@@ -499,7 +499,7 @@ def self_excited(
     parameter
         Name of the parameter.
     to
-        The range, as two values that include that of the system; or its other end.
+        The range, as two values that include the value of the system; or its other end.
     start
         Positions near an equilibrium, shape (n,); by default all that `find_equilibria` finds.
     walk

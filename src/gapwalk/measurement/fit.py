@@ -321,8 +321,8 @@ def align(
 ) -> Alignment:
     """Align a record in phase with a computed orbit, and evaluate their agreement.
 
-    The period is that of the excitation. The orbit is evaluated at the instants of the record, so nothing is resampled.
-    The phase that fits best in the least-squares sense is found to rounding, far below one sample.
+    The orbit is evaluated at the instants of the record, so nothing is resampled. The phase that fits best in the
+    least-squares sense is found to rounding, far below one sample.
 
     Parameters
     ----------

@@ -240,9 +240,9 @@ def read_run_up(
     Parameters
     ----------
     file
-        A file of any format with channels of time, speed and the signal, such as ``time (s), speed (rpm), mesh.force
-        (N m)``; or the text of a CSV file as ``io.StringIO``. Without units for a system without them. The speed is
-        that of the system's first parameter.
+        A file of any format with channels of time, speed and the signal, such as ``time (s), speed (rpm), mesh.force (N
+        m)``; or the text of a CSV file as ``io.StringIO``. Without units for a system without units. The speed is the
+        system's first parameter.
     system
         The system.
     signal

@@ -81,8 +81,8 @@ class Stage:
     #: The parameters of a stage with a name are called ``contact.name.clearance`` instead of ``contact.clearance``.
     #: Only a single stage may be without a name.
     name: str = ""
-    #: Further parameters of the stage by name: those of the force law of the contact, and `hysteresis`, the limit of
-    #: dry friction while the stage is closed (`friction` acts by it).
+    #: Further parameters of the stage by name: those of the contact's force law, and `hysteresis`, the limit of the dry
+    #: friction that acts while the stage is closed (see `friction`).
     numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
     #: The middle of the gap, at most as far from 0 as the clearance: then each side has a stage of its own, with
     #: ``positive`` or ``negative`` in the names of its parameters.
@@ -137,11 +137,11 @@ class Contact:
     #: ``deflection``, as for any contact that obeys action and reaction.
     force: Mapping[str, float] | None = field(default=None, hash=False)
     #: The force law, or its name: ``"elastic"``, ``"viscous"``, ``"hunt-crossley"``, ``"hunt-crossley-as-printed"``, or
-    #: that of one that was registered.
+    #: that of a registered law.
     law: Law = field(default_factory=lambda: law_of("elastic"))
     #: Parameters of the law by name; they may also be given as arguments.
     numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
-    #: Parameters that are those of another contact: the names of both, as in ``{"belt_load.speed": "belt.speed"}``.
+    #: Parameters that are equal to one of another contact: both names, as in ``{"belt_load.speed": "belt.speed"}``.
     shares: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __init__(
@@ -283,22 +283,21 @@ def friction(
     coefficient, normal
         Instead of the limit: the coefficient of friction, and the name of the contact whose force presses.
     stages_of
-        Name of the contact by whose stages it acts: to the limit, 0 by default, each closed stage adds its number
-        `hysteresis`.
+        Name of a contact, of which each closed stage adds its number `hysteresis` to the limit (then 0 by default).
     stiffness
         Stiffness of the spring in series; without it friction sticks rigidly.
     static
-        Force at which slip begins over that in slip, >= 1; for friction that sticks rigidly.
+        Force at which slip begins, divided by that in slip, >= 1; for friction that sticks rigidly.
     speed
-        Constant rate of the base, as of a belt: the slip rate is that of the deflection less this one.
+        Constant rate of the base, as of a belt: the slip rate is the rate of the deflection minus this one.
     force
         The vector along which it acts, on the left-hand side of the equations of motion; by default its deflection.
 
     Returns
     -------
     Contact
-        The friction; of a formula, two contacts in one entry of the contacts of a system: the second, ``<name>_load``,
-        has the parameters of the formula, and acts on nothing.
+        The friction. With a formula these are two contacts in one entry of a system's contacts: the second,
+        ``<name>_load``, has the parameters of the formula, and acts on nothing.
 
     Raises
     ------
@@ -459,7 +458,7 @@ def rigid_stop(
     clearance
         Where the stop is, >= 0.
     restitution
-        Rate after an impact over that before it, from 0 (it stays) to 1 (no energy is lost).
+        Rate after an impact, divided by that before it: from 0 (no rebound) to 1 (no loss of energy).
     side
         ``"positive"``, ``"negative"``, or ``"both"`` for a gap between two rigid sides.
     force

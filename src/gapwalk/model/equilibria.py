@@ -493,7 +493,7 @@ def left_out(system: System) -> tuple[str, ...]:
             "equilibrium at which it can hold are equilibria too"
         )
     if rigid:
-        notes.append(f"rigid stops are open ({', '.join(rigid)}): a rest against one is not computed")
+        notes.append(f"rigid stops are open ({', '.join(rigid)}): equilibria against one are not computed")
     return tuple(notes)
 
 
@@ -502,13 +502,13 @@ def find_equilibria(system: System) -> Rest:
 
     Where no spring ever softens and forces follow from an energy, the equilibrium is that of least energy, found by
     Newton's method. Otherwise there may be several: each combination of closed stages is tried. If there are too many,
-    the search goes from one combination to those to which it leads. With cubic terms that soften, further ones may lie
-    within one combination.
+    the search goes from one combination to the next to which it leads. With cubic terms that soften, one combination
+    may have several equilibria.
 
-    Of forces by formulas (and by other laws that are no polynomials) there may be any number of equilibria. If there is
-    one coordinate, and all forces are polynomials, they are all real roots; otherwise those nearest to zero that a
-    search from many positions finds, and `Rest.complete` is False. Numbers that vary over the angle have their mean
-    value, and prescribed displacements are zero. Dry friction is left out, and rigid stops are open (`Rest.notes`).
+    With forces by formulas (or other laws that are not polynomials) there may be any number of equilibria. With one
+    coordinate and polynomial forces, all are found, as real roots; otherwise a search from many positions finds those
+    nearest to zero, and `Rest.complete` is False. Numbers that vary over the angle have their mean value, and
+    prescribed displacements are zero. Dry friction is left out, and rigid stops are open (`Rest.notes`).
 
     Parameters
     ----------

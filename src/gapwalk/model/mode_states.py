@@ -1,7 +1,7 @@
 """The states of a machine with gaps in which it has modes of its own: teeth, stages of a clutch, friction.
 
-A mesh is that of a loose gear if it alone joins a part to the train on which no mean torque, no reaction and no load
-acts: nothing but drags press its teeth together, so that it is now closed and now open.
+A gear is loose if a mesh alone joins it to the train, and no mean torque, reaction or load acts on it. Then only drags
+press its teeth together, and its mesh may be closed or open.
 """
 
 from __future__ import annotations

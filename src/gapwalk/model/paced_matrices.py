@@ -4,7 +4,7 @@
 
 Of a rotor that turns at the speed W, G is the gyroscopic matrix (skew) and H that of centrifugal forces. A force by a
 formula may contain W. The numbers of such a system are those of C, K, G and H; the equations of motion have the sums.
-Coordinates without inertia are carried by others: see `gapwalk.model.states`.
+Coordinates without inertia are computed from others: see `gapwalk.model.states`.
 """
 
 from __future__ import annotations

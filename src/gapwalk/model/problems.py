@@ -79,7 +79,7 @@ IDEAS = (
         "a rotating mass makes no torque at a steady speed: add it times the square of the crank radius to the inertia "
         "of the throw",
     ),
-    Idea("delay|time_?delay|retard\\w*", "delays cannot be modelled: the state is that of now"),
+    Idea("delay|time_?delay|retard\\w*", "delays cannot be modelled: forces depend on the present state only"),
     Idea(
         "sweep_?rate|run_?up|transient\\w*",
         'loads repeat with the excitation, whose speed may change in a [[study]] of the kind "run-up"',

@@ -1,6 +1,6 @@
 """States without inertia: coordinates ``z`` whose equations are of first order, ``z' = f(z, x, v)``.
 
-A state is carried by a coordinate ``y`` that follows it with a lag, ``z = y + g y'``. So an equation of z of first
+A state is computed from a coordinate ``y`` that follows it with a lag, ``z = y + g y'``. So an equation of z of first
 order is one of y of second order, exactly: ``c z' + k z = f`` becomes ``g c y'' + (c + g k) y' + k y = f``. The lag is
 the inverse of the frequency at which a system is made.
 
@@ -48,7 +48,7 @@ class State:
     {'k': 2.0, 'c': 0.5}
     """
 
-    name: str  #: Its name, by which formulas of other forces and states know it; its numbers begin with it.
+    name: str  #: Its name in formulas of other forces and states, and prefix of its parameters' names.
     #: The formula of its rate: ``z`` is the state, ``x`` the deflection and ``v`` its rate; see `gapwalk.force`.
     rate: str
     #: The deflection by coordinate name, or several of them by their names in the formulas. Without one, the formulas
@@ -168,7 +168,7 @@ class State:
             text = _with(text, {"v": "x'"})
         used = formula_of(text, [*vectors, *(f"{each}'" for each in vectors)]).variables
         if any(f"{each}'" in used for each in ("z", self.name) if vectors.get(each) == {self.name: 1.0}):
-            raise ModelError(f"state {self.name!r}: its own rate occurs in a formula; write its formula in place of it")
+            raise ModelError(f"state {self.name!r}: a formula contains its own rate; write that rate's formula")
         arguments = [each for each in vectors if {each, f"{each}'"} & {*used}]
         if not arguments:
             raise ModelError(

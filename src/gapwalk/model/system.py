@@ -112,14 +112,14 @@ class ModalDamping:
         for name, matrix in (("mass", mass), ("stiffness", stiffness)):
             if not np.allclose(matrix, matrix.T, rtol=0.0, atol=_ROUNDING * np.abs(matrix).max(initial=0.0)):
                 raise ModelError(
-                    f"the {name} matrix is not symmetric, so there are no modes to damp; write the damping matrix"
+                    f"the {name} matrix is not symmetric, so modal damping is impossible; write the damping matrix"
                 )
         from scipy.linalg import eigh  # slow to import, and not needed to check a file
 
         try:
             squares, modes = eigh(stiffness, mass)
         except np.linalg.LinAlgError:
-            raise ModelError("the mass matrix is not positive definite, so there are no modes to damp") from None
+            raise ModelError("the mass matrix is not positive definite, so modal damping is impossible") from None
         if squares[0] < -_ROUNDING * np.abs(squares).max():
             raise ModelError(
                 f"the stiffness has a mode with the square {squares[0]:.3g} of a frequency: it grows by itself, and "

@@ -138,7 +138,7 @@ PLAIN = Unit("", 1.0)
 
 
 class QuantityKind(Enum):
-    """The kinds of quantities of a drive train; phases are angles of the excitation, which scale with nothing.
+    """The kinds of quantities of a drive train; phases are angles of the excitation, which no unit scales.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Directions in which a motion may drift: no force depends on a position there, only on rates.
 
 A system that moves over the ground by dry friction or drag has such a direction. Its motions repeat up to a translation
-along it: its increment in a period follows from the motion, and the position at the start is any. The equation of an
-orbit therefore takes 0 for the position at the start, which is any, and one multiplier for each direction is exactly 1.
+along it: its increment in a period follows from the motion, and the position at the start is arbitrary. The equation of
+an orbit therefore takes 0 for this position, and one multiplier for each direction is exactly 1.
 """
 
 from __future__ import annotations

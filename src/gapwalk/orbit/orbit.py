@@ -282,15 +282,15 @@ class Orbit(Shown):
     system: System  #: The system, with the parameter values at which this orbit exists.
     period: int  #: m: the orbit repeats after m forcing periods.
     state: NDArray[np.float64]  #: shape (state_size,): Positions, velocities and extensions at theta = 0.
-    #: shape (state_size,): Floquet multipliers, largest modulus first. It is exactly 1 for what friction keeps that
-    #: never slips.
+    #: shape (state_size,): Floquet multipliers, largest modulus first. One is exactly 1 for each position that friction
+    #: keeps because it never slips.
     multipliers: NDArray[np.complex128]
     events: tuple[ContactEvent, ...]  #: Crossings of breakpoints in one full period.
     residual: float  #: Largest component of the difference between its end and its start.
     steps: int  #: Number of integration steps over the orbit; it determines the sampling.
     #: Beginnings of slip and stick of friction in one full period; the modes at its start come first.
     slips: tuple[SlipEvent, ...] = field(default=(), kw_only=True)
-    #: Numbers of the contacts whose friction never slips: the orbit is one of a continuum, in which they keep it.
+    #: Numbers of the contacts whose friction never slips and keeps its position: the orbit is one of a continuum.
     stuck: tuple[int, ...] = field(default=(), kw_only=True)
     #: shape (segments - 1, state_size): States at the starts of the later of several equal segments: of a strongly
     #: unstable orbit, the state at theta = 0 alone does not determine the rest to working accuracy.
@@ -455,10 +455,10 @@ class Orbit(Shown):
     def closing_changes(self, other: Orbit) -> tuple[int, ...]:
         """Count how much more often each switch closes in another orbit, near this one; negative if less often.
 
-        A stop that is held has infinitely many impacts before, and how many more the log has says nothing. A graze
-        splits a flight between two of them in two. Where flights cannot be compared one by one, as where a stop is held
-        several times, those impacts are counted that precede a gap between two. If it is held in one of both motions
-        only, nothing is counted: between the two, infinitely many impacts graze.
+        Infinitely many impacts precede a phase in which a stop is held, so their number in the log means nothing. A
+        graze splits a flight between two of them in two. Where flights cannot be compared one by one, as where a stop
+        is held several times, those impacts are counted that precede a gap between two. If the stop is held in only one
+        of both motions, nothing is counted: between these, infinitely many impacts graze.
         """
         changes = [then - now for now, then in zip(self.closings, other.closings, strict=True)]
         for switch, phases in self.held.items():
@@ -575,7 +575,7 @@ class Orbit(Shown):
         return tuple(drags_turned_back(self.motion())) if one_sided_drags(self.system.structure) else ()
 
     def begun_in(self, state: NDArray[np.float64]) -> Orbit:
-        """Return the orbit with another state at theta = 0, such as that of another phase."""
+        """Return the orbit with another state at theta = 0, such as after a change of phase."""
         return self if np.array_equal(state, self.state) else replace(self, state=state, restarts=_NO_STATES)
 
     def repeated(self, times: int) -> Orbit:
@@ -592,7 +592,7 @@ class Orbit(Shown):
     def strobes(self, count: int, apart: float = PERIOD) -> NDArray[np.float64]:
         """Return the first `count` states at intervals of `apart` radians of theta, shape (count, state_size).
 
-        They are brought back along the `drift`, which is the same from each of them on.
+        Their `drift` is subtracted.
         """
         states, flow, coefficients = [self.state], flow_of(self.system), coefficients_of(self.system)
         if len(self.restarts):

@@ -157,7 +157,7 @@ class OrbitEquation:
         return None
 
     def divided(self, state: NDArray[np.float64]) -> Iterator[tuple[OrbitEquation, NDArray[np.float64]]]:
-        """Yield finer equations, with starts, for a state near a strongly unstable orbit, which its motion leaves."""
+        """Yield finer equations with starts, for a state whose motion leaves a strongly unstable orbit nearby."""
         yield from ()
 
 

@@ -8,8 +8,8 @@ left eigenvector ``w = (e, 0, -1)`` or ``(e, 0, 0)`` of the monodromy matrix B, 
 Therefore the motion over one period is followed by a reset: ``z = e.q - s``, or ``e.q = s``, with the position s that
 the start has. Its derivative N replaces the multiplier 1 of B by 0, as after slip, and leaves the others unchanged
 (Wielandt's deflation). So the determinant of ``N B - 1`` does not change its sign where slip begins, and Newton's
-method keeps s. It is rounded to a fine grid; otherwise rounding errors of s, which nothing would correct, would grow by
-extrapolation from step to step of a walk.
+method keeps s. This s is rounded to a fine grid; otherwise its rounding errors, which nothing corrects, would grow from
+step to step of a walk.
 """
 
 from __future__ import annotations

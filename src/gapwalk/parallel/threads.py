@@ -1,6 +1,6 @@
 """Number of threads of linear algebra: one, unless the user has chosen another number.
 
-The matrices are small. Threads that wait for one another make them slower, twenty times on a busy machine.
+The matrices are small. Several threads would wait for one another, and be up to twenty times slower on a busy machine.
 """
 
 from __future__ import annotations

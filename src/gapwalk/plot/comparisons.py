@@ -1,6 +1,6 @@
 """Pictures of comparisons: two motions, a record with a motion, and two results of studies.
 
-The first is black, the second wine-red; the first of two results is pale.
+The first motion is black, the second wine-red; the first of two results is pale.
 """
 
 from __future__ import annotations

@@ -247,7 +247,7 @@ class Part:
     numbered: bool = False
 
     def entry(self, value: Any, number: int = 0) -> Entry:
-        """Return a value as an entry to write for this part."""
+        """Return a value as an entry of a file, under the name of this part."""
         return Entry(self, number, value)
 
 

@@ -69,8 +69,8 @@ class BasinOptions(Bounded):
     #: True to find the label of every cell at a border between basins with the exact flow, and of those within two
     #: cells of a label that was wrong; otherwise those of `check` cells at borders are.
     exact_borders: bool = True
-    #: Random cells elsewhere whose label is found again with the exact flow: that many, and with `exact_borders` that
-    #: many again, until none of the last ones is wrong.
+    #: Number of random cells elsewhere whose label is found again with the exact flow; with `exact_borders`, as many
+    #: again until none of them is wrong.
     check: Natural = 1024
     #: Seed of the choice of the states that are examined first, of those that are checked, and of random starts.
     seed: Natural = 0
@@ -380,10 +380,10 @@ class BasinStudy(BasinOptions, StudyKind):
     """Basins of attraction in a plane of initial states.
 
     Each cell is judged by the state at its centre; those beyond a rigid stop are left out. The batch integrator follows
-    it until it is in the trapping region of a known attractor (see `gapwalk.attractors.settle`); the
-    attractors themselves are exact. Cells at borders between basins, and samples of the others, are followed again by
-    the exact flow, which corrects labels and counts the wrong ones. A system that the batch integrator cannot include,
-    as one with friction that sticks rigidly, is followed by the exact flow alone, a hundred times slower.
+    the motion until it is in the trapping region of a known attractor (see `gapwalk.attractors.settle`); the attractors
+    themselves are exact. Cells at borders between basins, and samples of the others, are followed again by the exact
+    flow, which corrects labels and counts the wrong ones. A system that the batch integrator cannot include, as one
+    with friction that sticks rigidly, is followed by the exact flow alone, a hundred times slower.
 
     Raises
     ------

@@ -288,13 +288,13 @@ class Connection:
     def text(self) -> str:
         """Fate of the special point, in words."""
         words = {
-            Fate.JOINED: "goes on",
-            Fate.NEAR: "goes on to the nearest of its kind (a guess)",
+            Fate.JOINED: "continues",
+            Fate.NEAR: "continues in the nearest point of its kind (a guess)",
             Fate.MET: "meets another one",
             Fate.RANGE: "leaves the range",
             Fate.ENDS: "ends",
-            Fate.OUTSIDE: "goes on where no known branch leads",
-            Fate.ALONE: "has none of its kind near",
+            Fate.OUTSIDE: "continues on a branch that is not known",
+            Fate.ALONE: "has no point of its kind nearby",
             Fate.LOST: "could not be followed",
         }[self.fate]
         if self.fate is Fate.MET and self.end is None:

@@ -49,16 +49,16 @@ FUNCTIONS = {
 SHARED = {
     "workers": (
         "Workers | int | None",
-        "Number of processes, or running workers (`gapwalk.parallel`); by default one for each core.",
+        "Processes, by default one for each core, or running workers.",
     ),
-    "report": ("Report | None", "Called with each part of the work once it is stored."),
+    "report": ("Report | None", "Called with each part that is stored."),
     "output": (
         "str | os.PathLike[str] | None",
-        "File that is written meanwhile, for `gapwalk.open_result`; a part of the same work in it is continued.",
+        "Result file for `gapwalk.open_result`; a partial result in it is continued.",
     ),
 }
 """Types and descriptions of the keywords that all functions have."""
-_TO = "The values of the parameter between which it goes, from the first to the second."
+_TO = "Range of the parameter, from the first value to the second."
 _STOPPED = "Interrupted\n    After Ctrl-C; its `found` is the record so far."
 _SECTION = re.compile(r"\n\n(?=\w[\w ]*\n-{3,}\n)")
 

@@ -35,7 +35,7 @@ def _where_the_branch_is(at: float | None, info: ValidationInfo[Surroundings]) -
     if name is None or len(ends) < 2 or around.system is None or around.guessed:
         return None
     if name in PACES and not around.frequency_given:
-        raise ValueError("is missing, and the file gives no frequency either; write where the branch is walked")
+        raise ValueError("is missing, and the file gives no frequency either; write the value of the walk")
     own, (low, high) = around.system[name], sorted(ends)
     if not low <= own <= high:
         raise ValueError(

@@ -152,8 +152,8 @@ def document_of(found: PointFit, title: str = "") -> dict[str, Any]:
 _LINES = 12  # spectral lines that the summary lists
 _EXAMPLE = """add [measurement] with signal = "q1''" (what the record measures)"""
 _NO_TRAIN = (
-    "has no sweep; a drive train can be fitted to special points of a sweep, as in "
-    'sweep = { parameter = "speed", from = "800 rpm", to = "1200 rpm" }; records are compared with other models only'
+    "has no sweep; a drive train can be fitted to special points of a sweep only, as in "
+    'sweep = { parameter = "speed", from = "800 rpm", to = "1200 rpm" }, not to a record'
 )
 _NO_REDUCTION = (
     "is for studies; a record is compared with the full system, so leave it out "

@@ -85,7 +85,7 @@ class RangeStudy(StudyKind):
 
     arguments: ClassVar[tuple[str, ...]] = ("parameter", "to")
 
-    #: The parameter, any of the system's, for example ``"frequency"``.
+    #: Any parameter of the system, for example ``"frequency"``.
     parameter: Annotated[
         str, Field(description='write what is walked, as in parameter = "frequency"'), AfterValidator(known_parameter)
     ]
@@ -261,9 +261,8 @@ class BranchOptions(RangeStudy):
     #: extensions, which are 0 if they are left out.
     start: StartOrState = Start.SETTLE
     walk: WalkOptions = field(default_factory=WalkOptions)  #: Numerical options of the walk.
-    #: Method for its orbits, with its options: `Shooting`, `Balance`, or another `gapwalk.orbit.method.Method`. A table
-    #: names it by ``method``. The options of the first two are in tables of their names; a file may have both tables
-    #: and change ``method`` alone.
+    #: How orbits are computed: `Shooting`, `Balance`, or another `gapwalk.orbit.method.Method`. In a file, ``method``
+    #: names it, and the tables ``shooting`` and ``balance`` have the options of these two.
     method: Method = field(default_factory=Shooting)
     #: True to verify the complete result by other means; see `gapwalk.verify`.
     verify: bool = field(default=False, compare=False)  # it changes nothing of what is found

@@ -53,9 +53,9 @@ _OF_GAPS = np.array([1, 2, 5, 6, _DIVERGED])  # of those of `GapState`, the last
 _SURE, _MOST = 3.0, 3  # standard errors beyond chance, and parameters that a line names
 _LOOKS = ("first", "second", "third", "fourth", "main", "falling", "other")
 _SAID = {
-    _REFUSED: "samples do not count: the model refuses them",
-    _DIVERGED: "samples do not count for a gap: a motion diverges",
-    _SO_FAR: "samples have a gap that is quiet in a motion without period: it may part later",
+    _REFUSED: "samples do not count, because the model does not allow their values",
+    _DIVERGED: "samples do not count for a gap, because a motion diverges",
+    _SO_FAR: "samples have a gap that is quiet so far, in a motion without period: it may rattle later",
 }
 
 

@@ -286,10 +286,10 @@ class RattleStudy(RangeStudy):
     second: Second | None = None
     resolution: tuple[int, int] = (48, 32)  #: Columns and rows of cells of a map.
     sweep: Annotated[SlowSweepOptions, INLINE] = field(default_factory=SlowSweepOptions)  #: Options of the slow sweeps.
-    #: Values of the parameter at which motions are sought that the sweeps do not meet; 0: none; None: three, or where
-    #: motions are settled at each step, one in each fortieth of the range.
+    #: Number of values of the parameter at which motions that the sweeps do not meet are sought; None: three, or 40
+    #: where motions are settled at each step.
     search: Natural | None = None
-    #: Random starts at each of these values, and at the worst motion, where the share that leads there is found.
+    #: Number of random starts at each of these values, and at the value of the worst motion, which give its share.
     starts: Natural = 16
     seed: Natural = 0  #: Seed of these starts.
     #: Acceleration to which levels in dB refer, in rad/s^2 or non-dimensional.
@@ -412,7 +412,7 @@ class RattleStudy(RangeStudy):
             step = abs((self.end - self.begin) / self.sweep.steps)
             notes.append(
                 f"at {sampled} values the settled motion did not become periodic within {self.sweep.patience} forcing "
-                f"periods; nothing is known between samples, {step:.4g} apart"
+                f"periods; between these values, {step:.4g} apart, nothing is known"
             )
         if not complete:
             notes.append(f"stopped when {len(job.known[SWEEP])} of {len(Direction)} sweeps were done")

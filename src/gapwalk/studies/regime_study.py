@@ -97,7 +97,7 @@ class RegimeStudy(RangeStudy):
     #: Cells that are settled and classified again with the exact flow: those of rare regimes, and of rare contacts,
     #: first. If one differs, it is corrected, and more are checked until none differs.
     check: Natural = 64
-    seed: Natural = 0  #: Seed of the choice of those cells.
+    seed: Natural = 0  #: Seed of the choice of the checked cells.
     #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)
 

@@ -391,7 +391,7 @@ class _Watch:
             self.ahead.append(self._seen(place, before, point))
             self.place = place
         if self.is_hard and (base > self.place or is_among or sum(point.orbit.closings) >= FEW):
-            return "what settles beyond is not periodic, or parts often in a period"
+            return "the motion that settles beyond is not periodic, or contacts separate often in a period"
         return ""
 
     def _seen(self, place: int, before: BranchPoint | None, point: BranchPoint) -> tuple[bool, float]:

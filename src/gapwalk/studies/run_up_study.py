@@ -358,7 +358,7 @@ class RunUpStudy(StudyKind):
             SpeedCourse(np.array(self.times), np.array(self.speeds))
             return
         if self.steps and len(self.rate) < 2:
-            raise ModelError("steps needs two rates, between which they are: rate = [the lowest, the highest]")
+            raise ModelError("steps needs the lowest and the highest rate: write rate = [lowest, highest]")
         for rate in self.rate[:1]:
             if self.begin is not None and self.end is not None:
                 SpeedCourse.ramp(self.begin, self.end, rate, self.hold)
@@ -535,7 +535,7 @@ def _slow_response(system: System, courses: list[SpeedCourse]) -> SlowResponse:
     try:
         branch = follow(find_orbit(system.at({pace: first})), pace, to=last)
     except NumericalError as error:
-        return SlowResponse(None, f"there is no response below the run-up: {error}")
+        return SlowResponse(None, f"the response to compare with was not found: {error}")
     end = branch.ends[-1]
     reason = "" if end.reason is EndReason.RANGE else f"the response does not reach the last speed: {end}"
     return SlowResponse(branch, reason)

@@ -486,7 +486,7 @@ class ScanStudy(StudyKind):
     #: Factors by which each parameter is multiplied, one at a time; 0 leaves it out.
     factors: tuple[float, ...] = (0.0, 0.5, 0.8, 0.9, 1.1, 1.25, 2.0)
     pairs: Count = 0  #: Number of random pairs of these changes that are tried too.
-    #: Number of random neighbours, for which all parameters are multiplied: they tell the chance of luck.
+    #: Number of random neighbours, with all parameters multiplied by random factors, to estimate the chance of luck.
     neighbours: Count = 200
     spread: Annotated[float, Gt(0)] = 0.1  #: Standard deviation of the logarithm of their factors.
     #: Starts of the motions of each variation: rest, and states spread over a box.
@@ -583,7 +583,7 @@ class ScanStudy(StudyKind):
             notes.append(f"stopped when {len(chunks)} of {len(self._pieces(every))} chunks were done")
         elif unknown:
             notes.append(
-                f"{unknown} of {holds.size} verdicts are unknown: no orbit, or a walk that did not come so far"
+                f"{unknown} of {holds.size} verdicts are unknown: no orbit was found, or a walk did not reach the range"
             )
         error = max((chunk.error for chunk in chunks.values()), default=0.0)
         about = holds, amounts, check or ScanCheck(), error, complete, tuple(notes)

@@ -172,7 +172,7 @@ class Study:
     @property
     def unused_words(self) -> list[str]:
         """Unused tables of the file with the reason, in words; only studies of branches have such tables."""
-        return [f"not used: [{table}], for method is {self.walked.method.name}" for table in self.unused]
+        return [f"not used: [{table}], because method is {self.walked.method.name}" for table in self.unused]
 
 
 def read_study(

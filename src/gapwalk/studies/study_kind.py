@@ -347,10 +347,10 @@ class Found(NamedTuple):
     'a text'
     """
 
-    #: Entries for the file, written all or none. If there is none yet, the next entries contain this too, and only then
-    #: it is reported; where there is no file, it is reported at once.
+    #: Entries for the file, written together or not at all. If there are none yet, this is stored with the next ones,
+    #: and reported only then; without a file it is reported at once.
     entries: tuple[Entry, ...]
-    #: Reports after it is stored: the arguments of each call. None: the value of the first entry, and the
+    #: Reports after it is stored: the arguments of each call. None: one call with the value of the first entry and the
     #: `gapwalk.parallel.workers.Pace` of the work.
     news: tuple[tuple[Any, ...], ...] | None = None
 
@@ -576,7 +576,7 @@ V = TypeVar("V")
 
 
 class Job(Work):
-    """The work on a study: what is done is known by parts, and a part that is known is not done again.
+    """The work on a study, in parts; a part that is known is not done again.
 
     Attributes
     ----------

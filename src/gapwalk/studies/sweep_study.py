@@ -70,7 +70,7 @@ class Way(StrEnum):
 class Patience(Bounded):
     """Limits on the length of a transient."""
 
-    #: shortest, longest: Least and largest number of forcing periods.
+    #: shortest, longest: Least and largest number of forcing periods of a transient.
     shortest: Counted = 48
     longest: Counted = 2000
     #: Distance from the limiting periodic motion below which it has settled; in half-widths of the box of states.
@@ -276,7 +276,7 @@ def enter(sweep: Sweep, segment: SweepSegment) -> str:
     sweep.regimes[segment.lane, places] = segment.regimes
     if not segment.note:
         return ""
-    ends = " and was not carried on" if lane.is_carried else ""
+    ends = " and ends there" if lane.is_carried else ""
     return f"start {lane.start}, {lane.way}: the motion could not be followed{ends}: {segment.note}"
 
 
@@ -456,8 +456,8 @@ def _is_a_signal(signal: str | None, info: ValidationInfo[Surroundings]) -> str 
 class SweepStudy(RangeStudy):
     """A sweep: settled motions over one parameter.
 
-    At each value the transient is followed until it has settled; then section points are recorded. The state is
-    carried over exactly to the next value, up to a tiny kick.
+    At each value the transient is followed until it has settled; then section points are recorded. The state is carried
+    over to the next value, with a tiny random disturbance.
 
     Raises
     ------

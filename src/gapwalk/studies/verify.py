@@ -36,10 +36,10 @@ Verifiable = Orbit | Branch | Diagram | Map | Family | Threshold | Tori | Rests 
 def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None = None) -> Verification:
     """Verify a result by methods that are independent of its computation.
 
-    Each orbit is carried around by another integrator; its stages, extremes and multipliers are checked. Between
-    neighbouring points there must be orbits of the same branch; changes of stability, direction and contacts must be
-    explained by special points between; each special point is looked at from both sides and located again. Balanced
-    orbits are checked by quadrature and against exact ones; some points of loci are shot again. See `Check`.
+    Each orbit is integrated over its period by another integrator; its contacts, extremes and multipliers are checked.
+    Between neighbouring points there must be orbits of the same branch; changes of stability, direction and contacts
+    must be explained by special points between; each special point is located again, from both sides. Orbits by
+    harmonic balance are checked by quadrature and against exact ones, and loci by shooting. See `Check`.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def _verify(ledger: Ledger, what: Verifiable, report: Advance | None) -> None:
                 named = [(f"{what.over.name} = {member.value:g}, {name}", branch) for name, branch in member.named]
                 verify_branches(ledger, named, report, what.within)
                 verify_distinct(ledger, named)
-            ledger.note("the joints between the members of a family are not verified, their branches are")
+            ledger.note("the branches of a family are verified, but not the connections between its members")
         case Threshold():
             if not what.loci:
                 raise ModelError(f"there is no locus to verify: {what.sentence}")

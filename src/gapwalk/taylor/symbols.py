@@ -1,4 +1,4 @@
-"""Functions of a state, of the angle and of run-time parameters, as expressions that are equal only if they are one.
+"""Functions of a state, of the angle and of run-time parameters, as expressions; equal parts are stored once.
 
 Arithmetic with them builds new ones; `derivative` and `replaced` follow the usual rules. What the flow integrates is
 written with them once, and `gapwalk.taylor.program` turns it into data.

@@ -63,9 +63,8 @@ class Tone:
     def onto(self, system: System) -> System:
         """Return the system with this second excitation: it has one more coordinate, which is the cosine of the tone.
 
-        The coordinate is in the unit of the motion, so that it neither hides nor exceeds it; two forces with the names
-        ``tone`` and ``tone_load`` drive it, and make it act. Of a drive train give the equations of motion,
-        ``system.equations``.
+        The coordinate is scaled to the size of the motion. A force with the name ``tone`` drives it, and another,
+        ``tone_load``, lets it act on the system. Of a drive train give the equations of motion, ``system.equations``.
 
         Examples
         --------
@@ -139,9 +138,9 @@ def two_tones(
     Returns
     -------
     Torus
-        Of the system with the tone (`Tone.onto`): one curve with the rotation number ``tone.frequency / frequency``,
-        less the whole turns. Where the motion has doubled its period, or has another multiple m of it, there are m
-        curves, and the rotation number is m times that. One of its exponents belongs to the tone itself.
+        The torus of the system with the tone (`Tone.onto`): one curve with the rotation number ``tone.frequency /
+        frequency``, less the whole turns. Where the motion has doubled its period, or has another multiple m of it,
+        there are m curves, and the rotation number is m times that. One of its exponents belongs to the tone itself.
 
     Raises
     ------

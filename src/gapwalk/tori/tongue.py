@@ -378,8 +378,8 @@ def follow_tongue(
     Raises
     ------
     ModelError
-        If an end of the window is no fold, as where it is narrower than rounding errors; for unknown or equal
-        parameters; for ranges that exclude the window.
+        If an end of the window is not a fold, for example because the window is narrower than rounding errors; for
+        unknown or equal parameters; for ranges that exclude the window.
     ConvergenceError
         If a locus cannot be started.
 

@@ -331,15 +331,15 @@ class TorusOptions:
     33
     """
 
-    #: Largest distance between a curve and its image, relative to the size of the motion, between the samples too,
-    #: which decides on the number of samples.
+    #: Largest distance between a curve and its image, relative to the size of the motion; it is measured between the
+    #: samples too, and decides their number.
     accuracy: _Share = 1e-9
     #: Number of samples of a curve at the start; even numbers count as the next odd one.
     samples: _Samples = 33
     max_samples: _Samples = 513  #: The most samples.
-    #: Largest such distance of a torus with the most samples, which states its error; it must be small beside the size
-    #: of the curve too. Where a contact grazes along a torus, the second derivative of its curve is not bounded, and
-    #: the accuracy may be out of reach.
+    #: Largest such distance that is accepted with the most samples; it must also be small compared with the curve.
+    #: Where a contact grazes along a torus, the second derivative of its curve is not bounded, and the accuracy may be
+    #: out of reach.
     tolerated: _Share = 1e-5
 
     def __post_init__(self) -> None:

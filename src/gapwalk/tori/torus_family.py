@@ -66,8 +66,8 @@ class TorusEventKind(StrEnum):
 
     FOLD = "fold of tori"
     DOUBLING = "torus doubling"
-    CHANGE = "change of one normal direction"
-    PAIR = "change of two normal directions"
+    CHANGE = "stability changes in one normal direction"
+    PAIR = "stability changes in two normal directions"
     RESONANCE = "resonance"
     GRAZING = "a contact grazes along the tori"
 

@@ -3,8 +3,8 @@
 All orbits of a branch are integrated together, with fixed steps (Hairer, Norsett and Wanner, Solving ODEs I, section
 II.10) and the coefficients of `scipy.integrate.DOP853`. The contact events are those stored with an orbit; it is
 checked that the motion passes its breakpoints there, and nowhere else. A strongly unstable orbit continues from each of
-its known states, where the motion must arrive. The events belong to an orbit about 1e-7 away,
-which costs digits of the closure. If that matters, they are located again on the motion itself.
+its known states, where the motion must arrive. The stored events belong to an orbit about 1e-7 away, so the motion
+closes less accurately. If that matters, they are located again on the motion itself.
 
 Steps also end where a load jumps, and where a law has a kink (`gapwalk.model.laws.Law.guards`): across a kink a step
 would have the order 2. Kinks are no stored events. They are found where a guard changes its sign within a step, and the

@@ -1,9 +1,9 @@
 """Samples of the guards of events within a step of an integration: which of them pass below zero, and where first.
 
 A guard is sampled at some shares of the step. Where it is positive at all of them, it may still dip below zero between
-two, as at a touch that is shorter than a tenth of the step. So a smallest sample between two larger ones is looked at
-more closely, until a parabola through the three stays well above zero. Where it is near zero, that is done with exact
-values, since samples are interpolated.
+two, as at a touch that is shorter than a tenth of the step. So a smallest sample between two larger ones is refined,
+until a parabola through the three stays well above zero. Near zero this is done with exact values, since samples are
+interpolated.
 """
 
 from __future__ import annotations

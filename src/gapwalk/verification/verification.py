@@ -29,8 +29,8 @@ class Check(Enum):
     CLOSURE = ("closure", "the orbit closes when another integrator follows it over one period", 1e-9)
     STAGES = ("stages", "the motion passes its breakpoints at the stated angles, and nowhere else", 2e-6)
     EXTREMES = ("extremes", "largest and smallest positions are those of the other integrator", 1e-6)
-    LINES = ("lines", "the balanced lines satisfy the equations of motion, by quadrature", 1e-6)
-    TRUTH = ("truth", "an exact motion lies as near to the balanced one as the truncation allows", 1.0)
+    LINES = ("lines", "Fourier coefficients by harmonic balance satisfy the equations of motion, by quadrature", 1e-6)
+    TRUTH = ("truth", "an exact motion is as near to that of harmonic balance as the truncation allows", 1.0)
     VOLUME = ("volume", "the product of the multipliers is the exponential of the integrated divergence", 1e-5)
     # a walk knows the multipliers of a point about 1e-7 away; near a grazing point they vary like a square root
     MULTIPLIERS = ("multipliers", "another number of segments gives the same multipliers", 3e-3)

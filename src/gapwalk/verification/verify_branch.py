@@ -172,7 +172,7 @@ def _end_faults(track: Track, place: int, end: End, within: tuple[float, float] 
             elif not _may_join(track, point):
                 yield f"{said}, but no other branch is near its end"
             elif abs(end.value - point.value) > same + _AHEAD * _left(branch.points if place else branch.points[::-1]):
-                yield f"{said}, but there the branch, which ends at {point.value:.10g}, does not lead"
+                yield f"{said}, but the branch, which ends at {point.value:.10g}, does not lead there"
         case EndReason.POINTS:
             count = sum(each.arclength * (-1.0 if place == 0 else 1.0) > 0.0 for each in branch.points)
             if end.detail and not end.detail.endswith(f" {count}"):

@@ -79,7 +79,7 @@ def test_without_a_reaction_the_train_accelerates_by_all_of_them() -> None:
     on_a, on_b = constant_torques(1.4)
     (_, told) = train_lines(system)
     expected = (on_a + on_b / RATIO) / (0.1 + 0.3 / RATIO**2 + 2.0 / RATIO**2)
-    assert float(re.search(r"a at ([-\d.e]+)", told)[1]) == pytest.approx(expected, rel=1e-5)
+    assert float(re.search(r"a by ([-\d.e]+)", told)[1]) == pytest.approx(expected, rel=1e-5)
     assert 'reaction = "c" would balance them' in told
 
 

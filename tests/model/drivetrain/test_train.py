@@ -434,7 +434,7 @@ def beside(name: str, between: tuple[str, str] = ("b", "c"), **numbers) -> dict[
                     gw.train.Shaft("bc", ("b", "c"), damping=0.1),
                 ]
             },
-            "bc_slip is the name of how far bc slips; choose another one for the part",
+            "bc_slip names the slip of bc; choose another one for the part",
         ),
     ],
 )

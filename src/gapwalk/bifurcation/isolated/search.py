@@ -164,7 +164,7 @@ def search(
         Options of the search.
     workers
         Executor of the work; by default that of the `with` block around it, `gapwalk.parallel.on_cores` or
-        `gapwalk.parallel.on_cluster`, and else this process alone. The result does not depend on it.
+        `gapwalk.parallel.on_cluster`, and otherwise this process alone. The result does not depend on it.
     report
         Called after each piece of work.
     stop
@@ -281,13 +281,13 @@ def _sentences(result: SearchResult) -> Iterator[str]:
     if len(hits) == 1:
         yield f"All {hits[0]} settled on the same motion."
     elif hits:
-        yield f"The starts per motion number {hits[0]} to {hits[-1]}, with a median of {hits[(len(hits) - 1) // 2]}."
+        yield f"Each motion was reached from {hits[0]} to {hits[-1]} starts (median {hits[(len(hits) - 1) // 2]})."
     unsettled = [tally for tally in tallies if len(tally.unsettled)]
     if unsettled:
         count, places = sum(len(tally.unsettled) for tally in unsettled), [f"{tally.value:.6g}" for tally in unsettled]
-        yield f"{count} did not become periodic (quasi-periodic, chaotic, or very slow), at {', '.join(places)}."
+        yield f"{count} motions did not become periodic (quasi-periodic, chaotic, or slow), at {', '.join(places)}."
     if ran_away := sum(tally.ran_away for tally in tallies):
-        yield f"{ran_away} could not be followed: they diverged, or their contacts chattered."
+        yield f"{ran_away} motions could not be followed: they diverged, or chattered without end."
     yield _unseen(tallies)
     if settled:
         yield (
@@ -316,7 +316,7 @@ def _unseen(tallies: tuple[Tally, ...]) -> str:
     )
     if shares.max() > 1.01 * shares.min():
         bound = f"less than {100 * shares.max():.2g} %" if shares.max() < 1.0 else "nothing can be said"
-        return f"{text} at the best value, and at the worst, {tallies[int(np.argmax(shares))].value:.6g}, {bound}."
+        return f"{text} at the value with most settled starts; at {tallies[int(np.argmax(shares))].value:.6g}, {bound}."
     return f"{text}." if len(tallies) == 1 else f"{text} at any of these values."
 
 

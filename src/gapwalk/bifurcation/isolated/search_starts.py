@@ -434,8 +434,8 @@ class SearchOptions:
     #: from the system; see `state_box`. Extensions begin at zero.
     box: tuple[Positive, ...] | None = None
     spread: Positive = 1.5  #: Ratio of the derived box to the motions.
-    #: Seed of the starts: the same seed gives the same result for the same values. With 500 starts or more in all, many
-    #: are followed at once, and others of the unstable orbits may be found than with fewer.
+    #: Seed of the starts: the same seed gives the same result for the same values. From 500 starts on, many are
+    #: followed at once; then other unstable orbits may be found than with fewer.
     seed: Natural = 0
     #: Starts in one piece of work. It affects the result, because a piece does not use what others find.
     block: Counted = 24

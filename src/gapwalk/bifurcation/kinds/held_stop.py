@@ -4,8 +4,7 @@ A stop is held where impacts have come to rest on it, until its force would pull
 shorter and vanishes: the force changes its sign before the impacts have come to rest. Complete chatter then becomes
 incomplete. On the side on which the stop is held, the motion depends smoothly on the parameter up to that point. On the
 other side, infinitely many impacts graze one after the other as the point is approached, each with a fold, within
-arclengths that shrink geometrically. So no orbits are sought there that come ever closer, and the point is located from
-the side on which the stop is held.
+arclengths that shrink geometrically. So the point is located from the side on which the stop is held.
 
 A motion that rests on a stop all the time lifts off where the least force of the stop vanishes. That force, as if the
 stop were held, is known on both sides, so its zero is the point.

@@ -123,7 +123,7 @@ class Sliding(Kind):
             if self.owns(each) and describe_friction(special.orbit, each) == special.contact
         ]
         if not own:
-            return [f"no phase of {special.contact} appears or vanishes as at a {self}"], None
+            return [f"no phase of slip or stick of {special.contact} appears or vanishes as at a {self}"], None
         return [], located_again(special.orbit, own[0])
 
     def foretold(self, special: SpecialPoint) -> Beyond | None:

@@ -344,6 +344,6 @@ def _solved_of(
         raise ConvergenceError("the locus of the point is vertical: it has no slopes") from None
     if float(np.abs(solved[:, 0]).max()) > _ASIDE:
         raise ConvergenceError(
-            f"the orbit is not at the special point: a step of {np.abs(solved[:, 0]).max():.1g} is left"
+            f"the orbit is not at the special point: a Newton step of {np.abs(solved[:, 0]).max():.1g} is left"
         )
     return solved[:, 1:] * scales[:, None]

@@ -1,7 +1,7 @@
 """A process of its own in which a library reads a measured file.
 
-Compiled libraries crash on damaged files, and sizes in these may ask for any memory. Here that ends with a sentence:
-the process has a limit of memory and of time, and what a library prints or logs is dropped.
+Compiled libraries crash on damaged files, or ask for any amount of memory. In this process, with its limits of memory
+and time, that ends with an error message; what a library prints or logs is dropped.
 """
 
 from __future__ import annotations

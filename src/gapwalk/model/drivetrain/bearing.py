@@ -1,8 +1,8 @@
 """Gears that move in their bearings, along or across the line of action of their teeth.
 
 A displacement ``y`` of a gear of base radius ``r`` along the line of action deflects the teeth as the angle ``y / r``
-does. So the way of the gear in its bearing is an inertia ``m r^2`` with the angle ``y / r``, and the bearing a shaft to
-the ground, of the stiffness ``k r^2``. The deflection of a mesh with the ratio i is then
+does. So the gear's displacement is represented by an inertia ``m r^2`` with the angle ``y / r``, and the bearing by a
+shaft of the stiffness ``k r^2`` to the ground. The deflection of a mesh with the ratio i is then
 
     first + cos(angle) y1 / r1 - i second - |i| cos(angle) y2 / r2
 
@@ -48,15 +48,15 @@ class Bearing:
     200000000.0
     """
 
-    name: str  #: Its stiffness is ``name.stiffness``; its way is the angle of the inertia ``name_journal``.
+    name: str  #: Prefix of its parameters' names; its displacement is the angle of the inertia ``name_journal``.
     carries: str  #: The inertia of the gear.
     radius: float | str  #: Radius of the base circle of the gear.
-    mass: float | str  #: What moves sideways.
-    stiffness: float | str  #: Of the bearing.
-    damping: float | str = 0.0  #: That of its damper.
-    clearance: float | str | None = None  #: Half its clearance.
-    #: Between its direction and the line of action of the teeth, in degrees: one for all meshes of the gear, or by the
-    #: names of those that it moves.
+    mass: float | str  #: The mass that moves sideways.
+    stiffness: float | str  #: Stiffness of the bearing.
+    damping: float | str = 0.0  #: Damping of the bearing.
+    clearance: float | str | None = None  #: Half the clearance of the bearing.
+    #: Angle between its direction and the line of action of the teeth, in degrees: one for all meshes of the gear, or
+    #: by the names of the meshes.
     angle: float | Mapping[str, float] = 0.0
 
     def __post_init__(self) -> None:

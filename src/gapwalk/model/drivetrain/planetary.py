@@ -6,8 +6,8 @@ With ``a = z_p / z_s``, ``b = z_r / z_s``, all angles in the same sense, the def
     planet and ring:  b (ring - centre) - a (planet - centre) + (b - a) tan(alpha) radial
 
 `centre` is the angle of a planet's centre about the axis of the set: that of the carrier, unless the planets have
-bearings; `radial` is its way out over the radius of the circle, and `alpha` the pressure angle. Their sum is that of a
-set without planets' inertia, and of a differential: ``sun + b ring - (1 + b) carrier``.
+bearings; `radial` is its radial displacement over the radius of its circle, and `alpha` the pressure angle. Their sum
+is that of a set without planets' inertia, and of a differential: ``sun + b ring - (1 + b) carrier``.
 
 Method: docs/numerics/notes/models.md; Lin and Parker (1999), Journal of Vibration and Acoustics 121, 316-321.
 """
@@ -74,21 +74,21 @@ class Planetary:
     """
 
     name: str  #: Its meshes are called ``name_sun`` and ``name_ring``, or ``name`` without planets.
-    #: sun, ring, carrier: Inertias, or ``"ground"``; None for one that it has not.
+    #: sun, ring, carrier: Inertias, or ``"ground"``; None for a member that is absent.
     sun: str | None = None
     ring: str | None = None
     carrier: str | None = None
     teeth: Sequence[int] | None = None  #: Numbers of teeth of sun, planet and ring.
-    #: In place of the teeth: speed of the sun over that of the ring, backwards, while the carrier is at rest; 1 for a
+    #: In place of the teeth: minus the speed of the sun over that of the ring while the carrier is at rest; 1 for a
     #: differential.
     ratio: float | None = None
     planets: Counted = 3  #: Number of planets.
-    #: Inertia of one planet about its axis; the carrier's contains their masses. None for planets without inertia:
-    #: then the two meshes of each are one spring in a row.
+    #: Inertia of one planet about its axis; the carrier's contains their masses. None for planets without inertia,
+    #: whose two meshes are then one spring in series.
     planet_inertia: Positive | None = None
     lumped: bool = True  #: True if all planets move alike, as one inertia of their sum.
-    stiffness: Positive | None = None  #: Of the meshes of sun and planets; None for rigid ones: three speeds.
-    damping: NotNegative = 0.0  #: Of their dampers.
+    stiffness: Positive | None = None  #: Stiffness of the meshes of sun and planets; None: rigid.
+    damping: NotNegative = 0.0  #: Damping of these meshes.
     clearance: NotNegative | None = None  #: Half the backlash of each of these meshes.
     #: ring_stiffness, ring_damping, ring_clearance: Those of the meshes of planets and ring, as angles of the sun too;
     #: by default they are those at the sun.
@@ -98,8 +98,8 @@ class Planetary:
     impact_damping: NotNegative | None = None  #: Hunt and Crossley's coefficient of all meshes.
     #: Moment of inertia of one planet's mass about the axis of the set, where the planets' bearings are elastic.
     orbit_inertia: Positive | None = None
-    #: bearing_stiffness, bearing_damping: Of all planets' bearings together, along the circle of their centres and
-    #: radially, as torque over the carrier's angle: bearings of k N/m on a circle of radius r have k r^2 each.
+    #: bearing_stiffness, bearing_damping: Those of all planets' bearings together, along the circle of their centres
+    #: and radially, as torque over the carrier's angle: bearings of k N/m on a circle of radius r have k r^2 each.
     bearing_stiffness: Positive | None = None
     bearing_damping: NotNegative = 0.0
     pressure_angle: float = 20.0  #: In degrees; it matters only with elastic bearings.

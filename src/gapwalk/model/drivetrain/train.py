@@ -202,7 +202,7 @@ def connection_problems(train: Train) -> Iterator[str]:
     drags = [link for link in train.links if link.is_drag and link.name in found.basis]
     for link in drags:
         if f"{link.name}_slip" in {part.name for part in (*train.inertias, *train.links)}:
-            yield f"{link.name}_slip is the name of how far {link.name} slips; choose another one for the part"
+            yield f"{link.name}_slip names the slip of {link.name}; choose another one for the part"
     if not drags and all(link.is_rigid or link.is_drag for link in train.links):
         first = [*train.branches, *train.links][0].name
         yield f"{first} is rigid, as all links are, so nothing vibrates; give a shaft or a gear stiffness"
@@ -278,9 +278,9 @@ class Train:
     Notes
     -----
     Where a drag alone joins two parts of the train (a fluid coupling, ``coupling`` say), they slip, and a mean torque
-    makes the angle between them grow for ever. The equations do not depend on it, so it is no coordinate. In its place
-    stands ``coupling_slip``, a leaky integral of the rate of slip; it is no angle that could be measured. The rate of
-    slip is ``coupling.torque`` over ``coupling.damping``.
+    makes the angle between them grow without bound. The equations do not depend on it, so it is no coordinate. In its
+    place stands ``coupling_slip``, a leaky integral of the rate of slip, which is no measurable angle. The rate of slip
+    is ``coupling.torque`` over ``coupling.damping``.
 
     Its quantities are all plain numbers in consistent units, or all texts with units, such as ``"0.14 kg m^2"``,
     ``"30 N m/deg"``, ``"3 deg"``, ``"120 N m"``; a 0 needs none. A train with units holds numbers in them, and `units`
@@ -306,8 +306,7 @@ class Train:
     #: that inertia is prescribed). Where an order counts teeth, or is a fraction, it is a `Counted` load.
     harmonics: Sequence[Load | Counted] = ()
     frequency: float = 1.0  #: The fundamental frequency W (angular), > 0; with a unit, in Hz, rpm or rad/s.
-    #: Name of the inertia on which the torque acts that balances the other mean torques of a free train; the mean
-    #: torque of that one is then no parameter.
+    #: Name of the inertia whose mean torque balances all others in a free train; this torque is then no parameter.
     reaction: str | None = None
     #: In place of the frequency: the speed of a shaft, as ``"1500 rpm"``; orders of the excitation are then counted per
     #: turn of it. The parameter is called ``speed``.
@@ -316,13 +315,13 @@ class Train:
     forces: Sequence[Force] = ()
     #: Name of the inertia whose speed is given; by default the first. Only `Counted` loads need it.
     reference: str = ""
-    longest: int = LONGEST  #: The largest number of periods of the slowest load in the common period of all loads.
+    longest: int = LONGEST  #: Most periods of the slowest load that the common period of all loads may have.
     frictions: Sequence[Friction] = ()
     #: Drags between parts that turn at different speeds, and on the casing.
     drags: Sequence[Drag] = ()
     planetaries: Sequence[Planetary] = ()  #: Planetary sets and differentials; they add inertias of their planets.
-    bearings: Sequence[Bearing] = ()  #: Those in which gears move sideways; they add an inertia each.
-    #: The number of each group of drags, by which it multiplies them; 1 by default.
+    bearings: Sequence[Bearing] = ()  #: Bearings in which gears move sideways; each adds an inertia.
+    #: The factor of each group of drags; 1 by default.
     groups: Mapping[str, float] = field(default_factory=dict, hash=False)
     #: Factors of numbers that depend on the speed, by their names: ``{"arc.limit": "1 + 0.01*W**2"}``, with W the
     #: angular speed of the reference shaft.

@@ -44,8 +44,9 @@ class Counted:
     Fraction(2, 1)
     """
 
-    #: The load. Its order is multiplied by the number of teeth of the first gear of the mesh, and by the speed of that
-    #: gear (or of the inertia) over that of the reference shaft. Phases are those of the excitation, at ``W t = 0``.
+    #: The load. Its order is multiplied by the number of teeth of the mesh's first gear, and by the ratio of the speed
+    #: of that gear (or of the inertia) to that of the reference shaft. Phases are those of the excitation, at ``W t =
+    #: 0``.
     load: Load
     mesh: str = ""  #: Name of a gear with `Gear.teeth`.
     turns_of: str = ""  #: Name of an inertia instead.

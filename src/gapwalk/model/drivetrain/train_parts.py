@@ -51,8 +51,8 @@ class Inertia:
     #: Moment of inertia, > 0, in kg m^2 or any consistent unit. None if its motion is prescribed: loads vary its angle,
     #: as in ``gw.Harmonic("0.1 deg", varies="flywheel.angle")``.
     inertia: float | None = None
-    #: Radius at which its signal ``name.acceleration`` is counted, in m/s^2, as ``"35 mm"``; None: in rad/s^2. It is
-    #: no parameter: nothing moves otherwise.
+    #: Radius at which its signal ``name.acceleration`` is counted, in m/s^2, as ``"35 mm"``; None: in rad/s^2. It is no
+    #: parameter, because no motion depends on it.
     radius: float | None = None
 
     def _converted(self, change: Change) -> Self:
@@ -317,7 +317,7 @@ class Gear(Link):
         if self.teeth is None or not isinstance(self.ratio, int | float) or not 0 < abs(self.ratio) < math.inf:
             return
         if len(pair) > 2 or not all(isinstance(each, int) and not isinstance(each, bool) and each > 0 for each in pair):
-            yield f"has teeth = {self.teeth!r}; write the number of the first gear, or both, as in [27, 41]"
+            yield f"has teeth = {self.teeth!r}; write the number of teeth of the first gear, or of both, as in [27, 41]"
             return
         second = abs(self.ratio) * (pair[0] or 0)
         whole = pair[1] if pair[1:] else max(round(second), 1)
@@ -539,9 +539,9 @@ class Friction(Springless):
     stiffness
         Stiffness of a spring in series (a Jenkins element); without it friction sticks rigidly.
     static
-        Torque at which slip begins over that in slip, >= 1; for friction that sticks rigidly.
+        Torque at which slip begins, divided by that in slip, >= 1; for friction that sticks rigidly.
     speed
-        Constant rate of the base: the slip rate is that of the deflection less this one.
+        Constant rate of the base: the slip rate is the rate of the deflection minus this one.
     numbers
         The numbers above by name.
 
@@ -616,13 +616,13 @@ class Drag(Springless):
     quadratic
         Torque over the square of the slip.
     constant
-        Torque of dry friction while it slips. Its direction is that of the mean slip: where the parts also turn back
-        against each other, write a `Friction`.
+        Torque of dry friction while it slips. It acts against the mean slip; where the slip reverses, write a
+        `Friction`.
     breakaway, stribeck, exponent
         By Stribeck's curve the constant torque grows towards `breakaway` at rest, as ``exp(-|s / stribeck|**exponent)``
         does. The exponent is 1 or 2, 2 by default.
     law
-        In place of all of these: a formula of the slip ``s``, which may contain ``W`` as that of a `Force`.
+        In place of all of these: a formula of the slip ``s``, which may contain ``W`` as in a `Force`.
     group
         Name of a group of drags, all multiplied by one parameter ``<group>.drag``, such as a factor of the viscosity
         over the temperature.

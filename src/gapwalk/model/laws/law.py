@@ -270,11 +270,11 @@ class Law(ABC):
 
     Notes
     -----
-    `force` is the only place of the formula. It is written in ``+``, ``-``, ``*`` (products, not powers; a
-    sum over the stages by `Stages.total`), so that it can be evaluated with symbolic expressions, with arrays, real or
-    complex, and with the `Symbols` from which the closed form is read. All derivatives come from the expression.
-    Parameters are best multiplied with a depth or a rate first, and with one another last: to the integrator a product
-    of two parameters is a series like any other.
+    `force` is the only place of the formula. It is written in ``+``, ``-``, ``*`` (products, not powers; a sum over the
+    stages by `Stages.total`), so that it can be evaluated with symbolic expressions, with arrays, real or complex, and
+    with the `Symbols` from which the closed form is read. All derivatives come from the expression. A product of two
+    parameters costs the integrator as much as any other, so parameters are best multiplied with a depth or a rate
+    first, and with one another last.
 
     Where the force is a polynomial of the depth of one stage at a time, and linear in the rate, every backend can carry
     it. Otherwise harmonic balance refuses it by name, and equilibria (``gapwalk modes``) are searched from many
@@ -380,7 +380,7 @@ class Law(ABC):
         return 0
 
     def guards(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Sequence[Any]:
-        """Compute one number for each mode of the law, which is 1 where that number is positive, and otherwise 0.
+        """Compute one number for each mode of the law: the mode is 1 where its number is positive, and otherwise 0.
 
         The force must be continuous where a guard vanishes. A guard may depend on earlier modes.
 

@@ -35,9 +35,9 @@ _LOWEST = 1e3  # Pa: no cylinder works with less
 class Cylinder(OfCurve):
     """The torque of a piston on its crank, of the gas and of the reciprocating mass; made by `Cylinder.of`.
 
-    The torque of the gas is ``scale`` times its mean and orders, as of `Measured`, at any speed, or over the speed by a
-    map or by `over_speed`. That of the mass is ``-reciprocating * x'(a) * x''(a) * speed**2`` with the path ``x(a)`` of
-    the piston over the crank angle, exactly, and the speed of the crank. Both are taken at the mean speed.
+    The torque of the gas is ``scale`` times its mean and orders (see `Measured`), perhaps with a map over the speed or
+    `over_speed`. That of the mass is exactly ``-reciprocating * x'(a) * x''(a) * speed**2`` with the path ``x(a)`` of
+    the piston over the crank angle and the speed of the crank. Both are taken at the mean speed.
 
     A rotating mass makes no torque at a steady speed: it belongs to the inertia of the throw, as does the mean inertia
     of the reciprocating mass (about half of it times the square of the crank radius).
@@ -92,7 +92,7 @@ class Cylinder(OfCurve):
     over_speed: OverSpeed = ()  #: A factor of the torque of the gas over the speed, as for `Harmonic`.
     left_out: float = 0.0  #: The share of the energy of the gas torque that is in orders which are left out.
     source: str = ""  #: Name of the file.
-    speeds: tuple[Any, ...] = ()  #: Of a map: its name, the unit of its speeds, the frequency W at the speed 1, those.
+    speeds: tuple[Any, ...] = ()  #: Of a map: its name, unit of speeds, frequency W at the speed 1, and speeds.
     name: str = ""  #: Prefix of its parameters' names.
 
     @classmethod

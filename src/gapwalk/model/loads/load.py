@@ -634,7 +634,7 @@ class Rectangle(Load):
 
     The number that varies is its mean times ``1 + amplitude`` where ``cos(order * W * t + phase) > cos(pi * share)``,
     and ``1 - amplitude * share / (1 - share)`` elsewhere. For spur gears with a contact ratio of 1.6 the share is 0.6:
-    so long are two pairs of teeth in contact.
+    the share of time with two pairs of teeth in contact.
 
     Examples
     --------

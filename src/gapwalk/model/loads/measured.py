@@ -68,11 +68,11 @@ class OfCurve(Load):
 
 @dataclass(frozen=True)
 class Measured(OfCurve):
-    """A curve over the angle of a shaft, as a load or as what something varies by; made by `Measured.of`.
+    """A curve over the angle of a shaft, as a load or as the variation of other numbers; made by `Measured.of`.
 
     It is ``scale`` times a mean and some orders, ``sum cosine * cos(k a) + sine * sin(k a)`` with ``a`` the angle of
-    the shaft plus `phase`. As a variation it has no mean. Of a map over angle and speed, the mean and all orders are
-    monotone cubics over the speed.
+    the shaft plus `phase`. As a variation it has no mean. For a map over angle and speed, monotone cubics interpolate
+    the mean and all orders over the speed.
 
     Examples
     --------

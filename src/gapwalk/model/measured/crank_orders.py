@@ -141,15 +141,15 @@ def orders_of(
     Raises
     ------
     ModelError
-        If the angles do not cover a period, the torque does not end as it begins (within 1 % of its range), an order is
-        none of the period or above what the samples resolve, or more than 100 orders are needed.
+        If the angles do not cover a period, the torque does not end as it begins (within 1 % of its range), an order
+        does not belong to the period or is higher than the samples resolve, or more than 100 orders are needed.
 
     Notes
     -----
-    Of even samples (to 1 % of their distance) the discrete Fourier transform is taken; of others the Fourier
+    For even samples (to 1 % of their distance) the discrete Fourier transform is taken; for others the Fourier
     integrals of the straight lines between them, in closed form: with the rises ``r_i`` over the widths ``w_i`` about
-    the middles ``m_i``, ``cosine = -2 / (T k) sum r_i sin(k m_i) sinc(k w_i / 2)``, and ``sine`` with ``cos``
-    likewise, where nothing cancels.
+    the middles ``m_i``, ``cosine = -2 / (T k) sum r_i sin(k m_i) sinc(k w_i / 2)``, and ``sine`` with ``cos`` likewise,
+    where nothing cancels.
 
     Examples
     --------
@@ -206,13 +206,13 @@ def displacement_orders(
         Speed of the shaft at which the acceleration was measured, in rad per unit of its time (over time,
         ``2 * pi / T``).
     orders, per, error
-        See `orders_of`. If the acceleration is given, energy is that of the acceleration.
+        See `orders_of`. If the acceleration is given, its energy counts.
 
     Returns
     -------
     OrderTable
         The displacement. Each order of an acceleration is divided by ``-(order * speed)**2``, and the mean
-        displacement, which no acceleration tells, is 0.
+        displacement, which cannot follow from an acceleration, is 0.
 
     Raises
     ------

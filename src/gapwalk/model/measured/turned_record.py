@@ -253,7 +253,7 @@ def turning_orders(
     pulses
         Pulses in a turn of the shaft.
     at
-        The speed at which orders are wanted, of a record whose speed changes: its periods within 2 % of it are taken.
+        For a record whose speed changes, the speed at which orders are wanted: periods within 2 % of it are taken.
     accelerates
         True if the signal is an acceleration whose displacement is wanted.
     orders, per, error
