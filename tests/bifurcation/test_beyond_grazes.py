@@ -12,6 +12,7 @@ import gapwalk as gw
 from gapwalk.bifurcation.touch_map import Beyond, beyond, touch_map, windows_beyond
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
+from tests.tiers import in_campaign
 
 KINDS = ("rigid", "preloaded", "soft", "pushing")
 
@@ -164,16 +165,31 @@ def test_one_rigid_stop_in_closed_form():
     assert touch.sequence(5) == pytest.approx(returns, rel=1e-9)
 
 
-def test_windows_of_period_adding_are_named_in_the_table():
+def strongly_damped() -> tuple[gw.System, float]:
+    """An oscillator whose windows of period adding overlap, and the amplitude of its graze."""
     c, w = 2.5, 2.0
     amplitude = abs(1.0 - w * w + 1j * c * w)
     stop = gw.rigid_stop("stop", {"x": 1.0}, 1.0, restitution=0.8, side="positive")
-    load = gw.Harmonic(0.98 * amplitude, {"x": 1.0}, name="f")
-    system = gw.System(
-        ["x"], mass=[[1.0]], stiffness=[[1.0]], damping=[[c]], contacts=[stop], harmonics=[load], frequency=w
-    )
+    load, matrices = gw.Harmonic(0.98 * amplitude, {"x": 1.0}, name="f"), {"mass": [[1.0]], "stiffness": [[1.0]]}
+    return gw.System(["x"], **matrices, damping=[[c]], contacts=[stop], harmonics=[load], frequency=w), amplitude
+
+
+@pytest.mark.parametrize(("period", "depth"), [(3, 2e-3), in_campaign(4, 8e-5), in_campaign(5, 4e-6)])
+def test_motions_of_the_windows_lead_back_to_the_graze(period, depth):
+    # beyond the end of a window the motion touches twice, ever more softly: multipliers grow to 1e7
+    system, amplitude = strongly_damped()
+    start = gw.settle(system, **{"f.amplitude": amplitude * (1.0 + depth)}).orbit
+    assert start.period == period
+    branch = gw.follow(start, "f.amplitude", (amplitude * (1.0 + depth / 60.0), amplitude * (1.0 + depth * 60.0)))
+    assert not [end for end in branch.ends if end.reason.is_failure]
+    for end in branch.ends:
+        assert min(abs(end.value / amplitude - 1.0 - each) for each in (0.0, depth / 60.0)) < 1e-11
+
+
+def test_windows_of_period_adding_are_named_in_the_table():
+    system, amplitude = strongly_damped()
     branch = gw.follow(gw.find_orbit(system), "f.amplitude", (0.97 * amplitude, 1.001 * amplitude))
     graze = branch.special("grazing")[0]
     assert graze.value == pytest.approx(amplitude, abs=1e-10)
-    assert graze.beyond.ratio == pytest.approx(math.exp(2.0 * 0.5 * 2.0 * math.pi / w), rel=1e-6)
+    assert graze.beyond.ratio == pytest.approx(math.exp(math.pi), rel=1e-6)
     assert graze.words["criticality"] == "period adding, windows by 23.14"
