@@ -115,6 +115,9 @@ def refined(beginning: BranchStart) -> BranchStart | None:
     first = beginning.first
     corrector = Corrector(equation, scales_of(equation, first.orbit, beginning.within))
     lifted = lift(first, corrector)
+    if lifted is None and beginning.singular:  # Newton's method may fail where two branches meet
+        x = np.append(equation.unknowns(first.orbit), first.value) / corrector.scales
+        lifted = corrector.uncorrected(x, np.eye(len(x))[-1], first.arclength)
     return None if lifted is None else replace(beginning, corrector=corrector, first=lifted)
 
 
