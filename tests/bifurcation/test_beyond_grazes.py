@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.bifurcation.touch_map import Beyond, beyond, touch_map
+from gapwalk.bifurcation.touch_map import Beyond, beyond, touch_map, windows_beyond
+from gapwalk.continuation.walk import EndReason
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
+from tests.tiers import in_campaign
 
 KINDS = ("rigid", "preloaded", "soft", "pushing")
 
@@ -77,23 +80,31 @@ class Grazing:
 
 def is_right(grazing: Grazing, found: Beyond) -> bool:
     """Return True if settled motions are as stated."""
+    if " or " in found.verdict:
+        return any(is_right(grazing, replace(found, verdict=each)) for each in found.verdict.split(" or "))
     if found.verdict == "goes on":
-        depth = min(1e-5, 0.02 * found.depth)
+        depth = min(1e-5 if found.order > 1.0 else 1e-7, 0.02 * found.depth)
         (first, there), (second, nearer) = grazing.settled(depth), grazing.settled(0.1 * depth)
         return first == second == 1 and 0.05 < nearer / there < 0.2
+    if found.verdict == "jumps" and found.depth < math.inf:  # as deep as stated, wherever it began
+        depths = [grazing.settled(share * found.depth)[1] for share in (1e-2, 1e-3)]
+        return depths[0] == pytest.approx(depths[1], rel=0.5) and 0.05 < depths[1] / found.depth < 1.5
     if found.verdict == "jumps":
         return grazing.settled(1e-8)[1] > max(1e-7, 0.3 * grazing.settled(1e-7)[1])
     depth = 1e-5 if found.verdict == "doubles" else 1e-6
     period, deepest = grazing.settled(depth)
     if not deepest < 100.0 * depth:
         return False
-    if found.verdict == "period adding" and found.ratio < 30.0:
-        return grazing.settled(depth / found.ratio)[0] == period + 1
-    if found.verdict == "period adding":  # the next window may be within the rounding of a motion
-        return 0 <= period - grazing.settled(1e-4)[0] <= math.ceil(math.log(100.0) / math.log(found.ratio))
+    if found.verdict == "period adding":
+        settled = {
+            each: grazing.settled(each)[0] for each in (1e-5, depth, *([depth / found.ratio] * (found.ratio < 30.0)))
+        }
+        windows = windows_beyond(touch_map(grazing.orbit(), 0), max(settled.values()))
+        own = [(each, windows[period - 1]) for each, period in settled.items() if period]
+        return len(own) == len(settled) and all(each.begin / 1.1 < d < 1.2 * each.end for d, each in own)
     if found.verdict == "doubles" or found.verdict[-1].isdigit():
         return period == (2 if found.verdict == "doubles" else int(found.verdict.split()[1]))
-    return found.verdict == "period adding and chaos" or period == 0 or period > 8
+    return "period adding" in found.verdict or period == 0 or period > 8
 
 
 def tried(kind: str, seed: int) -> str:
@@ -116,7 +127,7 @@ def test_motions_settle_as_the_touch_foretells(kind):
 def test_two_hundred_grazes(kind):
     verdicts = [tried(kind, seed) for seed in range(100, 150)]
     assert not [each for each in verdicts if "wrong" in each], verdicts
-    assert verdicts.count("unknown") <= 8, verdicts
+    assert verdicts.count("unknown") <= 1, verdicts  # 195 of 200
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "viscous"])
@@ -155,16 +166,34 @@ def test_one_rigid_stop_in_closed_form():
     assert touch.sequence(5) == pytest.approx(returns, rel=1e-9)
 
 
-def test_windows_of_period_adding_are_named_in_the_table():
+def strongly_damped() -> tuple[gw.System, float]:
+    """An oscillator whose windows of period adding overlap, and the amplitude of its graze."""
     c, w = 2.5, 2.0
     amplitude = abs(1.0 - w * w + 1j * c * w)
     stop = gw.rigid_stop("stop", {"x": 1.0}, 1.0, restitution=0.8, side="positive")
-    load = gw.Harmonic(0.98 * amplitude, {"x": 1.0}, name="f")
-    system = gw.System(
-        ["x"], mass=[[1.0]], stiffness=[[1.0]], damping=[[c]], contacts=[stop], harmonics=[load], frequency=w
-    )
+    load, matrices = gw.Harmonic(0.98 * amplitude, {"x": 1.0}, name="f"), {"mass": [[1.0]], "stiffness": [[1.0]]}
+    return gw.System(["x"], **matrices, damping=[[c]], contacts=[stop], harmonics=[load], frequency=w), amplitude
+
+
+@pytest.mark.parametrize(
+    ("period", "depth", "low"), [(3, 2e-3, 3e-5), in_campaign(4, 8e-5, -1e-6), in_campaign(5, 4e-6, 7e-8)]
+)
+def test_motions_of_the_windows_lead_back_to_the_graze(period, depth, low):
+    # beyond the end of a window the motion touches twice, ever more softly: multipliers grow to 1e7
+    system, amplitude = strongly_damped()
+    start = gw.settle(system, **{"f.amplitude": amplitude * (1.0 + depth)}).orbit
+    assert start.period == period
+    branch = gw.follow(start, "f.amplitude", (amplitude * (1.0 + low), amplitude * (1.0 + 60.0 * depth)))
+    for end in branch.ends:
+        distance, is_graze = end.value / amplitude - 1.0, end.reason is EndReason.WITHIN_ROUNDING
+        assert distance == pytest.approx(0.0 if is_graze else low, abs=1e-11)
+        assert is_graze or end.reason in (EndReason.RANGE, EndReason.TURNED_BACK)
+
+
+def test_windows_of_period_adding_are_named_in_the_table():
+    system, amplitude = strongly_damped()
     branch = gw.follow(gw.find_orbit(system), "f.amplitude", (0.97 * amplitude, 1.001 * amplitude))
     graze = branch.special("grazing")[0]
     assert graze.value == pytest.approx(amplitude, abs=1e-10)
-    assert graze.beyond.ratio == pytest.approx(math.exp(2.0 * 0.5 * 2.0 * math.pi / w), rel=1e-6)
+    assert graze.beyond.ratio == pytest.approx(math.exp(math.pi), rel=1e-6)
     assert graze.words["criticality"] == "period adding, windows by 23.14"

@@ -141,6 +141,23 @@ def test_folds_end_where_a_touch_of_a_damper_that_pushes_changes_the_multipliers
         assert min(np.abs(np.subtract(end.values, other)).max() for other in others) < 1e-9
 
 
+@pytest.mark.parametrize(("seed", "turns"), [(43, False), (40, True)])
+def test_where_a_touch_of_a_damper_that_pushes_moves_a_multiplier_across_there_is_no_fold_or_flip(seed, turns):
+    grazing = Grazing("pushing", seed)
+    within = 0.997 * grazing.amplitude, 1.001 * grazing.amplitude
+    start = gw.find_orbit(grazing.system(-0.002), start=grazing.start(-0.002))
+    branch = gw.follow(start, "harmonic1.amplitude", within)
+    graze = branch.special_points[0]
+    assert graze.kind == "grazing"
+    assert graze.value == pytest.approx(grazing.amplitude, rel=1e-10)
+    assert (graze.before.total, graze.after.total, graze.turns, graze.passes_flip) == (0, 1, turns, not turns)
+    # the same by the map of the touch: det(mu - M - b c) has another sign than without the touch
+    touch = touch_map(graze.orbit, 0)
+    mu = 1.0 if turns else -1.0
+    assert touch.determinant(mu) * np.linalg.det(mu * np.eye(2) - touch.monodromy) < 0.0
+    assert not [each for each in branch.special_points[1:] if abs(each.value - graze.value) < 1e-6]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_loci_of_random_rigid_oscillators_end_at_named_points(seed):
@@ -159,7 +176,7 @@ def test_loci_of_random_rigid_oscillators_end_at_named_points(seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(40, 46))
-@pytest.mark.parametrize("kind", ["rigid", "preloaded", "soft"])
+@pytest.mark.parametrize("kind", ["rigid", "preloaded", "soft", "pushing"])
 def test_loci_of_random_oscillators_end_at_points_that_two_of_them_name(kind, seed):
     grazing = Grazing(kind, seed)
     low, high = 0.5 * grazing.amplitude, 1.6 * grazing.amplitude

@@ -237,6 +237,38 @@ def impact_pair() -> list[float]:
     return values(gw.follow(orbit, "base.amplitude", 0.05), "fold")
 
 
+def shaken_table() -> list[float]:
+    table = gw.rigid_stop("table", {"y": 1.0}, 0.0, restitution=0.5, side="positive")
+    load = gw.Harmonic(1.2, {"y": 1.0}, name="f")
+    ball = gw.System(["y"], [[0.0]], [[0.0]], mean={"y": 1.0}, contacts=[table], harmonics=[load], frequency=1.0)
+    branch = gw.follow(gw.find_orbit(ball, start=[-6.15832, 1.06063]), "f.amplitude", (1.0, 1.2))
+    above = gw.follow(gw.find_orbit(ball, start=[-6.15832, 1.06063]), "f.amplitude", 1.6)
+    return [values(branch, "fold")[0], values(above, "flip")[0]]
+
+
+def two_stops() -> list[float]:
+    found = list[float]()
+    for beta in (0.6, 0.8, 1.25):
+        system = driven(1.0, 0.0, gw.friction("dry", {"x": 1.0}, 0.4), frequency=beta)
+        found.append(values(gw.follow(gw.settle(system).orbit, "dry.limit", 0.9), "crossing-sliding")[0])
+    return found
+
+
+def without_two_stops(beta: float) -> float:
+    """The friction below which x0 beta^2 > f, with Den Hartog's x0^2 = V^2 - (U f)^2."""
+    v, u = 1 / (1 - beta**2), math.sin(math.pi / beta) / (beta * (1 + math.cos(math.pi / beta)))
+    return beta**2 * abs(v) / math.sqrt(1 + beta**4 * u**2)
+
+
+def sudden_chaos() -> list[float]:
+    dry, law = gw.friction("dry", {"x": 1.0}, 1.5, speed=1.0), spring("a*(1-v) - b*(1-v)**3", a=1.5, b=0.45)
+    system = driven(1.0, 0.0, dry, law, force=0.1, frequency=1.71)
+    branch = gw.follow(gw.settle(system).orbit, "frequency", (1.706, 1.711))
+    (graze,) = branch.special("grazing-sliding")
+    assert graze.beyond.verdict == "chaos at once"
+    return [graze.value]
+
+
 CASES: dict[str, Case] = {
     # event-driven DOP853, written separately; Leine et al. (1998) for the belt
     "friction that falls with |v|": (falling_friction, [1.96630022243, 2.0767806884189], 1e-9),
@@ -271,6 +303,11 @@ CASES: dict[str, Case] = {
     # COCO's impact oscillator by its own root of the equations of one impact; Budd and Dux (1994), 2 w / (w^2 - 1) / .2
     "one impact a period": (one_impact, [1.35658635008, 0.09997075362831], 1e-10),
     "impacts at resonance": (impacts_at_resonance, [20 / 3, 0.64], 1e-12),
+    # one impact a period: pi g (1 - r) / (1 + r), and with 2 g (1 + r^2) / (1 + r)^2 at a right angle to it
+    "shaken table": (shaken_table, [math.pi / 3, math.hypot(math.pi / 3, 10 / 9)], 1e-11),
+    "Den Hartog's motions without stops": (two_stops, [without_two_stops(each) for each in (0.6, 0.8, 1.25)], 1e-10),
+    # di Bernardo, Kowalczyk and Nordmark (2003): with Feeny and Moon's friction
+    "sudden chaos by grazing-sliding": (sudden_chaos, [1.7077997], 5e-8),
     "impact pair": (impact_pair, [0.0705592284326684], 1e-12),
 }  # fmt: skip
 

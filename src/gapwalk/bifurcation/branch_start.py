@@ -17,6 +17,7 @@ from gapwalk.continuation.corrector import Corrector, Range, check_range, hermit
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.flow.equations import magnitude
+from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit, returns, true_period
@@ -114,6 +115,9 @@ def refined(beginning: BranchStart) -> BranchStart | None:
     first = beginning.first
     corrector = Corrector(equation, scales_of(equation, first.orbit, beginning.within))
     lifted = lift(first, corrector)
+    if lifted is None and beginning.singular:  # Newton's method may fail where two branches meet
+        x = np.append(equation.unknowns(first.orbit), first.value) / corrector.scales
+        lifted = corrector.uncorrected(x, np.eye(len(x))[-1], first.arclength)
     return None if lifted is None else replace(beginning, corrector=corrector, first=lifted)
 
 
@@ -237,14 +241,17 @@ def value_ahead(before: BranchPoint, last: BranchPoint, scale: float) -> float |
 def has_parent(point: BranchPoint, equation: OrbitEquation, value: float) -> bool:
     """Return True if there is a motion of half the period at a value of the parameter, between the halves of a point.
 
-    Beside a graze the halves of a doubled motion may be close, and a step fail, where no other branch is.
+    Beside a graze the halves of a doubled motion may be close, and a step fail, where no other branch is. Where a force
+    jumps, a motion with touches that vanish at the graze is not twice the one without them.
     """
     orbit, half = point.orbit, point.orbit.period // 2
     system = orbit.system.at({equation.parameter or "": value})
     start = 0.5 * (orbit.state + returns(orbit, half + 1)[half])
     try:
-        found = find_orbit(system, half, start, method=equation.options).state
+        found = find_orbit(system, half, start, method=equation.options)
     except NumericalError:
         return False
+    if any(2 * found.closings[each] != orbit.closings[each] for each in jumping_switches(system, friction=False)):
+        return False
     apart = float(np.abs(halves_apart(point)).max())
-    return float(np.abs(found - start).max()) < _PARENT * apart * magnitude(orbit.state, orbit.system)
+    return float(np.abs(found.state - start).max()) < _PARENT * apart * magnitude(orbit.state, orbit.system)

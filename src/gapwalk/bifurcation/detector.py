@@ -25,6 +25,7 @@ from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import NumericalError
+from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.orbit.floquet import Instability, is_on_border, nearest_to_circle
 from gapwalk.orbit.orbit import describe_switch, switch_named
 
@@ -257,7 +258,8 @@ def _corners(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) ->
     Where friction sticks, or a stop is held, all that a touch changes may be lost.
     """
     corners = [each for each in special if each.kind is Kind.GRAZING and each.is_corner]
-    corners = [each for each in corners if switch_named(a.orbit, each.contact) is not None]
+    unbounded = jumping_switches(a.orbit.system)
+    corners = [each for each in corners if switch_named(a.orbit, each.contact) in unbounded]
     if any(point.orbit.slips or any(count for count, _ in point.orbit.held.values()) for point in (a, b) if corners):
         return
     changes = a.orbit.closing_changes(b.orbit) if corners else []

@@ -295,7 +295,7 @@ class BranchTracer(Iterator[Step]):
     def _continues_in_segments(self, last: BranchPoint, count: int) -> bool:
         """Continue in several segments if small changes grow so much that shooting in one may fail for that alone."""
         structure, end = last.orbit.system.structure, self.end
-        is_dry, is_single = structure.reactions or structure.friction, len(last.x) == structure.state_size + 1
+        is_dry, is_single = structure.friction, len(last.x) == structure.state_size + 1
         if not last.orbit.is_exact or not is_single or is_dry or abs(last.orbit.multipliers[0]) <= _LARGE:
             return False
         self.walk.finish(last, EndReason.COARSE)

@@ -22,7 +22,7 @@ from gapwalk.continuation.corrector import TRUST, Corrector, hermite, length_of
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.equations import magnitude
-from gapwalk.flow.event_rule import jumping_switches
+from gapwalk.flow.event_rule import jumping_switches, one_way_switches
 from gapwalk.model.registry import Registry
 from gapwalk.model.words import told_apart
 from gapwalk.notebook import Shown
@@ -965,11 +965,13 @@ class SpecialPoint(Shown):
         """True if multipliers jump here: where slip and stick change their sequence, or a contact grazes that jumps.
 
         Beside such a graze (see `jumping_switches`), changes of the motion grow as the inverse of the speed of a touch.
+        A damper that acts one way only (see `one_way_switches`) changes them by a finite amount.
         Where a formula grazes, it sets in at all angles at once.
         """
         if self.kind is not Kind.GRAZING:
             return self.kind.is_corner
-        return switch_named(self.orbit, self.contact) in {None, *jumping_switches(self.orbit.system)}
+        switches = {*jumping_switches(self.orbit.system), *one_way_switches(self.orbit.system)}
+        return switch_named(self.orbit, self.contact) in {None, *switches}
 
     @cached_property
     def beyond(self) -> Beyond | None:

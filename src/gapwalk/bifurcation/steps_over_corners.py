@@ -31,7 +31,7 @@ from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.flow.contact_events import ContactEvent
-from gapwalk.flow.event_rule import jumping_switches
+from gapwalk.flow.event_rule import jumping_switches, one_way_switches
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.friction_state import SlipEvent
 from gapwalk.model.coefficients import coefficients_of, layout_of
@@ -265,6 +265,8 @@ class _Corner:
         self._unit = float(corrector.scales[0])
         rigid = first.switch in jumping_switches(point.orbit.system)
         self._least = _SOFTEST if rigid else _LEAST
+        # the branch may turn at the graze itself
+        self._turns = rigid or first.switch in one_way_switches(point.orbit.system)
         slack = _SAME_DEPTH * abs(first.depth) + 1e3 * _LEAST * self._unit
         self._simultaneous = [  # contacts that begin simultaneously, in a symmetric motion
             touch
@@ -519,8 +521,8 @@ class _Corner:
             changes = [(a, b) for a, b in changes if self._at(a).instability != self._at(b).instability]
         zeros = []
         for a, b in changes:
-            if a < 0.0 < b and self._least > _LEAST:
-                continue  # at a rigid stop the branch turns at the graze itself
+            if a < 0.0 < b and self._turns:
+                continue
             if a < 0.0 < b:
                 zeros.append(-1e-3 * self._way * self._posed.free)
                 self._at(zeros[-1])

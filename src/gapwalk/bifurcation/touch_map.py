@@ -11,6 +11,8 @@ import cmath
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +38,9 @@ _STARTS = (0.0, 1.0, -1.0, 2.0, -2.0, 4.0, -4.0)  # displacements of motions tha
 # up to which one repeats, and growth a period of what is chaos
 _AWAY, _SAME, _PERIODS, _GROWS = 1e6, 1e-6, 33, 0.02
 _ANGLES = 720  # arguments of multipliers on the unit circle that are tried
-_ALONE = 0.9  # largest ratio of the second multiplier to the leading one, of which the theory knows only one
-_OVERLAP, _CHAOS, _CLOSE = 0.25, 2.0 / 3.0, 0.03  # leading multipliers at which the scenario changes, and their doubt
+_FINE = 1e-8  # distances, as shares of the motion, to which the windows beyond a graze are looked at
+_DOUBT = 0.01  # share within which it is not decided whether windows overlap, or whether there are any
+_ALIKE = 0.1  # share to which the ratio of the last two windows is that of the theory of one multiplier
 
 Array = NDArray[np.float64]
 
@@ -92,7 +95,7 @@ class Beyond:
     """Motion beyond a graze, by the leading term of the touch."""
 
     #: ``goes on``, ``doubles``, ``period 3`` or more, ``jumps``, ``period adding``, ``period adding and chaos``,
-    #: ``chaos at once`` or ``unknown``, where the theory does not decide.
+    #: ``chaos at once`` (several of these with ``or`` where the state decides), or ``unknown`` if the theory does not.
     verdict: str
     #: order, coefficient: A touch of depth d changes the rate of the deflection by ``coefficient d^order``, at once.
     order: float
@@ -100,13 +103,16 @@ class Beyond:
     multiplier: complex  #: The leading multiplier of the motion that does not touch yet.
     #: Ratio of successive windows of period adding, in the distance from the graze; otherwise nan.
     ratio: float = math.nan
-    #: Depth of the touch at which a multiplier becomes critical, if the motion goes on; infinite if none does.
+    #: Depth of the touch at which a multiplier becomes critical, if the motion goes on; infinite if none does. Depth
+    #: of the touch to which the motion jumps, if that is small.
     depth: float = math.nan
 
     @property
     def words(self) -> str:
         """The verdict in a table: empty where the theory does not decide."""
         verdict = {"goes on": "motion continues", "unknown": ""}.get(self.verdict, self.verdict)
+        if verdict == "jumps" and self.depth < math.inf:
+            return f"jumps, by {self.depth:.1g}"
         return verdict + (f", windows by {self.ratio:.4g}" if self.ratio < math.inf else "")
 
 
@@ -114,8 +120,9 @@ def beyond(touch: TouchMap | None) -> Beyond:
     """Judge the motion beyond a graze from the map of its touch.
 
     With the order 1/2, all that counts are the depths ``c M^n b sqrt(d)`` of the next returns: where one of them is
-    beyond the stop the next touch is deeper, and the motion leaves. Otherwise the leading multiplier decides
-    (Nordmark 1991; Chin, Ott, Nusse and Grebogi 1994; Fredriksson and Nordmark 1997). With the order 1 the map is
+    beyond the stop the next touch is deeper, and the motion leaves. Otherwise there are windows of motions that touch
+    once in their periods, which overlap or not (Nordmark 1991; Chin, Ott, Nusse and Grebogi 1994; Fredriksson and
+    Nordmark 1997); with one multiplier they overlap below 1/4, and end at 2/3. With the order 1 the map is
     linear on either side (di Bernardo and others 2008, chapter 3). With the order 3/2 it is smooth enough.
     """
     if touch is None:
@@ -134,24 +141,53 @@ def beyond(touch: TouchMap | None) -> Beyond:
     largest = float(np.abs(returns).max())
     if not size or abs(returns[0]) < _RESONANT * size:
         return Beyond("unknown", *known)
-    first = int(np.argmax(returns > 0.0)) if float(returns.max()) > 0.0 else None
-    if first is not None:
-        sure = float(returns[first]) > _LITTLE * max(largest, math.sqrt(touch.size))
-        return Beyond("jumps" if sure else "unknown", *known)
-    second = abs(touch.multipliers[1]) / abs(leading) if len(touch.multipliers) > 1 else 0.0
-    one = leading.imag == 0.0 and leading.real > 0.0 and second < _ALONE and bool((np.diff(returns) >= 0.0).all())
-    if not one or min(abs(leading.real - each) for each in (_OVERLAP, _CHAOS)) < _CLOSE:
+    first = int(np.argmax(returns > 0.0)) if float(returns.max()) > 0.0 else _RETURNS - 1
+    if float(returns[first]) > _LITTLE * max(largest, math.sqrt(touch.size)):
+        return Beyond("jumps", *known)
+    if returns[first] > 0.0 and (there := windows_beyond(touch, first + 1)[-1].depth) > _FINE * touch.size:
+        return Beyond("jumps", *known, depth=there)
+    found = windows_beyond(touch, first + 1)
+    windows = [each for each in found if each.begin < touch.size and each.end > _FINE * touch.size]
+    stable = [each for each in windows if each.end > each.begin]
+    apart = [own.begin / after.end for own, after in pairwise(stable[-4:])]
+    least = [each.end / max(each.begin, 1e-300) - 1.0 for each in windows[-3:]]
+    if not windows or min(map(abs, least + [each - 1.0 for each in apart])) < _DOUBT:
         return Beyond("unknown", *known)
-    if leading.real > _CHAOS:
+    if max(least) < 0.0:
         return Beyond("chaos at once", *known)
-    verdict = "period adding" if leading.real < _OVERLAP else "period adding and chaos"
-    return Beyond(verdict, *known, ratio=leading.real**-2)
+    if not apart:
+        return Beyond("unknown", *known)
+    verdict, ratio = "period adding" if max(apart) < 1.0 else "period adding and chaos", abs(leading) ** -2
+    same = abs(stable[-2].end / stable[-1].end / ratio - 1.0) < _ALIKE
+    return Beyond(verdict, *known, ratio=ratio if same and leading.imag == 0.0 else math.nan)
+
+
+class Window(NamedTuple):
+    """Distances from the graze, in depths, at which a motion that touches once in its periods begins and ends."""
+
+    begin: float  # its flip, 0 if it has none
+    end: float  # its next graze, infinite if it has none
+    depth: float  # of its touch, at the graze of the motion that does not touch yet
+
+
+def windows_beyond(touch: TouchMap, count: int) -> list[Window]:
+    """Return where motions of the periods 1 to a count are stable: of the depth y^2, with y^2 = d + R_n y."""
+    eye, found = np.eye(len(touch.vector)), list[Window]()
+    vectors, power = touch.vector[:, None], touch.monodromy
+    for _ in range(count):
+        inner = np.linalg.solve((eye - power).T, touch.covector) @ vectors  # the depths in its periods, over y
+        last, highest = float(inner[-1]), float(inner[:-1].max(initial=-math.inf))
+        root = -0.5 * float(np.linalg.solve((eye + power).T, touch.covector) @ vectors[:, -1])
+        end = -highest * (last - highest) if len(inner) > 1 else math.inf
+        found.append(Window(max(root, 0.0) * (root - last), end, max(last, 0.0) ** 2))
+        vectors, power = np.column_stack((vectors, touch.monodromy @ vectors[:, -1])), power @ touch.monodromy
+    return found
 
 
 def _across(touch: TouchMap) -> str:
-    """Return the verdict of a map that is linear on either side of the graze, if its motions settle alike."""
+    """Return the verdict of a map that is linear on either side of the graze: what its motions settle to."""
     verdicts = {_settled(touch, share * touch.vector) for share in _STARTS}
-    return verdicts.pop() if len(verdicts) == 1 else "unknown"
+    return "unknown" if "unknown" in verdicts else " or ".join(sorted(verdicts))
 
 
 def _settled(touch: TouchMap, state: Array) -> str:

@@ -124,6 +124,23 @@ def jumping_switches(system: System, *, friction: bool = True) -> frozenset[int]
     return frozenset(found)
 
 
+@lru_cache(maxsize=256)
+def one_way_switches(system: System) -> frozenset[int]:
+    """Return the numbers of the switches whose damping acts one way only: a touch, however soft, changes multipliers.
+
+    Its impulse grows with the depth of the touch, as that of a force that jumps does with the root.
+    """
+    layout, coefficients = layout_of(system.structure), coefficients_of(system)
+    places = [(slots, stage) for slots in layout.contacts for stage in range(len(slots.stages))]
+    found = set[int]()
+    for switch, (slots, stage) in enumerate(places):
+        rate = coefficients[slots.stages[stage].clearance]
+        ways = [_difference(layout, slots, stage, coefficients, way * rate, _ANGLE) for way in (1.0, -1.0)]
+        if abs(sum(ways)) > _SLIGHT * max(map(abs, ways)):
+            found.add(switch)
+    return frozenset(found) - jumping_switches(system)
+
+
 def _jumps_at_rest(
     layout: CoefficientLayout, slots: ContactSlots, stage: int, coefficients: NDArray[np.float64]
 ) -> bool:

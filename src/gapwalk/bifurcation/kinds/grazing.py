@@ -23,7 +23,7 @@ from gapwalk.bifurcation.touch_map import Beyond, beyond, touch_map
 from gapwalk.continuation.corrector import length_of
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import NumericalError
-from gapwalk.flow.event_rule import jumping_switches
+from gapwalk.flow.event_rule import jumping_switches, one_way_switches
 from gapwalk.flow.flow import PERIOD
 from gapwalk.orbit.orbit import Orbit, Turns, apart, describe_switch, switch_named
 
@@ -92,6 +92,9 @@ class Grazing(Kind):
 
     def points_in(self, search: Search) -> list[Zero]:
         """Return all grazing points of a step; see `find_grazing`."""
+        found = find_grazing(search.interval, search.before, search.first, search.last)
+        corners = one_way_switches(search.first.orbit.system) if found else ()
+        search.corners += [each.point.arclength for each in found if each.switch in corners]
         return [
             Zero(
                 self,
@@ -101,7 +104,7 @@ class Grazing(Kind):
                 describe_switch(graze.point.orbit, graze.switch),
                 _EPS * float(np.abs(graze.point.orbit.extremes[:, :2]).max()),
             )
-            for graze in find_grazing(search.interval, search.before, search.first, search.last)
+            for graze in found
         ]
 
 

@@ -50,13 +50,12 @@ from gapwalk.bifurcation.loci.locus_equations import (
 )
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.bifurcation.steps_over_corners import free_angle
-from gapwalk.bifurcation.touch_map import touch_map
 from gapwalk.continuation.corrector import Correction, Corrector, Range, powers_of_two
 from gapwalk.continuation.curve import joined
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason, Tracing, Walk, WalkOptions, WalkState
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
-from gapwalk.flow.event_rule import jumping_switches
+from gapwalk.flow.event_rule import jumping_switches, one_way_switches
 from gapwalk.flow.flow import PERIOD
 from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.method import Method, chosen
@@ -457,9 +456,7 @@ def _started(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Rang
         return _started(finer, special, within)
     correction, tangent = onto_curve(corrector, start)
     if correction is None and isinstance(equation, GrazingEquation):  # the motion at the point may touch
-        before = float(x[-3]) - _LEAD * math.sqrt(_MISSED)
-        away = math.copysign(_MISSED * float(corrector.scales[0]), equation.depth)
-        correction, tangent = onto_curve(corrector, _deeper(equation, start, corrector.scales, before, away))
+        correction, tangent = onto_curve(corrector, _missing(equation, start, corrector.scales))
     if correction is None or correction.distance > (_FAR if isinstance(plane, ShotPlane) else _COARSE):
         if finer is not None and plane.inaccuracy(orbit, _LITTLE):
             return _started(finer, special, within)
@@ -490,7 +487,8 @@ def _shot(method: Shooting, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane:
     if method.segments > 1:
         raise ModelError(f"segments is {method.segments}; a locus is followed with one, write Shooting(segments=1)")
     # where an event passes the start of the period the state there jumps, or has a corner
-    begin = free_angle(orbit, 1) if jumping_switches(orbit.system, friction=False) else 0.0
+    sharp = jumping_switches(orbit.system, friction=False) | one_way_switches(orbit.system)
+    begin = free_angle(orbit, 1) if sharp else 0.0
     return ShotPlane(orbit.system, names, orbit.period, method, begin=begin)
 
 
@@ -509,7 +507,16 @@ def _posed(
 ) -> tuple[Corrector, NDArray[np.float64]]:
     """Return the corrector for the locus of a special point, and the start in its variables."""
     equation, unknowns, scales = equation_of(plane, special, [each.width for each in within])
-    return Corrector(equation, scales), np.append(unknowns, special.orbit.system[plane.names[1]]) / scales
+    start = np.append(unknowns, special.orbit.system[plane.names[1]]) / scales
+    if isinstance(equation, GrazingEquation) and equation.switch in one_way_switches(special.orbit.system):
+        start = _missing(equation, start, scales)  # how far it touches is rounding
+    return Corrector(equation, scales), start
+
+
+def _missing(touch: GrazingEquation, start: NDArray[np.float64], scales: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a start whose motion does not touch."""
+    before = float(start[-3] * scales[-3]) - _LEAD * math.sqrt(_MISSED)
+    return _deeper(touch, start, scales, before, math.copysign(_MISSED * float(scales[0]), touch.depth))
 
 
 def equation_of(
@@ -540,7 +547,9 @@ def equation_of(
         margin, others = MARGIN * float(units[0]), [orbit.system[name] for name in plane.names[1:]]
         equation = GrazingEquation(plane, switch, 0.0, min(plane.tolerance, 0.1 * margin))
         unknowns = equation.unknowns(orbit)
-        equation = replace(equation, depth=-margin if equation.is_highest(unknowns, *others) else margin)
+        before = unknowns.copy()  # the motion at the point may touch
+        before[-2] -= _LEAD * math.sqrt(_MISSED)
+        equation = replace(equation, depth=-margin if equation.is_highest(before, *others) else margin)
     return equation, unknowns, scales
 
 
@@ -828,18 +837,12 @@ class LocusTracer(Iterator[LocusStep]):
     def _jumping(self) -> frozenset[int]:
         return jumping_switches(self.first.orbit.system)
 
-    def _is_sharp(self, turning: Turning) -> bool:
-        """Return True if multipliers jump, or grow without bound, where this touch begins."""
-        if turning.switch in self._jumping:
-            return True
-        touch = touch_map(self.walk.point.orbit, turning.switch, turning.theta)
-        return touch is not None and touch.order == 1.0
-
     def _ends_of_multipliers(self) -> Iterator[Finding]:
         """Yield the ends just ahead of a locus of multipliers, at a contact that ceases to touch."""
         kind, corrector, state = self.beginning.kind, self.beginning.corrector, self.walk.state
+        sharp = self._jumping | one_way_switches(self.first.orbit.system)
         for reach, turning in approaches(state.previous, state.point) if kind.by_multipliers else ():
-            if turning.is_touch and reach < _ENDING and self._is_sharp(turning):
+            if turning.is_touch and reach < _ENDING and turning.switch in sharp:
                 near = NearGrazing(corrector, turning.switch)
                 yield from _ends(near, kind.target, state.point, turning, _OVER * reach)
 
