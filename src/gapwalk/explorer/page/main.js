@@ -251,9 +251,11 @@ function showEmpty() {
 function whyEmpty() {
   const over = page.results.filter(({ state }) => ["done", "stopped", "failed"].includes(state));
   const bold = (word) => Object.assign(document.createElement("b"), { textContent: word });
+  const [refused] = over.every(({ state }) => state === "failed") ? over.slice(-1) : [];
+  if (refused) return [bold(refused.title), ` has failed: ${refused.message}. `, pressed("Settle", "settle"), " shows the motion of the file at its values, be it periodic or not.", curves.quick ? " Pale: the quick response." : ""];
   if (curves.quick) return ["Nothing is computed yet. Pale: a quick response, to one hundredth. ", pressed("Compute", "compute"), " walks it exactly, with its special points.", quick.note ? ` (${quick.note})` : ""];
   if (!over.length && storedBeside().length) return ["A run has stored ", ...storedBeside().flatMap(openLink), ". ", bold("Compute"), " computes here."];
-  if (!over.length) return ["Nothing is computed yet. ", bold("Compute"), " begins; the diagram grows while it is walked.", quick.isAwaited ? " A quick response is on its way; the first one of an installation takes up to a minute longer." : quick.note ? ` (${quick.note})` : ""];
+  if (!over.length) return ["Nothing is computed yet. ", bold("Compute"), " begins; the diagram grows while it is walked.", quick.words];
   if (over.some(({ settled }) => settled)) return ["A motion that does not repeat itself has no place in the diagram. ", bold("Show"), ", in the list of results, shows it."];
   return ["Nothing of what was computed has a place over these axes; the list of results says what was found."];
 }
