@@ -277,6 +277,7 @@ class RattleBands(Shown):
                 )
                 for row in chosen
             ],
+            spare=[headings[place] for place in (13, 7, 10, 8, 6, 11) + (12,) * (_key(rows) != "approach")],
         )
 
     def _listed(self, rows: Sequence[Severity]) -> list[Severity]:
