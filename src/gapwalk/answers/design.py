@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, NamedTuple
@@ -525,11 +525,11 @@ class Design(Shown):
         moved = [each for each in sorted(self.changes, key=_size, reverse=True) if abs(each.after - each.before) > 0.0]
         texts = [f"{each.name} {_percent(each)}" for each in moved if _size(each) >= 5e-4] or ["nothing"]
         if all(goal.is_reached for goal in self.judged):
-            what = " and ".join(goal.words for goal in self.judged)
+            what = " and ".join(_together(goal.words for goal in self.judged))
             if self.failures:
                 return f"not proved: {what}; the response reaches it with {', '.join(texts)}, but {self.failures[0]}"
             return f"{what}: change {', '.join(texts)}"
-        missed = " and ".join(goal.words for goal in self.judged if not goal.is_reached)
+        missed = " and ".join(_together(goal.words for goal in self.judged if not goal.is_reached))
         return f"not reached within the limits: {missed}; nearest with {', '.join(texts)}"
 
     @summarizes
@@ -600,6 +600,15 @@ class Design(Shown):
 
     def __repr__(self) -> str:
         return f"Design({self.sentence})"
+
+
+def _together(words: Iterable[str]) -> list[str]:
+    """Return the words of goals; those of gaps that are to be quiet in one band are one."""
+    found: dict[str, str] = {}
+    for text in words:
+        gap, quiet, band = text.rpartition(" quiet ")
+        found[band] = f"{found[band]}, {gap}" if quiet and band in found else gap or text
+    return [text if text.endswith(band) else f"{text} quiet {band}" for band, text in found.items()]
 
 
 def _size(each: ChangedParameter) -> float:
@@ -821,7 +830,7 @@ def _parts_of_picture(found: Design) -> Parts:
             words.setdefault(goal.band, []).append(judged.words)
     ends = dict.fromkeys(end for band in words for end in band)
     return Parts(
-        shades=[Shade(found.parameter, *band, "goal", "; ".join(texts)) for band, texts in words.items()],
+        shades=[Shade(found.parameter, *band, "goal", "; ".join(_together(texts))) for band, texts in words.items()],
         lines=[Line(found.parameter, end, f"{end:.6g}") for end in ends],
         bars=[_bar(each, found.system) for each in found.changes],
     )
