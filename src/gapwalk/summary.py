@@ -279,8 +279,8 @@ def _print_table(table: Table, screen: rich.console.Console) -> None:
             left_out.append(spare.pop(0))
             lacking -= wide[table.headings.index(left_out[-1])] + _GAP
         places = [place for place, name in enumerate(table.headings) if name not in left_out]
-        less = [[row[place] for place in places] for row in table.rows]
-        _print_table(Table([table.headings[place] for place in places], less, table.groups), screen)
+        head, *less = [[row[place] for place in places] for row in (table.headings, *table.rows)]
+        _print_table(Table(head, less, table.groups), screen)
         names = ", ".join(name.removeprefix(">") for name in left_out)
         screen.print(wrapped(f"left out at {screen.width} columns: {names}", screen.width), soft_wrap=True)
         return

@@ -48,8 +48,9 @@ _TRUST, _WIDEST = 0.1, 0.5  # radius of the trust region, in relative changes
 _DONE = 1e-6  # relative changes, and missing margins relative to the safety margin, that no longer count
 _NARROWEST = 1e-5  # radius at which a search is stuck
 _HOPELESS = 1.5  # ratio to the least change known at which a search that still misses goals is given up
-_MORE, _SMOOTH = 4, 0.2  # designs that a search still tries, as a rule; largest step of a response without gaps
-_WATCHED = 8  # steps of `SettledCurve` from one value to the next at which a new train is settled
+# designs that a search still tries, as a rule; largest step of a response without gaps; steps of `SettledCurve` from one
+# value to the next at which a new train is settled
+_MORE, _SMOOTH, _WATCHED = 4, 0.2, 8
 _ACCEPTED, _GOOD = 0.05, 0.7  # shares of the predicted decrease
 
 
@@ -246,8 +247,7 @@ class DesignProblem:
 
     def free_response(self, held: LocalResponse) -> LocalResponse:
         """Return the response of the machine, from the motion with all gaps held; a NumericalError if it is none."""
-        orbit = find_orbit(released(held.system), self.lead.period, held.lead.state)
-        return replace(held, lead=orbit)
+        return replace(held, lead=find_orbit(released(held.system), self.lead.period, held.lead.state))
 
     def ways(self) -> list[tuple[str, ...]]:
         """Return the combinations of the ways of all goals."""
@@ -735,11 +735,10 @@ def _watched(problem: DesignProblem, system: System, failures: list[str]) -> tup
     except NumericalError as error:
         failures.append(str(error))
         return ()
-    low, high = min(curve.values), max(curve.values)
     bounds = {goal.gap: goal.within for goal in problem.goals if isinstance(goal, Quiet)}
     parted: dict[str, list[float]] = {}
     for place, form in enumerate(system.structure.equations.contacts):
-        least, most = bounds.get(form.name, (low, high))
+        least, most = bounds.get(form.name, (-math.inf, math.inf))
         values = [band.value for band in bands if band.separations[place] > 0.0 and least <= band.value <= most]
         parted |= {form.name: values} if values else {}
     for gap, values in parted.items():
@@ -798,20 +797,16 @@ def design_picture(found: Design, measure: str = "") -> Picture:
     """Describe the responses before and after with the bands of the goals shaded, and the changes as bars."""
     kinds = {getattr(goal, "kind", None) for goal in found.goals}
     alike = "isolated branches are drawn like the response after"
+    isolated = [(f"isolated-{k}", each, "after", alike) for k, each in enumerate(found.isolated, start=1)]
+    before = "before", found.response_before, "before", "before"
+    all_curves = [("after", found.response, "after", "after"), *isolated, before]
     return Picture(
         found.system,
         (found.parameter, full_measure(measure or shown_measure(found.system, found), found.system.coordinates)),
         [
-            *([NamedCurve("after", found.response, "after", "after", marks=kinds)] if found.response else []),
-            *(
-                NamedCurve(f"isolated-{k}", each, "after", alike, marks=kinds)
-                for k, each in enumerate(found.isolated, start=1)
-            ),
-            *(
-                [NamedCurve("before", found.response_before, "before", "before", is_earlier=True, marks=kinds)]
-                if found.response_before
-                else []
-            ),
+            NamedCurve(name, curve, look, text, is_earlier=look == "before", marks=kinds)
+            for name, curve, look, text in all_curves
+            if curve is not None
         ],
         lambda: _parts_of_picture(found),
         heading=[found.sentence],

@@ -367,10 +367,13 @@ def _write_values(picture: Picture, parts: Parts, ax: Axes) -> None:
         middle, half = width * (each.at - low) / (high - low), _WIDE_LETTER * size * max(map(len, lines), default=0) / 2
         if is_named and all(middle + half < left or right < middle - half for left, right in taken):
             taken.append((middle - half, middle + half))
-            options: Any = {"xycoords": ("data", "axes fraction"), "annotation_clip": False, "fontsize": size}
-            ax.annotate(
-                "\n".join(lines), (each.at, 1.0), xytext=(0.0, 3.0), ha="center", va="bottom", **_OFFSET, **options
-            )
+            options: Any = {
+                "xycoords": ("data", "axes fraction"),
+                "annotation_clip": False,
+                "ha": "center",
+                "va": "bottom",
+            }
+            ax.annotate("\n".join(lines), (each.at, 1.0), xytext=(0.0, 3.0), fontsize=size, **_OFFSET, **options)
 
 
 def _write_notes(ax: Axes, series: Sequence[Series], shade: Shade | None) -> None:

@@ -44,7 +44,6 @@ export class Diagram {
     this.arrows = []; // from a special point to where a changed parameter moves it
     this.extra = () => ({ over: null, arrows: [] }); // returns both
     this.drawn = () => {}; // called after each drawing
-    this.sampled = () => {}; // called with the value across of a motion that is a mark of an answer, after a click
     this.pale = () => {}; // called after a click on the quick response, whose points have no motions
     this.painted = () => {}; // called with Plotly's axes whenever they have moved
     this.watchClicks();
@@ -324,7 +323,7 @@ export class Diagram {
       const marks = found ? [] : (this.over?.layers ?? []).filter(({ mark }) => mark === "dots" || mark === "crosses");
       const met = marks.flatMap(({ x, y }) => x.map((value, k) => [Math.hypot(toX(value) - px, toY(y[k]) - py), value])).sort(([a], [b]) => a - b)[0];
       if (found) this.chosen(found);
-      else if (met?.[0] < REACH) this.sampled(met[1]);
+      else if (met?.[0] < REACH) this.sampled?.(met[1]);
       else if (this.curves.nearest(px, py, toX, toY, REACH, this.curves.drawn())) this.pale();
     });
   }
