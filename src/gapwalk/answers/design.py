@@ -48,8 +48,8 @@ _TRUST, _WIDEST = 0.1, 0.5  # radius of the trust region, in relative changes
 _DONE = 1e-6  # relative changes, and missing margins relative to the safety margin, that no longer count
 _NARROWEST = 1e-5  # radius at which a search is stuck
 _HOPELESS = 1.5  # ratio to the least change known at which a search that still misses goals is given up
-# designs that a search still tries, as a rule; largest step of a response without gaps; steps of `SettledCurve` from one
-# value to the next at which a new train is settled
+# designs that a search still tries, as a rule; largest step of a response without gaps; steps of `SettledCurve` between
+# two values at which a new train is settled
 _MORE, _SMOOTH, _WATCHED = 4, 0.2, 8
 _ACCEPTED, _GOOD = 0.05, 0.7  # shares of the predicted decrease
 

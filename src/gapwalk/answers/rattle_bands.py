@@ -562,7 +562,6 @@ def _kind_of(system: System, states: NDArray[np.float64]) -> str:
 
 
 _TINTS = {GapState.ONE_SIDE: ("one", "rattles on one side"), GapState.BOTH_SIDES: ("both", "rattles on both sides")}
-_APART_FROM = 2.5  # steps between two other motions beyond which they are not of one range
 _SAMPLED = 64  # samples of a forcing period of a motion without period
 
 
@@ -708,8 +707,8 @@ def _along(found: RattleBands, rows: Sequence[Severity], key: str) -> Iterator[S
         own = [row for row in rows if row.met == met]
         look, text = _look(found, met)
         x, y = np.array([(row.value, getattr(row, key)) for row in own]).T
-        # other motions are met here and there: no line leads from one range to the next
-        apart = np.flatnonzero(np.diff(x) > _APART_FROM * step) + 1 if look == "other" else []
+        # other motions are met here and there: no line leads over more than two steps without one
+        apart = np.flatnonzero(np.diff(x) > 2.5 * step) + 1 if look == "other" else []
         yield Series(np.insert(x, apart, math.nan), np.insert(y, apart, math.nan), "line", look)
         is_periodic = np.array([row.period > 0 for row in own])
         for mark, chosen in (("dots", is_periodic), ("crosses", ~is_periodic)):
