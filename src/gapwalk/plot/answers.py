@@ -367,14 +367,8 @@ def _write_values(picture: Picture, parts: Parts, ax: Axes) -> None:
         middle, half = width * (each.at - low) / (high - low), _WIDE_LETTER * size * max(map(len, lines), default=0) / 2
         if is_named and all(middle + half < left or right < middle - half for left, right in taken):
             taken.append((middle - half, middle + half))
-            at: Any = {
-                "xycoords": ("data", "axes fraction"),
-                "ha": "center",
-                "va": "bottom",
-                "fontsize": size,
-                **_OFFSET,
-            }
-            ax.annotate("\n".join(lines), (each.at, 1.0), xytext=(0.0, 3.0), annotation_clip=False, **at)
+            at: Any = {"xycoords": ("data", "axes fraction"), "annotation_clip": False, "fontsize": size, **_OFFSET}
+            ax.annotate("\n".join(lines), (each.at, 1.0), xytext=(0.0, 3.0), ha="center", va="bottom", **at)
 
 
 def _write_notes(ax: Axes, series: Sequence[Series], shade: Shade | None) -> None:
