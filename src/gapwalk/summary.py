@@ -31,6 +31,8 @@ class Table:
     headings: Sequence[str]
     rows: Sequence[Sequence[str]]  #: The cells of each row.
     groups: Sequence[int] = ()  #: Indices of the rows after which a gap separates groups of rows.
+    #: Headings of columns that are left out, and named, where the width does not suffice: the first ones first.
+    spare: Sequence[str] = ()
 
     @property
     def filled(self) -> Table:
@@ -271,6 +273,17 @@ def _print_table(table: Table, screen: rich.console.Console) -> None:
     wide = [max(len(cell) for cell in column) for column in zip([name for name, _ in columns], *rows, strict=True)]
     room = screen.width - _GAP * (len(wide) - 1)
     widths = wide if sum(wide) <= room else _narrowed(columns, rows, wide, room)
+    if not widths and (spare := list(table.spare)):
+        lacking, left_out = sum(wide) - room, list[str]()
+        while lacking > 0 and spare:
+            left_out.append(spare.pop(0))
+            lacking -= wide[table.headings.index(left_out[-1])] + _GAP
+        places = [place for place, name in enumerate(table.headings) if name not in left_out]
+        head, *less = [[row[place] for place in places] for row in (table.headings, *table.rows)]
+        _print_table(Table(head, less, table.groups), screen)
+        names = ", ".join(name.removeprefix(">") for name in left_out)
+        screen.print(wrapped(f"left out at {screen.width} columns: {names}", screen.width), soft_wrap=True)
+        return
     if not widths:
         screen.print("\n".join(_stacked(columns, rows, wide, table.groups, screen.width)), soft_wrap=True)
         return

@@ -1,5 +1,6 @@
 """Designs against closed forms of the linear oscillator, and the derivatives of goals against designs walked again."""
 
+import io
 import math
 from pathlib import Path
 
@@ -8,10 +9,12 @@ import pytest
 from scipy.optimize import minimize
 
 import gapwalk as gw
-from gapwalk.answers.design import DesignProblem, LeastChangeOptions
+from gapwalk.answers.design import DesignProblem, LeastChangeOptions, design_picture
 from gapwalk.answers.goals import MARGIN, peaks
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
+from gapwalk.studies import read_studies
+from tests.studies.test_complete_response import TRAIN
 
 IDLE = Path(__file__).resolve().parents[2] / "examples" / "idle.toml"
 GAP, DAMPING, LOAD = 1.0, 0.1, 0.15
@@ -223,3 +226,54 @@ def test_a_stopped_design_continues_to_the_same(tmp_path, quiet):
     assert again.routes == quiet.routes
     assert again.system == quiet.system
     assert gw.open_result(output).changes == quiet.changes
+
+
+GEARS = (
+    TRAIN[: TRAIN.index("[study]")]
+    + """
+[study]
+kind = "design"
+parameter = "speed"
+from = "1040 rpm"
+to = "1100 rpm"
+changes = [{ parameter = "springs.stiffness", by = 0.3 }, { parameter = "flywheel.inertia", by = 0.3 }]
+goals = [{ quiet = "mesh2" }, { quiet = "mesh1" }]
+starts = 0
+workers = 1
+"""
+)
+"""Two loose gears, whose motion has no period where the range begins."""
+
+
+def rattling(system: gw.System) -> set[str]:
+    """Gaps that part in settled motions over the range, by slow sweeps of equal steps."""
+    found = gw.ask.rattle_bands(system, "speed", (1040.0, 1100.0), steps=3, starts=0, search=0, workers=1)
+    return {band.gap for band in found.bands}
+
+
+def test_a_train_that_rattles_without_period_is_made_quiet(tmp_path) -> None:
+    (study,) = read_studies(io.StringIO(GEARS))
+    assert rattling(study.system) == {"mesh1", "mesh2"}
+    gw.run(study, tmp_path / "gears.gapwalk")
+    found = gw.open_result(tmp_path / "gears.gapwalk").finding.record
+    assert found.is_reached
+    assert found.sentence.startswith("mesh2, mesh1 quiet between speed = 1040 and 1100 rpm: change ")
+    assert found.response_before is None
+    assert found.system.structure == study.system.structure
+    assert rattling(found.system) == set()
+    orbit = gw.find_orbit(found.system.at(speed=1040.0))
+    assert orbit.stable
+    assert min(orbit.motion().signal("mesh1.torque")) > 0.0
+    nearly = {each.name: 0.4 * each.before + 0.6 * each.after for each in found.changes}
+    assert rattling(study.system.at(nearly))  # it is the least change
+    assert [each.name for each in design_picture(found).curves] == ["after"]
+
+
+def test_a_gap_that_others_shake_is_not_called_quiet() -> None:
+    (study,) = read_studies(
+        io.StringIO(GEARS.replace(', { quiet = "mesh1" }', "").replace('gear1 = "-0.4', 'gear1 = "-0.2'))
+    )
+    found = gw.run(study).finding.record
+    assert not found.is_reached
+    assert "mesh2" in rattling(found.system)
+    assert 'they need goals too: { quiet = "mesh1" }' in found.sentence

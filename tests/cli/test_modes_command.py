@@ -1,6 +1,11 @@
 """``gapwalk modes``: rest and natural vibrations in words, in JSON, and as a picture."""
 
 import json
+import os
+import re
+import subprocess
+import sys
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -67,7 +72,7 @@ def test_many_inertias_are_told_by_the_largest(tmp_path, capsys) -> None:
     text = capsys.readouterr().out
     assert "d0 by 1; reaction" in text
     assert "moves most" in text
-    assert "d0 +1.000" in text
+    assert "d0:+1.000" in text
     assert "... and 11 more, up to W = 1.9986" in text
 
 
@@ -128,3 +133,28 @@ def test_a_formula_without_a_value_at_zero_has_modes_about_its_rest(monkeypatch,
     assert f"{(2.0 / np.exp(0.5)) ** 0.5:.6g}" in text
     assert main(["modes", TRAIN, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["closed"] is None
+
+
+def test_a_terminal_of_eighty_columns_breaks_no_entry_of_a_mode(capsys) -> None:
+    pty, termios = pytest.importorskip("pty"), pytest.importorskip("termios")  # there are none on Windows
+    source, sink = pty.openpty()
+    termios.tcsetwinsize(sink, (40, 80))
+    train = Path(__file__).parents[1] / "data" / "train_a.toml"
+    environment = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
+    command = [sys.executable, "-m", "gapwalk", "modes", str(train)]
+    text = b""
+    with subprocess.Popen(command, stdout=sink, env={**environment, "TERM": "dumb"}) as modes:
+        os.close(sink)
+        with suppress(OSError):  # at its end
+            while piece := os.read(source, 1 << 16):
+                text += piece
+    os.close(source)
+    assert modes.returncode == 0
+    lines = text.decode().replace("\r", "").splitlines()
+    assert max(map(len, lines)) <= 80
+    assert main(["modes", str(train)]) == 0
+    wide = capsys.readouterr().out.split()
+    pairs = [word for word in wide if re.fullmatch(r"\w+:[+-][01]\.\d{3},?", word)]
+    assert len(pairs) > 26
+    assert [word for line in lines for word in line.split() if word in pairs] == pairs  # each name beside its number
+    assert "left out at 80 columns: speed [rpm], order 6" in "\n".join(lines)

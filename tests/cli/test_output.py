@@ -78,6 +78,19 @@ def test_no_number_and_no_word_is_ever_cut(width: int) -> None:
         assert Counter(word for line in lines for word in line.split() if "─" not in word) == words
 
 
+def test_columns_that_may_be_left_out_are_named_where_the_width_does_not_suffice() -> None:
+    cells = ["700", "both sides", "12.25", "3.5", "0.186"]
+    spare = [">kurtosis", ">lost [W]"]
+    table = Table([">speed [rpm]", "state", ">rms " + "x" * 50, *spare], [cells], spare=spare)
+    lines = drawn([table], 80)
+    assert lines[0].split() == ["speed", "[rpm]", "state", "rms", "x" * 50]
+    assert lines[2].split() == ["700", "both", "sides", "12.25"]
+    assert lines[3] == "left out at 80 columns: kurtosis, lost [W]"
+    lines = drawn([table], 120)
+    assert lines[2].split() == ["700", "both", "sides", "12.25", "3.5", "0.186"]
+    assert len(lines) == 3
+
+
 def test_rows_that_do_not_fit_take_several_lines_in_columns() -> None:
     wide = Table(["kind", ">value", ">more", "text"], [["fold", "1." + "2" * 30, "3" * 36, "a b"]])
     lines = drawn([wide], 80)

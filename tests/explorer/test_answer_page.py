@@ -11,13 +11,18 @@ from starlette.testclient import TestClient
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
+from gapwalk.explorer.opened_file import Exploration
+from gapwalk.explorer.page_requests import Settle
+from gapwalk.explorer.request_tasks import plan
 from gapwalk.explorer.server_state import Session
 from gapwalk.explorer.web_app import application
+from gapwalk.explorer.workspace_folder import Workspace, mark_of
 from tests.explorer.browser import chromium, new_page, opened, until, watched
 from tests.explorer.conftest import ORIGIN, STOP, about
 from tests.explorer.serving import serving
 from tests.explorer.test_web_app import unpacked
 from tests.studies.jobs import RATTLE, RUN_UP, result_file
+from tests.studies.test_complete_response import TRAIN
 
 KINDS = ("rattle", "threshold", "design", "tolerance", "run-up")
 ONE_RUN_UP = RUN_UP.replace("rate = [0.002, 0.004]\nstarts = 3\nbins = 10", "rate = 0.004")
@@ -293,6 +298,78 @@ def test_rattle_is_computed_from_the_page_and_shown_at_its_end(page) -> None:
     assert page.is_hidden("#answer")
     page.click("#results button:text-is('Show')")
     until(page, "Boolean(gapwalk.answer.content)")
+
+    page.click("#settle")
+    until(page, "gapwalk.page.results[1]?.state === 'done' && Boolean(gapwalk.motion.motion)")
+    opened(page, "rattle.gapwalk")
+    opened(page, "model.toml")  # the bands come back, although a settled motion was stored after them
+    until(page, "gapwalk.answer.content?.sentences[0].startsWith('teeth rattles')")
+
+
+GEARS = (
+    TRAIN[: TRAIN.index("[[harmonic]]")]
+    + """
+[[measured]]
+name = "gas"
+file = "torque.csv"
+acts_on = { flywheel = 1.0 }
+
+[study]
+kind = "rattle"
+parameter = "speed"
+from = "850 rpm"
+to = "950 rpm"
+steps = 4
+starts = 0
+search = 0
+"""
+)
+
+
+@pytest.fixture(scope="module")
+def gears(tmp_path_factory) -> Path:
+    """A train whose two gears rattle without period, its torque in a file beside it, and its bands of rattle."""
+    folder = tmp_path_factory.mktemp("gears")
+    angles = np.arange(0.0, 360.0, 6.0)
+    rows = [
+        f"{angle:g},{torque:.6f}" for angle, torque in zip(angles, 60.0 * np.sin(np.radians(2 * angles)), strict=True)
+    ]
+    (folder / "torque.csv").write_text("\n".join(["crank angle [deg],torque [N m]", *rows]), encoding="utf-8")
+    (folder / "gears.toml").write_text(GEARS, encoding="utf-8")
+    gw.run(gw.read_study(folder / "gears.toml"), folder / "gears.gapwalk")
+    return folder
+
+
+def test_the_worst_gap_is_chosen_and_another_one_turns_headline_and_diagram(gears) -> None:
+    found = gw.open_result(gears / "gears.gapwalk").finding.record
+    worst = max(found.worst, key=lambda each: each.severity.rms).severity.gap
+    (other,) = [each for each in found.gaps if each != worst]
+    with serving(gears / "gears.gapwalk") as address, watched(address, height=800) as page:
+        show(page, "gears.gapwalk")
+        for gap in (worst, other):
+            page.select_option("#answer-contact", gap)
+            until(page, f"document.getElementById('y').value === 'half.{gap}' && !gapwalk.page.updating")
+            assert page.inner_text("#answer-text").startswith(found.sentence(gap))
+            until(page, "gapwalk.diagram.over.layers.some(({ x }) => x.length)")
+            layer = "gapwalk.diagram.over.layers.find(({ look, x }) => look === 'rising' && x.length)"
+            place = found.system.coordinates.index(gap)
+            (rising,) = [each for each in found.sweeps if each.met == "rising"]
+            half = {m.value: np.ptp(m.extremes[[0, 2], place]) / 2 for m in rising.lanes if not m.period}
+            x, y = page.evaluate(f"[{layer}.x, {layer}.y]")
+            assert y == pytest.approx([half[value] for value in x])
+        laid, box = "gapwalk.diagram.place._fullLayout", page.locator("#diagram .plot").bounding_box()
+        at = f"[{laid}.xaxis._offset + {laid}.xaxis.l2p({x[0]}), {laid}.yaxis._offset + {laid}.yaxis.l2p({y[0]})]"
+        left, top = page.evaluate(at)
+        page.mouse.click(box["x"] + left, box["y"] + top)
+        until(page, f"gapwalk.page.chosen === null && document.getElementById('error').innerText.includes('{x[0]:g}')")
+        assert float(page.input_value("#parameters [data-name=speed] input[type=number]")) == x[0]
+
+
+def test_what_starts_from_a_file_with_measured_torque_is_of_its_model(gears) -> None:
+    shown = Exploration(Workspace(gears), "gears.toml")
+    _, task = plan(Settle(do="settle", start=None, values={"speed": 900.0}), shown)
+    assert mark_of(task.study) == shown.model
+    assert task.study.system["speed"] == 900.0
 
 
 @pytest.mark.parametrize("name", ["rattle", "threshold", "run-up"])

@@ -15,7 +15,10 @@ from tests.explorer.conftest import STOP
 from tests.explorer.machines import MACHINES
 from tests.explorer.serving import serving
 
-FILES = {**MACHINES, "stop": STOP}
+FREE = STOP.replace("damping = [0.05]", "damping = [0.0]").replace("impact_damping = 0.1", "").replace("= 0.7", "= 1.0")
+REFUSED = FREE.replace("to = 0.9", 'to = 1.2\nstart = "linear"')  # at its resonance
+EMPTY = STOP[: STOP.index("[study]")] + '[study]\nkind = "settle"\n'
+FILES = {**MACHINES, "stop": STOP, "refused": REFUSED, "empty": EMPTY}
 CURVE = "[...gapwalk.curves.all.values()][0]"
 CUT = """() => {
     const rolls = (each) => each && (/auto|scroll/.test(getComputedStyle(each).overflowX) || rolls(each.parentElement));
@@ -77,6 +80,22 @@ def test_it_opens_with_a_response_on_which_the_exact_one_lies(page) -> None:
     x, y = np.array(page.evaluate(f"[[...{CURVE}.x], [...{CURVE}.y]]"))
     order = np.argsort(x)
     assert np.abs(np.interp(quick[0], x[order], y[order]) - quick[1]).max() < 0.02 * y.max()
+
+
+def test_what_is_refused_is_said_at_once_beside_what_there_is(page) -> None:
+    opened(page, "empty.toml")
+    until(
+        page, "document.getElementById('empty').innerText.includes('There is no quick response: no study has a range')"
+    )
+    assert "Settle" in page.inner_text("#empty")
+    opened(page, "refused.toml")
+    until(page, "gapwalk.curves.quick?.x.at(-1) === 1.2")
+    page.click("#empty button")
+    until(page, "gapwalk.page.results[0]?.state === 'failed'")
+    until(page, "/without damping.*Pale: the quick response/s.test(document.getElementById('empty').innerText)")
+    page.get_by_role("button", name="Settle").first.click()  # what it says to do
+    until(page, "gapwalk.page.results.at(-1)?.settled && Boolean(gapwalk.motion.motion)")
+    opened(page, "stop.toml")
 
 
 def test_a_curve_is_read_at_the_pointer_in_a_table_and_from_an_address(page) -> None:

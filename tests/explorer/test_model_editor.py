@@ -5,6 +5,7 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import gapwalk as gw
@@ -17,6 +18,7 @@ from gapwalk.model.model_file import check_model
 from gapwalk.model.model_source import parse_source, value_spans
 from gapwalk.studies import read_studies
 from tests.explorer.conftest import STOP, run_apart
+from tests.studies.test_complete_response import TRAIN
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 STARTS = [each["name"] for each in starts()]
@@ -166,6 +168,21 @@ def test_the_points_of_the_last_walk_are_moved_to_other_numbers_at_once() -> Non
     assert coarse[0] == pytest.approx(upper, rel=1e-5)
     other = wide.replace("stiffness = 20.0", 'stiffness = 20.0, side = "positive"')  # another structure
     assert not [each for each in response(Asked(3, other), last) if "moved" in each]
+
+
+def test_a_train_that_rattles_without_period_has_its_settled_response_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("an orbit is looked for where none is")
+
+    monkeypatch.setattr(live_response, "find_orbit", refuse)
+    monkeypatch.setattr(live_response, "_LONGEST", 600.0)
+    text = TRAIN.replace('from = "1100 rpm"', 'from = "900 rpm"').replace('"1050 rpm"', '"880 rpm"')
+    first, *points, last = response(Asked(1, text))
+    assert last["end"] == ""
+    assert {each["label"] for each in points} == {live_response._SETTLED}
+    assert [points[0]["x"], points[-1]["x"]] == first["range"] == [900.0, 880.0]
+    depth = np.array([each["y"] for each in points])  # deg: the teeth are left, and hit again
+    assert np.all((depth > 0.12) & (depth < 1.0))
 
 
 def test_a_response_without_time_is_not_empty(monkeypatch: pytest.MonkeyPatch) -> None:

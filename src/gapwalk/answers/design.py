@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, NamedTuple
@@ -11,7 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.goals import COARSE, EXACT, MARGIN, AnyGoal, Goal, LocalResponse, Need, unstable_spans
+from gapwalk.answers.gap_states import kept, released, usual_gaps
+from gapwalk.answers.goals import COARSE, EXACT, MARGIN, AnyGoal, Goal, LocalResponse, Need, Quiet, unstable_spans
+from gapwalk.answers.lane_sweep import is_many
+from gapwalk.answers.settled_curve import SettledCurve
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import follow
@@ -21,15 +24,16 @@ from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.bounds import Bounded, Counted, Fraction, Natural, Positive, check_fields
+from gapwalk.model.equilibria import find_equilibria
 from gapwalk.model.measures import full_measure
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
-from gapwalk.model.words import parameter_symbol
+from gapwalk.model.words import between_words, parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.orbit.find import carry, find_orbit
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.picture_parts import Bar, Line, NamedCurve, Parts, Picture, Shade, pictured
-from gapwalk.pieces import workers_around
+from gapwalk.pieces import tell, workers_around
 from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
 
 # The least change of some parameters that reaches all goals, found by gradients and proved on the new response.
@@ -44,6 +48,9 @@ _TRUST, _WIDEST = 0.1, 0.5  # radius of the trust region, in relative changes
 _DONE = 1e-6  # relative changes, and missing margins relative to the safety margin, that no longer count
 _NARROWEST = 1e-5  # radius at which a search is stuck
 _HOPELESS = 1.5  # ratio to the least change known at which a search that still misses goals is given up
+# designs that a search still tries, as a rule; largest step of a response without gaps; steps of `SettledCurve` between
+# two values at which a new train is settled
+_MORE, _SMOOTH, _WATCHED = 4, 0.2, 8
 _ACCEPTED, _GOOD = 0.05, 0.7  # shares of the predicted decrease
 
 
@@ -226,12 +233,25 @@ class DesignProblem:
         """Return the weighted norm of relative changes."""
         return float(np.sqrt(np.sum(self.weights * u**2)))
 
+    @property
+    def is_held(self) -> bool:
+        """True if its responses are those with all gaps held (see `first_orbit`)."""
+        return released(self.lead.system).structure != self.lead.system.structure
+
     def response(self, u: NDArray[np.float64], lead: Orbit | None = None) -> LocalResponse:
         """Return the response of a design, which is walked when it is first needed."""
         lead = lead or self.lead
         system = System.from_values(lead.system.structure, self.system_at(u).values)
         moved, scales = carry(lead, system, self.names), tuple(self.scales.tolist())
-        return LocalResponse(moved, self.parameter, self.end, self.names, scales, self.options.walk)
+        walk, end = self.options.walk, self.end
+        if self.is_held:  # it is smooth, and need not be walked through a resonance beyond the goals
+            ends = [value for goal in self.goals for value in goal.band or (end,)]
+            walk, end = replace(walk, largest_step=_SMOOTH), min(ends) if end < system[self.parameter] else max(ends)
+        return LocalResponse(moved, self.parameter, end, self.names, scales, walk)
+
+    def free_response(self, held: LocalResponse) -> LocalResponse:
+        """Return the response of the machine, from the motion with all gaps held; a NumericalError if it is none."""
+        return replace(held, lead=find_orbit(released(held.system), self.lead.period, held.lead.state))
 
     def ways(self) -> list[tuple[str, ...]]:
         """Return the combinations of the ways of all goals."""
@@ -362,6 +382,7 @@ class _Search:
 
     def judged(self, u: NDArray[np.float64], leads: dict[Structure, Orbit]) -> _Judged:
         """Walk the responses of a design, one for each system that the goals are judged on, and judge them."""
+        tell(self.steps / (self.steps + _MORE))
         self.steps += 1
         problem, needs = self.problem, list[Need]()
         responses: dict[Structure, LocalResponse] = {}
@@ -484,8 +505,9 @@ class Design(Shown):
     judged: tuple[JudgedGoal, ...]  #: How far each goal is reached, on the responses below.
     change: float  #: Weighted norm of the relative changes.
     #: response_before, response: Responses of the present and of the new system.
-    response_before: Branch
-    response: Branch
+    #: None of a train whose motion has no period: where gaps rattle often, that with all of them held is judged.
+    response_before: Branch | None
+    response: Branch | None
     #: Isolated branches of motions of the same period that the search has found on the new system.
     isolated: tuple[Branch, ...]
     others: tuple[FoundOrbit, ...]  #: Motions of other periods that it has found.
@@ -507,11 +529,11 @@ class Design(Shown):
         moved = [each for each in sorted(self.changes, key=_size, reverse=True) if abs(each.after - each.before) > 0.0]
         texts = [f"{each.name} {_percent(each)}" for each in moved if _size(each) >= 5e-4] or ["nothing"]
         if all(goal.is_reached for goal in self.judged):
-            what = " and ".join(goal.words for goal in self.judged)
+            what = " and ".join(_together(goal.words for goal in self.judged))
             if self.failures:
                 return f"not proved: {what}; the response reaches it with {', '.join(texts)}, but {self.failures[0]}"
             return f"{what}: change {', '.join(texts)}"
-        missed = " and ".join(goal.words for goal in self.judged if not goal.is_reached)
+        missed = " and ".join(_together(goal.words for goal in self.judged if not goal.is_reached))
         return f"not reached within the limits: {missed}; nearest with {', '.join(texts)}"
 
     @summarizes
@@ -549,7 +571,8 @@ class Design(Shown):
             f"norm of the relative changes {self.change:.6g}; {count} search{'es' if count > 1 else ''}, "
             f"{len(reached) or 'none'} of which reached the goals with the safety margin, {steps} designs tried"
         )
-        yield f"proof: {self.response.counts}; searched at {len(self.searched)} values: {self._found_words()}"
+        walked = self.response.counts if self.response else "the quiet motion could not be followed"
+        yield f"proof: {walked}; searched at {len(self.searched)} values: {self._found_words()}"
         if notes:
             yield from remarks(self.notes, self.failures)
 
@@ -581,6 +604,15 @@ class Design(Shown):
 
     def __repr__(self) -> str:
         return f"Design({self.sentence})"
+
+
+def _together(words: Iterable[str]) -> list[str]:
+    """Return the words of goals; those of gaps that are to be quiet in one band are one."""
+    found: dict[str, str] = {}
+    for text in words:
+        gap, quiet, band = text.rpartition(" quiet ")
+        found[band] = f"{found[band]}, {gap}" if quiet and band in found else gap or text
+    return [text if text.endswith(band) else f"{text} quiet {band}" for band, text in found.items()]
 
 
 def _size(each: ChangedParameter) -> float:
@@ -617,17 +649,27 @@ def proved(
     present, before = _present(fine, notes)
     found: list[FoundOrbit] = []
     searched: tuple[float, ...] = ()
-    if values:
+    response: Branch | None = None
+    failures: list[str] = []
+    if problem.is_held:
+        searched = _watched(problem, released(new.system), failures)
+        try:
+            response = problem.free_response(new).branch if not failures else None
+        except NumericalError as error:
+            failures.append(f"the quiet motion could not be followed: {error}")
+    elif values:
         searched = values if isinstance(values, tuple) else _searched(problem, values)
         result = search(new.system, problem.parameter, searched, known=[new.branch], options=options)
         found = list(result.new)
-    isolated = _followed(new.branch, [each for each in found if each.orbit.period == problem.lead.period], notes)
+    response = response if problem.is_held else new.branch
+    own = [each for each in found if each.orbit.period == problem.lead.period]
+    isolated = [] if problem.is_held else _followed(new.branch, own, notes)
     others = tuple(each for each in found if each.orbit.period != problem.lead.period)
     judged = [
         JudgedGoal(goal.words(new.system, problem.parameter), margin, goal.margin(new))
         for goal, margin in zip(problem.goals, before, strict=True)
     ]
-    failures = [text for branch in isolated for goal in problem.goals for text in goal.against(branch)]
+    failures += [text for branch in isolated for goal in problem.goals for text in goal.against(branch)]
     if others:
         low, high = min(each.value for each in others), max(each.value for each in others)
         notes.append(
@@ -650,16 +692,16 @@ def proved(
         for name, value, ends in zip(problem.names, best.values, limits, strict=True)
     )
     return Design(
-        present.system,
-        new.system,
+        released(present.system),
+        released(new.system),
         problem.parameter,
         (problem.lead.system[problem.parameter], problem.end),
         problem.goals,
         changes,
         tuple(judged),
         best.change,
-        present.walked,
-        new.branch,
+        None if problem.is_held else present.walked,
+        response,
         tuple(isolated),
         others,
         searched,
@@ -668,6 +710,50 @@ def proved(
         tuple(notes),
         tuple(failures),
     )
+
+
+def first_orbit(
+    system: System, goals: Sequence[AnyGoal], period: int, start: str | Sequence[float] | NDArray[np.float64]
+) -> Orbit:
+    """Return the orbit at the beginning; for quiet goals of a train whose gaps rattle often, with all of them held.
+
+    Each is held on the flank that the mean load presses: the motion is smooth, and it is that of the machine as soon as
+    no flank pulls.
+    """
+    gaps = usual_gaps(system)
+    if is_many(system, gaps) and any(isinstance(goal, Quiet) for goal in goals):
+        rests = find_equilibria(system).equilibria
+        sides = {each.name: each.side for each in rests[0].contacts if each.name in gaps} if rests else {}
+        if sides and not any(form.law.rebounds for form in system.structure.contacts):
+            for gap, side in sides.items():
+                system = kept(system, gap, side)
+            start = "settle"
+    return find_orbit(system, period, start)
+
+
+def _watched(problem: DesignProblem, system: System, failures: list[str]) -> tuple[float, ...]:
+    """Settle a new design from rest at steps of the range; note which gaps part. Return the values."""
+    curve = SettledCurve(system, problem.parameter, (system[problem.parameter], problem.end))
+    try:
+        bands = curve.spread(_WATCHED)
+    except NumericalError as error:
+        failures.append(str(error))
+        return ()
+    bounds = {goal.gap: goal.within for goal in problem.goals if isinstance(goal, Quiet)}
+    parted: dict[str, list[float]] = {}
+    for place, form in enumerate(system.structure.equations.contacts):
+        least, most = bounds.get(form.name, (-math.inf, math.inf))
+        values = [band.value for band in bands if band.separations[place] > 0.0 and least <= band.value <= most]
+        parted |= {form.name: values} if values else {}
+    for gap, values in parted.items():
+        if gap in bounds:
+            where = between_words((min(values), max(values)), problem.parameter, system.units)
+            failures.append(f"{gap} rattles in what settles from rest {where}")
+    others = [gap for gap in parted if gap not in bounds]
+    if failures and others:
+        more = ", ".join(f'{{ quiet = "{gap}" }}' for gap in others)
+        failures[0] += f"; gaps that rattle shake it, so that they need goals too: {more}"
+    return tuple(band.value for band in bands)
 
 
 def _present(problem: DesignProblem, notes: list[str]) -> tuple[LocalResponse, list[float]]:
@@ -715,20 +801,20 @@ def design_picture(found: Design, measure: str = "") -> Picture:
     """Describe the responses before and after with the bands of the goals shaded, and the changes as bars."""
     kinds = {getattr(goal, "kind", None) for goal in found.goals}
     alike = "isolated branches are drawn like the response after"
+    isolated = [(f"isolated-{k}", each, "after", alike) for k, each in enumerate(found.isolated, start=1)]
+    before = "before", found.response_before, "before", "before"
+    all_curves = [("after", found.response, "after", "after"), *isolated, before]
     return Picture(
         found.system,
         (found.parameter, full_measure(measure or shown_measure(found.system, found), found.system.coordinates)),
         [
-            NamedCurve("after", found.response, "after", "after", marks=kinds),
-            *(
-                NamedCurve(f"isolated-{k}", each, "after", alike, marks=kinds)
-                for k, each in enumerate(found.isolated, start=1)
-            ),
-            NamedCurve("before", found.response_before, "before", "before", is_earlier=True, marks=kinds),
+            NamedCurve(name, curve, look, text, is_earlier=look == "before", marks=kinds)
+            for name, curve, look, text in all_curves
+            if curve is not None
         ],
         lambda: _parts_of_picture(found),
         heading=[found.sentence],
-        script="(record.response, *record.isolated, record.response_before)",
+        script="tuple(filter(None, (record.response, *record.isolated, record.response_before)))",
         panels=("main", "bars"),
         height=2.6,
         reach={found.parameter: (min(found.within), max(found.within))},
@@ -743,7 +829,7 @@ def _parts_of_picture(found: Design) -> Parts:
             words.setdefault(goal.band, []).append(judged.words)
     ends = dict.fromkeys(end for band in words for end in band)
     return Parts(
-        shades=[Shade(found.parameter, *band, "goal", "; ".join(texts)) for band, texts in words.items()],
+        shades=[Shade(found.parameter, *band, "goal", "; ".join(_together(texts))) for band, texts in words.items()],
         lines=[Line(found.parameter, end, f"{end:.6g}") for end in ends],
         bars=[_bar(each, found.system) for each in found.changes],
     )

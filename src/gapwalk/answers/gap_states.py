@@ -555,6 +555,19 @@ def kept(system: System, gap: str, side: int) -> System:
     return System.from_values(replace(structure, contacts=contacts), system.values)
 
 
+def kept_side(system: System, gap: str) -> int | None:
+    """Return the side on which a gap is kept closed, 0 if it is kept open; None if it is not kept."""
+    law = system.structure.contacts[contact_place(system, gap)].law
+    return law.side if isinstance(law, _Kept) else None
+
+
+def released(system: System) -> System:
+    """Return the system without gaps that keep their states."""
+    forms = system.structure.contacts
+    own = tuple(replace(form, law=form.law.law) if isinstance(form.law, _Kept) else form for form in forms)
+    return System.from_values(replace(system.structure, contacts=own), system.values)
+
+
 def _width(system: System, gap: str) -> float:
     """Return the width of a gap between its sides; infinite if the contact acts on one side only."""
     clearances = [system.breakpoints[switch][2] for switch in innermost(system, gap)]

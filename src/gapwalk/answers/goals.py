@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.gap_states import chosen_gaps, contact_place, gap_state, innermost, kept
+from gapwalk.answers.gap_states import chosen_gaps, contact_place, gap_state, innermost, kept, kept_side
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import start_branch
 from gapwalk.bifurcation.follow import follow
@@ -506,14 +506,16 @@ class Quiet(Goal):
     within: tuple[float, float]  #: The band.
 
     def ways(self, system: System) -> tuple[str, ...]:
-        """Return the ways: closed on one of its sides, unless that is a rigid stop, or open."""
+        """Return the ways: as the gap is kept; else closed on a side that is no rigid stop, or open."""
+        if (side := kept_side(system, self.gap)) is not None:
+            return (_CLOSED.get(side, "open"),)
         law = system.structure.contacts[contact_place(system, self.gap)].law
         sides = () if law.rebounds else sorted(innermost(system, self.gap).values(), reverse=True)
         return (*(_CLOSED[side] for side in sides), "open")
 
     def posed(self, system: System, way: str) -> System:
         """Return the system whose gap keeps its state, so that rattle does not hide how far a quiet motion is."""
-        return kept(system, self.gap, _side(way))
+        return system if kept_side(system, self.gap) is not None else kept(system, self.gap, _side(way))
 
     def words(self, system: System, parameter: str) -> str:
         """Describe the goal."""

@@ -8,7 +8,7 @@ it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
 from itertools import chain, pairwise
@@ -278,6 +278,7 @@ class RattleBands(Shown):
                 )
                 for row in chosen
             ],
+            spare=[headings[place] for place in (13, 7, 10, 8, 6, 11) + (12,) * (_key(rows) != "approach")],
         )
 
     def _listed(self, rows: Sequence[Severity]) -> list[Severity]:
@@ -567,9 +568,11 @@ _SAMPLED = 64  # samples of a forcing period of a motion without period
 
 @pictured(RattleBands, size=(8.0, 9.0))
 def rattle_picture(found: RattleBands, gap: str | None = None) -> Picture:
-    """Describe the bands of a gap over the response, and the peak force and the impacts along them."""
-    gap, units = chosen_gap(found.gaps, gap), found.system.units
-    moved = moved_by(found.system, gap)[0]
+    """Describe the bands of a gap, the worst if none is named, over the response, with severity and impacts below."""
+    worst = max(found.worst, key=lambda each: _rank(each.severity), default=None)
+    gap, units = chosen_gap(found.gaps, gap or (worst and worst.severity.gap)), found.system.units
+    every = {each: moved_by(found.system, each)[0] for each in (gap, *found.gaps)}  # the chosen one is the first
+    moved = every[gap]
     curves = [
         NamedCurve(f"{sweep.met}-{number}", stretch.branch, *_look(found, sweep.met), stretch.points)
         for sweep in found.sweeps
@@ -579,10 +582,10 @@ def rattle_picture(found: RattleBands, gap: str | None = None) -> Picture:
         found.system,
         (found.parameter, f"half.{moved}"),
         curves,
-        partial(_parts_of_bands, found, moved),
-        sentences=[found.sentence(each) for each in found.gaps],
+        partial(_parts_of_bands, found, every),
+        sentences=[found.sentence(each) for each in every],
         heading=[found.sentence(gap)],
-        contacts=found.gaps,
+        contacts=tuple(every),
         of=gap,
         script="[stretch.branch for sweep in record.sweeps for stretch in sweep.stretches]",
         words=("", f"amplitude of {moved}" + (f" [{units.signal(moved)[1]}]" if units else "")),
@@ -606,13 +609,13 @@ def _look(found: RattleBands, met: str) -> tuple[str, str]:
     return met, f"{found.parameter.rpartition('.')[2].replace('_', ' ')} {met}"
 
 
-def _parts_of_bands(found: RattleBands, moved: str) -> Parts:
+def _parts_of_bands(found: RattleBands, moved: Mapping[str, str]) -> Parts:
     over, units = found.parameter, found.system.units
     bands = [band for gap in found.gaps for band in found.of(gap)]
     ends = [(band.gap, *pair) for band in bands for pair in (("from", band.low), ("to", band.high))]
     unit = units.parameter(over) if units else ""
     return Parts(
-        layers=list(_samples(found, moved)),
+        layers=list(_samples(found, dict.fromkeys(moved.values()))),
         shades=[each for gap in found.gaps for each in _shades(found, gap)],
         lines=[Line(over, end.value, f"{end.value:.6g}", end.is_located, gap, end.kind) for gap, _, end in ends],
         below=[each for gap in found.gaps for each in _severity_panels(found, gap)],
@@ -627,20 +630,21 @@ def _parts_of_bands(found: RattleBands, moved: str) -> Parts:
             for gap, word, end in ends
         ],
         within={over: found.within},
+        more={"measures": {gap: f"half.{name}" for gap, name in moved.items()}},
     )
 
 
-def _samples(found: RattleBands, moved: str) -> Iterator[Series]:
-    """Yield the amplitudes of the motions that were sampled, because they have no branch."""
-    axes, place = (found.parameter, f"half.{moved}"), found.system.coordinates.index(moved)
+def _samples(found: RattleBands, moved: Iterable[str]) -> Iterator[Series]:
+    """Yield the amplitudes of some coordinates in the motions that were sampled, because they have no branch."""
+    wanted = [((found.parameter, f"half.{name}"), found.system.coordinates.index(name)) for name in moved]
     for sweep in found.sweeps:
         own = [motion for motion in sweep.lanes if not motion.diverged]
-        for mark, wanted in (("dots", True), ("crosses", False)):
-            chosen = [motion for motion in own if bool(motion.period) is wanted]
-            half = [0.5 * float(motion.extremes[2, place] - motion.extremes[0, place]) for motion in chosen]
-            if chosen:
+        for mark, periodic in (("dots", True), ("crosses", False)):
+            chosen = [motion for motion in own if bool(motion.period) is periodic]
+            for axes, place in wanted if chosen else ():
+                half = [0.5 * float(motion.extremes[2, place] - motion.extremes[0, place]) for motion in chosen]
                 yield Series([motion.value for motion in chosen], half, mark, _look(found, sweep.met)[0], axes=axes)
-    if any(row.period == 0 for row in found.severities):
+    for axes, _ in wanted if any(row.period == 0 for row in found.severities) else ():
         text = "not periodic, or of long period; with the range of its periods"
         yield Series([], [], "crosses", "measured", text, axes=axes)
     for sweep in found.sweeps:
@@ -649,14 +653,15 @@ def _samples(found: RattleBands, moved: str) -> Iterator[Series]:
             ("dots", [each for each in sweep.samples if each.motion.orbit]),
             ("crosses", [each for each in sweep.samples if not each.motion.orbit]),
         ):
-            paths = [each.motion.motion(_WATCHED, _SAMPLED).q[:, place] for each in own]
+            motions = [each.motion.motion(_WATCHED, _SAMPLED).q for each in own]
             values = [each.value for each in own]
-            if own:
+            for axes, place in wanted if own else ():
+                paths = [q[:, place] for q in motions]
                 yield Series(values, [0.5 * float(np.ptp(path)) for path in paths], mark, look, axes=axes)
-            if own and mark == "crosses":  # from the smallest to the largest of single periods
-                halves = [0.5 * np.ptp(path[: _WATCHED * _SAMPLED].reshape(_WATCHED, -1), axis=1) for path in paths]
-                ends = [(float(each.min()), float(each.max()), math.nan) for each in halves]
-                yield Series(np.repeat(values, 3), np.ravel(ends), "line", look, axes=axes)
+                if mark == "crosses":  # from the smallest to the largest of single periods
+                    halves = [0.5 * np.ptp(path[: _WATCHED * _SAMPLED].reshape(_WATCHED, -1), axis=1) for path in paths]
+                    ends = [(float(each.min()), float(each.max()), math.nan) for each in halves]
+                    yield Series(np.repeat(values, 3), np.ravel(ends), "line", look, axes=axes)
 
 
 def _shades(found: RattleBands, gap: str) -> Iterator[Shade]:
@@ -696,15 +701,18 @@ def _severity_panels(found: RattleBands, gap: str) -> Iterator[Panel]:
 
 
 def _along(found: RattleBands, rows: Sequence[Severity], key: str) -> Iterator[Series]:
-    """Yield the series of one figure along the motions met in each way."""
+    """Yield the series of one figure along the motions met in each way; the legend has the first marks of each."""
+    values = sorted({row.value for row in rows})
+    step = float(np.median(np.diff(values))) if values[1:] else math.inf
     for met in dict.fromkeys(row.met for row in rows):
         own = [row for row in rows if row.met == met]
         look, text = _look(found, met)
-        for mark, chosen in (
-            ("line", own),
-            ("dots", [row for row in own if row.period]),
-            ("crosses", [row for row in own if not row.period]),
-        ):
-            if chosen:
-                x, y = [row.value for row in chosen], [getattr(row, key) for row in chosen]
-                yield Series(x, y, mark, look, text if mark == "dots" else "")
+        x, y = np.array([(row.value, getattr(row, key)) for row in own]).T
+        # other motions are met here and there: no line leads over more than two steps without one
+        apart = np.flatnonzero(np.diff(x) > 2.5 * step) + 1 if look == "other" else []
+        yield Series(np.insert(x, apart, math.nan), np.insert(y, apart, math.nan), "line", look)
+        is_periodic = np.array([row.period > 0 for row in own])
+        for mark, chosen in (("dots", is_periodic), ("crosses", ~is_periodic)):
+            if chosen.any():
+                yield Series(x[chosen], y[chosen], mark, look, text)
+                text = ""

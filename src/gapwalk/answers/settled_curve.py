@@ -55,6 +55,10 @@ class SettledCurve:
         """Settle at one step, from a state nearby, or from rest."""
         return self._settled([place], state)[0]
 
+    def spread(self, every: int) -> list[Band]:
+        """Settle at every such step of the range, each from rest."""
+        return self._settled(range(0, len(self.values), every), None)
+
     def ahead(self, place: int, state: NDArray[np.float64]) -> dict[int, Band]:
         """Settle at as many steps from one on as a register has lanes, each from the same state."""
         places = range(place, min(place + WIDTH, len(self.values)))

@@ -171,10 +171,12 @@ def _table(modes: Modes, system: System) -> Table:
         entries = [_entry(entry) for entry in shapes[:, number]]
         if is_wide:
             most = np.argsort(-np.abs(shapes[:, number]), kind="stable")[:_LARGEST]
-            entries = [", ".join(f"{names[place]} {entries[place]}" for place in most)]
+            # without a blank between: a line is not broken there
+            entries = [", ".join(f"{names[place]}:{entries[place]}" for place in most)]
         numbers = (frequency, frequency / (2 * math.pi), *(values[number] for values in resonances.values()), ratio)
         rows.append([str(number + 1), *map(_number, numbers), *entries])
-    return Table([*headings, "moves most"] if is_wide else headings, rows)
+    spare = [f">{each}" for each in list(resonances)[:0:-1]]
+    return Table([*headings, "moves most"] if is_wide else headings, rows, spare=spare)
 
 
 def resonance_values(system: System, modes: Modes) -> dict[str, NDArray[np.float64]]:

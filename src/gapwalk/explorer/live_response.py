@@ -27,7 +27,7 @@ from gapwalk.bifurcation.moved_curve import MOVED, marks, moved
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason, Walk, WalkOptions
-from gapwalk.errors import GapwalkError, ModelError, NumericalError
+from gapwalk.errors import ConvergenceError, GapwalkError, ModelError, NumericalError
 from gapwalk.explorer.diagram_lines import measure_name
 from gapwalk.explorer.progress_stream import SECONDS
 from gapwalk.model.equilibria import find_equilibria
@@ -142,7 +142,7 @@ def _walk(
 ) -> Iterator[BranchPoint | Band | str]:
     """Yield the points of the walk, what settles where it gives up, and why it ended before its range did."""
     try:
-        start, method = _first(system, period)
+        start, method = _first(system, options, period)
     except NumericalError:
         yield from _settled(system, options)
         return
@@ -179,8 +179,8 @@ def _settled(system: System, options: RangeStudy, last: BranchPoint | None = Non
         bands = curve.after(bands) if curve.beyond(bands[-1].value) < len(curve.values) else []
 
 
-def _first(system: System, period: int) -> tuple[Orbit, Method]:
-    """Return the first motion, and the method that has found it."""
+def _first(system: System, options: RangeStudy, period: int) -> tuple[Orbit, Method]:
+    """Return the first motion, and the method that has found it; a NumericalError if what settles is not periodic."""
     with suppress(ModelError, NumericalError):
         equation = BALANCE.pose(system, None, period)
         while equation is not None:
@@ -193,7 +193,13 @@ def _first(system: System, period: int) -> tuple[Orbit, Method]:
             if not equation.inaccuracy(orbit):
                 return orbit, BALANCE
             equation = equation.finer()
-    return find_orbit(system, period, "settle", method=SHOOTING), SHOOTING
+    curve, start = SettledCurve.of(system, options.parameter, (options.begin, options.end)), "settle"
+    if curve is not None:  # where many gaps rattle, to look for an orbit that is not there takes minutes
+        band = curve.at(0)
+        if band.period != period:
+            raise ConvergenceError(f"what settles has no period {period}")
+        start = band.state
+    return find_orbit(system, period, start, method=SHOOTING), SHOOTING
 
 
 def answers(asked: Asked, walked: Walked | None = None) -> Iterator[dict[str, Any]]:

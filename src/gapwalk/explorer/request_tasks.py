@@ -55,7 +55,10 @@ def plan(action: Action, shown: Exploration) -> tuple[str, Task]:
     base = shown.studies[0].system if shown.studies else None  # titles compare with it; the file may have errors
     title = found.title + changed_words(found.system, base, found.varied)
     whole = f"{found.origin.title.partition(': ')[0]}: {title}" if found.origin.title else title
-    study = Study(found.system, found.options, whole, found.origin.text, reduced=found.origin.reduced)
+    # the rest is that of the file: its text, and the matrices and tables beside it
+    study = replace(
+        found.origin, system=found.system, options=found.options, title=whole, changes=(), name="", unused=()
+    )
     return title, Task(study, Path(), found.follow_up)
 
 

@@ -6,10 +6,11 @@ The steps are `gapwalk.model.model_source` (parse, and change values), `gapwalk.
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import inspect
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar, get_args
@@ -76,8 +77,8 @@ def check_model(source: Source) -> tuple[Model | None, list[Problem]]:
 def checked_model(source: Source) -> tuple[Model | None, list[Problem], System | None]:
     """Validate a model file, and build its system; if that fails, one that has the names of the file, for its studies.
 
-    That one has placeholders in place of the matrices. It is None if an element of the system is wrong itself, and for
-    a drive train.
+    That one has placeholders in place of the matrices; a drive train is built without its unknown keys. It is None if
+    an element of the system is wrong itself.
     """
     is_train = describes_train(source.data)
     files, unread = read_files(source)
@@ -85,8 +86,8 @@ def checked_model(source: Source) -> tuple[Model | None, list[Problem], System |
     unread += unused
     read: list[Names] = []
 
-    def names() -> Names:
-        read.append((Names.of_train if is_train else Names.of)(full.data))
+    def names(data: Mapping[str, Any] = full.data) -> Names:
+        read.append((Names.of_train if is_train else Names.of)(data))
         return read[-1]
 
     schema: type[TrainBase | SystemBase] = train_part() if is_train else system_part()
@@ -101,7 +102,30 @@ def checked_model(source: Source) -> tuple[Model | None, list[Problem], System |
             problems = [*train_problems(error, source)] if is_train else [_refused(error, source)]
         else:
             return Model(system, part.title, _digest(files)), [], system
+    if part is None and is_train:  # what else is wrong with it shows when it is built
+        data = _as_meant(full.data, problems)
+        part, more = validate(schema, data, full, context=lambda: names(data))
+        try:
+            return None, problems, part.system(read[-1].elements) if part and not more else None
+        except ModelError as error:
+            return None, [*problems, *train_problems(error, source)], None
     return None, problems, None if is_train else _with_names(full.data, read[-1])
+
+
+def _as_meant(data: Mapping[str, Any], problems: Sequence[Problem]) -> dict[str, Any]:
+    """Return the content of a file with the keys that are meant in place of unknown ones, or without these."""
+    found: Any = copy.deepcopy(dict(data))
+    for problem in problems:
+        *tables, key = re.findall(r"[^.\[\]]+", problem.path) or [""]
+        if problem.message.startswith(("is not a key here", "names no inertia")):
+            with suppress(KeyError, IndexError, AttributeError, TypeError, ValueError):  # a name with a point in it
+                table = found
+                for each in tables:
+                    table = table[int(each) if isinstance(table, list) else each]
+                value, meant = table.pop(key), re.search(r"did you mean (\w+)\?$", problem.message)
+                if meant:
+                    table.setdefault(meant[1], value)
+    return found
 
 
 def _refused(error: ModelError, source: Source) -> Problem:

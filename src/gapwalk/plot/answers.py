@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from inspect import Parameter, Signature
@@ -86,7 +85,7 @@ SYMBOLS: dict[str, Any] = {  # marker, size, face, edge, and width of the edge
 }
 _DASHES = (0, (4, 2))  # of what is unstable
 _THIN = 0.57  # width of a line in a panel below, which has dots on it
-_CLOSE = 0.12  # share of the range below which the texts of two lines would touch
+_WIDE_LETTER = 0.66  # width of a letter and what is between, as a share of its size: texts of lines do not touch
 _OFFSET: Any = {"textcoords": "offset points"}
 _RIGHT = 0.92  # share of the range beyond which a text is left of its point
 _LINE = 60  # letters in a line of a reason why nothing is drawn
@@ -360,18 +359,16 @@ def _draw_over(picture: Picture, parts: Parts, ax: Axes, axes: tuple[str, str], 
 
 def _write_values(picture: Picture, parts: Parts, ax: Axes) -> None:
     """Write the texts of upright lines above a panel, where they do not touch each other."""
-    (low, high), last = ax.get_xlim(), -math.inf
-    for each in parts.lines:
+    (low, high), taken = ax.get_xlim(), list[tuple[float, float]]()
+    size, width = style.points(7.5), 72.0 * ax.bbox.width / ax.figure.dpi
+    for each in sorted(parts.lines, key=lambda line: not line.exact):  # those that are exact have the room first
         is_named = each.text and picture.axes and each.over == picture.axes[0] and each.of in ("", picture.of)
-        if is_named and (each.at - last) / (high - low) >= _CLOSE:
-            last = each.at
-            text = "\n".join(filter(None, (each.text, each.kind)))
-            options: Any = {
-                "xycoords": ("data", "axes fraction"),
-                "annotation_clip": False,
-                "fontsize": style.points(7.5),
-            }
-            ax.annotate(text, (each.at, 1.0), xytext=(0.0, 3.0), ha="center", va="bottom", **_OFFSET, **options)
+        lines = [text for text in (each.text, each.kind) if text]
+        middle, half = width * (each.at - low) / (high - low), _WIDE_LETTER * size * max(map(len, lines), default=0) / 2
+        if is_named and all(middle + half < left or right < middle - half for left, right in taken):
+            taken.append((middle - half, middle + half))
+            at: Any = {"xycoords": ("data", "axes fraction"), "annotation_clip": False, "fontsize": size, **_OFFSET}
+            ax.annotate("\n".join(lines), (each.at, 1.0), xytext=(0.0, 3.0), ha="center", va="bottom", **at)
 
 
 def _write_notes(ax: Axes, series: Sequence[Series], shade: Shade | None) -> None:

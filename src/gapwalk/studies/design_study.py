@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from annotated_types import Ge, Le
 from pydantic import AfterValidator, Field, ValidationInfo
 
-from gapwalk.answers.design import Change, Design, DesignProblem, LeastChangeOptions, Route, proved
+from gapwalk.answers.design import Change, Design, DesignProblem, LeastChangeOptions, Route, first_orbit, proved
 from gapwalk.answers.goals import AnyGoal, NoPoint, PeakBelow, Quiet, Resonance, peak_signal
 from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Counted, Natural
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind, read_quantity
-from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit_equation import MAX_PERIOD
 from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
@@ -265,16 +264,14 @@ class DesignStudy(RangeStudy):
 
     def _problem(self, job: Job) -> DesignProblem:
         """Return the problem, with the orbit at the beginning of the range."""
-        lead = job.cached("lead", lambda: find_orbit(job.system, self.period, self.start))
+        lead = job.cached("lead", lambda: first_orbit(job.system, self.goals, self.period, self.start))
         return job.cached(
             "problem", lambda: DesignProblem(lead, self.parameter, self.end, self.changes, self.goals, self.finding)
         )
 
     def total(self, job: Job) -> int:
         """Return the number of parts."""
-        ways = 1
-        for goal in self.goals:
-            ways *= len(goal.ways(job.system))
+        ways = len(self._problem(job).ways())
         return ways + min(ways, 2) * self.finding.starts + 1
 
     def so_far(self, job: Job) -> Design | None:
@@ -294,14 +291,15 @@ class DesignStudy(RangeStudy):
             "goals": [_plain_row(each) | {"reached": each.is_reached} for each in found.judged],
             "searches": [_plain_row(each) for each in found.routes],
             "proof": {
-                "special_points": [special.to_dict() for special in found.response.special_points],
+                "special_points": [special.to_dict() for special in getattr(found.response, "special_points", ())],
                 "isolated": len(found.isolated),
                 "searched": list(found.searched),
             },
         }
         if points:
             for name, branch in (("response", found.response), ("response_before", found.response_before)):
-                document[name] = {"values": branch.values.tolist(), "stable": [each.stable for each in branch.points]}
+                along = branch.points if branch else ()
+                document[name] = {"values": [each.value for each in along], "stable": [each.stable for each in along]}
         return document
 
 

@@ -221,6 +221,8 @@ def _with_unit(value: object, handler: Callable[[object], Any], info: Validation
         return handler(value)
     if system is None:  # the file is wrong elsewhere, so it is unknown if it has units
         kind = quantity_kind(parameter)
+        if kind is None and has_unit(value):
+            return math.nan
         return read_quantity(value, kind).number if kind and isinstance(value, str) else handler(value)
     if system.units is None or not system.units.parameter(parameter) or (value == 0 and not isinstance(value, str)):
         return handler(value)

@@ -8,6 +8,7 @@ import gapwalk as gw
 from gapwalk.model import ModelFileError
 from gapwalk.model.model_file import check_model
 from gapwalk.model.model_source import parse_source
+from gapwalk.studies.study_file import check_studies
 from tests.models import read_system
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "train.toml"
@@ -63,6 +64,33 @@ def problems_of(text: str):
     model, problems = check_model(parse_source(text, "m.toml"))
     assert (model is None) == bool(problems)
     return problems
+
+
+def test_mistakes_of_each_kind_are_named_at_once() -> None:
+    wrong = GOOD.replace("damping = 0.1", "dampng = 0.1").replace('["hub", "load"]', '["hubb", "load"]')
+    wrong = wrong.replace("acts_on = { engine", "acts_on = { engin").replace("clearance = 0.01", "clearence = 0.01")
+    found = [(each.line, each.message) for each in problems_of(wrong)]
+    line = {text: number for number, text in enumerate(wrong.splitlines(), start=1)}
+    assert sorted(found) == [
+        (line["dampng = 0.1"], "is not a key here; did you mean damping?"),
+        (line["[[gear]]"], "joins 'hubb', which is no inertia; did you mean hub?"),
+        (line["clearence = 0.01"], "is not a key here; did you mean clearance?"),
+        (line["acts_on = { engin = 1.0 }"], "names no inertia; did you mean engine?"),
+    ]
+
+
+def test_a_study_beside_a_wrong_key_is_checked_with_the_names_of_the_train() -> None:
+    study = '[study]\nkind = "response"\nparameter = "{}"\nto = {}\n'
+    wrong = GOOD.replace("clearance = 0.01", "clearence = 0.01") + study.format("pair.stifness", 1.0)
+    with pytest.raises(ModelFileError) as refused:
+        check_studies(parse_source(wrong, "m.toml"))
+    assert "clearence" in str(refused.value)
+    assert "did you mean 'pair.stiffness'?" in str(refused.value)
+    wrong = GOOD.replace('["hub", "load"]', '["hubb", "load"]') + study.format("sped", '"700 rpm"')
+    with pytest.raises(ModelFileError) as refused:
+        check_studies(parse_source(wrong, "m.toml"))
+    assert "without a unit" not in str(refused.value)  # whether it has units is not known
+    assert "'hubb', which is no inertia" in str(refused.value)
 
 
 def test_a_file_becomes_the_train_it_describes(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ export class Answer {
   /** `changed` is called when the diagram must be drawn again; `chosen` with an end, when it is clicked. */
   constructor({ changed, chosen }) {
     Object.assign(this, { changed, chosen, key: null, content: null, version: -1, heard: null }); // heard: as in heard.js
-    $("answer-contact").addEventListener("change", () => { this.drawDetails(); this.changed(); });
+    $("answer-contact").addEventListener("change", () => this.turn());
     $("answer-close").addEventListener("click", () => { this.clear(); this.changed(); });
     $("answer-details").addEventListener("toggle", () => this.drawCharts());
     new ResizeObserver(() => this.drawCharts()).observe($("answer-numbers"));
@@ -27,12 +27,37 @@ export class Answer {
     Object.assign(this, { content, hadRoom: false });
     $("answer-details").open = true;
     $("answer").hidden = $("answer-details").hidden = false;
-    $("answer-text").replaceChildren(...content.sentences.map((text) => Object.assign(document.createElement("span"), { textContent: `${text}${content.complete ? "" : " (incomplete)"}` })));
+    this.tell();
     $("answer-contact").replaceChildren(...content.contacts.map((name) => new Option(name)));
     $("answer-contact").parentElement.hidden = content.contacts.length < 2;
     this.drawDetails();
     this.heard?.show(file, key, content);
     return content;
+  }
+
+  /** Write its sentences, that of the chosen contact first. */
+  tell(first = 0) {
+    const { sentences, complete } = this.content, own = sentences.slice(first, first + 1);
+    $("answer-text").replaceChildren(...[...own, ...sentences.filter((text) => text !== own[0])].map((words) => text("span", "", `${words}${complete ? "" : " (incomplete)"}`)));
+  }
+
+  /** Choose the contact whose motion is on the axis. */
+  turnTo(measure) {
+    const [contact] = Object.entries(this.content.measures ?? {}).find(([, each]) => each === measure) ?? [];
+    if (!contact || contact === this.contact) return;
+    $("answer-contact").value = contact;
+    this.turn();
+  }
+
+  /** Another contact is chosen: its sentence, its motion in the diagram, its panels. */
+  turn() {
+    const { contacts, measures = {}, sentences } = this.content, measure = measures[this.contact];
+    if (sentences.length === contacts.length) this.tell(contacts.indexOf(this.contact));
+    this.drawDetails();
+    if (!Object.values(measures).includes($("y").value) || ![...$("y").options].some(({ value }) => value === measure)) return this.changed();
+    $("y").value = measure;
+    $("y").dispatchEvent(new Event("change"));
+    this.changed();
   }
 
   clear() {

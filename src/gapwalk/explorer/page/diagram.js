@@ -320,7 +320,10 @@ export class Diagram {
         return this.draw();
       }
       const found = this.curves.nearest(px, py, toX, toY, REACH);
+      const marks = found ? [] : (this.over?.layers ?? []).filter(({ mark }) => mark === "dots" || mark === "crosses");
+      const met = marks.flatMap(({ x, y }) => x.map((value, k) => [Math.hypot(toX(value) - px, toY(y[k]) - py), value])).sort(([a], [b]) => a - b)[0];
       if (found) this.chosen(found);
+      else if (met?.[0] < REACH) this.sampled?.(met[1]);
       else if (this.curves.nearest(px, py, toX, toY, REACH, this.curves.drawn())) this.pale();
     });
   }

@@ -16,7 +16,7 @@ export class Extras {
   showLegend() {
     const { legend, diagram } = this, panels = this.answer.own("below").filter(({ over }) => over === $("x").value);
     showLegend(legend, this.curves.drawn(), $("diagram").classList.contains("deep") ? [] : diagram.clusters);
-    const bare = (diagram.over?.cells || diagram.over?.layers.length) && !this.curves.drawn().length; // no lines to explain
+    const bare = Boolean(diagram.over) && !this.curves.drawn().length; // no lines, so none to explain
     for (const entry of bare ? legend.querySelectorAll("li:not([class])") : []) entry.hidden = true;
     legendOf(legend, diagram.over, panels.flatMap(({ series }) => series), diagram.arrows.length > 0);
   }

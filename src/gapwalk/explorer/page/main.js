@@ -48,6 +48,11 @@ const table = new CurveTable(page, curves, {
 });
 const quick = new Quick({ begun: showQuickAxes, changed: drawDiagram });
 diagram.pale = () => tell({ message: "The pale curve is a quick response: its points have no motions. Press Compute; then a click on the curve shows the motion there.", isHint: true });
+diagram.sampled = (value) => {
+  choice.clear();
+  turnKnob($("x").value, value);
+  tell({ message: `The motions at ${$("x").value} = ${Number(value.toPrecision(7))} were settled by equal steps, and are not stored. Press Settle: it computes the motion there, from rest.`, isHint: true });
+};
 const extras = new Extras($("legend"), curves, diagram, answer, movers);
 const depth = new Depth({ page, curves, diagram, answer, tell, changed: changeAxes, choose: (found) => choice.choose(found) });
 
@@ -119,9 +124,9 @@ async function open(file, where = new URLSearchParams()) {
   address();
   await show(about.results, about.deleted);
   if (page.about?.file !== file) return;
-  const last = about.results.at(-1);
+  const last = about.results.findLast(({ answer, branches, state }) => state === "done" && (answer || branches.length)); // a settled motion lies over it
+  if (last?.answer) await showAnswer(last, !where.size);
   if (where.has("at")) chooseAddressed(where.get("at"));
-  else if (last?.answer && last.state === "done") await showResult(last);
   if (!about.results.length && !about.problem && file.endsWith(".toml")) quick.show(file);
 }
 
@@ -251,9 +256,11 @@ function showEmpty() {
 function whyEmpty() {
   const over = page.results.filter(({ state }) => ["done", "stopped", "failed"].includes(state));
   const bold = (word) => Object.assign(document.createElement("b"), { textContent: word });
+  const [refused] = over.every(({ state }) => state === "failed") ? over.slice(-1) : [];
+  if (refused) return [bold(refused.title), ` has failed: ${refused.message}. `, pressed("Settle", "settle"), " shows the motion of the file at its values, be it periodic or not.", curves.quick ? " Pale: the quick response." : ""];
   if (curves.quick) return ["Nothing is computed yet. Pale: a quick response, to one hundredth. ", pressed("Compute", "compute"), " walks it exactly, with its special points.", quick.note ? ` (${quick.note})` : ""];
   if (!over.length && storedBeside().length) return ["A run has stored ", ...storedBeside().flatMap(openLink), ". ", bold("Compute"), " computes here."];
-  if (!over.length) return ["Nothing is computed yet. ", bold("Compute"), " begins; the diagram grows while it is walked.", quick.isAwaited ? " A quick response is on its way; the first one of an installation takes up to a minute longer." : quick.note ? ` (${quick.note})` : ""];
+  if (!over.length) return ["Nothing is computed yet. ", bold("Compute"), " begins; the diagram grows while it is walked.", quick.words];
   if (over.some(({ settled }) => settled)) return ["A motion that does not repeat itself has no place in the diagram. ", bold("Show"), ", in the list of results, shows it."];
   return ["Nothing of what was computed has a place over these axes; the list of results says what was found."];
 }
@@ -432,7 +439,7 @@ function showLocusRange({ keep = false } = {}) {
 
 function settle() {
   if ($("settle").disabled) return;
-  act({ do: "settle", start: page.chosen?.start ?? null, values: parameters.changes });
+  act({ do: "settle", start: page.chosen?.start ?? null, values: page.chosen ? parameters.changes : parameters.changesOfFile() });
 }
 
 /** Let a motion settle beside the chosen point. */
@@ -535,15 +542,16 @@ async function showResult(result) {
   await showAxes(shown.parameter || page.about.x, locus ? locus.second : page.about.y);
 }
 
-/** Show an answer over its own axes. */
-async function showAnswer(result) {
+/** Show an answer, over its own axes unless those of now are wanted. */
+async function showAnswer(result, isOverOwn = true) {
   const { about } = page, content = await answer.show(about.file, result);
   if (!content || page.about?.file !== about.file) return; // the same file may have been read again
-  const [x, y] = content.axes ?? [$("x").value, $("y").value];
+  const [x, y] = (isOverOwn && content.axes) || [$("x").value, $("y").value];
   const known = new Set([...$("y").options].map(({ value }) => value));
   for (const { name, words } of content.quantities ?? []) if (!known.has(name)) for (const id of ["x", "y"]) $(id).append(Object.assign(new Option(words.replace(/ \[.*\]$/, ""), name), { title: words }));
   for (const [id, name] of [["x", x], ["y", y]]) if (![...$(id).options].some(({ value }) => value === name)) $(id).append(new Option(name));
   await showAxes(x, y);
+  answer.turnTo(y);
   diagram.range = null;
   drawDiagram();
   showEmpty();

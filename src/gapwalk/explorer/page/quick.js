@@ -7,7 +7,7 @@ const NEUTRAL = 4; // the look of what is settled rather than followed
 export class Quick {
   /** `begun` is called with the axes of a response before its first points, and `changed` after points. */
   constructor({ begun, changed }) {
-    Object.assign(this, { begun, changed, curve: null, axes: [], note: "" });
+    Object.assign(this, { begun, changed, curve: null, axes: [], note: "", failed: false });
   }
 
   /** Walk the response of a file; it is given up by `clear`. */
@@ -25,25 +25,28 @@ export class Quick {
       }
     } catch (error) {
       if (error.name === "AbortError") return;
-      this.note = error.message; // the diagram then says how to begin
+      Object.assign(this, { note: error.message, failed: true }); // the diagram then says how to begin
       this.changed();
     }
   }
 
-  /** It is asked for, and has neither a point nor an end: the first on a machine also compiles the code. */
-  get isAwaited() {
-    return Boolean(this.request) && !this.curve && !this.note;
+  /** What becomes of it where it has no point: it is awaited (the first on a machine also compiles the code), or refused. */
+  get words() {
+    if (this.failed) return ` There is no quick response: ${this.note}. A motion that does not repeat is shown by Settle, and a study of kind rattle says which gaps part where.`.replace("..", ".");
+    if (!this.request || this.note) return this.note ? ` (${this.note})` : "";
+    return this.axes.length ? ` A quick response is on its way: the first motion over ${this.axes[0]} is sought.` : " A quick response is on its way; the first one of an installation takes up to a minute longer.";
   }
 
   async begin({ axes }) {
     this.axes = axes;
     await this.begun(axes);
+    this.changed();
     this.rows = { x: [], y: [], label: [] };
   }
 
-  add({ x = [], y = [], label = [], end = "" }) {
+  add({ x = [], y = [], label = [], end = "", failed = false }) {
     const { rows } = this;
-    this.note = end;
+    Object.assign(this, { note: end, failed });
     if (rows) {
       x.forEach((value, k) => {
         const look = Math.min(label[k], NEUTRAL), jumps = label[k] > NEUTRAL && rows.label.length && rows.label.at(-1) !== NEUTRAL;
@@ -66,6 +69,6 @@ export class Quick {
 
   clear() {
     this.request?.abort();
-    Object.assign(this, { request: null, curve: null, rows: null, axes: [], note: "" });
+    Object.assign(this, { request: null, curve: null, rows: null, axes: [], note: "", failed: false });
   }
 }
