@@ -53,6 +53,7 @@ _FINEST = 1e-6  # arclength below which two zeros are not distinguished
 _SHARE = 1e-4  # the same as a share of a short step, for branches that bend so sharply that the steps are short
 # arclength from its neighbours, and share of it as a last Newton step, of a point like those of a walk
 _FAR, _NEAR = 1e-3, 0.01
+_ACROSS = 3.0  # largest distance across a chord, as a multiple of that to its nearer end
 _ASTRAY = 0.3  # smallest cosine of the angle between a chord and a tangent in between; below it a turn was missed
 _DOUBT = 1.0  # share of its bend by which a test function may dip between the ends of an interval; 1/8 for a parabola
 # between equal ends; unequal ends count with their geometric mean, as a dip to zero has to leave the larger one too
@@ -126,6 +127,9 @@ class StepInterval:
         normal = chord / length if length > 1e-12 else a.tangent
         away = min(share, 1.0 - share) * (b.arclength - a.arclength)
         # far from its neighbours, a point is no special one: it is computed like those of the walk
+        beside = self._beside(a, b, arclength) if self.corrector.is_dear else None
+        if beside is not None:
+            return beside
         trust, near = (TRUST, _NEAR * away) if away > _FAR else (0.0, math.inf)
         for guess in (hermite(a, b, share), a.x + share * chord):
             correction = self.corrector.correct(guess, normal, trust, near)
@@ -136,6 +140,29 @@ class StepInterval:
         raise NumericalError(
             f"no orbit found between {a.value:.12g} and {b.value:.12g} on the branch, where one must be"
         )
+
+
+    def _beside(self, a: BranchPoint, b: BranchPoint, arclength: float) -> BranchPoint | None:
+        """Return the point between two points by the derivatives of a neighbour; None if they do not serve.
+
+        The guess is the cubic over the whole step, moved by what the two points are off it.
+        """
+
+        def cubic(place: float) -> NDArray[np.float64]:
+            first, last = self._points[0], self._points[-1]
+            return hermite(first, last, (place - first.arclength) / (last.arclength - first.arclength))
+
+        chord, share = b.x - a.x, (arclength - a.arclength) / (b.arclength - a.arclength)
+        length, straight = length_of(chord), a.x + share * chord
+        if length <= EXACT:
+            return None
+        off = (1.0 - share) * (a.x - cubic(a.arclength)) + share * (b.x - cubic(b.arclength))
+        normal, guess = chord / length, cubic(arclength) + off
+        correction = self.corrector.correct_beside(guess + ((straight - guess) @ normal) * normal, normal)
+        # farther across the chord a turn may have been missed
+        if correction is None or length_of(correction.x - straight) > _ACROSS * min(share, 1.0 - share) * length + 1e-9:
+            return None
+        return self.corrector.point(correction, normal, arclength)
 
 
 class Search:
@@ -407,7 +434,8 @@ class ErrorEstimator:
             start = self._ahead(point, shift)
         except NumericalError:
             start = self._embedded(point.x) + shift * along
-        correction = self._corrector.correct(start, along / np.linalg.norm(along))
+        normal = along / np.linalg.norm(along)
+        correction = self._corrector.correct_beside(start, normal) or self._corrector.correct(start, normal)
         if correction is None:
             raise NumericalError(f"no orbit is found at {point.value:.12g} with another discretisation")
         if correction.distance <= _SAME:
@@ -424,7 +452,7 @@ class ErrorEstimator:
         orbit, value = point.orbit, float(point.x[-1])
         if shift:
             x = (point.x + shift * point.tangent) * self._known
-            orbit = self._equation.orbit(x[:-1], float(x[-1]), self._equation.evaluate(x[:-1], float(x[-1])))
+            orbit = self._equation.orbit(x[:-1], float(x[-1]), self._equation.evaluate_late(x[:-1], float(x[-1])))
             value += shift * float(point.tangent[-1])
         return np.append(self._other.unknowns(orbit) / self._corrector.scales[:-1], value)
 
@@ -438,7 +466,7 @@ class ErrorEstimator:
         if rounding is None:
             x = point.x * self._known
             places = places_beside(x, self._known)
-            asides = [self._equation.evaluate(place[:-1], float(place[-1])) for place in places]
+            asides = [self._equation.evaluate_late(place[:-1], float(place[-1])) for place in places]
             rounding = roundings(x, evaluation, places, asides)
         jacobian = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * self._known
         right = np.column_stack((rounding, np.zeros(len(rounding)))).T
@@ -450,7 +478,7 @@ class ErrorEstimator:
         most, times = _BENDS * float(np.abs(rounding).max()), 1.0
         # where motions are nearly a continuum, the equation bends: rounding leads farther than its derivatives tell
         while _NOTABLE < times * length_of(farthest) < _FARTHEST:
-            ahead = (self._own.evaluate(point.x + way * times * farthest) for way in (-_FURTHER, _FURTHER))
+            ahead = (self._own.evaluate_late(point.x + way * times * farthest) for way in (-_FURTHER, _FURTHER))
             if min(float(np.abs(each.residual - evaluation.residual).max()) for each in ahead) > most:
                 break
             times *= _FURTHER
