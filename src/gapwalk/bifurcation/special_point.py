@@ -461,7 +461,7 @@ class ErrorEstimator:
 
         Shapes: `rounding` (samples, N).
         """
-        evaluation = self._own.evaluate(point.x) if rounding is None else self._own.evaluated_near(point.x)
+        evaluation = self._own.evaluate_late(point.x) if rounding is None else self._own.evaluated_near(point.x)
         assert evaluation.by_parameter is not None
         if rounding is None:
             x = point.x * self._known

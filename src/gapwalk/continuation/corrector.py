@@ -271,7 +271,7 @@ _ACROSS = 0.3  # cosine of the angle to the direction of travel below which the 
 _ALONG = 0.5  # cosine of the angle between tangents up to which points are interpolated along one of them
 _AGREES = 0.3  # distance of the quintic from the cubic, as a share of that of the cubic from the tangent
 _FEW, _KEPT, _KEPT_LARGE = 50, 32, 2  # unknowns up to which evaluations are kept, and how many; of more if dear
-_CHORDS, _SURE = 12, 1e-12  # steps with the derivatives of a neighbour, and the length of a first one that is certain
+_CHORDS, _SURE = 12, 1e-12  # steps with the derivatives of a neighbour, and the residual before the last one
 _TRUSTED = 1e-7  # longest step if only `trust` is met: by a crossing the tangent turns by 0.1 rad in 1e-6
 
 
@@ -388,10 +388,9 @@ class Corrector:
             if not (size <= _LOST * before and (length <= _CONTRACTION * last or length <= _ROUNDING)):
                 return None
             shallow = max(_SHALLOW * evaluation.reach / self._unknown_scales.item(0), _ROUNDING)
-            left = length * length / last if steps else _ROUNDING * length / _SURE
             is_exact = _CONTRACTION * before < size <= _EXACT * scale
             x = x + step
-            if size <= self.equation.tolerance * scale and (left <= _ROUNDING and length <= shallow or is_exact):
+            if size <= min(_SURE, self.equation.tolerance) * scale and (length <= shallow or is_exact):
                 return Correction(x, evaluation, iteration, length_of(x - guess), last)
             steps.append(step)
             lengths.append(length * length)
