@@ -198,7 +198,7 @@ class Search:
         known, several = self.recent(kind), self.several(kind)
         zeros, taken = [*several], {zero.point.arclength for zero in several}
         # at a zero that is divided out, the sign is rounding
-        for a, b in pairwise(_apart([each for each in self.interval.points if each.arclength not in taken])):
+        for a, b in pairwise(_apart([each for each in self._asked() if each.arclength not in taken])):
             rate, length = self._rates.get(kind), b.arclength - a.arclength
             ends = _deflated(kind, a, known), _deflated(kind, b, known)
             if self._may_vanish(kind, (a, b), ends, rate):
@@ -214,6 +214,15 @@ class Search:
             if not self._jumps(each) and not (several and each.multiplicity == 1 and _moves_as_one(kind, each.point))
         ]
 
+    def _asked(self) -> list[BranchPoint]:
+        """Return the points at which test functions are asked: if dear, those that know, and those beside a corner."""
+        points = self.interval.points
+        if not self.corrector.is_dear or len(points) == 2:
+            return points
+        points = _apart(points)
+        beside = {place + side for place, pair in enumerate(pairwise(points)) for side in (0, 1) if _differ(*pair)}
+        return [point for place, point in enumerate(points) if place in beside or point.known("tangent")]
+
     def several(self, kind: Kind) -> list[Zero]:
         """Return the zeros of a kind at which several multipliers become critical at once, by the equality of parts.
 
@@ -222,7 +231,7 @@ class Search:
         found = self.memo.get(("several", kind))
         if found is None:
             found = self.memo["several", kind] = []
-            points = self.interval.points
+            points = self._asked()
             if all(point.orbit.instability.total < 2 for point in points):  # what is beyond criticality is unstable
                 return found
             for a, b in pairwise(_apart(points)):
@@ -366,6 +375,12 @@ def _apart(points: list[BranchPoint]) -> list[BranchPoint]:
         if point.arclength - kept[-1].arclength > _CROWDED and points[-1].arclength - point.arclength > _CROWDED:
             kept.append(point)
     return [*kept, points[-1]]
+
+
+def _differ(a: BranchPoint, b: BranchPoint) -> bool:
+    """Return True if two neighbouring motions differ in their contacts or in their slip and stick."""
+    modes = ([(each, [phase.mode for phase in own]) for each, own in point.orbit.friction.items()] for point in (a, b))
+    return a.orbit.closings != b.orbit.closings or next(modes) != next(modes)
 
 
 def _moves_as_one(kind: Kind, point: BranchPoint) -> bool:
