@@ -57,6 +57,7 @@ _ACROSS = 3.0  # largest distance across a chord, as a multiple of that to its n
 _ASTRAY = 0.3  # smallest cosine of the angle between a chord and a tangent in between; below it a turn was missed
 _DOUBT = 1.0  # share of its bend by which a test function may dip between the ends of an interval; 1/8 for a parabola
 # between equal ends; unequal ends count with their geometric mean, as a dip to zero has to leave the larger one too
+_SPARSE = 1 / 64  # share of a step between points at which test functions are asked where they are dear
 _CROWDED = 1e-6  # arclength over which rates of test functions would be dominated by rounding
 _BESIDE = 1e-4  # arclength within which a test function is linear, for the error of its zero
 _SPLIT = 1e-5  # distance from criticality within which several multipliers are so at once
@@ -215,13 +216,18 @@ class Search:
         ]
 
     def _asked(self) -> list[BranchPoint]:
-        """Return the points at which test functions are asked: if dear, those that know, and those beside a corner."""
+        """Return the points at which test functions are asked: if dear, not those that are close to others of them."""
+        # all that know their derivatives, and those beside corners, are among them
         points = self.interval.points
         if not self.corrector.is_dear or len(points) == 2:
             return points
-        points = _apart(points)
+        points, sparse = _apart(points), _SPARSE * (points[-1].arclength - points[0].arclength)
         beside = {place + side for place, pair in enumerate(pairwise(points)) for side in (0, 1) if _differ(*pair)}
-        return [point for place, point in enumerate(points) if place in beside or point.known("tangent")]
+        kept = [place in beside or point.known("tangent") for place, point in enumerate(points)]
+        for place, point in enumerate(points):
+            others = (each.arclength for each, is_kept in zip(points, kept, strict=True) if is_kept)
+            kept[place] |= min(abs(each - point.arclength) for each in others) > sparse
+        return [point for point, is_kept in zip(points, kept, strict=True) if is_kept]
 
     def several(self, kind: Kind) -> list[Zero]:
         """Return the zeros of a kind at which several multipliers become critical at once, by the equality of parts.
