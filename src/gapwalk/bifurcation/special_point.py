@@ -142,7 +142,6 @@ class StepInterval:
             f"no orbit found between {a.value:.12g} and {b.value:.12g} on the branch, where one must be"
         )
 
-
     def _beside(self, a: BranchPoint, b: BranchPoint, arclength: float) -> BranchPoint | None:
         """Return the point between two points by the derivatives of a neighbour; None if they do not serve.
 
@@ -224,6 +223,7 @@ class Search:
         points, sparse = _apart(points), _SPARSE * (points[-1].arclength - points[0].arclength)
         beside = {place + side for place, pair in enumerate(pairwise(points)) for side in (0, 1) if _differ(*pair)}
         kept = [place in beside or point.known("tangent") for place, point in enumerate(points)]
+        kept[0] = kept[-1] = True  # also of a walk that was resumed
         for place, point in enumerate(points):
             others = (each.arclength for each, is_kept in zip(points, kept, strict=True) if is_kept)
             kept[place] |= min(abs(each - point.arclength) for each in others) > sparse

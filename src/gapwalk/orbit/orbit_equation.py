@@ -116,7 +116,7 @@ class OrbitEquation:
 
     @property
     def is_dear(self) -> bool:
-        """True if derivatives cost far more than the residual, so that those of a neighbour serve as long as they do."""
+        """True if derivatives cost far more than the residual, so that those of a neighbour serve where they can."""
         return False
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
