@@ -13,6 +13,11 @@ def late(function: Callable[[], T]) -> T:
     return cast("T", function)
 
 
+def is_known(record: LateFields, name: str) -> bool:
+    """Return True if a late field has its value."""
+    return name in record.__dict__
+
+
 class LateFields:
     """Record whose late fields may be given as functions, each of which is called once, when its field is asked for."""
 
@@ -23,10 +28,6 @@ class LateFields:
         for name in self._late:
             if callable(fields[name]):
                 fields.setdefault("_makers", {})[name] = fields.pop(name)
-
-    def known(self, name: str) -> bool:
-        """Return True if a late field has its value."""
-        return name in self.__dict__
 
     if not TYPE_CHECKING:  # otherwise no attribute would be missing
 

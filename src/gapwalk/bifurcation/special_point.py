@@ -23,6 +23,7 @@ from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.equations import magnitude
 from gapwalk.flow.event_rule import jumping_switches
+from gapwalk.late_fields import is_known
 from gapwalk.model.registry import Registry
 from gapwalk.model.words import told_apart
 from gapwalk.notebook import Shown
@@ -127,10 +128,9 @@ class StepInterval:
         share = (arclength - a.arclength) / (b.arclength - a.arclength)
         normal = chord / length if length > 1e-12 else a.tangent
         away = min(share, 1.0 - share) * (b.arclength - a.arclength)
-        # far from its neighbours, a point is no special one: it is computed like those of the walk
-        beside = self._beside(a, b, arclength) if self.corrector.is_dear else None
-        if beside is not None:
+        if (beside := self._beside(a, b, arclength) if self.corrector.is_dear else None) is not None:
             return beside
+        # far from its neighbours, a point is no special one: it is computed like those of the walk
         trust, near = (TRUST, _NEAR * away) if away > _FAR else (0.0, math.inf)
         for guess in (hermite(a, b, share), a.x + share * chord):
             correction = self.corrector.correct(guess, normal, trust, near)
@@ -221,13 +221,14 @@ class Search:
         if not self.corrector.is_dear or len(points) == 2:
             return points
         points, sparse = _apart(points), _SPARSE * (points[-1].arclength - points[0].arclength)
-        beside = {place + side for place, pair in enumerate(pairwise(points)) for side in (0, 1) if _differ(*pair)}
-        kept = [place in beside or point.known("tangent") for place, point in enumerate(points)]
-        kept[0] = kept[-1] = True  # also of a walk that was resumed
+        kept = {0, len(points) - 1}  # always, for a walk that was resumed
+        kept |= {place for place, point in enumerate(points) if is_known(point, "tangent")}
+        for place, (a, b) in enumerate(pairwise(points)):
+            kept |= {place, place + 1} if a.orbit.pattern != b.orbit.pattern else set()
         for place, point in enumerate(points):
-            others = (each.arclength for each, is_kept in zip(points, kept, strict=True) if is_kept)
-            kept[place] |= min(abs(each - point.arclength) for each in others) > sparse
-        return [point for point, is_kept in zip(points, kept, strict=True) if is_kept]
+            if min(abs(points[each].arclength - point.arclength) for each in kept) > sparse:
+                kept.add(place)
+        return [points[place] for place in sorted(kept)]
 
     def several(self, kind: Kind) -> list[Zero]:
         """Return the zeros of a kind at which several multipliers become critical at once, by the equality of parts.
@@ -381,12 +382,6 @@ def _apart(points: list[BranchPoint]) -> list[BranchPoint]:
         if point.arclength - kept[-1].arclength > _CROWDED and points[-1].arclength - point.arclength > _CROWDED:
             kept.append(point)
     return [*kept, points[-1]]
-
-
-def _differ(a: BranchPoint, b: BranchPoint) -> bool:
-    """Return True if two neighbouring motions differ in their contacts or in their slip and stick."""
-    modes = ([(each, [phase.mode for phase in own]) for each, own in point.orbit.friction.items()] for point in (a, b))
-    return a.orbit.closings != b.orbit.closings or next(modes) != next(modes)
 
 
 def _moves_as_one(kind: Kind, point: BranchPoint) -> bool:

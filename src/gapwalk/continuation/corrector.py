@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
-from gapwalk.late_fields import late
+from gapwalk.late_fields import is_known, late
 from gapwalk.late_scipy import lapack
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.spring import springs_of
@@ -399,7 +399,7 @@ class Corrector:
 
     def _derived_near(self, x: NDArray[np.float64]) -> Evaluation | None:
         """Return the evaluation at the nearest known point at which the derivatives are known."""
-        derived = ((key, each) for key, each in self._recent.items() if each.known("by_unknowns"))
+        derived = ((key, each) for key, each in self._recent.items() if is_known(each, "by_unknowns"))
         nearest = min(derived, key=lambda pair: length_of(np.frombuffer(pair[0]) - x), default=None)
         return None if nearest is None else nearest[1]
 
@@ -474,7 +474,7 @@ class Corrector:
         value = x.item(-1) * self._last_scale
         if len(x) <= _FEW or self.is_dear:
             if len(self._recent) >= (_KEPT if len(x) <= _FEW else _KEPT_LARGE):
-                late_ones = (key for key, each in self._recent.items() if not each.known("by_unknowns"))
+                late_ones = (key for key, each in self._recent.items() if not is_known(each, "by_unknowns"))
                 del self._recent[next(late_ones, next(iter(self._recent)))]
             self._recent[x.tobytes()] = evaluation
         orbit = self.equation.orbit(x[:-1] * self._unknown_scales, value, evaluation)
@@ -483,7 +483,7 @@ class Corrector:
     def point(self, correction: Correction, along: NDArray[np.float64], arclength: float) -> BranchPoint:
         """Return the branch point of a correction."""
         course = correction.course
-        if not correction.evaluation.known("by_unknowns"):
+        if not is_known(correction.evaluation, "by_unknowns"):
             later = cache(lambda: self.tangent(correction.evaluation, along))
             course = Course(late(lambda: later().tangent), late(lambda: later().determinant))
             return self._placed(correction.x, correction.evaluation, course, arclength)
