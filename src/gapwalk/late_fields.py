@@ -13,9 +13,9 @@ def late(function: Callable[[], T]) -> T:
     return cast("T", function)
 
 
-def is_known(record: LateFields, name: str) -> bool:
-    """Return True if a late field has its value."""
-    return name in record.__dict__
+def is_known(record: object, name: str) -> bool:
+    """Return True if a field of a record has its value: it is not late, or was asked for."""
+    return name not in getattr(record, "_makers", ())
 
 
 class LateFields:

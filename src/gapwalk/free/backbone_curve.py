@@ -250,7 +250,7 @@ class WhirlEquation:
         found = self._free.evaluate(np.append(unknowns[:-1], value), float(unknowns[-1]))
         assert found.by_parameter is not None
         by_unknowns = np.column_stack((found.by_unknowns[:, :-1], found.by_parameter))
-        return replace(found, by_unknowns=by_unknowns, by_parameter=found.by_unknowns[:, -1])
+        return found._replace(by_unknowns=by_unknowns, by_parameter=found.by_unknowns[:, -1])
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> BackbonePoint:
         """Return the free vibration of a solution."""

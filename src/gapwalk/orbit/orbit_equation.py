@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError, FlowError
 from gapwalk.flow.equations import smallness
-from gapwalk.late_fields import LateFields
 from gapwalk.model.bounds import check
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from gapwalk.model.system import System
@@ -171,11 +170,8 @@ class OrbitEquation:
         yield from ()
 
 
-@dataclass(frozen=True, eq=False)
-class Evaluation(LateFields):
+class Evaluation(NamedTuple):
     """Residual and derivatives at one point."""
-
-    _late: ClassVar[tuple[str, ...]] = ("by_unknowns", "by_parameter", "exact")
 
     residual: NDArray[np.float64]  #: shape (N,): Zero on an orbit.
     by_unknowns: NDArray[np.float64]  #: shape (N, N): Its derivative with respect to the unknowns.
@@ -186,8 +182,6 @@ class Evaluation(LateFields):
     #: contribution of a touch grows with the square root of its depth; 0 where friction begins the period in another
     #: mode than that in which it ends it. Infinite if it is not known.
     reach: float = math.inf
-    #: The evidence with all that the derivatives need, where it is late; else None, and `evidence` has it.
-    exact: Any = field(default_factory=lambda: None)  # a default of the class would be found before the late value
 
 
 @dataclass(frozen=True, slots=True)

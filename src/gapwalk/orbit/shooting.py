@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache, partial
 from itertools import pairwise
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple, cast
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -25,7 +25,7 @@ from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
 from gapwalk.flow.forces import Angles
 from gapwalk.flow.motion import Gauge
 from gapwalk.flow.symmetry import Symmetry, symmetries_of
-from gapwalk.late_fields import late
+from gapwalk.late_fields import LateFields, late
 from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.drifting import brought_back, drifts_of, returned, together
@@ -74,6 +74,19 @@ class Shooting(Method):
     def for_loci(self) -> Shooting:
         """Return the method with one segment."""
         return replace(self, segments=1)
+
+
+@dataclass(frozen=True, eq=False)
+class LateEvaluation(LateFields):
+    """Evaluation whose derivatives are late: that of the motion alone."""
+
+    _late: ClassVar[tuple[str, ...]] = ("by_unknowns", "by_parameter")
+    residual: NDArray[np.float64]
+    by_unknowns: NDArray[np.float64]
+    by_parameter: NDArray[np.float64] | None
+    evidence: list[Arc]  #: The arcs, without transitions.
+    reach: float
+    exact: Callable[[], list[Arc]]  #: Returns the arcs with transitions.
 
 
 class HeldSpring(NamedTuple):
@@ -128,7 +141,8 @@ class ShootingEquation(OrbitEquation):
         found = assembled(free, states)
         if kept and direction is not None:
             self._place(found, bounded, coefficients, direction, arcs, states)
-        return replace(found, evidence=arcs, reach=self._reach(arcs, coefficients))
+        reach = self._reach(arcs, coefficients)
+        return Evaluation(found.residual, found.by_unknowns, found.by_parameter, arcs, reach)
 
     def evaluate_late(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
         """Return the evaluation with its derivatives late where they are dear; see `OrbitEquation.evaluate_late`."""
@@ -142,8 +156,8 @@ class ShootingEquation(OrbitEquation):
         exact = cache(lambda: self.evaluate(unknowns, value))
         residual = np.concatenate([arc.state - after for arc, after in zip(arcs, np.roll(states, -1, 0), strict=True)])
         derivatives = late(lambda: exact().by_unknowns), late(lambda: exact().by_parameter)
-        evidence = late(lambda: exact().evidence)
-        return Evaluation(residual, *derivatives, arcs, self._reach(arcs, coefficients), evidence)
+        found = LateEvaluation(residual, *derivatives, arcs, self._reach(arcs, coefficients), lambda: exact().evidence)
+        return cast("Evaluation", found)
 
     @property
     def is_dear(self) -> bool:
@@ -168,7 +182,7 @@ class ShootingEquation(OrbitEquation):
         if self.begin:
             arcs = self._from_zero(coefficients_of(system), arcs, unknowns.reshape(len(arcs), -1))
             state = brought_back(self._drifts, arcs[-1].state)
-        exact = None if arcs[0].transition is not None else lambda: evaluation.exact
+        exact = evaluation.exact if isinstance(evaluation, LateEvaluation) else None
         closure = Closure.of(layout_of(system.structure), lambda: coefficients_of(system), arcs, state, exact)
         return Orbit(
             system,
@@ -697,7 +711,7 @@ class TouchEquation:
         found = assembled(
             released(layout_of(self._own.system.structure), coefficients, arcs, states[0], self._own.length), states
         )
-        return states.ravel(), replace(found, evidence=arcs)
+        return states.ravel(), found._replace(evidence=arcs)
 
     def slope(self, held: Held) -> NDArray[np.float64]:
         """Return the derivatives of the shooting equation's scaled unknowns and scaled parameter by the depth."""

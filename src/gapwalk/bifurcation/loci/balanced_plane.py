@@ -44,7 +44,7 @@ class BalancedPlane(OrbitPlane):
     def orbit(self, unknowns: NDArray[np.float64], first: float, second: float, evaluation: Evaluation) -> Orbit:
         """See `OrbitPlane.orbit`."""
         system = self._parameters.system_at(first, second)
-        return self._equation.orbit_at(system, unknowns, replace(evaluation, evidence=evaluation.evidence.evidence))
+        return self._equation.orbit_at(system, unknowns, evaluation._replace(evidence=evaluation.evidence.evidence))
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
         """Return the real forms of the deflections."""
