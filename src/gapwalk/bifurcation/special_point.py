@@ -128,7 +128,7 @@ class StepInterval:
         share = (arclength - a.arclength) / (b.arclength - a.arclength)
         normal = chord / length if length > 1e-12 else a.tangent
         away = min(share, 1.0 - share) * (b.arclength - a.arclength)
-        if (beside := self._beside(a, b, arclength) if self.corrector.is_dear else None) is not None:
+        if (beside := self._beside(a, b, arclength)) is not None:
             return beside
         # far from its neighbours, a point is no special one: it is computed like those of the walk
         trust, near = (TRUST, _NEAR * away) if away > _FAR else (0.0, math.inf)
@@ -154,7 +154,7 @@ class StepInterval:
 
         chord, share = b.x - a.x, (arclength - a.arclength) / (b.arclength - a.arclength)
         length, straight = length_of(chord), a.x + share * chord
-        if length <= EXACT:
+        if not self.corrector.is_dear or length <= EXACT or a.orbit.stuck or b.orbit.stuck:  # that needs the transition
             return None
         off = (1.0 - share) * (a.x - cubic(a.arclength)) + share * (b.x - cubic(b.arclength))
         normal, guess = chord / length, cubic(arclength) + off
@@ -451,7 +451,8 @@ class ErrorEstimator:
         except NumericalError:
             start = self._embedded(point.x) + shift * along
         normal = along / np.linalg.norm(along)
-        correction = self._corrector.correct_beside(start, normal) or self._corrector.correct(start, normal)
+        correction = None if point.orbit.stuck else self._corrector.correct_beside(start, normal)
+        correction = correction or self._corrector.correct(start, normal)
         if correction is None:
             raise NumericalError(f"no orbit is found at {point.value:.12g} with another discretisation")
         if correction.distance <= _SAME:
