@@ -31,6 +31,7 @@ ORDER = (
     "cache_folder",
     "machine_code",
     "late_scipy",
+    "late_fields",
     "taylor",
     "bracketed_root",
     "summary",

@@ -64,6 +64,8 @@ class Detector:
     def inspect(self, first: BranchPoint, last: BranchPoint, before: BranchPoint | None = None) -> list[SpecialPoint]:
         """Return the special points between two neighbouring points, in order; `before` is the point before `first`."""
         search = Search(self.corrector, first, last, before, self._rates, self._recent)
+        if self.corrector.is_dear:  # so that a step does not depend on whether the walk was resumed
+            self._second.corrector.forget()
         for kind in self.kinds:
             kind.prepare(search)
         found = [zero for kind in self.kinds for zero in kind.points_in(search)]

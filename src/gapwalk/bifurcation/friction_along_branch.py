@@ -261,7 +261,7 @@ def _settled_beyond(corrector: Corrector, point: BranchPoint, contacts: list[int
         value, along = float(x[-1] * corrector.scales[-1]), (x - point.x) / _TRANSIENT
         try:
             for _ in range(_PERIODS):
-                x[:-1] += corrector.evaluate(x).residual / corrector.scales[:-1]
+                x[:-1] += corrector.evaluate_late(x).residual / corrector.scales[:-1]
         except NumericalError:
             continue
         correction = corrector.at_value(x, value)

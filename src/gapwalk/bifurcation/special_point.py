@@ -23,6 +23,7 @@ from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.equations import magnitude
 from gapwalk.flow.event_rule import jumping_switches, one_way_switches
+from gapwalk.late_fields import is_known
 from gapwalk.model.registry import Registry
 from gapwalk.model.words import told_apart
 from gapwalk.notebook import Shown
@@ -53,9 +54,11 @@ _FINEST = 1e-6  # arclength below which two zeros are not distinguished
 _SHARE = 1e-4  # the same as a share of a short step, for branches that bend so sharply that the steps are short
 # arclength from its neighbours, and share of it as a last Newton step, of a point like those of a walk
 _FAR, _NEAR = 1e-3, 0.01
+_ACROSS = 3.0  # largest distance across a chord, as a multiple of that to its nearer end
 _ASTRAY = 0.3  # smallest cosine of the angle between a chord and a tangent in between; below it a turn was missed
 _DOUBT = 1.0  # share of its bend by which a test function may dip between the ends of an interval; 1/8 for a parabola
 # between equal ends; unequal ends count with their geometric mean, as a dip to zero has to leave the larger one too
+_SPARSE = 1 / 64  # share of a step between points at which test functions are asked where they are dear
 _CROWDED = 1e-6  # arclength over which rates of test functions would be dominated by rounding
 _BESIDE = 1e-4  # arclength within which a test function is linear, for the error of its zero
 _SPLIT = 1e-5  # distance from criticality within which several multipliers are so at once
@@ -125,6 +128,8 @@ class StepInterval:
         share = (arclength - a.arclength) / (b.arclength - a.arclength)
         normal = chord / length if length > 1e-12 else a.tangent
         away = min(share, 1.0 - share) * (b.arclength - a.arclength)
+        if (beside := self._beside(a, b, arclength)) is not None:
+            return beside
         # far from its neighbours, a point is no special one: it is computed like those of the walk
         trust, near = (TRUST, _NEAR * away) if away > _FAR else (0.0, math.inf)
         for guess in (hermite(a, b, share), a.x + share * chord):
@@ -136,6 +141,28 @@ class StepInterval:
         raise NumericalError(
             f"no orbit found between {a.value:.12g} and {b.value:.12g} on the branch, where one must be"
         )
+
+    def _beside(self, a: BranchPoint, b: BranchPoint, arclength: float) -> BranchPoint | None:
+        """Return the point between two points by the derivatives of a neighbour; None if they do not serve.
+
+        The guess is the cubic over the whole step, moved by what the two points are off it.
+        """
+
+        def cubic(place: float) -> NDArray[np.float64]:
+            first, last = self._points[0], self._points[-1]
+            return hermite(first, last, (place - first.arclength) / (last.arclength - first.arclength))
+
+        chord, share = b.x - a.x, (arclength - a.arclength) / (b.arclength - a.arclength)
+        length, straight = length_of(chord), a.x + share * chord
+        if not self.corrector.is_dear or length <= EXACT or a.orbit.stuck or b.orbit.stuck:  # that needs the transition
+            return None
+        off = (1.0 - share) * (a.x - cubic(a.arclength)) + share * (b.x - cubic(b.arclength))
+        normal, guess = chord / length, cubic(arclength) + off
+        correction = self.corrector.correct_beside(guess + ((straight - guess) @ normal) * normal, normal)
+        # farther across the chord a turn may have been missed
+        if correction is None or length_of(correction.x - straight) > _ACROSS * min(share, 1.0 - share) * length + 1e-9:
+            return None
+        return self.corrector.point(correction, normal, arclength)
 
 
 class Search:
@@ -171,7 +198,7 @@ class Search:
         known, several = self.recent(kind), self.several(kind)
         zeros, taken = [*several], {zero.point.arclength for zero in several}
         # at a zero that is divided out, the sign is rounding
-        for a, b in pairwise(_apart([each for each in self.interval.points if each.arclength not in taken])):
+        for a, b in pairwise(_apart([each for each in self._asked() if each.arclength not in taken])):
             rate, length = self._rates.get(kind), b.arclength - a.arclength
             ends = _deflated(kind, a, known), _deflated(kind, b, known)
             if self._may_vanish(kind, (a, b), ends, rate):
@@ -187,6 +214,22 @@ class Search:
             if not self._jumps(each) and not (several and each.multiplicity == 1 and _moves_as_one(kind, each.point))
         ]
 
+    def _asked(self) -> list[BranchPoint]:
+        """Return the points at which test functions are asked: if dear, not those that are close to others of them."""
+        # all that know their derivatives, and those beside corners, are among them
+        points = self.interval.points
+        if not self.corrector.is_dear or len(points) == 2:
+            return points
+        points, sparse = _apart(points), _SPARSE * (points[-1].arclength - points[0].arclength)
+        kept = {0, len(points) - 1}  # always, for a walk that was resumed
+        kept |= {place for place, point in enumerate(points) if is_known(point, "tangent")}
+        for place, (a, b) in enumerate(pairwise(points)):
+            kept |= {place, place + 1} if a.orbit.pattern != b.orbit.pattern else set()
+        for place, point in enumerate(points):
+            if min(abs(points[each].arclength - point.arclength) for each in kept) > sparse:
+                kept.add(place)
+        return [points[place] for place in sorted(kept)]
+
     def several(self, kind: Kind) -> list[Zero]:
         """Return the zeros of a kind at which several multipliers become critical at once, by the equality of parts.
 
@@ -195,7 +238,7 @@ class Search:
         found = self.memo.get(("several", kind))
         if found is None:
             found = self.memo["several", kind] = []
-            points = self.interval.points
+            points = self._asked()
             if all(point.orbit.instability.total < 2 for point in points):  # what is beyond criticality is unstable
                 return found
             for a, b in pairwise(_apart(points)):
@@ -407,7 +450,9 @@ class ErrorEstimator:
             start = self._ahead(point, shift)
         except NumericalError:
             start = self._embedded(point.x) + shift * along
-        correction = self._corrector.correct(start, along / np.linalg.norm(along))
+        normal = along / np.linalg.norm(along)
+        correction = None if point.orbit.stuck else self._corrector.correct_beside(start, normal)
+        correction = correction or self._corrector.correct(start, normal)
         if correction is None:
             raise NumericalError(f"no orbit is found at {point.value:.12g} with another discretisation")
         if correction.distance <= _SAME:
@@ -424,7 +469,7 @@ class ErrorEstimator:
         orbit, value = point.orbit, float(point.x[-1])
         if shift:
             x = (point.x + shift * point.tangent) * self._known
-            orbit = self._equation.orbit(x[:-1], float(x[-1]), self._equation.evaluate(x[:-1], float(x[-1])))
+            orbit = self._equation.orbit(x[:-1], float(x[-1]), self._equation.evaluate_late(x[:-1], float(x[-1])))
             value += shift * float(point.tangent[-1])
         return np.append(self._other.unknowns(orbit) / self._corrector.scales[:-1], value)
 
@@ -433,12 +478,12 @@ class ErrorEstimator:
 
         Shapes: `rounding` (samples, N).
         """
-        evaluation = self._own.evaluate(point.x) if rounding is None else self._own.evaluated_near(point.x)
+        evaluation = self._own.evaluate_late(point.x) if rounding is None else self._own.evaluated_near(point.x)
         assert evaluation.by_parameter is not None
         if rounding is None:
             x = point.x * self._known
             places = places_beside(x, self._known)
-            asides = [self._equation.evaluate(place[:-1], float(place[-1])) for place in places]
+            asides = [self._equation.evaluate_late(place[:-1], float(place[-1])) for place in places]
             rounding = roundings(x, evaluation, places, asides)
         jacobian = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * self._known
         right = np.column_stack((rounding, np.zeros(len(rounding)))).T
@@ -450,7 +495,7 @@ class ErrorEstimator:
         most, times = _BENDS * float(np.abs(rounding).max()), 1.0
         # where motions are nearly a continuum, the equation bends: rounding leads farther than its derivatives tell
         while _NOTABLE < times * length_of(farthest) < _FARTHEST:
-            ahead = (self._own.evaluate(point.x + way * times * farthest) for way in (-_FURTHER, _FURTHER))
+            ahead = (self._own.evaluate_late(point.x + way * times * farthest) for way in (-_FURTHER, _FURTHER))
             if min(float(np.abs(each.residual - evaluation.residual).max()) for each in ahead) > most:
                 break
             times *= _FURTHER

@@ -9,8 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from itertools import pairwise
 from operator import truediv
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,7 @@ from numpy.typing import NDArray
 from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
+from gapwalk.late_fields import is_known, late
 from gapwalk.late_scipy import lapack
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.spring import springs_of
@@ -267,7 +270,8 @@ _LOGARITHM = 300.0 * math.log(10.0)  # of the largest determinant that is return
 _ACROSS = 0.3  # cosine of the angle to the direction of travel below which the tangent is solved for again
 _ALONG = 0.5  # cosine of the angle between tangents up to which points are interpolated along one of them
 _AGREES = 0.3  # distance of the quintic from the cubic, as a share of that of the cubic from the tangent
-_FEW, _KEPT = 50, 32  # unknowns up to which evaluations are kept, and how many of them
+_FEW, _KEPT, _KEPT_LARGE = 50, 32, 2  # unknowns up to which evaluations are kept, and how many; of more if dear
+_CHORDS, _SURE = 12, 1e-12  # steps with the derivatives of a neighbour, and the residual before the last one
 _TRUSTED = 1e-7  # longest step if only `trust` is met: by a crossing the tangent turns by 0.1 rad in 1e-6
 
 
@@ -305,6 +309,7 @@ class Corrector:
         self._smallest = min(1.0, _largest(self._unknown_scales[self._lengths]))  # smaller unknowns count as zero
         self._column_scales = [*self._unknown_scales.tolist(), 1.0]
         self._recent: dict[bytes, Evaluation] = {}  # of the last points, if they have few unknowns
+        self.is_dear: bool = getattr(equation, "is_dear", False)
 
     def correct(
         self,
@@ -357,13 +362,61 @@ class Corrector:
                 return Correction(x, evaluation, iteration + 1, length_of(x - guess), last, course)
         return None
 
+    def correct_beside(self, guess: NDArray[np.float64], normal: NDArray[np.float64]) -> Correction | None:
+        """Return the result of `correct` by the derivatives at the nearest known point; None if they do not serve.
+
+        They are improved by Broyden's method (Kelley 1995, Iterative Methods for Linear and Nonlinear Equations, 7.3).
+        """
+        known = self._derived_near(guess) if self.is_dear else None
+        if known is None:
+            return None
+        factors, pivots, singular = lapack.dgetrf(self._bordered(known, normal))
+        x, steps, lengths, before = guess, list[NDArray[np.float64]](), list[float](), math.inf
+        for iteration in range(0 if singular else _CHORDS):
+            unknowns = x[:-1] * self._unknown_scales
+            try:
+                evaluation = self.evaluate_late(x)
+            except NumericalError:
+                return None
+            size, scale = _largest(evaluation.residual), max(self._smallest, _largest(unknowns[self._lengths]))
+            step = -lapack.dgetrs(factors, pivots, np.append(evaluation.residual, 0.0))[0]
+            for (each, later), square in zip(pairwise(steps), lengths, strict=False):
+                step = step + (each @ step / square) * later
+            if steps:
+                step = step / (1.0 - steps[-1] @ step / lengths[-1])
+            length, last = length_of(step), length_of(steps[-1]) if steps else math.inf
+            if not (size <= _LOST * before and (length <= _CONTRACTION * last or length <= _ROUNDING)):
+                return None
+            shallow = max(_SHALLOW * evaluation.reach / self._unknown_scales.item(0), _ROUNDING)
+            is_exact = _CONTRACTION * before < size <= _EXACT * scale
+            x = x + step
+            if size <= min(_SURE, self.equation.tolerance) * scale and (length <= shallow or is_exact):
+                return Correction(x, evaluation, iteration, length_of(x - guess), last)
+            steps.append(step)
+            lengths.append(length * length)
+            before = size
+        return None
+
+    def _derived_near(self, x: NDArray[np.float64]) -> Evaluation | None:
+        """Return the evaluation at the nearest known point at which the derivatives are known."""
+        derived = ((key, each) for key, each in self._recent.items() if is_known(each, "by_unknowns"))
+        nearest = min(derived, key=lambda pair: length_of(np.frombuffer(pair[0]) - x), default=None)
+        return None if nearest is None else nearest[1]
+
     def exact_point(self, x: NDArray[np.float64], along: NDArray[np.float64], arclength: float) -> BranchPoint:
         """Return the branch point at a corrected `x`, evaluated exactly there and oriented along `along`."""
-        return self.point(Correction(x, self.evaluate(x), 0, 0.0, 0.0), along, arclength)
+        return self.point(Correction(x, self.evaluate_late(x), 0, 0.0, 0.0), along, arclength)
 
     def evaluate(self, x: NDArray[np.float64]) -> Evaluation:
         """Evaluate the equation at scaled variables; errors as `Equation.evaluate`."""
         return self.equation.evaluate(x[:-1] * self._unknown_scales, float(x[-1] * self.scales[-1]))
+
+    def evaluate_late(self, x: NDArray[np.float64]) -> Evaluation:
+        """Evaluate the equation with its derivatives late where they are dear; see `OrbitEquation.evaluate_late`."""
+        if not self.is_dear:
+            return self.evaluate(x)
+        equation = cast("OrbitEquation", self.equation)
+        return equation.evaluate_late(x[:-1] * self._unknown_scales, float(x[-1] * self.scales[-1]))
 
     def evaluated_near(self, x: NDArray[np.float64]) -> Evaluation:
         """Return the evaluation at a point, or at most a last Newton step away from it, where its derivatives do too.
@@ -419,9 +472,10 @@ class Corrector:
 
     def _placed(self, x: NDArray[np.float64], evaluation: Evaluation, course: Course, arclength: float) -> BranchPoint:
         value = x.item(-1) * self._last_scale
-        if len(x) <= _FEW:
-            if len(self._recent) >= _KEPT:
-                del self._recent[next(iter(self._recent))]
+        if len(x) <= _FEW or self.is_dear:
+            if len(self._recent) >= (_KEPT if len(x) <= _FEW else _KEPT_LARGE):
+                late_ones = (key for key, each in self._recent.items() if not is_known(each, "by_unknowns"))
+                del self._recent[next(late_ones, next(iter(self._recent)))]
             self._recent[x.tobytes()] = evaluation
         orbit = self.equation.orbit(x[:-1] * self._unknown_scales, value, evaluation)
         return BranchPoint(value, orbit, x, *course, arclength)
@@ -429,6 +483,10 @@ class Corrector:
     def point(self, correction: Correction, along: NDArray[np.float64], arclength: float) -> BranchPoint:
         """Return the branch point of a correction."""
         course = correction.course
+        if not is_known(correction.evaluation, "by_unknowns"):
+            later = cache(lambda: self.tangent(correction.evaluation, along))
+            course = Course(late(lambda: later().tangent), late(lambda: later().determinant))
+            return self._placed(correction.x, correction.evaluation, course, arclength)
         way = 0.0 if course is None else float(course.tangent @ along)
         if course is None or abs(way) < _ACROSS:
             course = self.tangent(correction.evaluation, along)

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.late_fields import LateFields
 from gapwalk.orbit.floquet import Instability
 from gapwalk.orbit.orbit import Orbit, measure_names
 from gapwalk.summary import row_of
@@ -31,9 +32,10 @@ class OrbitOnCurve:
 
 
 @dataclass(frozen=True, eq=False)
-class BranchPoint(OrbitOnCurve):
+class BranchPoint(LateFields, OrbitOnCurve):
     """One orbit on a branch."""
 
+    _late: ClassVar[tuple[str, ...]] = ("tangent", "determinant")
     _row: ClassVar = {
         "parameter": "value",
         "stable": "stable",

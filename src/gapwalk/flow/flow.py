@@ -53,6 +53,8 @@ from gapwalk.taylor.program import Program
 
 LARGE = 8
 """Number of coordinates from which it takes less time than Taylor series: with 6 a third more, with 10 a third less."""
+DEAR, DEAR_LINEAR = 32, 80
+"""Numbers of the state from which a transition matrix is dear: by Taylor series, and of motions that are linear."""
 _EXACT = 1e-13  # share of the matrix within which its eigenvectors must give it back
 _KEPT = 64  # matrices that are kept, one for each set of closed stages
 
@@ -462,6 +464,7 @@ class _Integrator:
 
     def _prepare(self, coefficients, state, start, stop, direction) -> None:
         Flow.calls += 1
+        Flow.matrices += self.has_transition
         self._taylor.time = start
         if self._has_events:
             self._taylor.reset_cooldowns()
@@ -558,6 +561,8 @@ class Flow:
 
     calls = 0
     """Number of integrations in this process, for tests of work done."""
+    matrices = 0
+    """Number of those with a transition matrix."""
 
     def __init__(self, equations: Equations, *, transition: bool = False, survey: bool = False) -> None:
         self.equations = equations
@@ -567,6 +572,8 @@ class Flow:
         self.is_linear = transition and equations.layout.structure.size >= LARGE and LinearTransition.serves(equations)
         integrated = transition and not self.is_linear
         columns = (self.size if integrated else 0) + self.directions
+        # from here on a transition matrix costs as much as seven to sixty motions
+        self.is_dear = self.size >= (DEAR if integrated else DEAR_LINEAR)
         events = {
             **{("switch", index): equations.gap(*switch) for index, switch in enumerate(equations.switches)},
             **{("mode", index): equations.guard(*mode) for index, mode in enumerate(equations.modes)},

@@ -131,10 +131,11 @@ def _largest_of_many(first: NDArray[np.complex128], second: NDArray[np.complex12
     """Return the largest move from one of two equally long sets to the other, for sets that arrays suit better."""
     sizes = np.maximum(1.0, np.minimum.outer(np.abs(first), np.abs(second)))
     moves, largest = np.abs(np.subtract.outer(first, second)) / sizes, 0.0
-    for _ in range(len(first)):
-        row, column = np.unravel_index(int(moves.argmin()), moves.shape)
-        largest = float(moves[row, column])
-        moves[row], moves[:, column] = np.inf, np.inf
+    while moves.size:  # those that are each other's nearest are pairs, all at once; then those of the others
+        columns, rows = moves.argmin(axis=1), moves.argmin(axis=0)
+        paired = rows[columns] == np.arange(len(moves))
+        largest = max(largest, float(moves[paired, columns[paired]].max()))
+        moves = np.delete(moves[~paired], columns[paired], axis=1)
     return largest
 
 

@@ -25,6 +25,7 @@ from gapwalk.flow.flow import PERIOD, Arc, Flow, Restarts, flow_of
 from gapwalk.flow.forces import Angles, contact_deflections
 from gapwalk.flow.friction_state import SlipEvent
 from gapwalk.flow.motion import Motion, Signal, drags_turned_back, one_sided_drags, sample, switch_names
+from gapwalk.late_fields import LateFields
 from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
 from gapwalk.model.measures import EXAMPLES, IMPACTS, KINDS, MeasureName, full_measure, parsed
 from gapwalk.model.problems import did_you_mean, near_names
@@ -255,7 +256,7 @@ _SETTLES = (1e-5, 1e-2)  # angles between which the impacts of a chatter are dis
 
 
 @dataclass(frozen=True, eq=False)
-class Orbit(Shown):
+class Orbit(LateFields, Shown):
     """Motion that repeats after `period` forcing periods.
 
     Attributes
@@ -296,6 +297,7 @@ class Orbit(Shown):
     #: unstable orbit, the state at theta = 0 alone does not determine the rest to working accuracy.
     restarts: NDArray[np.float64] = field(default_factory=lambda: _NO_STATES, kw_only=True)
 
+    _late: ClassVar[tuple[str, ...]] = ("multipliers",)
     _kept: ClassVar[tuple[str, ...]] = ("extremes",)  # in files too: a picture then needs no integration
 
     def _check_read(self) -> None:

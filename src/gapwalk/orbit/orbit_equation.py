@@ -109,6 +109,15 @@ class OrbitEquation:
         """See `Equation.evaluate`."""
         raise NotImplementedError
 
+    def evaluate_late(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
+        """Return the evaluation with its derivatives late where they cost far more than the residual."""
+        return self.evaluate(unknowns, value)
+
+    @property
+    def is_dear(self) -> bool:
+        """True if derivatives cost far more than the residual, so that those of a neighbour serve where they can."""
+        return False
+
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
         """See `Equation.orbit`."""
         raise NotImplementedError

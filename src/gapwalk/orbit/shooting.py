@@ -9,9 +9,9 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cache, cached_property, lru_cache, partial
 from itertools import pairwise
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple, cast
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -25,6 +25,7 @@ from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
 from gapwalk.flow.forces import Angles
 from gapwalk.flow.motion import Gauge
 from gapwalk.flow.symmetry import Symmetry, symmetries_of
+from gapwalk.late_fields import LateFields, late
 from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.drifting import brought_back, drifts_of, returned, together
@@ -73,6 +74,19 @@ class Shooting(Method):
     def for_loci(self) -> Shooting:
         """Return the method with one segment."""
         return replace(self, segments=1)
+
+
+@dataclass(frozen=True, eq=False)
+class LateEvaluation(LateFields):
+    """Evaluation whose derivatives are late: that of the motion alone."""
+
+    _late: ClassVar[tuple[str, ...]] = ("by_unknowns", "by_parameter")
+    residual: NDArray[np.float64]
+    by_unknowns: NDArray[np.float64]
+    by_parameter: NDArray[np.float64] | None
+    evidence: list[Arc]  #: The arcs, without transitions.
+    reach: float
+    exact: Callable[[], list[Arc]]  #: Returns the arcs with transitions.
 
 
 class HeldSpring(NamedTuple):
@@ -127,8 +141,31 @@ class ShootingEquation(OrbitEquation):
         found = assembled(free, states)
         if kept and direction is not None:
             self._place(found, bounded, coefficients, direction, arcs, states)
-        reach = min(_shallowest(arcs), self._slowest(arcs)) * float(coefficients[0]) if _modes_go_on(arcs) else 0.0
+        reach = self._reach(arcs, coefficients)
         return Evaluation(found.residual, found.by_unknowns, found.by_parameter, arcs, reach)
+
+    def evaluate_late(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
+        """Return the evaluation with its derivatives late where they are dear; see `OrbitEquation.evaluate_late`."""
+        if not self.is_dear:
+            return self.evaluate(unknowns, value)
+        coefficients, flow = self.coefficients(value)[0], flow_of(self.system_at(value))
+        states = unknowns.reshape(len(self.knots) - 1, -1)
+        arcs = [flow.integrate(coefficients, *each) for each in zip(states, self.knots, self.knots[1:], strict=False)]
+        if never_slipping(arcs):  # what friction keeps depends on the transition
+            return self.evaluate(unknowns, value)
+        exact = cache(lambda: self.evaluate(unknowns, value))
+        residual = np.concatenate([arc.state - after for arc, after in zip(arcs, np.roll(states, -1, 0), strict=True)])
+        derivatives = late(lambda: exact().by_unknowns), late(lambda: exact().by_parameter)
+        found = LateEvaluation(residual, *derivatives, arcs, self._reach(arcs, coefficients), lambda: exact().evidence)
+        return cast("Evaluation", found)
+
+    @property
+    def is_dear(self) -> bool:
+        """See `OrbitEquation.is_dear`; by the number of columns of the transition matrix, which is no clock."""
+        return self._flow.is_dear and not (self.begin or self.held or self._drifts.shape[1])
+
+    def _reach(self, arcs: list[Arc], coefficients: NDArray[np.float64]) -> float:
+        return min(_shallowest(arcs), self._slowest(arcs)) * float(coefficients[0]) if _modes_go_on(arcs) else 0.0
 
     def _slowest(self, arcs: list[Arc]) -> float:
         """Return the least speed of the first impacts of arcs: a step of its size may let a motion rest instead."""
@@ -145,7 +182,8 @@ class ShootingEquation(OrbitEquation):
         if self.begin:
             arcs = self._from_zero(coefficients_of(system), arcs, unknowns.reshape(len(arcs), -1))
             state = brought_back(self._drifts, arcs[-1].state)
-        closure = Closure.of(layout_of(system.structure), lambda: coefficients_of(system), arcs, state)
+        exact = evaluation.exact if isinstance(evaluation, LateEvaluation) else None
+        closure = Closure.of(layout_of(system.structure), lambda: coefficients_of(system), arcs, state, exact)
         return Orbit(
             system,
             self.period,

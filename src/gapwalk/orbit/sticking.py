@@ -26,6 +26,7 @@ from gapwalk.flow.flow import PERIOD, Arc, Variations
 from gapwalk.flow.forces import Angles, CompiledReadings, Dry, balance, contact_force, contact_forces, stages_of
 from gapwalk.flow.friction_state import SlipEvent
 from gapwalk.flow.motion import DryModes, modes_along
+from gapwalk.late_fields import late
 from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
 from gapwalk.model.laws import Host
 from gapwalk.model.structure import Structure
@@ -543,8 +544,15 @@ class Closure(NamedTuple):
         coefficients: Callable[[], NDArray[np.float64]],
         arcs: Sequence[Arc],
         start: NDArray[np.float64],
+        exact: Callable[[], Sequence[Arc]] | None = None,
     ) -> Closure:
-        """Compute the multipliers from the arcs of one period; `coefficients` is called only if friction sticks."""
+        """Compute the multipliers from the arcs of one period; `coefficients` is called only if friction sticks.
+
+        Where the arcs have no transitions, in none of which friction sticks all the time, those of `exact` give the
+        multipliers, late.
+        """
+        if exact is not None:
+            return cls(late(lambda: cls.of(layout, coefficients, exact(), start).multipliers), _joined(arcs))
         if not any(arc.slips for arc in arcs):
             return cls(multipliers([transition_of(arc) for arc in arcs]))
         stuck = stuck_in(layout, coefficients(), arcs) if never_slipping(arcs) else ()
