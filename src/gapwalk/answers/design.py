@@ -66,10 +66,10 @@ class Change:
 
     parameter: str  #: Name of the parameter.
     by: Positive = 0.5  #: Largest relative change in either direction; 0.5 is 50 %.
-    #: low, high: Limits of its value, in place of `by`.
+    #: low, high: Limits of the value of the parameter, given in place of `by`.
     low: float | None = None
     high: float | None = None
-    #: Weight of its relative change: of two parameters that serve a goal equally, the one of larger weight changes
+    #: Weight of the relative change in the sum of squares that is minimised: a parameter with a larger weight changes
     #: less.
     weight: Positive = 1.0
 
@@ -97,7 +97,7 @@ class Change:
         return low, high
 
     def scale(self, system: System) -> float:
-        """Return the size of a relative change of 1: the value, or half of the range of a parameter that is zero."""
+        """Return the change that is a relative change of 1: the value, or half of the range if the value is zero."""
         low, high = self.bounds(system)
         return abs(system[self.parameter]) or 0.5 * (high - low)
 

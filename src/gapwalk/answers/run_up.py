@@ -413,7 +413,7 @@ def run_up(
     Parameters
     ----------
     system
-        The system; its own value of the first parameter plays no role.
+        The system; its own value of the frequency or speed is not used.
     speed
         The speed over time, as from `SpeedCourse.ramp`.
     state : shape (state_size,)
@@ -424,8 +424,8 @@ def run_up(
     samples
         Samples per forcing period.
     by
-        ``"curves"`` for the exact motion; ``"steps"`` for equal steps, which carry dry friction and many contacts;
-        ``"chosen"`` for these if there is friction, or more than one gap with more than three coordinates.
+        ``"curves"`` for the exact motion; ``"steps"`` for equal time steps, which suit dry friction and many contacts;
+        ``"chosen"`` for steps if there is dry friction, or more than one gap with more than three coordinates.
 
     Returns
     -------
@@ -435,16 +435,16 @@ def run_up(
     Raises
     ------
     ModelError
-        If the system cannot run up (rigid stops, friction that is larger at rest, factors over the speed), or the state
-        is none.
+        If the system cannot run up (rigid stops, friction that is larger at rest, factors over the speed), or `state`
+        is no state of the system.
     FlowError
         If the motion diverges.
 
     Notes
     -----
-    Loads follow the angle of the excitation, and their sizes the present speed. If a reaction holds the speed of a
-    train, it also supplies the torque ``sum(J r^2) a`` that accelerates all inertias of the train. `speed` is then that
-    of the first inertia.
+    Loads follow the angle of the excitation, and their sizes the present speed. If a reaction torque holds the speed of
+    a train, it also supplies ``sum(J r^2) a``: the torque that gives the inertias J at ratios r the acceleration a.
+    `speed` is then the speed of the first inertia.
 
     Examples
     --------

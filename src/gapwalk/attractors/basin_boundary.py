@@ -81,19 +81,19 @@ def manifold(
     Parameters
     ----------
     orbit
-        The saddle: an orbit with exactly one multiplier outside, or for the stable manifold inside, the unit circle.
+        The saddle: an orbit with exactly one multiplier outside the unit circle; for ``"stable"``, exactly one inside.
     which
-        ``"unstable"`` or ``"stable"``. The stable one is followed backwards in time, which needs forces that do not
-        depend on rates, besides linear damping.
+        ``"unstable"`` or ``"stable"``. The stable manifold is followed backwards in time, so no force except linear
+        damping may depend on rates.
     length
-        Least length of each side in the space of states.
+        Least length, in the space of states, of each of the two sides on which the manifold leaves the saddle.
     accuracy
         Largest distance of the manifold from the lines between its points.
 
     Returns
     -------
     Manifold
-        Both sides as lines of states at theta = 0.
+        The two sides, each as a line of states at theta = 0.
 
     Raises
     ------
@@ -250,14 +250,15 @@ def edge_state(
     Returns
     -------
     Orbit
-        The saddle: it has one unstable multiplier, and motions that leave it to both sides settle on both motions.
+        The saddle: it has one unstable multiplier, and motions that leave it settle on one motion on one side, and on
+        the other motion on the other side.
 
     Raises
     ------
     ModelError
-        If both states settle on one motion.
+        If both states settle on the same motion.
     ConvergenceError
-        If no such orbit was found, as where the boundary has a chaotic saddle.
+        If no such orbit was found, for example because the boundary has a chaotic saddle.
 
     Notes
     -----

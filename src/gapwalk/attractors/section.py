@@ -104,10 +104,10 @@ class Plane:
 
 
 def section(system: System, start: NDArray[np.float64], plane: Plane, periods: int = 1000) -> Section:
-    """Find the states at which a motion crosses a plane, each to rounding on the exact flow.
+    """Find the states at which a motion crosses a plane, on the exact flow and to machine precision.
 
-    Crossings are bracketed between 128 samples per forcing period. Two crossings between successive samples are found
-    by means of the turning point between them. A motion that starts on the plane does not cross it there.
+    Crossings are bracketed by 128 samples per forcing period. Two crossings between successive samples are found by
+    means of the turning point between them. A start on the plane does not count as a crossing.
 
     Parameters
     ----------

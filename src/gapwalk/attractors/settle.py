@@ -667,11 +667,11 @@ class SettleOptions(Bounded):
     True
     """
 
-    #: The most forcing periods of the transient (some more may pass while it is compared with an orbit).
+    #: Largest number of forcing periods of the transient; a few more may pass while it is compared with an orbit.
     max_periods: Counted = 20_000
     max_period: Counted = 64  #: The longest period m of the orbits that are searched for.
-    #: Drift of the motion's averages, relative to its size, below which a motion that is not periodic counts as
-    #: settled; a chaotic one may drift by four standard errors.
+    #: Drift of the averages of a motion without period, relative to the size of the motion, below which it counts as
+    #: settled; the averages of a chaotic motion may drift by four standard errors.
     tolerance: Annotated[float, Gt(0), Le(0.1)] = 1e-5
 
 
@@ -685,9 +685,10 @@ def settle(
 ) -> Settled:
     """Follow a motion until it has settled.
 
-    A motion is recognised as periodic by the stable orbit next to it and by several returns that contract to this orbit
-    as its linearised return map predicts. So a slow transient near a flip or a fold is not mistaken for another motion,
-    and the orbit is exact. Any other motion counts as settled when the averages over its last two quarters agree.
+    A motion counts as periodic if a stable orbit is found next to it, and if several successive returns approach this
+    orbit as its linearised return map predicts. The orbit itself is exact, and a slow transient near a flip or a fold
+    is not mistaken for another motion. Any other motion counts as settled when the averages over its third and fourth
+    quarter agree.
 
     Parameters
     ----------
@@ -696,7 +697,7 @@ def settle(
     start
         ``"rest"``, or a state at theta = 0: positions, then velocities.
     options
-        Length of the transient, and the tests that end it.
+        Largest length of the transient, and the tolerances of the tests that end it.
     at, **values
         Parameter values to change first: ``settle(system, frequency=0.45)``.
 
@@ -714,8 +715,8 @@ def settle(
 
     Notes
     -----
-    Averages of a motion that is not periodic: Das, Saiki, Sander and Yorke (2017), Nonlinearity 30, 4111-4140; their
-    errors for chaotic motion: Flyvbjerg and Petersen (1989), Journal of Chemical Physics 91, 461-466.
+    Averages of a motion that is not periodic: Das, Saiki, Sander and Yorke (2017), Nonlinearity 30, 4111-4140. Errors
+    of averages of chaotic motions: Flyvbjerg and Petersen (1989), Journal of Chemical Physics 91, 461-466.
 
     Examples
     --------
@@ -857,10 +858,10 @@ class ClassifyOptions(Bounded):
     'P1'
     """
 
-    #: settle, lyapunov: Options of the transient and of the average of the exponents.
+    #: settle, lyapunov: Options of the transient, and of the averages of the Lyapunov exponents.
     settle: SettleOptions = field(default_factory=SettleOptions)
     lyapunov: LyapunovOptions = field(default_factory=LyapunovOptions)
-    #: Size of an exponent per forcing period below which it may be zero, as on a torus.
+    #: Size of a Lyapunov exponent per forcing period below which it may be zero, as on a torus.
     zero: Annotated[float, Gt(0), Le(0.01)] = 1e-5
     #: Number of standard errors by which an exponent must differ from zero to count as different.
     errors: Annotated[float, Ge(1)] = 5.0
@@ -874,7 +875,7 @@ def classify(
     at: Mapping[str, float] | None = None,
     **values: float,
 ) -> Attractor:
-    """Find the attractor on which a motion settles, and its kind.
+    """Find the attractor on which a motion settles: periodic, quasi-periodic or chaotic.
 
     Parameters
     ----------
@@ -890,7 +891,7 @@ def classify(
     Returns
     -------
     Attractor
-        The attractor, with the evidence for its kind.
+        The attractor, with the evidence that it is periodic, quasi-periodic or chaotic.
 
     Raises
     ------

@@ -710,8 +710,8 @@ def follow(
     Parameters
     ----------
     start
-        The orbit to start from, as from `find_orbit`; or a flip or a branch point. Then the branch that begins there is
-        followed: the branch of twice the period, or the crossing branch.
+        The orbit to start from, as from `find_orbit`; or a special point: from a flip the branch of twice the period is
+        followed, from a branch point the crossing branch.
     parameter
         Name of the parameter, such as ``"frequency"`` or ``"stage2.clearance"``.
     to
@@ -721,7 +721,7 @@ def follow(
     method
         Discretisation of the orbits: `Shooting` (the default) or `Balance`.
     report
-        Called with each new point and the special points before it.
+        Called with each new point and the special points between it and the point before.
     verify
         True to verify the branch by independent checks before it is returned; see `gapwalk.verify`.
     events
@@ -730,19 +730,19 @@ def follow(
     Returns
     -------
     Branch
-        Its points, its special points, and why it ends.
+        The branch: its points, its special points, and why it ends on either side.
 
     Raises
     ------
     ModelError
-        For an unknown parameter, a range that does not contain the start, or a kind of special point at which no branch
-        begins.
+        For an unknown parameter, a range that does not contain the start, or a special point, such as a fold, at which
+        no other branch begins.
     NumericalError
-        If no branch begins at this special point in the range.
+        If no branch that begins at this special point is found in the range.
     VerificationError
-        If the branch is to be verified, and a check fails.
+        If `verify` is True, and a check fails.
     Interrupted
-        After Ctrl-C; its `found` is the branch so far.
+        After Ctrl-C; the field `found` of the error is the branch so far.
 
     Notes
     -----

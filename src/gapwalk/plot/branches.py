@@ -426,13 +426,13 @@ def overlay(
     Parameters
     ----------
     branches
-        The branches of each system by its name in the legend. All have the same parameter.
+        The branches of each system, by the name that the legend shows. All are over the same parameter.
     measure
         As in `draw_branches`.
     ax
         Axes to draw in; by default those of a new figure of pyplot.
     within
-        Range of the parameter that is shown; by default all of it.
+        Range of the parameter that is shown; by default that of all branches.
 
     Returns
     -------

@@ -633,27 +633,29 @@ def follow_locus(
     to
         The range of each: ``((low, high), (low, high))``.
     kind
-        At a point of codimension two the locus to begin: ``"fold"``, ``"flip"``, ``"neimark-sacker"``, ``"grazing"``.
+        For a point of codimension two, which locus to follow: ``"fold"``, ``"flip"``, ``"neimark-sacker"`` or
+        ``"grazing"``.
     walk
         Options of the walk.
     method
-        Discretisation of the orbits: `Shooting` in one segment (default), or `Balance`, however the point was found.
+        Discretisation of the orbits: `Shooting` in one segment (default), or `Balance`. It need not be the one with
+        which the point was found.
     report
-        Called with each new point and the points of codimension two before it.
+        Called with each new point and the points of codimension two between it and the point before.
 
     Returns
     -------
     Locus
-        Its points, and where it ends.
+        The locus: its points, and where it ends.
 
     Raises
     ------
     ModelError
         For a branch point, which has no locus; for unknown or equal parameters; for ranges that exclude the start.
     ConvergenceError
-        If the start is not a special point of its kind to the tolerance of the method, or needs too many harmonics.
+        If `method` does not confirm the special point to within its tolerance, or needs too many harmonics for it.
     Interrupted
-        After Ctrl-C; its `found` is the locus so far.
+        After Ctrl-C; the field `found` of the error is the locus so far.
 
     Notes
     -----

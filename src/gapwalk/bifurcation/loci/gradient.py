@@ -182,7 +182,7 @@ def gradients(points: Iterable[SpecialPoint], names: Sequence[str] = (), method:
     Returns
     -------
     gradients : Gradients
-        One gradient for each point that has one; ``failures`` say why others have none.
+        A gradient for each point that has one; ``failures`` say why other points have none.
 
     Raises
     ------
