@@ -279,7 +279,7 @@ class DesignProblem:
             worst = min(found.needs, key=lambda need: need.margin, default=None)
             words = worst.words if worst is not None else ""
             if is_given_up:
-                words += f"; given up: more than {_HOPELESS:g} times the smallest change known"
+                words += f"; given up: its change is more than {_HOPELESS:g} times the smallest known"
             is_missing = found.missing > max(_DONE * self.options.margin, EXACT)
             missing = found.missing if is_missing else 0.0
             return Route(ways, start, self._values(found.u), self.size(found.u), missing, steps, words)
@@ -561,9 +561,9 @@ class Design(Shown):
         yield Table(("goal", ">margin before", ">after", ""), goals)
         for each in self.judged:
             if math.isfinite(each.without):
-                yield f'  without the goal "{each.words}", a change of {each.without:.4g} reaches the others'
+                yield f'  without the goal "{each.words}", a change of norm {each.without:.4g} reaches all others'
             elif not math.isnan(each.without):
-                yield f'  without the goal "{each.words}", the others are not reached either'
+                yield f'  without the goal "{each.words}", the other goals are not reached either'
         yield ""
         reached = [route for route in self.routes if route.is_reached]
         count, steps = len(self.routes), sum(route.steps for route in self.routes)
@@ -748,11 +748,11 @@ def _watched(problem: DesignProblem, system: System, failures: list[str]) -> tup
     for gap, values in parted.items():
         if gap in bounds:
             where = between_words((min(values), max(values)), problem.parameter, system.units)
-            failures.append(f"{gap} rattles in what settles from rest {where}")
+            failures.append(f"{gap} rattles in the motion that settles from rest {where}")
     others = [gap for gap in parted if gap not in bounds]
     if failures and others:
         more = ", ".join(f'{{ quiet = "{gap}" }}' for gap in others)
-        failures[0] += f"; gaps that rattle shake it, so that they need goals too: {more}"
+        failures[0] += f"; other gaps rattle and shake it, so that they need goals too: {more}"
     return tuple(band.value for band in bands)
 
 

@@ -625,7 +625,7 @@ class Resonance(Goal):
         rates = rates[np.isfinite(rates)]
         rates = rates[rates > 1e-6 * max(float(rates.max(initial=0.0)), np.finfo(float).tiny)]
         if not 1 <= self.number <= len(rates):
-            raise ModelError(f"a goal names resonance {self.number}; the system has {len(rates)}")
+            raise ModelError(f"a goal names resonance {self.number}, but the system has {len(rates)} only")
         order = self.order / float(system.turns or 1)
         return float(rates[self.number - 1]) / (order * system.structure.frequency)
 

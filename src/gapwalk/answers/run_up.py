@@ -601,7 +601,7 @@ def run_batch(
     structure = ramped.system.structure
     if structure.equations.variations:
         raise ModelError(
-            "run-ups in a batch cannot include loads that vary a number of a contact; use gapwalk.ask.run_up, singly"
+            "run-ups in a batch cannot include loads that vary a contact's parameter; use gapwalk.ask.run_up for each"
         )
     fastest = max(course.speed.max() for course in courses) * structure.frequency
     linear = Linear(layout_of(structure), ramped.coefficients(fastest, 0.0)[None])

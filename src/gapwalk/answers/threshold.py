@@ -632,7 +632,7 @@ class ThresholdSearch:
         if self._by_lanes and hit is not None and not math.isnan(self.rounds[-1].quiet):
             between, at, error = (hit.value, quiet), hit.other, abs(quiet - hit.value)
             notes.append(
-                f"motions were settled at {asked.options.values} values of {asked.over} at a time, by equal steps"
+                f"all motions were simulated by equal time steps, at {asked.options.values} values of {asked.over}"
             )
         return Threshold(
             asked.system,

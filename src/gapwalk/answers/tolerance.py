@@ -658,7 +658,7 @@ class Tolerance(Shown):
             )
         if np.any(doubtful := [each.unexplained > 1.0 - _EXPLAINED for each in self.influences]):
             names = ", ".join(f"{self.points[j].value:.6g}" for j in np.flatnonzero(doubtful))
-            yield f"note: no polynomial fits the points at {names}; their indices are those of single parameters"
+            yield f"note: no polynomial fits the points at {names}; their Sobol indices are those of single parameters"
 
     def _influences(self, index: int) -> Influences:
         column = self.values[:, index]

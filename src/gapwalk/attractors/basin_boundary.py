@@ -177,7 +177,7 @@ def _line(point, saddle: NDArray[np.float64], length: float, accuracy: float) ->
             line += [between, last]
             place = end
             if not np.isfinite(reached):
-                raise ModelError(f"the manifold leaves to infinity after the length {length:g}: ask for less")
+                raise ModelError(f"the manifold leaves to infinity after the length {length:g}: ask for a shorter one")
     return np.array(line)
 
 
@@ -215,7 +215,7 @@ def _distances(state: NDArray[np.float64], line: NDArray[np.float64]) -> NDArray
 def _crossings(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the points at which two lines in a plane cross, shape (crossings, 2)."""
     if a.shape[1] != 2:
-        raise ModelError(f"manifolds of {a.shape[1]} states do not cross in points; crossings are those of two states")
+        raise ModelError(f"manifolds of {a.shape[1]} states do not cross in points; points exist with two states only")
     found = [np.empty((0, 2))]
     d, start = np.diff(b, axis=0), b[:-1]
     low, high = np.minimum(b[:-1], b[1:]), np.maximum(b[:-1], b[1:])

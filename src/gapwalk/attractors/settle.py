@@ -612,7 +612,7 @@ class Drift(NamedTuple):
     def text(self, tolerance: float) -> str:
         """Describe a settled motion in words."""
         if self.change > tolerance:
-            return f"its averages fluctuate without a trend (at most {self.trend:.2f} of a significant one)"
+            return f"its averages fluctuate without a trend (at most {self.trend:.2f} times a significant trend)"
         return f"its averages change by no more than {self.change:.1e}"
 
 
@@ -781,8 +781,8 @@ class _Transient:
             strobes.append(lanes.states[0])
         self.states = np.array(strobes)
         apart = float(np.max(motion.error / np.maximum(motion.rms, np.finfo(float).tiny)))
-        how = f"it does not repeat within 8 forcing periods; by equal steps over {motion.watched} periods, the "
-        return self._record(True, None, apart, how + f"root mean squares of accelerations are known to {apart:.1g}")
+        how = f"it does not repeat within 8 forcing periods; from {motion.watched} simulated periods, root mean "
+        return self._record(True, None, apart, how + f"squares of accelerations are known to a share of {apart:.1g}")
 
     def _advance(self, count: int) -> None:
         if count > 0:
@@ -811,7 +811,7 @@ class _Transient:
             if approach.leaving:
                 # a motion that starts next to an unstable orbit looks settled until it has left that orbit
                 if approach.distance < _FAR:
-                    self.notes.append(f"it was displaced from an unstable motion of period {orbit.period} next to it")
+                    self.notes.append(f"it was next to an unstable motion of period {orbit.period}, and was moved away")
                     # forget the states before: the motion restarts here, at the same phase
                     self.states = pushed_off(orbit, self.states[-1], least)[None, :]
                 return None
@@ -831,7 +831,7 @@ class _Transient:
         ):  # its period may be longer than those that were searched for
             found = exact_returns(self.strobe.system, kept[len(kept) // 2 :])
             for period, away in [each for each in found if each.period > self.options.max_period][:1]:
-                evidence += (f"it repeats to {away:.1e} after {period} forcing periods: raise max_period",)
+                evidence += (f"it repeats to within {away:.1e} after {period} forcing periods: raise max_period",)
         return Settled(self.strobe.system, kept, self.periods, converged, orbit, float(residual), evidence)
 
 
@@ -977,12 +977,12 @@ def _judge(
     text = f"its largest exponent is {lead:.3g} +- {error:.1g} per forcing period"
     if lead > options.zero and lead > options.errors * error:
         if exponents.regular:  # a regular motion on an attractor has no positive exponent
-            return AttractorKind.UNDECIDED, None, (f"{text}, but regular: the motion leaves an unstable one",)
+            return AttractorKind.UNDECIDED, None, (f"{text}, but without chaos: it is leaving an unstable motion",)
         return AttractorKind.CHAOTIC, None, (f"{text}: positive",)
     if lead < -options.zero and lead < -options.errors * error:
         return AttractorKind.UNDECIDED, None, (f"{text}: negative, but no orbit was found; raise max_period",)
     for period, away in exact_returns(settled.system, strobes[-_KEPT:])[:1]:
-        words = f"it repeats to {away:.1e} after {period} forcing periods, but does not attract other motions"
+        words = f"it repeats to within {away:.1e} after {period} forcing periods, but does not attract other motions"
         return AttractorKind.UNDECIDED, None, (f"{text}: zero", words)
     if len(strobes) < _STROBES:
         strobes = np.vstack((strobes, Strobe(settled.system).run(strobes[-1], _STROBES - len(strobes))))

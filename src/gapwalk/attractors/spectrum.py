@@ -489,7 +489,7 @@ class Tracked(Described):
             )
         count = round(top / turns * periods) + 1
         if count > length // 2:
-            raise ModelError(f"top is {top:g}; with {self.samples} samples per period there are no such orders")
+            raise ModelError(f"top is {top:g}; {self.samples} samples per period do not resolve so high an order")
         weights = np.hanning(length + 1)[:-1]
         starts = np.arange(0, len(values) - length + 1, max(1, round(length * (1.0 - overlap))))
         rows, levels, unit = [], [], self.system.structure.frequency

@@ -181,7 +181,7 @@ class Branch(Curve, Measured):
     def summary(self, points: bool = True) -> SummaryParts:
         """Return the branch's range, numbers of points and ends, and, unless `points` is False, its special points."""
         if not self.points:
-            yield f"no orbit of period {self.period} can be followed: the motions that settle are given"
+            yield f"no orbit of period {self.period} can be followed; settled motions are given instead"
             yield from graze_words(self.bands, self.parameter, self.system)
             return
         symbol = parameter_symbol(self.parameter, self.system.units)

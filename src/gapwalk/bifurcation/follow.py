@@ -504,7 +504,7 @@ class BranchTracer(Iterator[Step]):
                 return step
             still = [each for each in point.orbit.friction if never_slips(special[number].point.orbit, each)]
             names = " and ".join(structure.contacts[each].name for each in still)
-            words = f"the position of {names} depends on the path from here on; settle a motion beyond, and follow that"
+            words = f"beyond, the position of {names} depends on the history; follow an orbit found beyond"
         last = first if number is None else special[number].point
         self.walk.finish(last, EndReason.GIVES_WAY, words)
         return last, special[: 0 if number is None else number + 1]

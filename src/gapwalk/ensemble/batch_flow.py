@@ -661,8 +661,8 @@ class BatchFlow:
             return max(revised(steps, error, self.options.error), steps + 4)
         raise FlowError(
             f"the batch integrator's error is {error:.2g} with {steps} steps per forcing period, but "
-            f"{self.options.error:g} was requested: the system is too stiff for it, or a state is so large that its "
-            "impact damping is. Allow a larger error (BatchOptions(error=...)), or use the exact flow "
+            f"{self.options.error:g} was requested: the system is too stiff for it, or a large state makes impact "
+            "damping very strong. Allow a larger error (BatchOptions(error=...)), or use the exact flow "
             "(gapwalk.integrate), which is faster in this case"
         )
 

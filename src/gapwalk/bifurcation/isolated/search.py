@@ -291,8 +291,8 @@ def _sentences(result: SearchResult) -> Iterator[str]:
     yield _unseen(tallies)
     if settled:
         yield (
-            f"{_count(hits.count(1), 'motion')} had one start only: one more start would settle on a new motion with a "
-            f"probability of about {100 * next_is_new(result):.2g} %."
+            f"{_count(hits.count(1), 'motion')} had one start only: one more start would settle on an unseen motion "
+            f"with a probability of about {100 * next_is_new(result):.2g} %."
         )
     yield (
         f"Newton's method, from {sum(tally.newton_starts for tally in tallies)} states, found "

@@ -526,7 +526,7 @@ def equation_of(
     if special.multiplicity > 1:
         raise ConvergenceError(
             f"{special.multiplicity} multipliers become critical at once at the {special.kind_words} at "
-            f"{special.value:.10g}, and part where the equal parts become unequal, so the point has no gradient and no "
+            f"{special.value:.10g}, and separate where equal parts become unequal, so the point has no gradient and no "
             "locus; make the parts a little unequal"
         )
     orbit, units = special.orbit, plane.scales(special.orbit)
