@@ -338,9 +338,9 @@ class NoPoint(Goal):
     def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
         """Return the margin of each special point of the kind; if they are to vanish, margins of the branch.
 
-        Between a pair of folds the branch runs back. The smallest component of its tangent along the parameter is
-        negative there, zero where the pair merges in a cusp, and positive beyond. For a pair of flips, the product of
-        (multiplier + 1) over all multipliers changes its sign in the same way.
+        Between two folds the branch runs back: the component of its tangent along the parameter is negative. The least
+        value of this component is zero if both folds merge in a cusp, and positive beyond the cusp. For two flips, the
+        product of (multiplier + 1) over all multipliers changes its sign in the same way.
         """
         points = [each for each in response.branch.special_points if each.kind == self.kind]
         if way != "vanish" and (points or "vanish" not in self.ways(response.system)):
@@ -616,11 +616,11 @@ class Resonance(Goal):
         return f"resonance {self.number}{about} with order {self.order:g} {' and '.join(parts)}"
 
     def check(self, system: System, ends: tuple[float, float]) -> None:
-        """Raise a ModelError if the system has no such natural frequency."""
+        """Raise a ModelError if the system has no natural frequency of this number."""
         self.value(system)
 
     def value(self, system: System) -> float:
-        """Return the frequency or speed at which the order meets the natural frequency."""
+        """Return the frequency or speed at which the order of the excitation is at the natural frequency."""
         rates = find_modes(system, self._state(system)).frequencies
         rates = rates[np.isfinite(rates)]
         rates = rates[rates > 1e-6 * max(float(rates.max(initial=0.0)), np.finfo(float).tiny)]

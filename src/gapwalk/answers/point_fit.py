@@ -699,7 +699,7 @@ def fit_points(
     measured
         The measured points, each as `MeasuredPoint` or as (kind, value, error) or (kind, value, error, which).
     parameters
-        Names of the parameters to fit. The parameter of the branch cannot be one of them.
+        Names of the parameters to fit, without the parameter of the branch.
     bounds
         Lowest and highest value by name. Clearances and damping coefficients are never negative.
     options

@@ -417,8 +417,8 @@ def run_up(
     speed
         The speed over time, as from `SpeedCourse.ramp`.
     state : shape (state_size,)
-        Positions, velocities and extensions at the start; by default the motion that settles at the first speed, from
-        rest.
+        Positions, velocities and extensions of friction springs at the start; by default those of the motion on which
+        the system settles from rest at the first speed.
     phase
         Angle of the excitation at the start, in radians.
     samples

@@ -213,8 +213,8 @@ def run_ups(
     phases : shape (runs,)
         Angle of the excitation at the start of each run-up, in radians.
     states : shape (runs, state_size)
-        Positions, velocities and extensions at the start of each run-up; by default those of the motion on which the
-        system settles from rest at the first speed, at the angle `phases`.
+        Positions, velocities and extensions of friction springs at the start of each run-up; by default those of the
+        motion on which the system settles from rest at the first speed, at the angle in `phases`.
     bins
         Number of equal times into which each run-up is divided.
     options

@@ -135,7 +135,7 @@ class SpeedCourse:
         return self.speed[piece] + rate * since, self.turned[piece] + since * (self.speed[piece] + 0.5 * rate * since)
 
     def passed(self, turned: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return time and speed where the integral of the speed has given values; the last speed is held for ever."""
+        """Return time and speed at given integrals of the speed; after the last point, the speed stays constant."""
         place = np.clip(np.searchsorted(self.turned, turned, side="right") - 1, 0, len(self.time) - 2)
         beyond = np.maximum(turned - self.turned[-1], 0.0)
         since, first = turned - beyond - self.turned[place], self.speed[place]

@@ -245,7 +245,7 @@ def edge_state(
     first, second : shape (state_size,)
         States that settle on different motions.
     max_period
-        Longest period m of the saddle.
+        Longest period of the saddle that is tried, in forcing periods.
 
     Returns
     -------

@@ -138,7 +138,7 @@ def lyapunov(
     system
         The motion, as `gapwalk.settle`, `gapwalk.classify` or `gapwalk.find_orbit` returns it; or a system.
     start : shape (state_size,)
-        With a system, a state of the settled motion at theta = 0.
+        If a system is given: a state of the settled motion at theta = 0.
     options
         Length and accuracy of the averages.
 
@@ -156,7 +156,7 @@ def lyapunov(
 
     Notes
     -----
-    Benettin, Galgani, Giorgilli and Strelcyn (1980), Meccanica 15, 9-20. Derivatives are carried over contact events as
+    Benettin, Galgani, Giorgilli and Strelcyn (1980), Meccanica 15, 9-20. Derivatives at contact events are as
     in Müller (1995), Chaos, Solitons and Fractals 5, 1671-1681.
 
     Examples

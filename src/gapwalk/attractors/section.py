@@ -128,7 +128,7 @@ def section(system: System, start: NDArray[np.float64], plane: Plane, periods: i
     Raises
     ------
     ModelError
-        For an invalid state, number or plane.
+        For an invalid state, number of periods or plane.
     FlowError
         If the motion diverges.
 
@@ -305,7 +305,7 @@ def strobe(system: System, start: NDArray[np.float64], periods: int = 1000, phas
     Raises
     ------
     ModelError
-        For an invalid state, number or phase.
+        For an invalid state, number of states or phase.
     FlowError
         If the motion diverges.
 

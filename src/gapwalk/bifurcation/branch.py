@@ -129,8 +129,8 @@ class Branch(Curve, Measured):
     def unexplained(self) -> tuple[Unexplained, ...]:
         """Steps of the walk with a change that their special points do not explain, so that a point was missed.
 
-        Changes are those of the number of unstable multipliers, of the direction of the branch, of the sign of the
-        Jacobian's determinant, and of the number of closings of each contact. If no point was missed, it is empty.
+        The changes are in the number of unstable multipliers, the direction of the branch, the sign of the Jacobian's
+        determinant, or the number of closings of a contact. The tuple is empty if no point was missed.
         """
         from gapwalk.bifurcation.detector import unexplained_of
 

@@ -98,7 +98,7 @@ def compare(first: Branch, second: Branch, measures: str | Sequence[str] | None 
     Parameters
     ----------
     first, second
-        The branches. They are compared over their common range of the parameter.
+        The branches, which are compared over their common range of the parameter.
     measures
         Measures (see `Orbit.measure`) that distinguish the motions; by default mean and root mean square of each
         coordinate. Largest and smallest values are less suitable, because they have corners along a branch.

@@ -629,15 +629,15 @@ class Symbol:
 class Kind(str):
     """Kind of special point.
 
-    A kind is a string, its name: ``Kind.FOLD == "fold"``. It also holds everything specific to this kind of point. To
-    add a kind, write a subclass in a file of `gapwalk.bifurcation.kinds`, and register its one instance there. Walks,
-    tables, pictures, maps, verification and files then support the kind. A kind whose points are zeros of a smooth
-    function along the branch needs only `function` and `symbol`.
+    A kind is a string, its name: ``Kind.FOLD == "fold"``. A kind also holds everything specific to its points. To add a
+    kind, write a subclass in a file of `gapwalk.bifurcation.kinds`, and register its one instance there. Walks, tables,
+    pictures, maps, verification and files then support the kind. A kind whose points are zeros of a smooth function
+    along the branch needs only `function` and `symbol`.
 
     Parameters
     ----------
     name
-        Its name, in tables and files.
+        Name of the kind, in tables and files.
 
     Attributes
     ----------
@@ -661,7 +661,7 @@ class Kind(str):
     noise
         Absolute value of the test function below which its sign is uncertain.
     by_multipliers
-        True if a multiplier is critical all along its locus. Such a locus has corners where a contact grazes.
+        True if a multiplier is critical all along the kind's locus, which then has corners where contacts graze.
     is_corner
         True if the tangent of the branch and the multipliers may jump at such a point.
     turn
@@ -721,7 +721,7 @@ class Kind(str):
         raise NotImplementedError(f"a {self} is not the zero of one function")
 
     def hides(self, a: BranchPoint, b: BranchPoint) -> bool:
-        """Return True if the test function, of equal sign at two neighbours, must have two zeros between them."""
+        """Return True if the test function, of equal sign at `a` and `b`, must have two zeros between these points."""
         return False
 
     @property
@@ -731,7 +731,7 @@ class Kind(str):
 
     @property
     def has_function(self) -> bool:
-        """True if its points are the zeros of one test function."""
+        """True if the points of this kind are the zeros of one test function."""
         return type(self).function is not Kind.function
 
     def at(self, point: BranchPoint) -> float:
@@ -770,7 +770,7 @@ class Kind(str):
         """Prepare a step of the walk before special points are searched for in it; by default nothing is done."""
 
     def points_in(self, search: Search) -> list[Zero]:
-        """Return all points of this kind in one step of a walk: by default, all genuine zeros of the test function."""
+        """Return all points of this kind in one step of a walk: by default, all zeros that `is_genuine` accepts."""
         return [zero for zero in search.zeros(self) if self.is_genuine(zero.point)]
 
     def locate(self, search: Search, a: BranchPoint, b: BranchPoint) -> Zero | None:
@@ -823,7 +823,7 @@ class Kind(str):
         """Return how far an orbit of a locus is from a point of this kind, by recomputed multipliers.
 
         If the kind has a `target`, this is the product of the distances of all multipliers from it, each at most 1.
-        So it is small as well where two multipliers are near the target, as at a point of codimension two.
+        The product stays small if a second multiplier is near the target, as at a point of codimension two.
         """
         if self.target is not None:
             return float(np.prod(np.minimum(np.abs(multipliers - self.target), 1.0)))
@@ -988,8 +988,8 @@ class SpecialPoint(Shown):
     def doubles(self) -> bool:
         """True if a branch of twice the period begins or ends here.
 
-        This is so at a flip, and where a multiplier jumps across -1 because the sequence of slip and stick changes. At
-        such a jump the amplitude of the doubled motion grows in proportion to the distance, not to its square root.
+        Such branches begin at flips, and where a multiplier jumps across -1 because the sequence of slip and stick
+        changes. From such a jump the doubled motion grows in proportion to the distance, not to its square root.
         """
         jumps = self.kind.is_corner and (self.before.below - self.after.below) % 2 == 1
         return self.kind is Kind.FLIP or jumps
@@ -1008,9 +1008,9 @@ class SpecialPoint(Shown):
     def is_corner(self) -> bool:
         """True if multipliers jump here: where the sequence of slip and stick changes, or at some grazes.
 
-        These are grazes of contacts whose force jumps, near which derivatives of the motion grow as the inverse of the
-        speed of a touch; grazes of dampers that act in one direction only, at which multipliers jump by a finite
-        amount; and grazes of formulas, whose force sets in at all angles of the excitation at once.
+        Near a graze of a contact whose force jumps, derivatives of the motion grow as the inverse of the speed of the
+        touch. At a graze of a damper that acts in one direction only, multipliers jump by a finite amount. A force
+        given by a formula sets in at all angles of the excitation at once.
         """
         if self.kind is not Kind.GRAZING:
             return self.kind.is_corner
@@ -1041,8 +1041,8 @@ class SpecialPoint(Shown):
     def normal_form(self) -> NormalForm | None:
         """Normal form of a fold, a flip or a Neimark-Sacker point; None at other points, and where it is not known.
 
-        It describes the exact motion: at a point found by harmonic balance, its error includes that of the truncation.
-        It is not known where friction sticks throughout, or where several multipliers are critical at once.
+        The normal form is that of the exact motion: at a point found by harmonic balance, its error includes that of
+        the truncation. None is known where friction sticks throughout, or several multipliers are critical at once.
 
         Examples
         --------

@@ -426,7 +426,7 @@ def overlay(
     Parameters
     ----------
     branches
-        The branches of each system, by the name that the legend shows. All are over the same parameter.
+        The branches of each system, by the name that the legend shows. All branches must follow the same parameter.
     measure
         As in `draw_branches`.
     ax

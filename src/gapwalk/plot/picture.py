@@ -395,7 +395,7 @@ def draw(
     *arguments, **options
         Options of the picture: see the page "Options of pictures", or the method `plot` of the record.
     ax
-        Axes to draw in. Of a picture with several panels, one is drawn there, or an error asks for `figure`.
+        Axes to draw in. A picture with several panels is reduced to one panel, or an error asks for `figure`.
     figure
         A figure, or a part of one, to draw in; by default a new figure of pyplot.
     title
@@ -511,7 +511,7 @@ def save(
     record
         The record, as in `draw`; or a figure of matplotlib, which is written without changes to its contents.
     *paths
-        The files. They end in ``.png``, ``.svg`` or ``.pdf``; in SVG and PDF, lines and text are not rasterised.
+        The files, with the extension ``.png``, ``.svg`` or ``.pdf``; SVG and PDF files contain vector graphics.
     form
         Format of files with another extension: ``"png"``, ``"svg"`` or ``"pdf"``.
     title, size, style, **options

@@ -164,7 +164,7 @@ def search(
         Options of the search.
     workers
         Executor of the work; by default that of a `with` block of `gapwalk.parallel.on_cores` or
-        `gapwalk.parallel.on_cluster` around the call, otherwise this process. It does not change the result.
+        `gapwalk.parallel.on_cluster` around the call, otherwise this process. The result is the same.
     report
         Called after each piece of work: a number of starts at one value.
     stop

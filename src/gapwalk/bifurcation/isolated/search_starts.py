@@ -412,8 +412,8 @@ _SINGULAR = 1e12  # condition number above which a stiffness does not support th
 class SearchOptions:
     """Thoroughness of a search at each value of the parameter.
 
-    The defaults suit a search at many values of the parameter, several of them within each isolated branch. Use more
-    starts for a single value.
+    The defaults suit a search at many values of the parameter, several of them within each isolated branch. For a
+    single value of the parameter, use more starts.
 
     Examples
     --------
@@ -432,7 +432,7 @@ class SearchOptions:
     #: Forcing periods after which a transient whose returns no longer shrink counts as not periodic.
     patience: Annotated[int, Ge(16)] = 400
     #: Half-widths of the box of starts about zero, 2n numbers: positions, then velocities. By default it is derived
-    #: from the system; see `state_box`. Extensions begin at zero.
+    #: from the system; see `state_box`. Friction springs begin without extension.
     box: tuple[Positive, ...] | None = None
     spread: Positive = 1.5  #: Factor by which the derived box is larger than the expected motions.
     #: Seed of the starts: the same seed gives the same result for the same values. From 500 starts on, many are

@@ -52,7 +52,7 @@ _FEW = 4
 
 
 class Criticality(NamedTuple):
-    """Signed distance of a monodromy matrix from a critical multiplier, and its derivative.
+    """Signed distance of a monodromy matrix from one with a critical multiplier, and the derivative of this distance.
 
     Examples
     --------

@@ -23,7 +23,7 @@ class Event(Kind):
     name
         Name in tables and pictures.
     function
-        Function of an orbit. It returns a number, in any unit, that varies smoothly along the branch.
+        Function of an orbit that returns a number, in any unit, which varies smoothly along the branch.
 
     Raises
     ------

@@ -638,8 +638,8 @@ def follow_locus(
     walk
         Options of the walk.
     method
-        Discretisation of the orbits: `Shooting` in one segment (default), or `Balance`. It need not be the one with
-        which the point was found.
+        Discretisation of the orbits: `Shooting` in one segment (default), or `Balance`, even if the special point was
+        found by another method.
     report
         Called with each new point and the points of codimension two between it and the point before.
 

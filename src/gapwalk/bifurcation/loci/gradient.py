@@ -170,7 +170,7 @@ class Gradients(Shown):
 
 
 def gradients(points: Iterable[SpecialPoint], names: Sequence[str] = (), method: Method | None = None) -> Gradients:
-    """Compute the gradients of some special points.
+    """Compute the derivatives of the values of special points by other parameters.
 
     Parameters
     ----------
