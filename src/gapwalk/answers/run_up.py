@@ -142,16 +142,16 @@ class ForcePeak(NamedTuple):
 class RunUp(Shown):
     """The motion during a run-up, sampled; exact at each sample unless it was made by equal steps."""
 
-    system: System  #: The system; its own speed plays no role.
+    system: System  #: The system; its own speed is not used.
     course: SpeedCourse  #: Speed over time.
-    samples: int  #: Samples per forcing period; those at knots of the course and at the end are further ones.
-    #: shape (samples,): Angle of the excitation, in radians; it does not begin again with each period.
+    samples: int  #: Samples per forcing period; there are more at the points of `course` and at the end.
+    #: shape (samples,): Angle of the excitation, in radians; it grows beyond 2 pi.
     theta: NDArray[np.float64]
     #: time, speed: shape (samples,): Time, and the first parameter of the system, such as its speed in rpm.
     time: NDArray[np.float64]
     speed: NDArray[np.float64]
     states: NDArray[np.float64]  #: shape (samples, 2n): Positions, then velocities.
-    events: tuple[ContactEvent, ...]  #: The crossings of breakpoints, in order; none by equal steps.
+    events: tuple[ContactEvent, ...]  #: The crossings of breakpoints, in order; empty if made by equal steps.
     peaks: tuple[ForcePeak, ...]  #: The largest force of each contact.
     #: shape (samples, contacts that are friction): Forces of dry friction; None unless it was made by equal steps.
     friction: NDArray[np.float64] | None = None

@@ -39,7 +39,7 @@ _SAME = 1e-9  # relative difference of rates that are one
 class RunUps(Shown):
     """Extremes, contact forces and impacts of many run-ups, each divided into equal times (bins)."""
 
-    system: System  #: The system; its own speed plays no role.
+    system: System  #: The system; its own speed is not used.
     courses: tuple[SpeedCourse, ...]  #: Speed over time of each run-up.
     phases: NDArray[np.float64]  #: shape (runs,): Angles of the excitation at the starts, in radians.
     #: low, high: shape (runs, bins, n): Smallest and largest value of each coordinate; NaN once a motion has diverged.

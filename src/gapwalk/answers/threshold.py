@@ -236,9 +236,9 @@ class Threshold(Shown):
     limit: SpecialPoint | None
     at: float  #: Value of the other parameter at the limit.
     uncertainty: float  #: Estimated error of the threshold.
-    is_edge: bool  #: True if the limit lies at an end of the other parameter's range, beyond which it would be farther.
+    is_edge: bool  #: True if the limit lies at an end of this range, so that a wider range has another limit.
     loci: tuple[Locus, ...]  #: Loci that were followed, the decisive one last.
-    confirmation: Confirmation | None  #: Motions that were tried just beyond it.
+    confirmation: Confirmation | None  #: Motions that were tried just beyond the threshold.
     notes: tuple[str, ...] = ()  #: Remarks, in sentences.
     #: Without a limit: the last value at which something rattles, and the first at which nothing does; else empty.
     between: tuple[float, ...] = ()

@@ -155,7 +155,7 @@ class Drawn:
     #: shape (samples, parameters): Share of all parts below each value, uniform between 0 and 1; for measured parts,
     #: from their ranks.
     shares: Array
-    independent: bool  #: True if no parameter says anything about another one: then Sobol indices are defined.
+    independent: bool  #: True if the parameters are statistically independent: then Sobol indices are defined.
 
 
 @dataclass(frozen=True)
@@ -451,7 +451,7 @@ class Influences:
     """Sobol indices of one special point."""
 
     first: Array  #: shape (parameters,): Share of the variance that each parameter causes alone.
-    total: Array  #: shape (parameters,): The same with all its interactions; nan where it is not known.
+    total: Array  #: shape (parameters,): Share that each causes with all its interactions; nan if unknown.
     #: Share of the variance that the polynomial behind the indices does not explain: about their error.
     unexplained: float
 

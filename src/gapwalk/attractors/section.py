@@ -34,7 +34,7 @@ class Section:
 
     system: System  #: The system that moves.
     theta: NDArray[np.float64]  #: shape (count,): Angle of the excitation at each state, in radians.
-    states: NDArray[np.float64]  #: shape (count, state_size): Positions, velocities and extensions.
+    states: NDArray[np.float64]  #: shape (count, state_size): Positions, velocities and extensions of friction springs.
     text: str  #: The plane or phase of the section, in words.
 
     def __len__(self) -> int:

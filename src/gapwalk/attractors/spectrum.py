@@ -157,8 +157,8 @@ class Waterfall(Described, Pictured):
     pitch: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     #: shape (orbits,): Root mean square of the signal without its mean, of all orders.
     overall: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    #: shape (orbits,): That of the lines from 500 to 5,000 Hz, which is the rattle; NaN without units, and where the
-    #: samples do not resolve 5,000 Hz.
+    #: shape (orbits,): Root mean square of the lines from 500 to 5,000 Hz, the level of rattle; NaN without units, and
+    #: where the samples do not resolve 5,000 Hz.
     band: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     window: str = ""  #: The window of the spectra, in words.
 

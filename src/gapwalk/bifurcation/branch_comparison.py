@@ -29,7 +29,7 @@ _NOTHING = 1e-12  # size of a signal, relative to the largest, below which it is
 class Match:
     """Special point that both branches have."""
 
-    #: first, second: The point of either branch.
+    #: first, second: The point of the first and of the second branch.
     first: SpecialPoint
     second: SpecialPoint
 

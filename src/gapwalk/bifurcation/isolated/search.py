@@ -119,8 +119,8 @@ class Tally:
 
     value: float  #: Value of the parameter.
     box: NDArray[np.float64]  #: shape (state_size,): Half-widths of the box of starts.
-    #: starts, settled, ran_away: Transients followed; those that settled on a periodic orbit; those that could not be
-    #: followed.
+    #: starts, settled, ran_away: Numbers of transients: all, those that settled on a periodic orbit, and those that
+    #: could not be followed.
     starts: int
     settled: int
     ran_away: int

@@ -52,7 +52,7 @@ class Gradient(Shown):
 
     special: SpecialPoint  #: The special point.
     names: tuple[str, ...]  #: The other parameters.
-    #: shape (k,): Derivative of ``special.value`` with respect to each of them, in the units of the model. It is the
+    #: shape (k,): Derivative of ``special.value`` with respect to each parameter, in the units of the model. It is the
     #: slope of the point's locus.
     slopes: NDArray[np.float64]
     errors: NDArray[np.float64]  #: shape (k,): Estimated error of each slope.
