@@ -534,7 +534,7 @@ class Design(Shown):
                 return f"not proved: {what}; the response reaches it with {', '.join(texts)}, but {self.failures[0]}"
             return f"{what}: change {', '.join(texts)}"
         missed = " and ".join(_together(goal.words for goal in self.judged if not goal.is_reached))
-        return f"not reached within the limits: {missed}; nearest with {', '.join(texts)}"
+        return f"not reached within the limits: {missed}; the nearest design has {', '.join(texts)}"
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:

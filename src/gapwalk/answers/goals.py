@@ -401,7 +401,7 @@ _FAR = 0.5  # margin, as a share of a limit, beyond which a peak does not count 
 
 @dataclass(frozen=True)
 class PeakBelow(Goal):
-    """The peak of a signal, such as the torque in a link, stays below a limit over a band, in unstable motions too.
+    """The peak of a signal stays below a limit over a band of the parameter, in unstable motions too.
 
     Examples
     --------
@@ -494,7 +494,7 @@ _CLOSED = {1: "closed on the positive side", -1: "closed on the negative side"}
 
 @dataclass(frozen=True)
 class Quiet(Goal):
-    """A gap does not rattle over a band: it stays closed on one side, or it stays open.
+    """A gap does not rattle over a band of the parameter: it stays closed on one side, or it stays open.
 
     Examples
     --------

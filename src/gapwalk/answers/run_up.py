@@ -444,7 +444,7 @@ def run_up(
     -----
     Loads follow the angle of the excitation, and their sizes the present speed. If a reaction torque holds the speed of
     a train, it also supplies ``sum(J r^2) a``: the torque that gives the inertias J at ratios r the acceleration a.
-    `speed` is then the speed of the first inertia.
+    With such a torque, `speed` is the speed of the first inertia.
 
     Examples
     --------

@@ -338,8 +338,8 @@ class Scan(Shown):
             yield self.luck(score).words
         if self.check.checked:
             yield (
-                f"{self.check.checked} motions of the best variations classified again by the exact flow, "
-                f"{len(self.check.different)} differently"
+                f"{self.check.checked} motions of the best variations were classified again by the exact flow, "
+                f"{len(self.check.different)} of them differently"
             )
         if notes:
             yield from remarks(self.notes, self.failures)

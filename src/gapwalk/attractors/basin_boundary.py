@@ -250,8 +250,7 @@ def edge_state(
     Returns
     -------
     Orbit
-        The saddle: it has one unstable multiplier, and motions that leave it settle on one motion on one side, and on
-        the other motion on the other side.
+        The saddle. It has one unstable multiplier, and motions leave it on either side to one of the two motions.
 
     Raises
     ------

@@ -389,7 +389,7 @@ class BranchTracer(Iterator[Step]):
             for contact in point.orbit.friction:
                 ends = sum(each.kind is Kind.SLIP_ONSET for each in special)
                 if len(directions_left(first.orbit, point.orbit, contact)) > ends:
-                    raise NumericalError("friction comes to rest at another position than where its slip ends")
+                    raise NumericalError("friction does not stick where its slip ends, but at another position")
         # only now, as each of them is found again where the step is repeated
         return [each.kind.judged(each, parameter, method) for each in special] if self._judges else special
 

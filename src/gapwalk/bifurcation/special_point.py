@@ -988,8 +988,8 @@ class SpecialPoint(Shown):
     def doubles(self) -> bool:
         """True if a branch of twice the period begins or ends here.
 
-        Such branches begin at flips, and where a multiplier jumps across -1 because the sequence of slip and stick
-        changes. From such a jump the doubled motion grows in proportion to the distance, not to its square root.
+        This is so at flips, and at changes of the sequence of slip and stick where a multiplier jumps across -1. From
+        such a change the doubled motion grows in proportion to the change of the parameter, not to its square root.
         """
         jumps = self.kind.is_corner and (self.before.below - self.after.below) % 2 == 1
         return self.kind is Kind.FLIP or jumps

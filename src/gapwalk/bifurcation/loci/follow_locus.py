@@ -627,14 +627,13 @@ def follow_locus(
     Parameters
     ----------
     special
-        The point to start from, from a branch along any parameter; or a point of codimension two of another locus.
+        The special point to start from, of a branch along any parameter; or a point of codimension two of a locus.
     first, second
         Names of the parameters, such as ``"frequency"`` and ``"mean.q1"``.
     to
         The range of each: ``((low, high), (low, high))``.
     kind
-        For a point of codimension two, which locus to follow: ``"fold"``, ``"flip"``, ``"neimark-sacker"`` or
-        ``"grazing"``.
+        At a point of codimension two the locus to follow: ``"fold"``, ``"flip"``, ``"neimark-sacker"``, ``"grazing"``.
     walk
         Options of the walk.
     method
