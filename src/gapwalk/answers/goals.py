@@ -239,7 +239,7 @@ LOWEST = 3
 
 
 class Need(NamedTuple):
-    """Margin by which a design reaches one part of a goal, such as the place of one fold.
+    """Margin with which a design reaches one part of a goal, such as one fold that must lie outside a band.
 
     Examples
     --------

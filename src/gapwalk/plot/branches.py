@@ -360,7 +360,7 @@ def drawable(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Leave out the points that have no place along the axis; raise a ModelError if none has one."""
     found = points[~np.isnan(points[:, 0])]
     if not len(found):
-        raise ModelError('no point lies on this side: write x = "below ..." for points below it, or x = "above ..."')
+        raise ModelError('no point lies on this side of the special point: write x = "below ..." or x = "above ..."')
     return found
 
 

@@ -326,7 +326,7 @@ def draws(
     Returns
     -------
     decorator
-        It registers the function and returns it unchanged.
+        A decorator that registers the function and returns it unchanged.
 
     Examples
     --------
