@@ -147,7 +147,7 @@ class Worst:
 class RattleBands(Shown):
     """The bands of a parameter in which gaps rattle."""
 
-    system: System  #: The system; its own value of the parameter plays no role.
+    system: System  #: The system; its own value of the parameter is not used.
     #: parameter, within: The parameter and its range.
     parameter: str
     within: tuple[float, float]
