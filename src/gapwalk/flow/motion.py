@@ -691,9 +691,9 @@ class Signal:
         coefficients: NDArray[np.float64] | None = None,
         theta: float = 0.0,
     ) -> NDArray[np.float64]:
-        """Return its derivative along a direction of states, coefficients and theta, to rounding, shape (samples,).
+        """Return its derivative along a direction in states, coefficients and theta, to rounding, shape (samples,).
 
-        The modes of dry friction and the instants at which a signal jumps are kept.
+        Dry friction slips or sticks as before, and the instants at which a signal jumps stay the same.
         """
         system, layout, step = motion.system, layout_of(motion.system.structure), 1j * _STEP
         n = system.size

@@ -86,7 +86,7 @@ class State:
 
     @classmethod
     def of(cls, kind: str, name: str, deflection: Mapping[str, float], **numbers: Any) -> State:
-        """Make a state of a kind that has formulas of its own.
+        """Make a state of a known kind, whose formulas are built in.
 
         Parameters
         ----------
@@ -98,7 +98,7 @@ class State:
         name
             Its name.
         deflection
-            The deflection by coordinate name, along which the force acts, too.
+            The deflection by coordinate name; the force acts along the same vector.
         **numbers
             Its numbers.
 

@@ -307,7 +307,7 @@ def basin_shares(
         As in `gapwalk.basins`.
     keywords
         Further keywords of `gapwalk.basins`: ``longest``, ``max_period``, ``tries``, ``exact_borders``, ``check``,
-        ``seed``. A start is at a border if its label differs from that of one of those nearest to it.
+        ``seed``. A start is at a border if its attractor differs from that of one of the nearest starts.
 
     Returns
     -------

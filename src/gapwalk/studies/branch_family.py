@@ -102,8 +102,8 @@ class MemberParameter:
     #: Each parameter with its values, one for each member: what an engineer calls one quantity may change several
     #: coefficients.
     moved: tuple[tuple[str, tuple[float, ...]], ...]
-    #: Name of the quantity that differs, if it is not one of the parameters (or a function of them), such as ``"Kb"``;
-    #: by default the first of them.
+    #: Name of the quantity that differs, if it is none of the parameters (a function of them, say), such as ``"Kb"``;
+    #: by default the first parameter.
     called: str = ""
     values: tuple[float, ...] = ()  #: Its values; by default those of the first parameter. They rise or fall.
 

@@ -379,9 +379,9 @@ def compare_results(first: Result, second: Result, measures: str | Sequence[str]
 
     Notes
     -----
-    A length is a share of a range: of the parameter's, and of each measure's, over all branches of both results. Two
-    motions at one value of the parameter cannot be compared at a fold, so what counts is the distance of the points of
-    each branch from the other one, as a curve over the parameter in the space of the measures (see `compare`).
+    Lengths are relative to the range of the parameter, and to the range of each measure over all branches of both
+    results. Two motions at one value of the parameter cannot be compared at a fold, so the distance of the points of
+    each branch from the other branch counts, as a curve over the parameter in the space of the measures.
 
     Examples
     --------

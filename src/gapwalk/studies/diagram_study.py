@@ -113,7 +113,7 @@ class DiagramStudyOptions(DiagramOptions, BranchOptions):
 
     @classmethod
     def of_call(cls, values: dict[str, Any], system: System) -> Self:
-        """Return the study of a call; an orbit from which it starts is kept beside it, its state is in a file."""
+        """Return the study of a call; a start orbit stays in memory, its state is in the file."""
         orbit, rest = values.get("start"), {"measure": "", **values}
         if orbit is not None and not isinstance(orbit, Orbit | str):
             rest["start"] = tuple(float(each) for each in orbit)

@@ -865,7 +865,7 @@ def follow_tori(
     options: TorusOptions | None = None,
     report: TorusReport | None = None,
 ) -> TorusFamily:
-    """Follow a family of tori along a parameter, stable or unstable, from where it begins or from one of them.
+    """Follow a family of tori along a parameter, stable or unstable, from where it begins or from one of its tori.
 
     Along it, folds, changes of stability and resonances are located; at resonances the locked periodic motions are
     looked for. The rotation number varies freely, so that narrow resonances are stepped over; or it is kept, and a

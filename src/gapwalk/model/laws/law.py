@@ -252,8 +252,9 @@ class Law(ABC):
     harmonic balance, equilibria, documentation.
 
     A contact has *stages*. Each acts, on one side or on both, beyond its clearance: its breakpoint is an event of the
-    flow, at which its mode changes between open and closed. The mode at the start of a motion is the side of the
-    breakpoint on which the deflection is, then the side to which its rate, its acceleration, ... lead.
+    flow, at which its mode changes between open and closed. At the start of a motion the side of the breakpoint on
+    which the deflection lies decides on the mode; exactly on the breakpoint the sign of the rate decides, then that of
+    the acceleration, and so on.
 
     Attributes
     ----------
@@ -273,16 +274,16 @@ class Law(ABC):
     `force` is the only place of the formula. It is written in ``+``, ``-``, ``*`` (products, not powers; a sum over the
     stages by `Stages.total`), so that it can be evaluated with symbolic expressions, with arrays, real or complex, and
     with the `Symbols` from which the closed form is read. All derivatives come from the expression. A product of two
-    parameters costs the integrator as much as any other, so parameters are best multiplied with a depth or a rate
-    first, and with one another last.
+    parameters costs the integrator as much as any other product, so it is best to multiply each parameter with a depth
+    or a rate first, and parameters with one another last.
 
-    Where the force is a polynomial of the depth of one stage at a time, and linear in the rate, every backend can carry
-    it. Otherwise harmonic balance refuses it by name, and equilibria (``gapwalk modes``) are searched from many
+    Where the force is a polynomial of the depth of one stage at a time, and linear in the rate, every method can
+    include it. Otherwise harmonic balance refuses it by name, and equilibria (``gapwalk modes``) are searched from many
     positions; the flow, the batch integrator (basins, regime maps), shooting, special points, loci, verification and
     files work with it.
 
     Where the force jumps at a breakpoint, sensitivities are carried over the jump by the general rule of
-    `gapwalk.flow.contact_events`; where it does not, nothing is computed.
+    `gapwalk.flow.contact_events`; where it does not, no correction is needed.
 
     Examples
     --------
@@ -326,7 +327,7 @@ class Law(ABC):
         Returns
         -------
         number, expression or array
-            The force on the positive side of the deflection, of the kind of the arguments.
+            The force on the positive side of the deflection, of the type of the arguments.
         """
 
     def problems(self, numbers: Mapping[str, float]) -> Iterator[str]:
@@ -370,7 +371,7 @@ class Law(ABC):
         Parameters
         ----------
         name
-            Name of the parameter, without those of contact and stage.
+            Name of the parameter, without the names of contact and stage before it.
         """
         return any(each.name == name for each in self.stage_parameters)
 
@@ -407,7 +408,7 @@ class Law(ABC):
 
     @property
     def is_formula(self) -> bool:
-        """True if it may be any formula of lengths, which is evaluated in the unit of the model."""
+        """True if its formula may depend on the unit of length; it is then evaluated in the unit of the model."""
         return not self.stage_parameters and not self.is_dry
 
     @property
@@ -660,7 +661,7 @@ def spring(stage: StageTerms) -> Any:
 
 
 class Elastic(Law):
-    """``f = g``: the springs alone. Each stage acts beyond its clearance, in addition to the stages inside it.
+    """``f = g``: the springs alone. Each stage acts beyond its clearance, in addition to those with smaller clearances.
 
     Examples
     --------
