@@ -159,7 +159,7 @@ _NO_ENERGY = (
 )
 _NO_GYROSCOPE = (
     "the damping matrix has gyroscopic terms, but mass and stiffness matrix are not both symmetric, so that no energy "
-    "is known that tells them from losses; write the equations of motion as forces on the coordinates, with "
+    "is known that separates them from losses; write the equations of motion as forces on the coordinates, with "
     "symmetric matrices mass and stiffness"
 )
 

@@ -220,7 +220,7 @@ for _kind in (
         "bouc_wen",
         "the hysteresis of Bouc and Wen",
         (
-            Parameter("stiffness", QuantityKind.STIFFNESS, "it is that of the elastic and the hysteretic part"),
+            Parameter("stiffness", QuantityKind.STIFFNESS, "it belongs to the elastic and the hysteretic part"),
             Parameter("share", None, "it is the elastic share of the stiffness, from 0 to 1"),
             Parameter("A", None, "it is the slope of z over x at rest", 1.0),
             Parameter("beta", None, "it is the factor of |x'| |z|^(n-1) z", None, angle=-1),

@@ -222,7 +222,7 @@ def _do_with(modules: Sequence[str], function: Callable[[Any], Any], piece: Any)
             import_module(module)
         except ImportError as error:
             raise WorkError(
-                f"a worker cannot import {module}, which registers a kind ({error}): install it there, or "
+                f"a worker cannot import {module}, which extends gapwalk ({error}): install it there, or "
                 "write workers=1"
             ) from None
     return function(piece)

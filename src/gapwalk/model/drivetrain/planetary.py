@@ -224,7 +224,7 @@ class Planetary:
         if not self.is_elastic and (self.damping or self.clearance is not None or self.ring_damping):
             yield "has damping or a clearance, but no stiffness, so it is rigid; write stiffness = ..."
         if (self.orbit_inertia is None) is not (self.bearing_stiffness is None):
-            yield "has one of orbit_inertia and bearing_stiffness; write both: planets with masses in elastic bearings"
+            yield "has only one of orbit_inertia and bearing_stiffness; write both for planets in elastic bearings"
         if not self.lumped and not (self.has_planets and self.is_elastic):
             yield "has lumped = false, but no planets that could move apart; write planet_inertia and stiffness"
         if not 0.0 <= self.pressure_angle < 90.0:

@@ -635,7 +635,7 @@ class Rigid(Law):
     """
 
     name, words = "rigid", "rigid stops with a coefficient of restitution"
-    parameters = (Parameter("restitution", None, "it is the rate after an impact over that before it", None, 0.0),)
+    parameters = (Parameter("restitution", None, "it is the rate after an impact over the rate before", None, 0.0),)
     stage_parameters = (CLEARANCE,)
 
     def problems(self, numbers: Mapping[str, float]) -> Iterator[str]:
@@ -707,7 +707,7 @@ class HuntCrossley(Elastic):
 class HuntCrossleyAsPrinted(HuntCrossley):
     """``f = g (1 + beta v)`` (paper, equation 15): it feeds energy in on the negative side."""
 
-    name, words = "hunt-crossley-as-printed", "the same without the magnitude: energy is fed in on the negative side"
+    name, words = "hunt-crossley-as-printed", "as hunt-crossley, with the sign of the force: the negative side feeds energy in"
 
     def force(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Any:
         """See `Law.force`."""

@@ -156,7 +156,7 @@ class Drift:
         share, size = 100.0 * (self.end / self.begin - 1.0), math.degrees(self.angle)
         speeds = f"{_said(self.begin, self.unit)} to {_said(self.end, self.unit)}"
         mean = f"mean of {self.periods} periods" if self.periods > 1 else "one period"
-        return f"{mean}, the drift from {speeds} ({share:+.2g} %, {size:.3g} deg) taken off"
+        return f"{mean}, the drift from {speeds} ({share:+.2g} %, {size:.3g} deg) subtracted"
 
 
 def _spline(x: Array, y: Array) -> Any:
