@@ -340,7 +340,7 @@ class System(Shown):
     def beside(cls, other: System, place: int, value: float) -> System:
         """Make a system that differs from another one by the value at one place, which is not checked.
 
-        Both share their numbers until all of them are needed: a thousand degrees of freedom have millions.
+        Both share their numbers until all of them are needed.
 
         Parameters
         ----------

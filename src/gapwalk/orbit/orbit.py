@@ -417,8 +417,7 @@ class Orbit(LateFields, Shown):
     def chatters(self) -> dict[int, list[float]]:
         """Angles from each impact on a rigid stop to the instant from which the stop is held, by switches.
 
-        The angle from the release of the stop is among them. Infinitely many impacts precede a phase in which a stop
-        is held; the log has those that are not too close to the beginning of this phase.
+        Infinitely many impacts precede this instant; the log has those that are not too close to it.
         """
         found, full = {}, PERIOD * self.period
         for switch in {switch for _, switch in self.system.structure.reactions if switch >= 0}:
@@ -433,7 +432,7 @@ class Orbit(LateFields, Shown):
     def held(self) -> dict[int, tuple[int, int]]:
         """Number of phases of a period in which each rigid stop is held, and in which it is not, by switches.
 
-        A stop also counts as not held where a part touches it without a force.
+        A stop that a part touches all the time, at times without a force, is held all the time.
         """
         found: dict[int, tuple[int, int]] = {}
         for switch in {switch for _, switch in self.system.structure.reactions if switch >= 0}:
@@ -457,10 +456,8 @@ class Orbit(LateFields, Shown):
     def closing_changes(self, other: Orbit) -> tuple[int, ...]:
         """Count how much more often each switch closes in another orbit, near this one; negative if less often.
 
-        Infinitely many impacts precede a phase in which a stop is held, so their number in the log means nothing. A
-        graze splits a flight between two impacts in two. If flights cannot be compared one by one, as if a stop is held
-        several times, only impacts before a certain angle are counted, which lies between two impacts. If the stop is
-        held in only one of the two motions, nothing is counted: between these motions, infinitely many impacts graze.
+        Infinitely many impacts precede a phase in which a stop is held, so flights between impacts are compared. If the
+        stop is held in only one of the two motions, nothing is counted: between them, infinitely many impacts graze.
         """
         changes = [then - now for now, then in zip(self.closings, other.closings, strict=True)]
         for switch, phases in self.held.items():
@@ -519,9 +516,8 @@ class Orbit(LateFields, Shown):
     def friction(self) -> dict[int, list[FrictionPhase]]:
         """Phases of slip and stick in one full period of each contact that is dry friction, by its number.
 
-        If the log has slip in one direction only, on a base at rest, this slip is a rounding error, because real slip
-        would not return to where it began: such friction sticks, and its force just reaches its bound. An exception is
-        friction on a contact that opens or closes meanwhile: its position may return without such slip.
+        Slip in one direction only, on a base at rest, is a rounding error, because real slip would not return to where
+        it began: such friction sticks, unless its contact opens or closes meanwhile.
         """
         full, found, structure = PERIOD * self.period, {}, self.system.structure
         layout, coefficients = layout_of(structure), coefficients_of(self.system)

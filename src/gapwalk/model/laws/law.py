@@ -247,9 +247,7 @@ CUBIC = Parameter("cubic", QuantityKind.CUBIC, "it is the coefficient of the cub
 class Law(ABC):
     """The force of a contact as a function of its deflection ``x`` and its rate ``v``.
 
-    A law is one class in one file, registered once by `register`. All other code iterates over the registry: the keys
-    of model files, names and units of parameters, the compiled flow, NumPy, the kernel of the batch integrator,
-    harmonic balance, equilibria, documentation.
+    A law is one class in one file, registered once by `register`. No other code has to be changed.
 
     A contact has *stages*. Each acts, on one side or on both, beyond its clearance: its breakpoint is an event of the
     flow, at which its mode changes between open and closed. At the start of a motion the side of the breakpoint on
@@ -279,8 +277,7 @@ class Law(ABC):
 
     Where the force is a polynomial of the depth of one stage at a time, and linear in the rate, every method can
     include it. Otherwise harmonic balance refuses it by name, and equilibria (``gapwalk modes``) are searched from many
-    positions; the flow, the batch integrator (basins, regime maps), shooting, special points, loci, verification and
-    files work with it.
+    positions; all other methods can include it, too.
 
     Where the force jumps at a breakpoint, sensitivities are carried over the jump by the general rule of
     `gapwalk.flow.contact_events`; where it does not, no correction is needed.

@@ -203,9 +203,7 @@ class Load(ABC):
     """A load that repeats with the excitation, along one vector of coordinates; or a variation of other numbers.
 
     A kind of load is one class in one file, registered once by `register`: a frozen dataclass with a field for each of
-    its parameters, and the fields `acts_on`, `order`, `name` and `varies`. All other code iterates over the registry:
-    the tables of model files, names and units of parameters, the flow, the batch integrator, harmonic balance, drive
-    trains, documentation.
+    its parameters, and the fields `acts_on`, `order`, `name` and `varies`. No other code has to be changed.
 
     Parameters
     ----------
