@@ -296,8 +296,8 @@ def friction(
     Returns
     -------
     Contact
-        The friction. With a formula it consists of two contacts, which form one entry in the list of contacts of a
-        system: the second, ``<name>_load``, has the parameters of the formula, and exerts no force.
+        The friction. With a formula these are two contacts, which form one entry of a system's contacts; the second,
+        ``<name>_load``, has the parameters of the formula, and exerts no force.
 
     Raises
     ------

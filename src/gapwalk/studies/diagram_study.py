@@ -49,7 +49,7 @@ class DiagramOptions(Bounded):
 
     #: Longest period, in forcing periods, of branches to switch to.
     max_period: Annotated[int, Ge(1), Le(MAX_VALUES)] = 8
-    #: Number of branches after which it stops and reports that limit.
+    #: Number of branches after which the diagram stops; a note then says so.
     max_branches: Annotated[int, Ge(1), Le(MAX_VALUES)] = 200
     #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)

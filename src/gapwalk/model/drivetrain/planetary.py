@@ -92,7 +92,7 @@ class Planetary:
     damping: NotNegative = 0.0  #: Damping of these meshes.
     clearance: NotNegative | None = None  #: Half the backlash of each of these meshes.
     #: ring_stiffness, ring_damping, ring_clearance: Stiffness, damping and clearance of the meshes of planets and ring,
-    #: also referred to the angle of the sun; by default those of the meshes at the sun.
+    #: as angles of the sun, too; by default as at the sun.
     ring_stiffness: Positive | None = None
     ring_damping: NotNegative | None = None
     ring_clearance: NotNegative | None = None

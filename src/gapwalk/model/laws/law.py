@@ -704,10 +704,7 @@ class HuntCrossley(Elastic):
 class HuntCrossleyAsPrinted(HuntCrossley):
     """``f = g (1 + beta v)`` (paper, equation 15): it feeds energy in on the negative side."""
 
-    name, words = (
-        "hunt-crossley-as-printed",
-        "hunt-crossley with the sign of the force, which feeds energy in on one side",
-    )
+    name, words = "hunt-crossley-as-printed", "hunt-crossley with a signed force: one side feeds energy in"
 
     def force(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Any:
         """See `Law.force`."""
