@@ -672,7 +672,7 @@ class Signal:
 
     @property
     def name(self) -> str:
-        """Label, or the sum as a text: ``q1''``, or ``0.5 q1'' - 2 q3``."""
+        """Its label, or without one the sum as a text: ``q1''``, or ``0.5 q1'' - 2 q3``."""
         if self.label:
             return self.label
         if len(self.terms) == 1 and self.terms[0][1] == 1.0:

@@ -460,7 +460,7 @@ class System(Shown):
 
     @property
     def breakpoints(self) -> list[tuple[int, int, float]]:
-        """Number of the contact, side (1 or -1) and clearance of each switch of the flow."""
+        """Number of the contact, side (1 or -1) and clearance of each switch of the flow (a stage on one side)."""
         return [(contact, side, self._at(place)) for contact, side, place in self.structure.breakpoints]
 
     @property

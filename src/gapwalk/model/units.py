@@ -147,12 +147,12 @@ class QuantityKind(Enum):
     reference
         The unit in which gapwalk computes, as the library pint writes it.
     unit
-        The unit in which its parameters are counted where a file gives none.
+        The unit of its parameters where a file gives none.
     usual
-        Units in which it is written, the most usual one first.
+        Units in which files give it, the most usual one first.
     angle, time, torque
-        The powers of an angle of the train, of time and of torque in it. Inertia is counted per angle: times an
-        acceleration it is a torque.
+        The powers of an angle of the train, of time and of torque in its unit. Inertia is counted per angle: an inertia
+        times an angular acceleration is a torque.
 
     Examples
     --------
@@ -361,7 +361,7 @@ class Units:
     #: the kind is None: the fraction by which a load varies a stiffness, a displacement, the parameters of a formula.
     own: tuple[tuple[str, QuantityKind | None, Unit], ...] = ()
     shaft: str = field(default="", compare=False)  #: Name of that shaft's inertia; empty if there is none.
-    #: Inertias with a radius, in m, at which their accelerations are counted.
+    #: Inertias with a radius, in m, at which their accelerations are given.
     radii: tuple[tuple[str, float], ...] = ()
 
     def _check_read(self) -> None:

@@ -289,7 +289,7 @@ class Orbit(LateFields, Shown):
     events: tuple[ContactEvent, ...]  #: Crossings of breakpoints in one full period.
     residual: float  #: Largest component of the difference between its end and its start.
     steps: int  #: Number of integration steps over the orbit; it determines the sampling.
-    #: Beginnings of slip and stick of friction in one full period; the modes at its start come first.
+    #: Beginnings of slip and stick of friction in one full period, first those that already last at its start.
     slips: tuple[SlipEvent, ...] = field(default=(), kw_only=True)
     #: Numbers of the contacts whose friction never slips and keeps its position: the orbit is one of a continuum.
     stuck: tuple[int, ...] = field(default=(), kw_only=True)
@@ -415,7 +415,7 @@ class Orbit(LateFields, Shown):
 
     @cached_property
     def chatters(self) -> dict[int, list[float]]:
-        """Angles from each impact on a rigid stop to the instant from which the stop is held, by switches.
+        """Angles from each impact on a rigid stop to the instant from which the stop is held, for each switch.
 
         Infinitely many impacts precede this instant; the log has those that are not too close to it.
         """
@@ -546,7 +546,7 @@ class Orbit(LateFields, Shown):
     def jacobian(self) -> NDArray[np.float64]:
         """Derivatives of the state after the orbit's period by its state at theta = 0, shape (state_size, state_size).
 
-        Its eigenvalues are the multipliers; events contribute their jumps. Residual: `residual`.
+        Its eigenvalues are the multipliers; the jumps at events are included. Residual: `residual`.
         """
         flow, coefficients = flow_of(self.system, transition=True), coefficients_of(self.system)
         found = np.eye(len(self.state))

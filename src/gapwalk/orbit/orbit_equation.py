@@ -149,7 +149,7 @@ class OrbitEquation:
         raise NotImplementedError
 
     def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
-        """Return a change of the unknowns as one of the unknowns of `otherwise()`; additional ones are zero."""
+        """Convert a change of the unknowns to the unknowns of `otherwise()`, of which additional ones do not change."""
         raise NotImplementedError
 
     @property

@@ -166,7 +166,7 @@ class MemberParameter:
 
     @property
     def axis(self) -> tuple[float, ...]:
-        """Value of that quantity at each member."""
+        """Value of the quantity that the family is over, at each member."""
         return self.values or self.moved[0][1]
 
     @property
@@ -175,7 +175,7 @@ class MemberParameter:
         return tuple(name for name, _ in self.moved)
 
     def at(self, number: int) -> dict[str, float]:
-        """Return the values of the parameters of one member, from 0.
+        """Return the values of the parameters of one member.
 
         Parameters
         ----------

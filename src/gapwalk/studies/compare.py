@@ -352,7 +352,7 @@ _FAR = 1e3
 
 
 def compare_results(first: Result, second: Result, measures: str | Sequence[str] | None = None) -> Any:
-    """Compare two results of studies of one system over the same parameters, e.g. by two methods: branches, or cells.
+    """Compare two results of studies of one system over the same parameters, for example by two methods.
 
     Each branch of one is compared with the one of equal period in the other that is nearest to it. The branches of the
     sections of maps, and their loci, are compared in the same way. Maps of regimes, basins and rattle are compared cell

@@ -192,7 +192,7 @@ class StudyKind:
 
     @property
     def plan_with_workers(self) -> str:
-        """Describe the work in one line, with the most processes that can do it if those are few."""
+        """Describe the work in one line; if only few processes can share it, also say how many."""
         most = self.most_workers
         if most is None:
             return self.plan

@@ -879,7 +879,8 @@ def follow_tori(
     parameter
         Name of the parameter, such as ``"frequency"``.
     to
-        The value at which to stop; or two values, between which a family is followed, from a torus in both directions.
+        The value at which to stop; or two values, between which the family is followed. From a torus it is followed in
+        both directions.
     second
         Name and range of a second parameter that varies so that the rotation number of the first torus stays.
     walk

@@ -92,7 +92,7 @@ class Bearing:
         return 0.0 if abs(found) < _ACROSS else found
 
     def problems(self, inertias: Sequence[str], gears: Sequence[Gear]) -> Iterator[str]:
-        """List its errors, one sentence each, without its name."""
+        """List its errors, one sentence each, to follow its name."""
         if self.carries not in inertias:
             yield f"has carries = {self.carries!r}, which is no inertia; write the name of that of the gear"
             return

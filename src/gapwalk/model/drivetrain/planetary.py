@@ -198,7 +198,7 @@ class Planetary:
         return replace(self, **converted(self, change, QUANTITIES))
 
     def problems(self, inertias: Sequence[str]) -> Iterator[str]:
-        """List its errors, one sentence each, without its name."""
+        """List its errors, one sentence each, to follow its name."""
         members = {each: getattr(self, each) for each in _MEMBERS if getattr(self, each) is not None}
         for what, name in members.items():
             if name not in inertias and name != GROUND:

@@ -312,7 +312,7 @@ class Train:
     speed: str | Quantity | None = None
     units: Units | None = None  #: The units of its numbers; None for plain numbers. It is found from the texts.
     forces: Sequence[Force] = ()
-    #: Name of the inertia whose speed is given; by default the first. Only `Counted` loads need it.
+    #: Name of the inertia whose speed is given; by default the first inertia. Only `Counted` loads need it.
     reference: str = ""
     longest: int = LONGEST  #: Most periods of the slowest load that the common period of all loads may have.
     frictions: Sequence[Friction] = ()

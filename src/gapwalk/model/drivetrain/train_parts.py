@@ -192,7 +192,7 @@ class Link:
         return found
 
     def problems(self) -> Iterator[str]:
-        """List the errors of its numbers, one sentence each, without its name."""
+        """List the errors of its numbers, one sentence each, to follow its name."""
         if self.stiffness is None and self.clearance is not None:
             yield 'has a clearance, but no stiffness beyond it; write stiffness = ..., or stiffness = "rigid"'
         if self.stiffness == RIGID and self.clearance is None:
@@ -237,7 +237,7 @@ class Shaft(Link):
     """
 
     def problems(self) -> Iterator[str]:
-        """List the errors of its numbers, one sentence each, without its name."""
+        """List the errors of its numbers, one sentence each, to follow its name."""
         if not self.has_springs and self.clearance is None and not self.damping:
             yield (
                 "has no stiffness; write stiffness = ..., or stages with a clearance and a stiffness each, or "
@@ -304,7 +304,7 @@ class Gear(Link):
         return self.teeth[0] if isinstance(self.teeth, tuple) else self.teeth
 
     def problems(self) -> Iterator[str]:
-        """List the errors of its numbers, one sentence each, without its name."""
+        """List the errors of its numbers, one sentence each, to follow its name."""
         if self.is_rigid and self.damping:
             yield "has damping, but no stiffness, so it is rigid; leave damping out, or write stiffness = ..."
         yield from self._teeth_problems()
@@ -508,7 +508,7 @@ class Force(Springless):
         return any(name in COMPUTED and name not in self.numbers for name in self.formula.parameters)
 
     def problems(self) -> Iterator[str]:
-        """List the errors of its formula and its numbers, one sentence each, without its name."""
+        """List the errors of its formula and its numbers, one sentence each, to follow its name."""
         try:
             known = [name for name in self.formula.parameters if name not in COMPUTED or name in self.numbers]
         except ModelError as error:
@@ -586,7 +586,7 @@ class Friction(Springless):
         return (make_friction(self.name, {self.name: 1.0}, normal=self.normal, **numbers),)
 
     def problems(self) -> Iterator[str]:
-        """List the errors of its numbers, one sentence each, without its name."""
+        """List the errors of its numbers, one sentence each, to follow its name."""
         if wrong := [*self._number_problems(self.numbers, "")]:
             yield wrong[0]
             return
@@ -692,7 +692,7 @@ class Drag(Springless):
         return " + ".join(parts)
 
     def problems(self) -> Iterator[str]:
-        """List the errors of its numbers, one sentence each, without its name."""
+        """List the errors of its numbers, one sentence each, to follow its name."""
         if self.law is not None:
             yield from Force(self.name, self.between, str(self.law), numbers=self.numbers).problems()
             return

@@ -247,7 +247,7 @@ CUBIC = Parameter("cubic", QuantityKind.CUBIC, "it is the coefficient of the cub
 class Law(ABC):
     """The force of a contact as a function of its deflection ``x`` and its rate ``v``.
 
-    A law is one class in one file, registered once by `register`. No other code has to be changed.
+    A law is one class in one file, registered once by `register`. A new law needs no other code.
 
     A contact has *stages*. Each acts, on one side or on both, beyond its clearance: its breakpoint is an event of the
     flow, at which its mode changes between open and closed. At the start of a motion the side of the breakpoint on

@@ -203,7 +203,7 @@ class Load(ABC):
     """A load that repeats with the excitation, along one vector of coordinates; or a variation of other numbers.
 
     A kind of load is one class in one file, registered once by `register`: a frozen dataclass with a field for each of
-    its parameters, and the fields `acts_on`, `order`, `name` and `varies`. No other code has to be changed.
+    its parameters, and the fields `acts_on`, `order`, `name` and `varies`. A new kind needs no other code.
 
     Parameters
     ----------
