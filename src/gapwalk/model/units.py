@@ -447,7 +447,7 @@ class Units:
 
         Positions, deflections and velocities have the units of `state`, torques N m; speeds of inertias and of slips in
         rpm. Accelerations are in rad/s^2, but ``gear.acceleration`` of an inertia with a radius is in m/s^2 at that
-        radius. The mode of friction has no unit.
+        radius. A mode of friction (slip or stick) has no unit.
 
         Returns
         -------

@@ -362,10 +362,7 @@ class Orbit(LateFields, Shown):
 
     @cached_property
     def multiplier_error(self) -> float:
-        """Approximate error of the multiplier nearest to 1, by rounding of the state; 0 if no multiplier is near 1.
-
-        Where the motions are nearly a continuum, rounding moves the state far along it, and the multiplier with it.
-        """
+        """Approximate error of the multiplier nearest to 1, by rounding of the state; 0 if no multiplier is near 1."""
         near = min([abs(each - 1.0) for each in self.free_multipliers.tolist()], default=1.0)
         is_near = _EXACTLY < near < (_KEPT if self.slips else _NEARLY)
         if not is_near or self.stuck or len(self.restarts) or self.own_method is not None:
@@ -430,7 +427,7 @@ class Orbit(LateFields, Shown):
 
     @cached_property
     def held(self) -> dict[int, tuple[int, int]]:
-        """Number of phases of a period in which each rigid stop is held, and in which it is not, by switches.
+        """Number of phases of a period in which each rigid stop is held, and in which it is not, for each switch.
 
         A stop that a part touches all the time, at times without a force, is held all the time.
         """

@@ -271,9 +271,8 @@ class Law(ABC):
     -----
     `force` is the only place of the formula. It is written in ``+``, ``-``, ``*`` (products, not powers; a sum over the
     stages by `Stages.total`), so that it can be evaluated with symbolic expressions, with arrays, real or complex, and
-    with the `Symbols` from which the closed form is read. All derivatives come from the expression. A product of two
-    parameters costs the integrator as much as any other product, so it is best to multiply each parameter with a depth
-    or a rate first, and parameters with one another last.
+    with the `Symbols` from which the closed form is read. All derivatives come from the expression. For speed, multiply
+    each parameter with a depth or a rate first, and parameters with one another last.
 
     Where the force is a polynomial of the depth of one stage at a time, and linear in the rate, every method can
     include it. Otherwise harmonic balance refuses it by name, and equilibria (``gapwalk modes``) are searched from many

@@ -238,9 +238,9 @@ class Load(ABC):
 
     Notes
     -----
-    `lines` is the only place of the formula; the frequency may enter it. All derivatives, by the frequency
-    too, are taken of it by a complex step. A kind with curves of its own over the speed gives their points by `tables`;
-    one whose constants are torques or frequencies converts them by `rescaled`.
+    The formula stands only in `lines`; it may contain the frequency. All derivatives, by the frequency too, are taken
+    of it by a complex step. A kind with curves of its own over the speed gives their points by `tables`; one whose
+    constants are torques or frequencies converts them by `rescaled`.
 
     Examples
     --------
@@ -411,7 +411,7 @@ class Load(ABC):
         constants
             Values of its constants by name.
         frequency
-            The new unit of frequencies, in the old one.
+            The new unit of frequencies, measured in the old unit.
         size
             The new unit of its torque, of its displacement, or of the fraction by which something varies.
         """
