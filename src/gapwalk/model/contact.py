@@ -274,7 +274,7 @@ def friction(
     name
         Prefix of its parameters' names.
     deflection
-        The vector by coordinate name; friction acts against its rate.
+        The deflection by coordinate name; friction acts against its rate.
     limit
         The force in slip, >= 0; or a formula of it, of the slip rate ``v`` and the deflection ``x``, as in
         ``"mu*(n0 + k*x)/(1 + d*abs(v))"``. Where it becomes negative a motion is refused: write ``max(..., 0)``.
@@ -350,7 +350,7 @@ def backlash(
     name
         Prefix of its parameters' names.
     deflection
-        The vector by coordinate name, for example ``{"q1": 1, "q2": -1}``.
+        The deflection by coordinate name, for example ``{"q1": 1, "q2": -1}``.
     clearance
         Half of the total backlash, >= 0, in units of the deflection.
     stiffness
@@ -400,7 +400,7 @@ def stop(
     name
         Prefix of its parameters' names.
     deflection
-        The vector by coordinate name, for example ``{"q1": 1, "q2": -1}``.
+        The deflection by coordinate name, for example ``{"q1": 1, "q2": -1}``.
     clearance
         Distance of the stop from zero deflection, >= 0, in units of the deflection.
     stiffness
@@ -454,7 +454,7 @@ def rigid_stop(
     name
         Prefix of its parameters' names.
     deflection
-        The vector by coordinate name.
+        The deflection by coordinate name.
     clearance
         Distance of the stop from zero deflection, >= 0.
     restitution

@@ -143,7 +143,7 @@ class MemberParameter:
     def of(
         cls, over: MemberParameter | Mapping[str, Sequence[float]], called: str = "", values: Sequence[float] = ()
     ) -> MemberParameter:
-        """Make it from a mapping of names to values.
+        """Make a MemberParameter from a mapping of names to values.
 
         Parameters
         ----------

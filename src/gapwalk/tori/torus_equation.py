@@ -348,7 +348,7 @@ class TorusOptions:
             raise ModelError(f"samples is {self.samples}, more than max_samples = {self.max_samples}")
 
     def finer(self, count: int) -> int | None:
-        """Return the next number of samples, half as many more; None if that would be too many."""
+        """Return the next number of samples, 1.5 times as many; None if that would be too many."""
         more = min(odd(3 * count // 2), odd(self.max_samples - 1))
         return more if more > count else None
 

@@ -488,7 +488,7 @@ class Force(Springless):
         return formula_of(str(self.law), ("x", "x'", "v"))
 
     def contacts(self, gapless: bool = False, angle: float = 1.0, slips: Slips | None = None) -> tuple[Contact, ...]:
-        """Return it as a contact; see `Link.contacts`. The formula has angles in rad."""
+        """Return this part as a contact; see `Link.contacts`. The formula has angles in rad."""
         slips = slips or Slips()
         speeds = {name: f"({slips.rate(f'{_SPEED}{k}')} + {MEAN_SPEED}{k})" for k, name in enumerate(self.speeds)}
         if self.between[1] == GROUND:
@@ -581,7 +581,7 @@ class Friction(Springless):
         object.__setattr__(self, "ratio", ratio)
 
     def contacts(self, gapless: bool = False, angle: float = 1.0, slips: Slips | None = None) -> tuple[Contact, ...]:
-        """Return it as a contact; see `Link.contacts`."""
+        """Return this part as a contact; see `Link.contacts`."""
         numbers: Any = self.numbers
         return (make_friction(self.name, {self.name: 1.0}, normal=self.normal, **numbers),)
 

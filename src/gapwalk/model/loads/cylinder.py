@@ -109,7 +109,7 @@ class Cylinder(OfCurve):
         speeds: Sequence[float] = (),
         **fields: Any,
     ) -> Self:
-        """Make it from the pressure over the crank angle.
+        """Make a cylinder from the pressure over the crank angle.
 
         Parameters
         ----------

@@ -208,7 +208,8 @@ class Load(ABC):
     Parameters
     ----------
     acts_on
-        The vector by coordinate name, for example ``{"q1": 1.0}``; in a drive train by inertia. Empty for a variation.
+        The vector along which it acts, by coordinate name, for example ``{"q1": 1.0}``; in a drive train by inertia.
+        Empty for a variation.
     order
         Multiple of the fundamental frequency, an integer >= 1.
     name
@@ -378,7 +379,7 @@ class Load(ABC):
 
     @classmethod
     def from_table(cls, given: Mapping[str, Any], *, units: bool) -> Self:
-        """Make it from its table in a model file.
+        """Make a load from its table in a model file.
 
         Parameters
         ----------

@@ -152,7 +152,7 @@ class Measured(OfCurve):
         relative: bool = False,
         **fields: Any,
     ) -> Self:
-        """Make it from the orders of a curve.
+        """Make a measured load from the orders of a curve.
 
         Parameters
         ----------
