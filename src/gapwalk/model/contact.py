@@ -276,8 +276,8 @@ def friction(
     deflection
         The deflection by coordinate name; friction acts against its rate.
     limit
-        The force in slip, >= 0; or a formula of it, of the slip rate ``v`` and the deflection ``x``, as in
-        ``"mu*(n0 + k*x)/(1 + d*abs(v))"``. Where it becomes negative a motion is refused: write ``max(..., 0)``.
+        The force in slip, >= 0; or a formula of it, of the slip rate ``v`` and the deflection ``x``, as in ``"mu*(n0 +
+        k*x)/(1 + d*abs(v))"``. A motion on which the limit becomes negative is refused: write ``max(..., 0)``.
     numbers
         The parameters of the formula by name.
     coefficient, normal

@@ -316,7 +316,7 @@ class Orbit(LateFields, Shown):
 
     @cached_property
     def instability(self) -> Instability:
-        """Numbers of multipliers outside the unit circle, by where they left it, and of those on it."""
+        """Numbers of multipliers outside the unit circle (above 1, below -1, complex pairs), and of those on it."""
         return classify(self.free_multipliers, self.multiplier_error if self.is_exact else 0.0)
 
     @cached_property

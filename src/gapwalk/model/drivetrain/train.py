@@ -374,7 +374,7 @@ class Train:
         return (*self.shafts, *self.meshes, *self.forces, *self.frictions, *self.drags, *made)
 
     def system(self) -> System:
-        """Make the system of the train: coordinates are deflections of shafts and gears, parameters those of its parts."""
+        """Make the train's system: coordinates are deflections of shafts and gears, parameters those of its parts."""
         assembly, values = self._assembled()
         structure = structure_of(assembly)
         _ = structure.variations  # refuses what there is not

@@ -599,7 +599,7 @@ class Friction(Springless):
 
 @dataclass(frozen=True, init=False)
 class Drag(Springless):
-    """Drag of a bearing, a seal or oil: a torque of the speed at which its two parts slip on each other.
+    """Drag of a bearing, a seal or oil: a torque by the speed at which two parts slip on each other.
 
     The parts turn at different speeds, or the second is the ground (the casing). With the slip ``s``, the speed of the
     first less that of the second, the torque is ``linear * s + quadratic * s * |s|`` plus a constant torque against the

@@ -269,7 +269,7 @@ class Law(ABC):
 
     Notes
     -----
-    `force` is the only place of the formula. It is written in ``+``, ``-``, ``*`` (products, not powers; a sum over the
+    The formula stands only in `force`. It is written in ``+``, ``-``, ``*`` (products, not powers; a sum over the
     stages by `Stages.total`), so that it can be evaluated with symbolic expressions, with arrays, real or complex, and
     with the `Symbols` from which the closed form is read. All derivatives come from the expression. For speed, multiply
     each parameter with a depth or a rate first, and parameters with one another last.
