@@ -701,7 +701,7 @@ class Drag(Springless):
         if not {"linear", "quadratic", "constant", "breakaway"} & self.numbers.keys():
             yield 'has no torque; write linear = ..., quadratic = ..., constant = ..., or law = "a*s + b*s**3"'
         if ("breakaway" in self.numbers) is not ("stribeck" in self.numbers):
-            yield "has only one of breakaway and stribeck; write both: torque at rest, and slip at which it falls"
+            yield "has only one of breakaway and stribeck; write both: the torque at rest, and the slip where it falls"
         if self.exponent not in (1, 2):
             yield f"has exponent = {self.exponent!r}; it is 1 or 2"
         if not isinstance(self.group, str) or (self.group and not self.group.isidentifier()):
