@@ -127,7 +127,7 @@ class Result(Shown):
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Failures to walk or to explain something, in sentences.
+        """What could not be walked, or not be explained, in sentences.
 
         They concern whole branches and loci, ends due to numerical failures, and steps in which a special point was
         missed.
