@@ -692,16 +692,19 @@ def claims_page(checked: Checked) -> str:
     )
 
 
-_COUNTED = re.compile(r"(- |)Of \d+ statements of the paper( below| about its figures|),[^;]*;")
+_COUNTED = re.compile(r"(- |)Of \d+ statements of the paper( cited below| about its figures|),[^;]*;")
 _SHORT = {
-    Verdict.LETTER: "{} hold to the letter",
-    Verdict.KIND: "{} hold except for some numbers",
-    Verdict.OTHER_READING: "{} hold with a formula read differently",
-    Verdict.OTHER_NUMBER: "{} with one printed number changed",
-    Verdict.OTHER_NUMBERS: "{} with several changed",
-    Verdict.EXPLAINED: "{} do not hold for a known reason",
-    Verdict.NOT_FOUND: "{} were not found",
-    Verdict.LOST: "{} cannot be tested",
+    "": {Verdict.LETTER: "{} hold to the letter", Verdict.KIND: "{} hold except for some numbers"},
+    "Others hold with a change: ": {
+        Verdict.OTHER_READING: "{} with a formula read differently",
+        Verdict.OTHER_NUMBER: "{} with one printed number changed",
+        Verdict.OTHER_NUMBERS: "{} with several changed",
+    },
+    "Of the rest, ": {
+        Verdict.EXPLAINED: "{} fail for a reason that a check shows",
+        Verdict.NOT_FOUND: "{} fail without an explanation",
+        Verdict.LOST: "{} cannot be tested",
+    },
 }
 
 
@@ -711,7 +714,11 @@ def with_counts(text: str, outcomes: Sequence[Outcome]) -> str:
     It begins like ``Of 79 statements of the paper,`` and ends at a semicolon.
     """
     found = counts(outcomes)
-    parts = ", ".join(words.format(found.classes[each]) for each, words in _SHORT.items() if found.classes[each])
+    groups = {
+        head: [words.format(found.classes[each]) for each, words in group.items() if found.classes[each]]
+        for head, group in _SHORT.items()
+    }
+    parts = ". ".join(head + ", ".join(group) for head, group in groups.items() if group)
     return _COUNTED.sub(
         lambda match: textwrap.fill(
             f"{match[1]}Of {found.statements} statements of the paper{match[2]}, {parts};",

@@ -79,7 +79,7 @@ def test_a_start_on_an_unstable_motion_is_left():
     assert unstable.instability.label == "below"
     found = settle(system, unstable.state)
     assert found.period == 2
-    assert "was displaced from an unstable motion" in found.evidence[0]
+    assert "was next to an unstable motion" in found.evidence[0]
 
 
 @pytest.mark.slow

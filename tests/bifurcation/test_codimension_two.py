@@ -116,7 +116,7 @@ def test_other_loci_begin_at_the_resonant_graze(kind, slope):
 def test_the_locus_that_begins_is_named():
     graze = branch_of(0.04, 2.1).special("grazing")[0]
     (start,) = gw.follow_locus(graze, "frequency", "f.amplitude", plane(2.0)).codim2(Codim2.RESONANT_GRAZING)
-    with pytest.raises(gw.errors.ModelError, match=r"write the kind that begins there, of \('fold', 'flip'"):
+    with pytest.raises(gw.errors.ModelError, match=r"write the kind that begins there, one of \('fold', 'flip'"):
         gw.follow_locus(start, "frequency", "f.amplitude", plane(2.0))
     with pytest.raises(gw.errors.ModelError, match="leave kind out"):
         gw.follow_locus(graze, "frequency", "f.amplitude", plane(2.0), kind="flip")

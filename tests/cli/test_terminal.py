@@ -6,6 +6,7 @@ import os
 import re
 import sys
 import threading
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -71,7 +72,8 @@ def test_no_digit_of_a_result_is_cut(kind: str, tmp_path: Path, monkeypatch: pyt
         text = "\n".join(lines)
         assert max(len(line) for line in lines if str(path) not in line) <= width
         assert "…" not in text
-        assert sorted(_NUMBER.findall(text)) == sorted(whole)
+        shown, rest = Counter(_NUMBER.findall(text)), Counter(whole)
+        assert shown <= rest if "left out at" in text else shown == rest  # whole columns, which are named
     document = json.loads("\n".join(in_terminal(["show", str(path), "--json"], 80, monkeypatch)))
     assert (document["kind"], document["complete"]) == (kind, True)
 

@@ -52,7 +52,7 @@ LONG = {
 LONG |= {"tutorial/research.md"}
 PARTS = {
     "gallery/bilinear.md": "If the excitation doubles",
-    "howto/two-gaps.md": "Their parameters are called",
+    "howto/two-gaps.md": "The parameters of these contacts",
     "howto/why-stopped.md": "## Friction and rigid stops",
     "tutorial/first-system.md": "## Follow the other branches",
     "tutorial/rattle.md": "## 3. Where",

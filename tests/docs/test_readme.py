@@ -51,14 +51,14 @@ def test_its_figures_are_those_that_the_tests_measure() -> None:
     }
     assert sum(int(count) for name, count in rows.items() if name != "all") == int(rows["all"]) > 0
     said = " ".join(TEXT.split())
-    assert f"Of {rows['all']} statements of the paper below, {rows['to the letter']} hold to the letter" in said
+    assert f"Of {rows['all']} statements of the paper cited below, {rows['to the letter']} hold to the letter" in said
     for name, words in (
         ("in kind", "hold except for some numbers"),
-        ("other reading", "hold with a formula read differently"),
+        ("other reading", "with a formula read differently"),
         ("one number changed", "with one printed number changed"),
         ("several numbers changed", "with several changed"),
-        ("explained", "do not hold for a known reason"),
-        ("not found", "were not found"),
+        ("explained", "fail for a reason that a check shows"),
+        ("not found", "fail without an explanation"),
         ("cannot be tested", "cannot be tested"),
     ):
         assert f"{rows[name]} {words}" in said

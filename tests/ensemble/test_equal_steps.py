@@ -250,9 +250,9 @@ def test_what_equal_steps_cannot_carry_is_refused_by_name() -> None:
     def begin(system: System) -> None:
         Lanes(system.structure, coefficients_of(system)[None], np.zeros((1, system.state_size)))
 
-    with pytest.raises(UnfitError, match=r"cannot carry 'wall': it is a rigid stop; give it a stiffness"):
+    with pytest.raises(UnfitError, match=r"cannot include 'wall': it is a rigid stop; give it a stiffness"):
         begin(oscillator(gw.rigid_stop("wall", {"x": 1.0}, 0.4, 0.8)))
-    with pytest.raises(UnfitError, match=r"cannot carry 'brake': at rest its friction is larger than in slip"):
+    with pytest.raises(UnfitError, match=r"cannot include 'brake': at rest its friction is larger than in slip"):
         begin(oscillator(friction("brake", {"x": 1.0}, 0.3, static=1.5)))
     assert not prefers_lanes(oscillator(stop()))  # the exact flow is fast enough
 

@@ -106,7 +106,7 @@ def test_errors_have_their_lines_and_what_is_right_so_far_is_shown() -> None:
     assert found["system"]
     assert checked("x = ")["problems"][0]["line"] == 1
     assert checked("x = ")["numbers"] is None
-    assert "edited in a text editor" in checked("#" * 60_000)["problems"][0]["text"]
+    assert "need a text editor" in checked("#" * 60_000)["problems"][0]["text"]
 
 
 def test_the_response_is_that_of_an_exact_walk_to_a_hundredth(monkeypatch: pytest.MonkeyPatch) -> None:

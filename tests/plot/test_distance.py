@@ -48,7 +48,7 @@ def test_distances_below_a_graze_are_those_of_the_linear_motion() -> None:
 
 @pytest.mark.parametrize("text", ["above grazing 7", "beyond grazing 1", "above hopf 1", "above x", "below 0.1"])
 def test_a_distance_that_is_none_is_refused_with_those_that_are(text: str) -> None:
-    with pytest.raises(gw.errors.ModelError, match=r"there are grazing 1|no point of the branches is there|no kind of"):
+    with pytest.raises(gw.errors.ModelError, match=r"there are grazing 1|no point lies on this side|no kind of"):
         beyond_graze().plot(x=text)
 
 

@@ -45,7 +45,7 @@ class Campbell(Shown):
 
     system: System  #: The system.
     parameter: str  #: Its first parameter, over which the diagram is drawn.
-    #: shape (speeds,): Its values; two where no number of the equations depends on it.
+    #: shape (speeds,): Values of this parameter; two if no coefficient of the equations depends on it.
     values: NDArray[np.float64]
     orders: tuple[float, ...]  #: The orders of the rays.
     states: tuple[ModeState, ...]  #: The states.

@@ -66,10 +66,10 @@ class Change:
 
     parameter: str  #: Name of the parameter.
     by: Positive = 0.5  #: Largest relative change in either direction; 0.5 is 50 %.
-    #: low, high: Limits of its value, in place of `by`.
+    #: low, high: Limits of the value of the parameter, given in place of `by`.
     low: float | None = None
     high: float | None = None
-    #: Weight of its relative change: of two parameters that serve a goal equally, the one of larger weight changes
+    #: Weight of the relative change in the sum of squares that is minimised: a parameter with a larger weight changes
     #: less.
     weight: Positive = 1.0
 
@@ -97,7 +97,7 @@ class Change:
         return low, high
 
     def scale(self, system: System) -> float:
-        """Return the size of a relative change of 1: the value, or half of the range of a parameter that is zero."""
+        """Return the change that is a relative change of 1: the value, or half of the range if the value is zero."""
         low, high = self.bounds(system)
         return abs(system[self.parameter]) or 0.5 * (high - low)
 
@@ -279,7 +279,7 @@ class DesignProblem:
             worst = min(found.needs, key=lambda need: need.margin, default=None)
             words = worst.words if worst is not None else ""
             if is_given_up:
-                words += f"; given up: more than {_HOPELESS:g} times the smallest change known"
+                words += f"; given up: its change is more than {_HOPELESS:g} times the smallest known"
             is_missing = found.missing > max(_DONE * self.options.margin, EXACT)
             missing = found.missing if is_missing else 0.0
             return Route(ways, start, self._values(found.u), self.size(found.u), missing, steps, words)
@@ -534,7 +534,7 @@ class Design(Shown):
                 return f"not proved: {what}; the response reaches it with {', '.join(texts)}, but {self.failures[0]}"
             return f"{what}: change {', '.join(texts)}"
         missed = " and ".join(_together(goal.words for goal in self.judged if not goal.is_reached))
-        return f"not reached within the limits: {missed}; nearest with {', '.join(texts)}"
+        return f"not reached within the limits: {missed}; the nearest design has {', '.join(texts)}"
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
@@ -561,9 +561,9 @@ class Design(Shown):
         yield Table(("goal", ">margin before", ">after", ""), goals)
         for each in self.judged:
             if math.isfinite(each.without):
-                yield f'  without the goal "{each.words}", a change of {each.without:.4g} reaches the others'
+                yield f'  without the goal "{each.words}", a change of norm {each.without:.4g} reaches all others'
             elif not math.isnan(each.without):
-                yield f'  without the goal "{each.words}", the others are not reached either'
+                yield f'  without the goal "{each.words}", the other goals are not reached either'
         yield ""
         reached = [route for route in self.routes if route.is_reached]
         count, steps = len(self.routes), sum(route.steps for route in self.routes)
@@ -748,11 +748,11 @@ def _watched(problem: DesignProblem, system: System, failures: list[str]) -> tup
     for gap, values in parted.items():
         if gap in bounds:
             where = between_words((min(values), max(values)), problem.parameter, system.units)
-            failures.append(f"{gap} rattles in what settles from rest {where}")
+            failures.append(f"{gap} rattles in the motion that settles from rest {where}")
     others = [gap for gap in parted if gap not in bounds]
     if failures and others:
         more = ", ".join(f'{{ quiet = "{gap}" }}' for gap in others)
-        failures[0] += f"; gaps that rattle shake it, so that they need goals too: {more}"
+        failures[0] += f"; other gaps rattle and shake it, so that they need goals too: {more}"
     return tuple(band.value for band in bands)
 
 

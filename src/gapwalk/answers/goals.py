@@ -239,7 +239,7 @@ LOWEST = 3
 
 
 class Need(NamedTuple):
-    """One margin of a goal at a design.
+    """Margin with which a design reaches one part of a goal, such as one fold that must lie outside a band.
 
     Examples
     --------
@@ -248,8 +248,8 @@ class Need(NamedTuple):
     0.1
     """
 
-    margin: float  #: What is left, relative to the width of the band or to the limit; negative: missing.
-    slopes: NDArray[np.float64]  #: shape (k,): Its derivatives by relative changes of the parameters.
+    margin: float  #: Relative to the width of the band, to the limit or to the clearance; negative if missed.
+    slopes: NDArray[np.float64]  #: shape (k,): Derivatives of `margin` by relative changes of the parameters.
     words: str  #: Description.
 
 
@@ -258,7 +258,7 @@ class Goal(ABC):
     """A goal of a design."""
 
     def ways(self, system: System) -> tuple[str, ...]:
-        """Return the ways in which it may be reached by a system; each is tried."""
+        """Return the ways in which a system may reach the goal; each is tried."""
         return ("",)
 
     def posed(self, system: System, way: str) -> System:
@@ -307,7 +307,7 @@ _MOVES: dict[str, Callable[[float, float, float], bool]] = {  # True if a point 
 
 @dataclass(frozen=True)
 class NoPoint(Goal):
-    """No special point of a kind in a band of the walked parameter.
+    """No special point of one kind, such as a fold, lies within a band of the parameter of the response.
 
     Examples
     --------
@@ -316,7 +316,7 @@ class NoPoint(Goal):
     """
 
     kind: Kind  #: ``fold``, ``flip``, ``neimark-sacker`` or ``grazing``.
-    within: tuple[float, float]  #: The band.
+    within: tuple[float, float]  #: The band: its lower and its upper end.
 
     def __post_init__(self) -> None:
         known = [str(each) for each in Kind.known() if not each.no_locus]
@@ -328,7 +328,7 @@ class NoPoint(Goal):
             raise ModelError(f"the band of a goal is from {low:g} to {high:g}; write the smaller value first")
 
     def ways(self, system: System) -> tuple[str, ...]:
-        """Return the ways in which the points leave the band."""
+        """Return the ways in which special points can leave the band, such as ``below``."""
         return (*_MOVES, "vanish") if self.kind in (Kind.FOLD, Kind.FLIP) else tuple(_MOVES)
 
     def words(self, system: System, parameter: str) -> str:
@@ -336,11 +336,11 @@ class NoPoint(Goal):
         return f"no {self.kind} {between_words(self.within, parameter, system.units)}"
 
     def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
-        """Return the margin of each point of the kind; or, if they are to vanish, of the branch that bears them.
+        """Return the margin of each special point of the kind; if they are to vanish, margins of the branch.
 
-        Between a pair of folds the branch runs back. The smallest component of its tangent along the parameter is
-        negative there, zero where the pair merges in a cusp, and positive beyond. For flips the product of all
-        multipliers plus one plays this role.
+        Between two folds the branch runs back: the component of its tangent along the parameter is negative. The least
+        value of this component is zero if both folds merge in a cusp, and positive beyond the cusp. For two flips, the
+        product of (multiplier + 1) over all multipliers changes its sign in the same way.
         """
         points = [each for each in response.branch.special_points if each.kind == self.kind]
         if way != "vanish" and (points or "vanish" not in self.ways(response.system)):
@@ -354,7 +354,7 @@ class NoPoint(Goal):
         ]
 
     def margin(self, response: LocalResponse) -> float:
-        """Return the distance of the nearest point from the band, as a share of its width; 1 if there is none."""
+        """Return the distance of the nearest such point from the band, over the width of the band; at most 1."""
         low, high = self.within
         parts = [
             max(low - each.value, each.value - high) / (high - low)
@@ -364,7 +364,7 @@ class NoPoint(Goal):
         return min([1.0, *parts])
 
     def against(self, branch: Branch) -> list[str]:
-        """Return a sentence on each special point of the kind inside the band."""
+        """Return a sentence on each special point of the kind that an isolated branch has inside the band."""
         low, high = self.within
         points = [each for each in branch.special_points if each.kind == self.kind]
         return [
@@ -401,7 +401,7 @@ _FAR = 0.5  # margin, as a share of a limit, beyond which a peak does not count 
 
 @dataclass(frozen=True)
 class PeakBelow(Goal):
-    """The peak of a signal, such as the torque in a link, stays below a limit over a band, stable motion or not.
+    """The peak of a signal stays below a limit over a band of the parameter, in unstable motions too.
 
     Examples
     --------
@@ -409,8 +409,8 @@ class PeakBelow(Goal):
     'peak of stop below 9 between Ω = 1.2 and 1.35'
     """
 
-    #: Name of a contact, for its force; of a shaft or gear of a drive train, for its whole torque, with its permanent
-    #: spring and damper; or any signal, as in `Orbit.signal`.
+    #: Name of a contact, for its force; of a shaft or gear of a drive train, for its whole torque, including that of
+    #: its permanent spring and damper; or of any signal, as in `Orbit.signal`.
     signal: str
     limit: Positive  #: The limit of its magnitude, in the unit of the signal (N m for a torque) or non-dimensional.
     within: tuple[float, float]  #: The band.
@@ -421,7 +421,7 @@ class PeakBelow(Goal):
         return f"peak of {self.signal} below {self.limit:g}{unit} {between_words(self.within, parameter, system.units)}"
 
     def check(self, system: System, ends: tuple[float, float]) -> None:
-        """Raise a ModelError if there is no such signal, the limit is no size, or the band leaves the range."""
+        """Raise a ModelError if there is no such signal, the limit is not positive, or the band leaves the range."""
         super().check(system, ends)
         name = peak_signal(system, self.signal)
         rigid = [each for each in system.structure.contacts if each.law.rebounds]
@@ -433,7 +433,7 @@ class PeakBelow(Goal):
         check_fields(self, f" of {self.signal}")
 
     def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
-        """Return the margins where the peaks of either sign are largest: where both are equal, both count."""
+        """Return the margins at the highest maxima of the signal over the band, and at its lowest minima."""
         return [
             Need(
                 value - margin,
@@ -446,11 +446,11 @@ class PeakBelow(Goal):
         ]
 
     def margin(self, response: LocalResponse) -> float:
-        """Return the distance from the limit, as a share of it."""
+        """Return the distance of the peak from the limit, as a share of the limit; negative above it."""
         return min(response.lowest(partial(self._left, sign=sign), *self.within)[0][1] for sign in (1, -1))
 
     def against(self, branch: Branch) -> list[str]:
-        """Return a sentence if the peak is above the limit on the branch inside the band."""
+        """Return a sentence if the peak is above the limit on an isolated branch inside the band."""
         points = band_points(branch, *self.within)
         peaks = [(-self._left(point, sign=sign), point.value) for point in points for sign in (1, -1)]
         share, value = max(peaks, default=(-1.0, 0.0))
@@ -494,7 +494,7 @@ _CLOSED = {1: "closed on the positive side", -1: "closed on the negative side"}
 
 @dataclass(frozen=True)
 class Quiet(Goal):
-    """A gap does not rattle over a band: it stays closed on one side, or it stays open.
+    """A gap does not rattle over a band of the parameter: it stays closed on one side, or it stays open.
 
     Examples
     --------
@@ -506,7 +506,7 @@ class Quiet(Goal):
     within: tuple[float, float]  #: The band.
 
     def ways(self, system: System) -> tuple[str, ...]:
-        """Return the ways: as the gap is kept; else closed on a side that is no rigid stop, or open."""
+        """Return the ways in which the gap can be quiet: open, or closed on one side unless it is a rigid stop."""
         if (side := kept_side(system, self.gap)) is not None:
             return (_CLOSED.get(side, "open"),)
         law = system.structure.contacts[contact_place(system, self.gap)].law
@@ -514,7 +514,7 @@ class Quiet(Goal):
         return (*(_CLOSED[side] for side in sides), "open")
 
     def posed(self, system: System, way: str) -> System:
-        """Return the system whose gap keeps its state, so that rattle does not hide how far a quiet motion is."""
+        """Return a system in which the gap stays closed or open, so that its motions show how far rattle is away."""
         return system if kept_side(system, self.gap) is not None else kept(system, self.gap, _side(way))
 
     def words(self, system: System, parameter: str) -> str:
@@ -527,10 +527,7 @@ class Quiet(Goal):
         chosen_gaps(system, self.gap)
 
     def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
-        """Return the margins of the depth of its turning points where it is least in the band.
-
-        A grazing point leaves the band at one of its ends, where the depth is then zero: this is no separate way.
-        """
+        """Return the margins at the points of the band at which the gap is nearest to changing its state."""
 
         def measure(point: BranchPoint) -> float:
             return quiet_depth(point.orbit, self.gap, _side(way))
@@ -549,7 +546,7 @@ class Quiet(Goal):
         )
 
     def against(self, branch: Branch) -> list[str]:
-        """Return a sentence if the gap rattles on the branch inside the band."""
+        """Return a sentence if the gap rattles on an isolated branch inside the band."""
         points = [point for point in band_points(branch, *self.within) if gap_state(point.orbit, self.gap).rattles]
         if not points:
             return []
@@ -596,11 +593,11 @@ class Resonance(Goal):
     #: below, above: The limits, in the unit of the frequency or speed; give one or both.
     below: float | None = None
     above: float | None = None
-    #: Order of the excitation that meets it: per turn where the first parameter is the speed of a shaft, otherwise a
-    #: multiple of the frequency.
+    #: Order of the excitation that excites the resonance: per turn where the first parameter is the speed of a shaft,
+    #: otherwise a multiple of the frequency.
     order: Positive = 1.0
-    #: The linearisation: ``"rest"``, about the static equilibrium under the mean load, with the stages that are closed
-    #: there; ``"closed"``, with the first stage of every contact, or ``"open"``, as in `gapwalk.find_modes`.
+    #: State about which the system is linearised: ``"rest"`` is the static equilibrium under the mean load;
+    #: ``"closed"`` has the first stage of every contact closed, and ``"open"`` none, as in `gapwalk.find_modes`.
     at: str = "rest"
 
     def __post_init__(self) -> None:
@@ -619,21 +616,21 @@ class Resonance(Goal):
         return f"resonance {self.number}{about} with order {self.order:g} {' and '.join(parts)}"
 
     def check(self, system: System, ends: tuple[float, float]) -> None:
-        """Raise a ModelError if the system has no such natural frequency."""
+        """Raise a ModelError if the system has no natural frequency of this number."""
         self.value(system)
 
     def value(self, system: System) -> float:
-        """Return the frequency or speed at which the order meets the natural frequency."""
+        """Return the frequency or speed at which the order of the excitation is at the natural frequency."""
         rates = find_modes(system, self._state(system)).frequencies
         rates = rates[np.isfinite(rates)]
         rates = rates[rates > 1e-6 * max(float(rates.max(initial=0.0)), np.finfo(float).tiny)]
         if not 1 <= self.number <= len(rates):
-            raise ModelError(f"a goal names resonance {self.number}; the system has {len(rates)}")
+            raise ModelError(f"a goal names resonance {self.number}, but the system has {len(rates)} only")
         order = self.order / float(system.turns or 1)
         return float(rates[self.number - 1]) / (order * system.structure.frequency)
 
     def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
-        """Return the margins, with their derivatives."""
+        """Return the margin from each limit, with its derivatives."""
         system, slopes = response.system, np.empty(len(response.names))
         value = self.value(system)
         for k, (name, scale) in enumerate(zip(response.names, response.scales, strict=True)):
@@ -647,7 +644,7 @@ class Resonance(Goal):
         ]
 
     def margin(self, response: LocalResponse) -> float:
-        """Return the distance from the nearest limit, as a share of it."""
+        """Return the distance of the resonance from the nearest limit, as a share of that limit."""
         value = self.value(response.system)
         pairs = ((-1.0, self.below), (1.0, self.above))
         return min(side * (value - limit) / abs(limit) for side, limit in pairs if limit is not None)

@@ -155,7 +155,7 @@ class _Point:
                 if self._depth(switch, means) < 0.0:
                     raise ModelError(
                         f"the mean load does not press {gap} on the same flank over the whole range: at "
-                        f"{self.value:.6g} it is on the other one, or on none; ask for the parts of the range"
+                        f"{self.value:.6g} it is on the other flank, or on none; run each part of the range"
                     )
         return found
 
@@ -232,7 +232,7 @@ class _Response:
         for guess in self._guess(value, near), near[0].state:
             if (state := self._solved(value, guess, goal)) is not None:
                 return self._add(value, state)
-        raise ConvergenceError(f"no motion with held flanks was found at {self.words(value)}, near a value with one")
+        raise ConvergenceError(f"no motion with held flanks was found at {self.words(value)}, but was nearby")
 
     def _add(self, value: float, state: NDArray[np.float64]) -> _Point:
         self.points.append(_Point(self.line.system_at(value), value, state, self.sides))
@@ -314,8 +314,8 @@ def _judged(response: _Response, within: tuple[float, float]) -> QuietLimits:
     for special in [end.special for limit in limits for end in limit.exact if end.special]:
         stuck = " and ".join(special.orbit.system.structure.contacts[place].name for place in special.orbit.stuck)
         where = response.words(special.value)
-        notes += [f"the quiet motion is unstable at {where} already: it is lost before"] * (not special.orbit.stable)
-        notes += [f"{stuck} never slips at {where}: the end depends on its position"] * bool(stuck)
+        notes += [f"the quiet motion is lost before {where}: it is unstable there"] * (not special.orbit.stable)
+        notes += [f"{stuck} never slips at {where}: the end depends on where it sticks"] * bool(stuck)
     points = response.ordered  # with those at which ends were looked for
     values, extent = np.array([point.value for point in points]), (low.value, high.value)
     limits = [replace(each, forces=np.array([point.force(each.gap) for point in points])) for each in limits]

@@ -149,8 +149,8 @@ def order_map(
     Parameters
     ----------
     found
-        A run-up, whose spectra are those of Hann windows; or a branch, or orbits in the order in which a parameter
-        changes, whose lines are exact.
+        A run-up, of which spectra are computed in Hann windows; or a branch, or orbits in the order in which a
+        parameter changes: lines of periodic orbits are exact.
     signal
         As in `Motion.signal`, such as ``"gear1.acceleration"``.
     top
@@ -158,10 +158,10 @@ def order_map(
     cuts
         Orders whose amplitudes are drawn beside the map; by default those of the loads.
     turns
-        Length of a window in turns of the reference shaft (in forcing periods without a speed): with 8 turns, orders
-        are 1/8 apart.
+        Length of a window in turns of the reference shaft, or in forcing periods if the system has no speed. With 8
+        turns, the lines of a spectrum are 1/8 of an order apart.
     overlap
-        Share by which windows overlap.
+        Share of a window that the next window covers too, from 0 to less than 1.
     parameter
         Name of the parameter that changes, for a list of orbits; by default the frequency or the speed.
 
@@ -178,7 +178,7 @@ def order_map(
     Notes
     -----
     Orders count turns of the reference shaft where its speed is a parameter, otherwise multiples of the excitation. The
-    overall level is that of all orders without the mean; that of 500 to 5,000 Hz is the level of rattle, because
+    overall level includes all orders, without the mean. The level of rattle is that between 500 and 5,000 Hz, because
     impacts of teeth are broad-band, and orders of the excitation are lower.
 
     Examples

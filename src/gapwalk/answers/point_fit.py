@@ -134,7 +134,7 @@ def _listed(alike: Sequence[SpecialPoint], value: float) -> str:
 def read_points(path: str | os.PathLike[str]) -> tuple[MeasuredPoint, ...]:
     r"""Read measured special points from a CSV file with the columns kind, value, error and, if needed, which.
 
-    Numbers are in the units of the parameter of the branch, such as rpm.
+    `value` and `error` are in the unit of the parameter of the branch, such as rpm; `which` is as in `MeasuredPoint`.
 
     Parameters
     ----------
@@ -688,9 +688,9 @@ def fit_points(
     """Fit named parameters of a system to measured special points, such as jump frequencies and ends of rattle bands.
 
     The sum of the squares of the residuals is minimised (trust region, `scipy.optimize.least_squares`) with exact
-    gradients of the points. Each point is the continuation of one of the nominal branch. Standard errors follow from
-    the uncertainties of the measured values, which are taken as independent. At the end the branch is walked again with
-    the fitted parameters, and must meet the points.
+    gradients of the points. Each computed point is a special point of `branch`, followed while parameters change.
+    Standard errors follow from the uncertainties of the measured values, which are taken as independent. At the end the
+    branch is walked again with the fitted parameters, to check that it has the fitted points.
 
     Parameters
     ----------
@@ -699,7 +699,7 @@ def fit_points(
     measured
         The measured points, each as `MeasuredPoint` or as (kind, value, error) or (kind, value, error, which).
     parameters
-        Names of the parameters to fit; any but that of the branch.
+        Names of the parameters to fit, without the parameter of the branch.
     bounds
         Lowest and highest value by name. Clearances and damping coefficients are never negative.
     options
@@ -708,7 +708,7 @@ def fit_points(
     Returns
     -------
     fitted : PointFit
-        The parameters with their standard errors; ``failures`` name those that the points do not determine.
+        The parameters with their standard errors; ``failures`` name parameters that the points do not determine.
 
     Raises
     ------

@@ -68,6 +68,7 @@ _EQUAL = 0.05  # difference of peak forces, relative to them, up to which two se
 _JUDGED = 4  # motions without period whose kind is found
 NOT_PERIODIC = "not periodic"
 _RANKED = {"approach": "fastest impacts", "rms": "largest acceleration", "peak": "largest force"}
+_COLUMNS = {"approach": 12, "peak": 11}  # their columns, which are not left out
 _SHOWN = 3  # movers of an end in the summary
 _LIKE = 0.98  # ratio of two accelerations above which they are those of one motion
 _OFTEN = 0.2  # share of periods in which a gap parts, up to which that is seldom
@@ -147,7 +148,7 @@ class Worst:
 class RattleBands(Shown):
     """The bands of a parameter in which gaps rattle."""
 
-    system: System  #: The system; its own value of the parameter plays no role.
+    system: System  #: The system; its own value of the parameter is not used.
     #: parameter, within: The parameter and its range.
     parameter: str
     within: tuple[float, float]
@@ -278,7 +279,7 @@ class RattleBands(Shown):
                 )
                 for row in chosen
             ],
-            spare=[headings[place] for place in (13, 7, 10, 8, 6, 11) + (12,) * (_key(rows) != "approach")],
+            spare=[headings[place] for place in (13, 7, 10, 8, 6, 11, 12) if place != _COLUMNS.get(_key(rows))],
         )
 
     def _listed(self, rows: Sequence[Severity]) -> list[Severity]:

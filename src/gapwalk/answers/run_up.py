@@ -142,16 +142,16 @@ class ForcePeak(NamedTuple):
 class RunUp(Shown):
     """The motion during a run-up, sampled; exact at each sample unless it was made by equal steps."""
 
-    system: System  #: The system; its own speed plays no role.
+    system: System  #: The system; its own speed is not used.
     course: SpeedCourse  #: Speed over time.
-    samples: int  #: Samples per forcing period; those at knots of the course and at the end are further ones.
-    #: shape (samples,): Angle of the excitation, in radians; it does not begin again with each period.
+    samples: int  #: Samples per forcing period; there are more at the points of `course` and at the end.
+    #: shape (samples,): Angle of the excitation, in radians; it grows beyond 2 pi.
     theta: NDArray[np.float64]
     #: time, speed: shape (samples,): Time, and the first parameter of the system, such as its speed in rpm.
     time: NDArray[np.float64]
     speed: NDArray[np.float64]
     states: NDArray[np.float64]  #: shape (samples, 2n): Positions, then velocities.
-    events: tuple[ContactEvent, ...]  #: The crossings of breakpoints, in order; none by equal steps.
+    events: tuple[ContactEvent, ...]  #: The crossings of breakpoints, in order; empty if made by equal steps.
     peaks: tuple[ForcePeak, ...]  #: The largest force of each contact.
     #: shape (samples, contacts that are friction): Forces of dry friction; None unless it was made by equal steps.
     friction: NDArray[np.float64] | None = None
@@ -413,19 +413,19 @@ def run_up(
     Parameters
     ----------
     system
-        The system; its own value of the first parameter plays no role.
+        The system; its own value of the frequency or speed is not used.
     speed
         The speed over time, as from `SpeedCourse.ramp`.
     state : shape (state_size,)
-        Positions, velocities and extensions at the start; by default the motion that settles at the first speed, from
-        rest.
+        Positions, velocities and extensions of friction springs at the start; by default those of the motion on which
+        the system settles from rest at the first speed.
     phase
         Angle of the excitation at the start, in radians.
     samples
         Samples per forcing period.
     by
-        ``"curves"`` for the exact motion; ``"steps"`` for equal steps, which carry dry friction and many contacts;
-        ``"chosen"`` for these if there is friction, or more than one gap with more than three coordinates.
+        ``"curves"`` for the exact motion; ``"steps"`` for equal time steps, which suit dry friction and many contacts;
+        ``"chosen"`` for steps if there is dry friction, or more than one gap with more than three coordinates.
 
     Returns
     -------
@@ -435,16 +435,16 @@ def run_up(
     Raises
     ------
     ModelError
-        If the system cannot run up (rigid stops, friction that is larger at rest, factors over the speed), or the state
-        is none.
+        If the system cannot run up (rigid stops, friction that is larger at rest, factors over the speed), or `state`
+        is no state of the system.
     FlowError
         If the motion diverges.
 
     Notes
     -----
-    Loads follow the angle of the excitation, and their sizes the present speed. If a reaction holds the speed of a
-    train, it also supplies the torque ``sum(J r^2) a`` that accelerates all inertias of the train. `speed` is then that
-    of the first inertia.
+    Loads follow the angle of the excitation, and their sizes the present speed. If a reaction torque holds the speed of
+    a train, it also supplies ``sum(J r^2) a``: the torque that gives the inertias J at ratios r the acceleration a.
+    With such a torque, `speed` is the speed of the first inertia.
 
     Examples
     --------
@@ -601,7 +601,7 @@ def run_batch(
     structure = ramped.system.structure
     if structure.equations.variations:
         raise ModelError(
-            "run-ups in a batch cannot include loads that vary a number of a contact; use gapwalk.ask.run_up, singly"
+            "run-ups in a batch cannot include loads that vary a contact's parameter; use gapwalk.ask.run_up for each"
         )
     fastest = max(course.speed.max() for course in courses) * structure.frequency
     linear = Linear(layout_of(structure), ramped.coefficients(fastest, 0.0)[None])

@@ -39,7 +39,7 @@ _SAME = 1e-9  # relative difference of rates that are one
 class RunUps(Shown):
     """Extremes, contact forces and impacts of many run-ups, each divided into equal times (bins)."""
 
-    system: System  #: The system; its own speed plays no role.
+    system: System  #: The system; its own speed is not used.
     courses: tuple[SpeedCourse, ...]  #: Speed over time of each run-up.
     phases: NDArray[np.float64]  #: shape (runs,): Angles of the excitation at the starts, in radians.
     #: low, high: shape (runs, bins, n): Smallest and largest value of each coordinate; NaN once a motion has diverged.
@@ -202,24 +202,24 @@ def run_ups(
     options: BatchOptions | None = None,
     by: SweepBy = SweepBy.CHOSEN,
 ) -> RunUps:
-    """Compute many run-ups in batch or by equal steps: largest forces, impacts and extremes over the speed.
+    """Compute many run-ups at once: largest forces, impacts and extremes over the speed.
 
     Parameters
     ----------
     system
-        The system; its own value of the first parameter plays no role.
+        The system; its own value of the frequency or speed is not used.
     speeds
         The speed over time of each run-up.
     phases : shape (runs,)
-        Angle of the excitation at the start of each, in radians.
+        Angle of the excitation at the start of each run-up, in radians.
     states : shape (runs, state_size)
-        Positions, velocities and extensions at the start of each; by default those of the motion that settles at the
-        first speed from rest, at that phase.
+        Positions, velocities and extensions of friction springs at the start of each run-up; by default those of the
+        motion on which the system settles from rest at the first speed, at the angle in `phases`.
     bins
         Number of equal times into which each run-up is divided.
     options
-        Error and threads; the steps are chosen so that the error is at most `BatchOptions.error` over one forcing
-        period or one bin, whichever is longer. Equal steps do not depend on it.
+        Error and threads; the steps of ``"curves"`` are chosen so that the error is at most `BatchOptions.error` over
+        one forcing period or one bin, whichever is longer. ``"steps"`` uses neither.
     by
         ``"curves"``, ``"steps"`` or ``"chosen"``, as in `gapwalk.ask.run_up`.
 
@@ -231,7 +231,7 @@ def run_ups(
     Raises
     ------
     ModelError
-        If the system cannot run up, or a load varies a number of a contact: those need ``by = "steps"``.
+        If the system cannot run up, or if a load varies a parameter of a contact, which needs ``by = "steps"``.
     FlowError
         If the error cannot be reached.
 

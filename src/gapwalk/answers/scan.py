@@ -58,8 +58,8 @@ class Variations:
 
     names: tuple[str, ...]  #: The parameters that vary.
     values: NDArray[np.float64]  #: shape (count, names): Their values.
-    how: NDArray[np.int_]  #: shape (count,): Values of `VariedHow`.
-    left_out: tuple[str, ...] = ()  #: Sentences on variations that are no systems.
+    how: NDArray[np.int_]  #: shape (count,): How each variation was made, as a value of `VariedHow`.
+    left_out: tuple[str, ...] = ()  #: Sentences that say why variations are left out.
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""
@@ -71,7 +71,7 @@ class Variations:
 
     @property
     def tried(self) -> NDArray[np.bool_]:
-        """True for those that may be the right ones: all but the system itself and its random neighbours."""
+        """True for variations that may be the right ones: all but the system itself and its random neighbours."""
         return (self.how != VariedHow.NONE) & (self.how != VariedHow.NEIGHBOUR)
 
     @property
@@ -107,7 +107,7 @@ def variations(
     seed: int = 0,
     fixed: frozenset[str] = frozenset(),
 ) -> Variations:
-    """Make variations of a system: itself first, then those that are tried, then random neighbours.
+    """Make variations of a system: first the system itself, then the variations to be tried, then random neighbours.
 
     Parameters
     ----------
@@ -116,15 +116,15 @@ def variations(
     parameters
         The parameters that vary; by default all that are not 0 and not fixed.
     factors
-        Factors by which each of them is multiplied, one at a time; 0 leaves it out.
+        Factors by which each parameter is multiplied, one parameter at a time; the factor 0 removes what it stands for.
     pairs
-        Number of random pairs of these changes.
+        Number of further variations that combine two of these changes, drawn at random.
     listed
-        Further variations: values of parameters by name.
+        Further variations, each given as values of parameters by name.
     neighbours
-        Number of random neighbours.
+        Number of random neighbours: variations in which all parameters are multiplied by random factors near 1.
     spread
-        Standard deviation of the logarithm of the factors by which their parameters are multiplied.
+        Standard deviation of the logarithm of these random factors.
     seed
         Seed of the random numbers.
     fixed
@@ -138,7 +138,7 @@ def variations(
     Raises
     ------
     ModelError
-        For an unknown parameter, one that may not vary, or one that is 0 and has factors.
+        For an unknown parameter, a parameter that may not vary, or a parameter that is 0 and has factors.
 
     Examples
     --------
@@ -338,8 +338,8 @@ class Scan(Shown):
             yield self.luck(score).words
         if self.check.checked:
             yield (
-                f"{self.check.checked} motions of the best variations classified again by the exact flow, "
-                f"{len(self.check.different)} differently"
+                f"{self.check.checked} motions of the best variations were classified again by the exact flow, "
+                f"{len(self.check.different)} of them differently"
             )
         if notes:
             yield from remarks(self.notes, self.failures)

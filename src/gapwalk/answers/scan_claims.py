@@ -61,7 +61,7 @@ _KINDS = {"periodic": Regime.PERIODIC, "quasi-periodic": Regime.QUASI_PERIODIC, 
 
 @dataclass(frozen=True, slots=True)
 class MotionClaim:
-    """A claim that motions settle on a kind of motion.
+    """A claim that the system settles on a motion of one kind, such as a motion of period 3.
 
     Examples
     --------
@@ -72,8 +72,8 @@ class MotionClaim:
     motion: str  #: ``"period 3"`` (of the excitation), ``"periodic"``, ``"quasi-periodic"`` or ``"chaotic"``.
     #: Values of parameters, by name, for which the claim is made.
     at: Mapping[str, float] = field(default_factory=dict, hash=False)
-    #: Least share of the starts that must settle on it; at 0, one start is enough, and 1 means that there is nothing
-    #: else.
+    #: Least share of the starts that must settle on such a motion; at 0, one start is enough, and 1 means that all
+    #: starts settle on it.
     share: Annotated[float, Ge(0), Le(1)] = 0.0
     #: Contact pattern that a periodic motion must have, as `gapwalk.Orbit.pattern` writes it: ``"4+/1-"`` for four
     #: impacts on the positive side and one on the other.
@@ -97,7 +97,7 @@ class MotionClaim:
 
     @property
     def walked(self) -> frozenset[str]:
-        """No parameter: no branch is walked."""
+        """Parameters over which branches are walked; none, as this claim needs no branch."""
         return frozenset()
 
     def matches(self, motion: Settled) -> bool:
@@ -129,8 +129,8 @@ class _Walked:
     high: float
     #: Range over which the branch is walked, from the first value to the second; by default from `high` to `low`.
     over: tuple[float, float] | None = None
-    #: Number m of forcing periods after which the orbits of the branch repeat; two of them, such as ``(1, 2)``, speak
-    #: of the branch and of those of twice the period that leave it.
+    #: Number m of forcing periods after which the orbits of the branch repeat. Two numbers, such as ``(1, 2)``, mean
+    #: the branch together with the branches of twice the period that begin on it.
     period: int | tuple[int, int] = 1
     #: Values of other parameters, by name, for which the claim is made.
     at: Mapping[str, float] = field(default_factory=dict, hash=False)
@@ -160,7 +160,7 @@ class _Walked:
 
     @property
     def walked(self) -> frozenset[str]:
-        """The parameter over which it is said, which may not vary."""
+        """The parameter over which the branch of the claim is walked; a scan may not vary it."""
         return frozenset((self.parameter,))
 
     @property
@@ -208,7 +208,7 @@ class _Walked:
 class _Compared(_Walked):
     """What claims that compare with another model have."""
 
-    #: Values of parameters, by name, that make the other model with which it is compared, such as another damping.
+    #: Values of parameters, by name, of the other model with which this one is compared, such as another damping.
     than: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     @property
@@ -244,7 +244,7 @@ class PointClaim(_Walked):
         return False
 
     def judge(self, branches: Sequence[Branch]) -> Verdict:
-        """Return whether the claim holds, and the number of such points; None if the walk did not come that far."""
+        """Return whether the claim holds (None if the walk ended too early), and the number of such points."""
         found = sum(self.low <= point.value <= self.high for point in branches[0].special(self.kind))
         if found:
             return not self.absent, float(found)
@@ -292,7 +292,7 @@ def ranges_of(branch: Branch, nature: str) -> list[tuple[float, float]]:
 
 @dataclass(frozen=True, slots=True)
 class RangeClaim(_Walked):
-    """A claim that motions of one nature extend over a range, or are found in it.
+    """A claim that motions of one nature, such as unstable ones, extend over a range, or are found within it.
 
     Examples
     --------
@@ -303,7 +303,7 @@ class RangeClaim(_Walked):
     #: ``"doubled"`` (a multiplier beyond -1), ``"folded"`` (beyond +1), ``"pair"`` (a complex pair outside the unit
     #: circle: quasi-periodic motions), ``"unstable"`` or ``"stable"``.
     nature: str
-    #: Largest distance of each end of such a range from the end that is claimed; None if a part of the range is enough.
+    #: Largest distance of a computed end of the range from the claimed end; None if a part of the range is enough.
     within: Annotated[float, Gt(0)] | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -319,7 +319,7 @@ class RangeClaim(_Walked):
         return f"{ends} over {self.parameter}{_at_words(self.at)}"
 
     def judge(self, branches: Sequence[Branch]) -> Verdict:
-        """Return whether the claim holds, and the largest distance of an end, or the width within the range."""
+        """Return whether the claim holds, and the distance of the worse end, or the width found within the range."""
         found = [each for branch in self._own(branches) for each in ranges_of(branch, self.nature)]
         if self.within is not None:
             off = min((max(abs(a - self.low), abs(b - self.high)) for a, b in found), default=math.inf)
@@ -339,7 +339,7 @@ class RangeClaim(_Walked):
 
 @dataclass(frozen=True, slots=True)
 class SizeClaim(_Compared):
-    """A claim about a width, a peak or its place: that it lies between two numbers, or is larger than in another model.
+    """A claim that a width, a peak or its place lies between two numbers, or is larger than in another model.
 
     Examples
     --------
@@ -347,13 +347,13 @@ class SizeClaim(_Compared):
     'peak of half.x at least 1.2 at frequency from 0.5 to 2'
     """
 
-    #: ``"width"`` of the ranges with motions of a nature, ``"peak"`` (the largest value of a measure) or ``"place"``
+    #: ``"width"`` of the ranges with motions of one nature, ``"peak"`` (the largest value of a measure) or ``"place"``
     #: (the value of the parameter at the peak).
     size: str
-    of: str  #: The nature, as in `RangeClaim`, or the measure.
-    least: float | None = field(default=None, kw_only=True)  #: The least value that it may have.
-    most: float | None = field(default=None, kw_only=True)  #: The largest.
-    smaller: bool = field(default=False, kw_only=True)  #: True if it is smaller than in the other model, not larger.
+    of: str  #: The nature, as in `RangeClaim`, for a width; the measure for a peak or a place.
+    least: float | None = field(default=None, kw_only=True)  #: Least value that the size may have.
+    most: float | None = field(default=None, kw_only=True)  #: Largest value that the size may have.
+    smaller: bool = field(default=False, kw_only=True)  #: True to claim a smaller size than in the other model.
 
     def __post_init__(self) -> None:
         if self.size not in ("width", "peak", "place"):
@@ -377,11 +377,11 @@ class SizeClaim(_Compared):
 
     @property
     def is_measure(self) -> bool:
-        """True if it speaks of a measure, not of a nature of motions."""
+        """True if the claim is about a measure, False if it is about a nature of motions."""
         return self.size != "width"
 
     def judge(self, branches: Sequence[Branch], others: Sequence[Branch] = ()) -> Verdict:
-        """Return whether the claim holds, and the size, or its ratio to that of the other model."""
+        """Return whether the claim holds, and the size, or its ratio to the size in the other model."""
         own = self._size(branches)
         holds = (self.least is None or own >= self.least) and (self.most is None or own <= self.most)
         known = self._covered(branches) and not math.isnan(own)
@@ -421,8 +421,8 @@ class AlikeClaim(_Compared):
     """
 
     of: str  #: A measure, or a kind of special point.
-    #: Largest difference: of a measure relative to its largest value in the range, of places of special points relative
-    #: to the places.
+    #: Largest difference: for a measure, relative to its largest value in the range; for special points, relative to
+    #: the value of the parameter at the point.
     within: Annotated[float, Gt(0), Le(1)]
 
     def __post_init__(self) -> None:
@@ -494,7 +494,7 @@ def _crossings(branch: Branch, measure: str, grid: NDArray[np.float64]) -> list[
 
 @dataclass(frozen=True, slots=True)
 class LoopClaim(_Walked):
-    """A claim that a closed branch of twice the period leaves a branch at a flip and returns to it, within a range.
+    """A claim that a branch of twice the period begins at one flip and ends at another, all within a range.
 
     Examples
     --------

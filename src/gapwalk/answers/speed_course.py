@@ -73,7 +73,7 @@ class SpeedCourse:
 
     @classmethod
     def ramp(cls, start: float, stop: float, rate: float, hold: float = 0.0) -> SpeedCourse:
-        """Return a ramp from one speed to another at a positive rate; then the last speed is held for a time.
+        """Return a ramp from one speed to another at a positive rate, after which the last speed is held for a time.
 
         The end may be below the beginning (a run-down).
         """
@@ -89,7 +89,7 @@ class SpeedCourse:
     def read(cls, file: str | os.PathLike[str] | io.StringIO | NamedFile, system: System) -> SpeedCourse:
         """Read a trace from a file with a column of times and one of speeds, such as ``time (s), speed (rpm)``.
 
-        Times are counted from the first row. Without units they are for a system without them.
+        Times are counted from the first row. A file without units is for a system without units.
         """
         units, pace = system.units, system.structure.pace
         kinds = (None, None) if units is None else (QuantityKind.TIME, QuantityKind.FREQUENCY)
@@ -118,7 +118,7 @@ class SpeedCourse:
 
     @property
     def is_invertible(self) -> bool:
-        """True if each speed is met once, so that a picture may be drawn over the speed instead of the time."""
+        """True if each speed occurs once, so that a picture may have the speed on its axis instead of the time."""
         return self.is_one_way and bool(np.all(self.rates != 0.0))
 
     @cached_property
@@ -128,14 +128,14 @@ class SpeedCourse:
         return np.concatenate(([0.0], np.cumsum(means * np.diff(self.time))))
 
     def at(self, time: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the speed at some times from 0 to `duration`, and its integral from 0 up to there."""
+        """Return the speed at given times from 0 to `duration`, and its integral from 0 to each of these times."""
         time = np.asarray(time, dtype=float)
         piece = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.time) - 2)
         since, rate = time - self.time[piece], self.rates[piece]
         return self.speed[piece] + rate * since, self.turned[piece] + since * (self.speed[piece] + 0.5 * rate * since)
 
     def passed(self, turned: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return time and speed where the integral of the speed has some values; beyond its end it is constant."""
+        """Return time and speed at given integrals of the speed; after the last point, the speed stays constant."""
         place = np.clip(np.searchsorted(self.turned, turned, side="right") - 1, 0, len(self.time) - 2)
         beyond = np.maximum(turned - self.turned[-1], 0.0)
         since, first = turned - beyond - self.turned[place], self.speed[place]

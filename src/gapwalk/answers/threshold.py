@@ -236,9 +236,9 @@ class Threshold(Shown):
     limit: SpecialPoint | None
     at: float  #: Value of the other parameter at the limit.
     uncertainty: float  #: Estimated error of the threshold.
-    is_edge: bool  #: True if the limit lies at an end of the other parameter's range, beyond which it would be farther.
+    is_edge: bool  #: True if the limit lies at an end of this range, so that a wider range has another limit.
     loci: tuple[Locus, ...]  #: Loci that were followed, the decisive one last.
-    confirmation: Confirmation | None  #: Motions that were tried just beyond it.
+    confirmation: Confirmation | None  #: Motions that were tried just beyond the threshold.
     notes: tuple[str, ...] = ()  #: Remarks, in sentences.
     #: Without a limit: the last value at which something rattles, and the first at which nothing does; else empty.
     between: tuple[float, ...] = ()
@@ -632,7 +632,7 @@ class ThresholdSearch:
         if self._by_lanes and hit is not None and not math.isnan(self.rounds[-1].quiet):
             between, at, error = (hit.value, quiet), hit.other, abs(quiet - hit.value)
             notes.append(
-                f"motions were settled at {asked.options.values} values of {asked.over} at a time, by equal steps"
+                f"all motions were simulated by equal time steps, at {asked.options.values} values of {asked.over}"
             )
         return Threshold(
             asked.system,

@@ -71,7 +71,7 @@ class Spread:
     Raises
     ------
     ModelError
-        If the numbers do not fit the law.
+        If the law lacks a number that it needs, or has a number without meaning for it.
 
     Examples
     --------
@@ -116,12 +116,12 @@ class Spread:
             raise ModelError(f"mean of {self.parameter} is {self.mean}, outside {self.low} to {self.high}")
 
     def about(self, system: System) -> Spread:
-        """Return the distribution with the value of a system for a missing mean."""
+        """Return the distribution with a missing mean replaced by the value of the parameter in a system."""
         value = system[self.parameter]
         return self if self.mean is not None or self.law is SpreadLaw.UNIFORM else replace(self, mean=value)
 
     def quantile(self, share: Array) -> Array:
-        """Return the values below which the given shares (0 to 1) of the parts lie; the mean must be known."""
+        """Return the values below which the given shares (0 to 1) of the manufactured parts lie; it needs the mean."""
         if self.law is SpreadLaw.UNIFORM:
             assert self.low is not None
             assert self.high is not None
@@ -155,17 +155,17 @@ class Drawn:
     #: shape (samples, parameters): Share of all parts below each value, uniform between 0 and 1; for measured parts,
     #: from their ranks.
     shares: Array
-    independent: bool  #: True if no parameter says anything about another one: then Sobol indices are defined.
+    independent: bool  #: True if the parameters are statistically independent: then Sobol indices are defined.
 
 
 @dataclass(frozen=True)
 class Spreads:
-    """Joint distribution of some parameters: a law for each, or measured parts.
+    """Joint distribution of some parameters: a law for each, or the values measured on manufactured parts.
 
     Raises
     ------
     ModelError
-        If the matrix is no correlation matrix of these parameters, or nothing varies.
+        If `correlation` is no correlation matrix of these parameters, or nothing varies.
 
     Examples
     --------
@@ -175,10 +175,10 @@ class Spreads:
     """
 
     laws: tuple[Spread, ...] = ()  #: A distribution for each parameter.
-    #: Correlation matrix of the standard normal numbers behind the laws, in the order of `laws`; empty for independent
-    #: parameters.
+    #: Correlation matrix of the standard normal numbers from which the values are computed, in the order of `laws`;
+    #: empty for independent parameters.
     correlation: tuple[tuple[float, ...], ...] = ()
-    #: names, parts: Parameters and their values, part by part, of measured parts; instead of `laws`.
+    #: names, parts: Names of parameters, and one row of their values for each measured part; instead of `laws`.
     names: tuple[str, ...] = ()
     parts: tuple[tuple[float, ...], ...] = ()
 
@@ -206,9 +206,9 @@ class Spreads:
         return replace(self, laws=tuple(law.about(system) for law in self.laws))
 
     def design(self, samples: int, seed: int) -> Drawn:
-        """Draw samples, the same for the same seed.
+        """Draw samples; the same seed gives the same samples.
 
-        Of measured parts, rows are drawn at random, each again only once all were drawn.
+        Rows of measured parts are drawn at random; no row is drawn a second time before all were drawn once.
         """
         random = np.random.default_rng(seed)
         if self.parts:
@@ -451,7 +451,7 @@ class Influences:
     """Sobol indices of one special point."""
 
     first: Array  #: shape (parameters,): Share of the variance that each parameter causes alone.
-    total: Array  #: shape (parameters,): The same with all its interactions; nan where it is not known.
+    total: Array  #: shape (parameters,): Share that each causes with all its interactions; nan if unknown.
     #: Share of the variance that the polynomial behind the indices does not explain: about their error.
     unexplained: float
 
@@ -658,7 +658,7 @@ class Tolerance(Shown):
             )
         if np.any(doubtful := [each.unexplained > 1.0 - _EXPLAINED for each in self.influences]):
             names = ", ".join(f"{self.points[j].value:.6g}" for j in np.flatnonzero(doubtful))
-            yield f"note: no polynomial fits the points at {names}; their indices are those of single parameters"
+            yield f"note: no polynomial fits the points at {names}; their Sobol indices are those of single parameters"
 
     def _influences(self, index: int) -> Influences:
         column = self.values[:, index]

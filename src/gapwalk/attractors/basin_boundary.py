@@ -81,19 +81,19 @@ def manifold(
     Parameters
     ----------
     orbit
-        The saddle: an orbit with exactly one multiplier outside, or for the stable manifold inside, the unit circle.
+        The saddle: an orbit with exactly one multiplier outside the unit circle; for ``"stable"``, exactly one inside.
     which
-        ``"unstable"`` or ``"stable"``. The stable one is followed backwards in time, which needs forces that do not
-        depend on rates, besides linear damping.
+        ``"unstable"`` or ``"stable"``. The stable manifold is followed backwards in time, so no force except linear
+        damping may depend on rates.
     length
-        Least length of each side in the space of states.
+        Least length, in the space of states, of each of the two sides on which the manifold leaves the saddle.
     accuracy
         Largest distance of the manifold from the lines between its points.
 
     Returns
     -------
     Manifold
-        Both sides as lines of states at theta = 0.
+        The two sides, each as a line of states at theta = 0.
 
     Raises
     ------
@@ -177,7 +177,7 @@ def _line(point, saddle: NDArray[np.float64], length: float, accuracy: float) ->
             line += [between, last]
             place = end
             if not np.isfinite(reached):
-                raise ModelError(f"the manifold leaves to infinity after the length {length:g}: ask for less")
+                raise ModelError(f"the manifold leaves to infinity after the length {length:g}: ask for a shorter one")
     return np.array(line)
 
 
@@ -215,7 +215,7 @@ def _distances(state: NDArray[np.float64], line: NDArray[np.float64]) -> NDArray
 def _crossings(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the points at which two lines in a plane cross, shape (crossings, 2)."""
     if a.shape[1] != 2:
-        raise ModelError(f"manifolds of {a.shape[1]} states do not cross in points; crossings are those of two states")
+        raise ModelError(f"manifolds of {a.shape[1]} states do not cross in points; points exist with two states only")
     found = [np.empty((0, 2))]
     d, start = np.diff(b, axis=0), b[:-1]
     low, high = np.minimum(b[:-1], b[1:]), np.maximum(b[:-1], b[1:])
@@ -245,19 +245,19 @@ def edge_state(
     first, second : shape (state_size,)
         States that settle on different motions.
     max_period
-        Longest period m of the saddle.
+        Longest period of the saddle that is tried, in forcing periods.
 
     Returns
     -------
     Orbit
-        The saddle: it has one unstable multiplier, and motions that leave it to both sides settle on both motions.
+        The saddle. It has one unstable multiplier, and motions leave it on either side to one of the two motions.
 
     Raises
     ------
     ModelError
-        If both states settle on one motion.
+        If both states settle on the same motion.
     ConvergenceError
-        If no such orbit was found, as where the boundary has a chaotic saddle.
+        If no such orbit was found, for example because the boundary has a chaotic saddle.
 
     Notes
     -----

@@ -257,7 +257,7 @@ class Box:
         low, high = np.zeros(len(names)), np.zeros(len(names))
         for name, given in ranges.items():
             if name in names[2 * system.size :]:
-                raise ModelError(f"{name} is no axis of a box: it begins at 0, as a spring of friction without a force")
+                raise ModelError(f"{name} is no axis of a box: springs of friction begin without force, at 0")
             if name not in names:
                 known = did_you_mean(name, names[: 2 * system.size])
                 raise ModelError(f"there is no coordinate or velocity {name!r}; {known}")

@@ -93,7 +93,7 @@ def contrast(
 ) -> Contrast:
     """Compare histories and spectra of two motions, for example under two damping laws (paper, section 4).
 
-    Both are sampled at the same phases of the excitation. Their systems may differ in everything but their signals.
+    Both motions are sampled at the same phases of the excitation. Their two systems may differ if both have `signals`.
 
     Parameters
     ----------

@@ -101,7 +101,7 @@ class Average(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class LyapunovOptions(Bounded):
-    """Options of the averages of Lyapunov exponents.
+    """Options of the averages over time that give the Lyapunov exponents.
 
     Examples
     --------
@@ -109,7 +109,7 @@ class LyapunovOptions(Bounded):
     True
     """
 
-    max_periods: Annotated[int, Ge(256)] = 16_384  #: The most forcing periods.
+    max_periods: Annotated[int, Ge(256)] = 16_384  #: Largest number of forcing periods.
     #: relative, absolute: The averages end when the standard error of each exponent is below `relative` times the
     #: exponent, or below `absolute` per forcing period.
     relative: Fraction = 0.02
@@ -136,9 +136,9 @@ def lyapunov(
     Parameters
     ----------
     system
-        The motion: what `gapwalk.settle`, `gapwalk.classify` or `gapwalk.find_orbit` returns. Or a system.
+        The motion, as `gapwalk.settle`, `gapwalk.classify` or `gapwalk.find_orbit` returns it; or a system.
     start : shape (state_size,)
-        With a system, a state of the settled motion at theta = 0.
+        If a system is given: a state of the settled motion at theta = 0.
     options
         Length and accuracy of the averages.
 
@@ -156,7 +156,7 @@ def lyapunov(
 
     Notes
     -----
-    Benettin, Galgani, Giorgilli and Strelcyn (1980), Meccanica 15, 9-20. Derivatives are carried over contact events as
+    Benettin, Galgani, Giorgilli and Strelcyn (1980), Meccanica 15, 9-20. Derivatives at contact events are as
     in Müller (1995), Chaos, Solitons and Fractals 5, 1671-1681.
 
     Examples

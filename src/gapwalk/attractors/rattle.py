@@ -152,7 +152,7 @@ def rattle(motion: Orbit | Settled, periods: int = _PERIODS) -> Rattle:
     motion
         An orbit or a settled motion.
     periods
-        Forcing periods over which a motion without period is evaluated; an orbit is evaluated over its own period.
+        Number of forcing periods over which a motion without period is evaluated; for an orbit its own period is used.
 
     Returns
     -------

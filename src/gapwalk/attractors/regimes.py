@@ -39,7 +39,7 @@ class RegimeCheck:
 
     #: Number of cells whose motion was settled further and classified with the exact flow, rare kinds first.
     checked: int = 0
-    #: One sentence for each of them that then got another regime or period, which the map holds now.
+    #: One sentence for each of these cells whose regime or period in the map was corrected.
     different: tuple[str, ...] = ()
 
 

@@ -34,7 +34,7 @@ class Section:
 
     system: System  #: The system that moves.
     theta: NDArray[np.float64]  #: shape (count,): Angle of the excitation at each state, in radians.
-    states: NDArray[np.float64]  #: shape (count, state_size): Positions, velocities and extensions.
+    states: NDArray[np.float64]  #: shape (count, state_size): Positions, velocities and extensions of friction springs.
     text: str  #: The plane or phase of the section, in words.
 
     def __len__(self) -> int:
@@ -104,10 +104,10 @@ class Plane:
 
 
 def section(system: System, start: NDArray[np.float64], plane: Plane, periods: int = 1000) -> Section:
-    """Find the states at which a motion crosses a plane, each to rounding on the exact flow.
+    """Find the states at which a motion crosses a plane, on the exact flow and to machine precision.
 
-    Crossings are bracketed between 128 samples per forcing period. Two crossings between successive samples are found
-    by means of the turning point between them. A motion that starts on the plane does not cross it there.
+    Crossings are bracketed by 128 samples per forcing period. Two crossings between successive samples are found by
+    means of the turning point between them. A start on the plane does not count as a crossing.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def section(system: System, start: NDArray[np.float64], plane: Plane, periods: i
     Raises
     ------
     ModelError
-        For an invalid state, number or plane.
+        For an invalid state, number of periods or plane.
     FlowError
         If the motion diverges.
 
@@ -305,7 +305,7 @@ def strobe(system: System, start: NDArray[np.float64], periods: int = 1000, phas
     Raises
     ------
     ModelError
-        For an invalid state, number or phase.
+        For an invalid state, number of states or phase.
     FlowError
         If the motion diverges.
 

@@ -612,7 +612,7 @@ class Drift(NamedTuple):
     def text(self, tolerance: float) -> str:
         """Describe a settled motion in words."""
         if self.change > tolerance:
-            return f"its averages fluctuate without a trend (at most {self.trend:.2f} of a significant one)"
+            return f"its averages fluctuate without a trend (at most {self.trend:.2f} times a significant trend)"
         return f"its averages change by no more than {self.change:.1e}"
 
 
@@ -667,11 +667,11 @@ class SettleOptions(Bounded):
     True
     """
 
-    #: The most forcing periods of the transient (some more may pass while it is compared with an orbit).
+    #: Largest number of forcing periods of the transient; a few more may pass while it is compared with an orbit.
     max_periods: Counted = 20_000
     max_period: Counted = 64  #: The longest period m of the orbits that are searched for.
-    #: Drift of the motion's averages, relative to its size, below which a motion that is not periodic counts as
-    #: settled; a chaotic one may drift by four standard errors.
+    #: Drift of the averages of a motion without period, relative to the size of the motion, below which it counts as
+    #: settled; the averages of a chaotic motion may drift by four standard errors.
     tolerance: Annotated[float, Gt(0), Le(0.1)] = 1e-5
 
 
@@ -685,9 +685,10 @@ def settle(
 ) -> Settled:
     """Follow a motion until it has settled.
 
-    A motion is recognised as periodic by the stable orbit next to it and by several returns that contract to this orbit
-    as its linearised return map predicts. So a slow transient near a flip or a fold is not mistaken for another motion,
-    and the orbit is exact. Any other motion counts as settled when the averages over its last two quarters agree.
+    A motion counts as periodic if a stable orbit is found next to it, and if several successive returns approach this
+    orbit as its linearised return map predicts. The orbit itself is exact, and a slow transient near a flip or a fold
+    is not mistaken for another motion. Any other motion counts as settled when the averages over its third and fourth
+    quarter agree.
 
     Parameters
     ----------
@@ -696,7 +697,7 @@ def settle(
     start
         ``"rest"``, or a state at theta = 0: positions, then velocities.
     options
-        Length of the transient, and the tests that end it.
+        Largest length of the transient, and the tolerances of the tests that end it.
     at, **values
         Parameter values to change first: ``settle(system, frequency=0.45)``.
 
@@ -714,8 +715,8 @@ def settle(
 
     Notes
     -----
-    Averages of a motion that is not periodic: Das, Saiki, Sander and Yorke (2017), Nonlinearity 30, 4111-4140; their
-    errors for chaotic motion: Flyvbjerg and Petersen (1989), Journal of Chemical Physics 91, 461-466.
+    Averages of a motion that is not periodic: Das, Saiki, Sander and Yorke (2017), Nonlinearity 30, 4111-4140. Errors
+    of averages of chaotic motions: Flyvbjerg and Petersen (1989), Journal of Chemical Physics 91, 461-466.
 
     Examples
     --------
@@ -780,8 +781,8 @@ class _Transient:
             strobes.append(lanes.states[0])
         self.states = np.array(strobes)
         apart = float(np.max(motion.error / np.maximum(motion.rms, np.finfo(float).tiny)))
-        how = f"it does not repeat within 8 forcing periods; by equal steps over {motion.watched} periods, the "
-        return self._record(True, None, apart, how + f"root mean squares of accelerations are known to {apart:.1g}")
+        how = f"it does not repeat within 8 forcing periods; from {motion.watched} simulated periods, root mean "
+        return self._record(True, None, apart, how + f"squares of accelerations are known to a share of {apart:.1g}")
 
     def _advance(self, count: int) -> None:
         if count > 0:
@@ -810,7 +811,7 @@ class _Transient:
             if approach.leaving:
                 # a motion that starts next to an unstable orbit looks settled until it has left that orbit
                 if approach.distance < _FAR:
-                    self.notes.append(f"it was displaced from an unstable motion of period {orbit.period} next to it")
+                    self.notes.append(f"it was next to an unstable motion of period {orbit.period}, and was moved away")
                     # forget the states before: the motion restarts here, at the same phase
                     self.states = pushed_off(orbit, self.states[-1], least)[None, :]
                 return None
@@ -830,7 +831,7 @@ class _Transient:
         ):  # its period may be longer than those that were searched for
             found = exact_returns(self.strobe.system, kept[len(kept) // 2 :])
             for period, away in [each for each in found if each.period > self.options.max_period][:1]:
-                evidence += (f"it repeats to {away:.1e} after {period} forcing periods: raise max_period",)
+                evidence += (f"it repeats to within {away:.1e} after {period} forcing periods: raise max_period",)
         return Settled(self.strobe.system, kept, self.periods, converged, orbit, float(residual), evidence)
 
 
@@ -857,10 +858,10 @@ class ClassifyOptions(Bounded):
     'P1'
     """
 
-    #: settle, lyapunov: Options of the transient and of the average of the exponents.
+    #: settle, lyapunov: Options of the transient, and of the averages of the Lyapunov exponents.
     settle: SettleOptions = field(default_factory=SettleOptions)
     lyapunov: LyapunovOptions = field(default_factory=LyapunovOptions)
-    #: Size of an exponent per forcing period below which it may be zero, as on a torus.
+    #: Size of a Lyapunov exponent per forcing period below which it may be zero, as on a torus.
     zero: Annotated[float, Gt(0), Le(0.01)] = 1e-5
     #: Number of standard errors by which an exponent must differ from zero to count as different.
     errors: Annotated[float, Ge(1)] = 5.0
@@ -874,7 +875,7 @@ def classify(
     at: Mapping[str, float] | None = None,
     **values: float,
 ) -> Attractor:
-    """Find the attractor on which a motion settles, and its kind.
+    """Find the attractor on which a motion settles: periodic, quasi-periodic or chaotic.
 
     Parameters
     ----------
@@ -890,7 +891,7 @@ def classify(
     Returns
     -------
     Attractor
-        The attractor, with the evidence for its kind.
+        The attractor, with the evidence that it is periodic, quasi-periodic or chaotic.
 
     Raises
     ------
@@ -976,12 +977,12 @@ def _judge(
     text = f"its largest exponent is {lead:.3g} +- {error:.1g} per forcing period"
     if lead > options.zero and lead > options.errors * error:
         if exponents.regular:  # a regular motion on an attractor has no positive exponent
-            return AttractorKind.UNDECIDED, None, (f"{text}, but regular: the motion leaves an unstable one",)
+            return AttractorKind.UNDECIDED, None, (f"{text}, but without chaos: it is leaving an unstable motion",)
         return AttractorKind.CHAOTIC, None, (f"{text}: positive",)
     if lead < -options.zero and lead < -options.errors * error:
         return AttractorKind.UNDECIDED, None, (f"{text}: negative, but no orbit was found; raise max_period",)
     for period, away in exact_returns(settled.system, strobes[-_KEPT:])[:1]:
-        words = f"it repeats to {away:.1e} after {period} forcing periods, but does not attract other motions"
+        words = f"it repeats to within {away:.1e} after {period} forcing periods, but does not attract other motions"
         return AttractorKind.UNDECIDED, None, (f"{text}: zero", words)
     if len(strobes) < _STROBES:
         strobes = np.vstack((strobes, Strobe(settled.system).run(strobes[-1], _STROBES - len(strobes))))

@@ -113,10 +113,10 @@ class SpectrumOptions:
     """
 
     periods: Annotated[int, Ge(8)] = 256  #: Number of forcing periods in the window, for a motion without period.
-    #: A window of `scipy.signal.get_window`, for a motion without period. ``"flattop"`` gives amplitudes to 0.1 %,
+    #: Window of `scipy.signal.get_window`, for a motion without period. ``"flattop"`` gives amplitudes to within 0.1 %;
     #: ``"hann"`` separates neighbouring lines better.
     window: str = "flattop"
-    #: The sampling is refined until aliasing changes no line by more than this, relative to the largest line.
+    #: Largest change of a line by aliasing, relative to the largest line; the sampling is refined until it is reached.
     tolerance: Annotated[float, Ge(1e-12), Le(0.1)] = 1e-6
 
     def __post_init__(self) -> None:
@@ -157,8 +157,8 @@ class Waterfall(Described, Pictured):
     pitch: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     #: shape (orbits,): Root mean square of the signal without its mean, of all orders.
     overall: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    #: shape (orbits,): That of the lines from 500 to 5,000 Hz, which is the rattle; NaN without units, and where the
-    #: samples do not resolve 5,000 Hz.
+    #: shape (orbits,): Root mean square of the lines from 500 to 5,000 Hz, the level of rattle; NaN without units, and
+    #: where the samples do not resolve 5,000 Hz.
     band: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     window: str = ""  #: The window of the spectra, in words.
 
@@ -189,8 +189,8 @@ class Waterfall(Described, Pictured):
 def spectrum(motion: Orbit | Settled, signal: str, options: SpectrumOptions | None = None) -> Spectrum:
     """Compute the spectrum of a signal of a settled motion.
 
-    An orbit is transformed over exactly one period, so no line leaks; any other motion is windowed. In both cases the
-    sampling is refined until aliasing is negligible: contacts cause kinks, and kinks have many harmonics.
+    An orbit is transformed over exactly one period, so there is no leakage; any other motion is windowed. In both cases
+    the sampling is refined until aliasing is negligible, because kinks at contacts have many harmonics.
 
     Parameters
     ----------
@@ -301,7 +301,7 @@ def waterfall(
     top
         The highest order.
     parameter
-        Name of the parameter that changes, for a list of orbits; a branch supplies its own.
+        For a list of orbits, the name of the parameter that changes; for a branch it is known.
     options
         As in `spectrum`; by default aliasing is limited to 1e-4 of the largest line.
 
@@ -489,7 +489,7 @@ class Tracked(Described):
             )
         count = round(top / turns * periods) + 1
         if count > length // 2:
-            raise ModelError(f"top is {top:g}; with {self.samples} samples per period there are no such orders")
+            raise ModelError(f"top is {top:g}; {self.samples} samples per period do not resolve so high an order")
         weights = np.hanning(length + 1)[:-1]
         starts = np.arange(0, len(values) - length + 1, max(1, round(length * (1.0 - overlap))))
         rows, levels, unit = [], [], self.system.structure.frequency
@@ -632,8 +632,8 @@ def sound(
     rate
         Samples per second.
     second
-        Units of time that a second lasts, for a model without units; by default so many that the excitation at
-        frequency 1 is heard at 90 Hz.
+        For a model without units: how many of its units of time a second has. By default, an excitation at frequency 1
+        is heard at 90 Hz.
 
     Returns
     -------

@@ -29,7 +29,7 @@ class Band:
 
     value: float  #: Value of the parameter.
     state: NDArray[np.float64]  #: shape (state_size,): A state at theta = 0.
-    period: int  #: Period in forcing periods; 0 if it has none of at most eight.
+    period: int  #: Period in forcing periods; 0 if the motion does not repeat within eight.
     extremes: NDArray[np.float64]  #: shape (3, n): Least, mean and largest value of each coordinate.
     #: shape (contacts,): Separations per forcing period of each contact; nan for one without a gap.
     separations: NDArray[np.float64]

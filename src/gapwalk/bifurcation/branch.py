@@ -99,9 +99,10 @@ class Branch(Curve, Measured):
     points: tuple[BranchPoint, ...]  #: The orbits in the order of the walk; none where only motions settle.
     special_points: tuple[SpecialPoint, ...]  #: Special points in the order of the walk.
     ends: tuple[End, ...]  #: Ends of the branch with their reasons, at its first and at its last point.
-    #: Settled motions where many gaps rattle, so that no orbit is followed; the first stretch of a response has all.
+    #: Settled motions at steps of the parameter, where grazes are so many that no orbit is followed. If a response has
+    #: several stretches, the first holds those of all.
     bands: tuple[Band, ...] = field(default=(), metadata={"stored": False})
-    #: Further stretches of the response, beyond some of these motions; `gapwalk.studies.Result.branches` has all.
+    #: Further stretches of the response beyond such motions; `gapwalk.studies.Result.branches` has all stretches.
     beyond: tuple[Branch, ...] = field(default=(), metadata={"stored": False})
     #: System of the settled motions, if there is no orbit.
     base: System | None = field(default=None, metadata={"stored": False})
@@ -121,15 +122,15 @@ class Branch(Curve, Measured):
 
     @property
     def closed(self) -> bool:
-        """True if the branch closed on itself: an isolated branch (isola), connected to no other."""
+        """True if the branch closes on itself: an isolated branch (isola), connected to no other branch."""
         return self.ends[-1].reason is EndReason.CLOSED
 
     @cached_property
     def unexplained(self) -> tuple[Unexplained, ...]:
-        """Steps whose changes are not accounted for by the special points in them: a point was missed there.
+        """Steps of the walk with a change that their special points do not explain, so that a point was missed.
 
-        Compared are the number of unstable multipliers, the direction, the sign of the determinant, and the number of
-        closings of each contact. The tuple is empty if nothing was missed.
+        The changes are in the number of unstable multipliers, the direction of the branch, the sign of the Jacobian's
+        determinant, or the number of closings of a contact. The tuple is empty if no point was missed.
         """
         from gapwalk.bifurcation.detector import unexplained_of
 
@@ -137,7 +138,7 @@ class Branch(Curve, Measured):
 
     @cached_property
     def instabilities(self) -> tuple[Instability, ...]:
-        """Unstable multipliers at each point; a single neutral one, as where the branch ends, is as its neighbours."""
+        """Unstable multipliers at each point; a single neutral point, such as an end, has those of its neighbour."""
         found = [point.instability for point in self.points]
         for number, each in enumerate(found):
             beside = [*found[max(number - 1, 0) : number], *found[number + 1 : number + 2]]
@@ -146,13 +147,13 @@ class Branch(Curve, Measured):
         return tuple(found)
 
     def basins(self, box: Mapping[str, tuple[float, float]], **options: Any) -> Any:
-        """Return the shares of starts in a box that lead to each motion along it; see `gapwalk.analysis.shares`."""
+        """Return which share of starts in a box leads to each motion of the branch; see `gapwalk.analysis.shares`."""
         from gapwalk.studies.functions import shares
 
         return shares(self.system, self.parameter, (float(min(self.values)), float(max(self.values))), box, **options)
 
     def live(self, parameter: str, to: tuple[float, float], measure: str = "half") -> Any:
-        """Draw it above a slider for another parameter; return the slider. Notebooks need %matplotlib widget."""
+        """Draw the branch above a slider for another parameter. Notebooks need ``%matplotlib widget``."""
         # At each step of the slider the points of a quick walk are moved; at rest the branch is followed again.
         from gapwalk.plot.live_branch import live_slider
 
@@ -166,21 +167,21 @@ class Branch(Curve, Measured):
         return found
 
     def distances(self, place: str) -> NDArray[np.float64]:
-        """Return the distance of each point from a special point, as in ``above fold 1``; nan on its other side."""
+        """Return how far each point lies beyond a special point, as in ``above fold 1``; nan for points below it."""
         # It may also be "below grazing 2", "distance from fold 1" (both sides), or a value: "above 0.85".
         return Distance.of([self], place)(self.values)
 
     def orbits_at(self, value: float) -> list[Orbit]:
-        """Return all orbits of the branch at a value of its parameter, corrected there."""
+        """Return all orbits of the branch at a value of its parameter, each corrected by Newton's method there."""
         from gapwalk.bifurcation.orbit_on_branch import Curve as Line  # it reads branches
 
         return Line(self).orbits_at(value)
 
     @summarizes
     def summary(self, points: bool = True) -> SummaryParts:
-        """Return range and counts of the branch, where and why it ends, and the table of special points if wanted."""
+        """Return the branch's range, numbers of points and ends, and, unless `points` is False, its special points."""
         if not self.points:
-            yield f"no orbit of period {self.period} can be followed: the motions that settle are given"
+            yield f"no orbit of period {self.period} can be followed; settled motions are given instead"
             yield from graze_words(self.bands, self.parameter, self.system)
             return
         symbol = parameter_symbol(self.parameter, self.system.units)
@@ -200,7 +201,7 @@ class Branch(Curve, Measured):
 
     @property
     def counts(self) -> str:
-        """Numbers of points and special points in words."""
+        """Numbers of points, of stable points and of special points, in words."""
         stable = sum(each.label == "stable" for each in self.instabilities)
         kinds = ", ".join(f"{len(self.special(kind))} {kind.value}" for kind in Kind.known() if self.special(kind))
         neutral = sum(each.label == "neutral" for each in self.instabilities)

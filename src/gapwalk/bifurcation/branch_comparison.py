@@ -29,7 +29,7 @@ _NOTHING = 1e-12  # size of a signal, relative to the largest, below which it is
 class Match:
     """Special point that both branches have."""
 
-    #: first, second: The point of either branch.
+    #: first, second: The point of the first and of the second branch.
     first: SpecialPoint
     second: SpecialPoint
 
@@ -98,15 +98,15 @@ def compare(first: Branch, second: Branch, measures: str | Sequence[str] | None 
     Parameters
     ----------
     first, second
-        The branches. They are compared over their common range of the parameter.
+        The branches, which are compared over their common range of the parameter.
     measures
         Measures (see `Orbit.measure`) that distinguish the motions; by default mean and root mean square of each
-        coordinate, since these have no corners along a branch, unlike extremes.
+        coordinate. Largest and smallest values are less suitable, because they have corners along a branch.
 
     Returns
     -------
     Comparison
-        Distances along the branch, and which special points both have.
+        Distances between the branches along the first one, and the special points that both have.
 
     Raises
     ------
@@ -115,9 +115,8 @@ def compare(first: Branch, second: Branch, measures: str | Sequence[str] | None 
 
     Notes
     -----
-    Two orbits at equal values of the parameter cannot be compared at a fold. Therefore the distance of each point of
-    the first branch is measured from the second branch as a curve: the cubic spline through its points and special
-    points.
+    At a fold, orbits at equal values of the parameter cannot be compared. Therefore distances are measured from each
+    point of the first branch to a curve: the cubic spline through points and special points of the second branch.
 
     Examples
     --------

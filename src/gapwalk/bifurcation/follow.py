@@ -389,7 +389,7 @@ class BranchTracer(Iterator[Step]):
             for contact in point.orbit.friction:
                 ends = sum(each.kind is Kind.SLIP_ONSET for each in special)
                 if len(directions_left(first.orbit, point.orbit, contact)) > ends:
-                    raise NumericalError("friction comes to rest at another position than where its slip ends")
+                    raise NumericalError("friction does not stick where its slip ends, but at another position")
         # only now, as each of them is found again where the step is repeated
         return [each.kind.judged(each, parameter, method) for each in special] if self._judges else special
 
@@ -504,7 +504,7 @@ class BranchTracer(Iterator[Step]):
                 return step
             still = [each for each in point.orbit.friction if never_slips(special[number].point.orbit, each)]
             names = " and ".join(structure.contacts[each].name for each in still)
-            words = f"the position of {names} depends on the path from here on; settle a motion beyond, and follow that"
+            words = f"beyond, the position of {names} depends on the history; follow an orbit found beyond"
         last = first if number is None else special[number].point
         self.walk.finish(last, EndReason.GIVES_WAY, words)
         return last, special[: 0 if number is None else number + 1]
@@ -710,8 +710,8 @@ def follow(
     Parameters
     ----------
     start
-        The orbit to start from, as from `find_orbit`; or a flip or a branch point. Then the branch that begins there is
-        followed: the branch of twice the period, or the crossing branch.
+        The orbit to start from, as from `find_orbit`; or a special point: from a flip the branch of twice the period is
+        followed, from a branch point the crossing branch.
     parameter
         Name of the parameter, such as ``"frequency"`` or ``"stage2.clearance"``.
     to
@@ -721,7 +721,7 @@ def follow(
     method
         Discretisation of the orbits: `Shooting` (the default) or `Balance`.
     report
-        Called with each new point and the special points before it.
+        Called with each new point and the special points between it and the point before.
     verify
         True to verify the branch by independent checks before it is returned; see `gapwalk.verify`.
     events
@@ -730,19 +730,19 @@ def follow(
     Returns
     -------
     Branch
-        Its points, its special points, and why it ends.
+        The branch: its points, its special points, and why it ends on either side.
 
     Raises
     ------
     ModelError
-        For an unknown parameter, a range that does not contain the start, or a kind of special point at which no branch
-        begins.
+        For an unknown parameter, a range that does not contain the start, or a special point, such as a fold, at which
+        no other branch begins.
     NumericalError
-        If no branch begins at this special point in the range.
+        If no branch that begins at this special point is found in the range.
     VerificationError
-        If the branch is to be verified, and a check fails.
+        If `verify` is True, and a check fails.
     Interrupted
-        After Ctrl-C; its `found` is the branch so far.
+        After Ctrl-C; the field `found` of the error is the branch so far.
 
     Notes
     -----

@@ -66,7 +66,7 @@ class NormalForm:
     #: Coefficient c of the leading term, quadratic at a fold, otherwise cubic; it belongs to the scale of the mode.
     coefficient: float
     error: float  #: Estimated error of the coefficient.
-    rate: float  #: Of a fold: change of the map by the parameter along the mode; otherwise of the multiplier's modulus.
+    rate: float  #: Derivative by the parameter: at a fold of the map along the mode, otherwise of |multiplier|.
     #: shape (N,): Critical direction q of the state at theta = 0, positions, then rates; complex for a pair.
     mode: Complex
     criticality: str  #: As `SpecialPoint.nature`; empty if the sign of the coefficient is not sure.

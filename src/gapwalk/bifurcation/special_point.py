@@ -621,23 +621,23 @@ class Symbol:
     marker: str
     size: float
     color: str  #: Name of a colour of the palette.
-    #: Matplotlib dashes of its locus in a map; None if it has no locus.
+    #: Matplotlib dashes of the kind's locus in a map; None if it has no locus.
     dashes: str | tuple[float, tuple[float, ...]] | None = None
-    width: float = 1.6  #: Width of that line, in points.
+    width: float = 1.6  #: Width of the line of the locus, in points.
 
 
 class Kind(str):
     """Kind of special point.
 
-    A kind is a string: its name, such as ``"fold"``, with which it compares equal. It also holds everything specific to
-    the kind. To add one, write a subclass in a file of `gapwalk.bifurcation.kinds` and register its one instance there.
-    Walks, tables, pictures, maps, verification and files then support it. If its points are zeros of a smooth function
-    along the branch, it needs only `function` and `symbol`.
+    A kind is a string, its name: ``Kind.FOLD == "fold"``. A kind also holds everything specific to its points. To add a
+    kind, write a subclass in a file of `gapwalk.bifurcation.kinds`, and register its one instance there. Walks, tables,
+    pictures, maps, verification and files then support the kind. A kind whose points are zeros of a smooth function
+    along the branch needs only `function` and `symbol`.
 
     Parameters
     ----------
     name
-        Its name, in tables and files.
+        Name of the kind, in tables and files.
 
     Attributes
     ----------
@@ -650,22 +650,22 @@ class Kind(str):
     ways
         Number of directions in which other periodic branches begin: 1 at a flip, 2 at a branch point, otherwise 0.
     times
-        Periods of this branch in one period of those branches.
+        Period of the branches that begin there, in periods of this branch: 2 at a flip.
     is_turning
         True if the branch turns back, so that the parameter is stationary there.
     order
-        Order of the leading term of its normal form: 2 at a fold, 3 at a flip; 0 if it has none.
+        Order of the leading term of its normal form: 2 at a fold, 3 at a flip; 0 if it has no normal form.
     sign_change
-        Meaning of a sign change of the function in a step, as a clause; empty if the function may change its sign for
-        another reason, so that nothing can be concluded.
+        What it means if the test function changes its sign in a step, as a clause for messages; empty if the function
+        may change its sign for another reason too.
     noise
-        Absolute value of the function below which its sign is undetermined.
+        Absolute value of the test function below which its sign is uncertain.
     by_multipliers
-        True if its locus is that of a critical multiplier, which has corners where a contact grazes.
+        True if a multiplier is critical all along the kind's locus, which then has corners where contacts graze.
     is_corner
-        True if tangent and multipliers may jump at such a point.
+        True if the tangent of the branch and the multipliers may jump at such a point.
     turn
-        Order of detection: 0 first, 2 last. Results of earlier searches in a step make later ones shorter.
+        Order in which kinds are searched for in a step: 0 first, 2 last. Later searches use what earlier ones found.
 
     Examples
     --------
@@ -708,7 +708,7 @@ class Kind(str):
 
     @staticmethod
     def with_locus() -> tuple[Kind, ...]:
-        """Return the kinds whose points can be followed in two parameters, in the same order."""
+        """Return the kinds whose points can be followed in two parameters, in the order of `known`."""
         return tuple(kind for kind in KINDS.values() if not kind.no_locus)
 
     @staticmethod
@@ -721,21 +721,21 @@ class Kind(str):
         raise NotImplementedError(f"a {self} is not the zero of one function")
 
     def hides(self, a: BranchPoint, b: BranchPoint) -> bool:
-        """Return True if two neighbours, at which the function has one sign, show that it vanishes twice in between."""
+        """Return True if the test function, of equal sign at `a` and `b`, must have two zeros between these points."""
         return False
 
     @property
     def value(self) -> str:
-        """Name of the kind, as for members of an enumeration."""
+        """Name of the kind, such as ``fold``."""
         return str(self)
 
     @property
     def has_function(self) -> bool:
-        """True if its points are the zeros of one test function."""
+        """True if the points of this kind are the zeros of one test function."""
         return type(self).function is not Kind.function
 
     def at(self, point: BranchPoint) -> float:
-        """Return the test function at a point; it is computed once."""
+        """Return the value of the test function at a point; it is computed once for each point."""
         known = point.memo.get(self)
         if known is None:
             known = point.memo[self] = self.function(point)
@@ -744,13 +744,13 @@ class Kind(str):
     def offsets(self, multipliers: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the signed distances of multipliers from criticality, positive beyond it; by default there are none.
 
-        In a machine with equal parts several multipliers become critical at once. Their mean is then smooth and changes
-        its sign, while the test function may not: see `Search.zeros`.
+        In a machine with equal parts several multipliers become critical at once. The mean of their distances is then
+        smooth and changes its sign, while the test function may keep its sign.
         """
         return np.zeros(0)
 
     def beyond(self, point: BranchPoint) -> int:
-        """Return the number of multipliers, or of pairs, beyond criticality at a point; it is computed once."""
+        """Return how many multipliers, or complex pairs, are beyond criticality, such as below -1 for a flip."""
         known = point.memo.get(("beyond", self))
         if known is None:
             offsets = self.offsets(point.orbit.free_multipliers)
@@ -758,41 +758,41 @@ class Kind(str):
         return known
 
     def mean_offset(self, point: BranchPoint, ranks: tuple[int, int]) -> float:
-        """Return the mean of the offsets from one rank to before another, largest first; nan if there are fewer."""
+        """Sort the offsets from the largest; return the mean of those numbered ``ranks[0]`` to ``ranks[1] - 1``."""
         offsets, (first, last) = self.offsets(point.orbit.free_multipliers), ranks
         return float(np.sort(offsets)[::-1][first:last].mean()) if len(offsets) >= last else math.nan
 
     def is_genuine(self, point: BranchPoint, near: float = 1e-6) -> bool:
-        """Return True if a zero of the function is a point of this kind; `near` is the tolerance of a multiplier."""
+        """Return True if a zero of the test function is a point of this kind, with multipliers known to `near`."""
         return True
 
     def prepare(self, search: Search) -> None:
-        """Prepare a step before any kind is searched for in it; by default nothing is done."""
+        """Prepare a step of the walk before special points are searched for in it; by default nothing is done."""
 
     def points_in(self, search: Search) -> list[Zero]:
-        """Return all points of this kind in one step of a walk: by default, all genuine zeros of the test function."""
+        """Return all points of this kind in one step of a walk: by default, all zeros that `is_genuine` accepts."""
         return [zero for zero in search.zeros(self) if self.is_genuine(zero.point)]
 
     def locate(self, search: Search, a: BranchPoint, b: BranchPoint) -> Zero | None:
-        """Locate the one zero between two points, if the kind has a better method than bracketing; otherwise None."""
+        """Locate the one zero between two points by a better method than bracketing; None if the kind has none."""
         return None
 
     def locate_several(self, search: Search, a: BranchPoint, b: BranchPoint, ranks: tuple[int, int]) -> Zero | None:
-        """Locate the point between two others at which multipliers of some ranks become critical; None if none is."""
+        """Locate the point between `a` and `b` at which several multipliers become critical; None if there is none."""
         return search.bracketed_mean(self, a, b, ranks)
 
     def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
-        """Return the error of a located zero, from another discretisation; infinite if it cannot be estimated."""
+        """Estimate the error of a located zero by comparison with another discretisation; infinite if unknown."""
         return location_error(zero, second, [search.near(zero.point)])
 
     def nature(self, before: BranchPoint, after: BranchPoint) -> str | None:
-        """Return the criticality that follows from the points on both sides, in words; None to reject the point."""
+        """Return the criticality that the points on both sides show, in words; None if they refute the point."""
         return ""
 
     def examined(
         self, special: SpecialPoint, before: BranchPoint, after: BranchPoint
     ) -> tuple[list[str], Callable[[BranchPoint], float] | None]:
-        """Return what contradicts a point between others computed again, and a function that is zero there, or None."""
+        """Verify a point from recomputed neighbours: return objections, and a function that is zero there, or None."""
         first, last = sorted((self.beyond(before), self.beyond(after)))
         function = self.at if special.multiplicity == 1 else partial(self.mean_offset, ranks=(first, last))
         if function(before) * function(after) > 0.0:
@@ -808,7 +808,7 @@ class Kind(str):
         raise ModelError(f"no other periodic branch begins at a {self}; switch at a flip or at a branch point")
 
     def foretold(self, special: SpecialPoint) -> Beyond | None:
-        """Return what the theory says of the motion beyond a point of this kind; None where a branch simply goes on."""
+        """Return the motion that theory predicts beyond a point of this kind; None if there is no such prediction."""
         return None
 
     def condition(self, monodromy: NDArray[np.float64]) -> Criticality:
@@ -820,10 +820,10 @@ class Kind(str):
         return math.pi if self.target is not None and self.target < 0.0 else 0.0
 
     def residual(self, orbit: Orbit, multipliers: NDArray[np.complex128]) -> float:
-        """Return the distance of an orbit of a locus from a point of this kind, with multipliers computed again.
+        """Return how far an orbit of a locus is from a point of this kind, by recomputed multipliers.
 
-        It is a product over all multipliers, if the kind has such a function. So a factor that is small for
-        another reason, as at a point of codimension two, does no harm.
+        If the kind has a `target`, this is the product of the distances of all multipliers from it, each at most 1.
+        The product stays small if a second multiplier is near the target, as at a point of codimension two.
         """
         if self.target is not None:
             return float(np.prod(np.minimum(np.abs(multipliers - self.target), 1.0)))
@@ -837,7 +837,7 @@ class Kind(str):
         return "" if has_one else f"a {self} has no locus in two parameters; {_WITH_A_LOCUS}"
 
     def critical(self, multipliers: NDArray[np.complex128]) -> NDArray[np.intp]:
-        """Return the indices of the multipliers that are critical at such a point, nearest first; may be empty."""
+        """Return the indices of the multipliers that are critical at a point of this kind, nearest first."""
         if self.target is None:
             return np.zeros(0, dtype=np.intp)
         return np.argsort(np.abs(multipliers - self.target), kind="stable")[:1]
@@ -885,7 +885,7 @@ def register(kind: Kind) -> Kind:
     Raises
     ------
     ModelError
-        If a kind of another class has the name.
+        If the name belongs to a kind of another class.
 
     Examples
     --------
@@ -939,13 +939,12 @@ class SpecialPoint(Shown):
 
     kind: Kind  #: Kind of the special point.
     point: BranchPoint  #: The located point of the branch.
-    #: before, after: Unstable multipliers on either side, in the direction of the walk.
+    #: before, after: Unstable multipliers before and after the point, in the direction of the walk.
     before: Instability
     after: Instability
-    #: Estimated error of its parameter value. It is four times the difference from the same point computed with another
-    #: discretisation (by shooting with another number of segments, by harmonic balance with more harmonics, so that
-    #: truncation is included), plus four times the effect of rounding of the equations, plus the bracket in which the
-    #: point was located. Infinite if unknown.
+    #: Estimated error of its parameter value; infinite if unknown. It has three parts: four times the difference from
+    #: the same point in another discretisation (other segments, or more harmonics, so that truncation is included);
+    #: four times the effect of rounding of the equations; and the width of the bracket in which the point was located.
     uncertainty: float
     #: For a grazing point: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
     contact: str = ""
@@ -953,11 +952,11 @@ class SpecialPoint(Shown):
     #: ``subcritical`` for a flip, in the limit towards the point; empty for other kinds, or if it is unknown.
     nature: str = ""
     #: Amplitude of the doubled motion, in units of the state, up to which the doubled branch stays on the side that the
-    #: criticality of a flip predicts. The branch is examined up to 1 % of the motion, or to where it turns back.
+    #: criticality of a flip predicts. It is examined up to 1 % of the size of the motion, or to where it turns back.
     judged: float = 0.0
     parameter: str = ""  #: Name of the parameter along which its branch was followed.
-    #: Number of multipliers, or of pairs, that become critical at once: 2 at a double flip, where the parts of a
-    #: machine are equal. At a double fold both turn back, and branches on which only one has turned cross there.
+    #: Number of multipliers, or complex pairs, that become critical at once: 2 at a double flip of two equal parts of a
+    #: machine. At a double fold of two equal parts, branches cross on which only one of the parts has passed its fold.
     multiplicity: int = 1
 
     @property
@@ -972,46 +971,46 @@ class SpecialPoint(Shown):
 
     @property
     def multiplier(self) -> complex:
-        """Critical multiplier: the one nearest to +1, -1 or the unit circle; nan at a grazing point."""
+        """Multiplier nearest to +1 (fold), -1 (flip) or the unit circle (Neimark-Sacker); nan at a grazing point."""
         return self.kind.critical_multiplier(self.point.orbit.free_multipliers)
 
     @property
     def ways(self) -> int:
-        """Number of directions in which other branches begin, as `Kind.ways`; they also cross at a double fold."""
+        """Number of directions in which other branches begin: that of `Kind.ways`, and 2 at a double fold."""
         return self.kind.ways or Kind.BRANCH_POINT.ways * (self.kind.is_turning and self.multiplicity > 1)
 
     @property
     def is_vertex(self) -> bool:
-        """True for a branch point at which this branch turns back, because it branches off from the other one."""
+        """True at a branch point at which this branch turns back, because it branches off there from another one."""
         return self.kind is Kind.BRANCH_POINT and abs(float(self.point.tangent[-1])) < VERTEX
 
     @property
     def doubles(self) -> bool:
         """True if a branch of twice the period begins or ends here.
 
-        It does at a flip, and where the sequence of slip and stick changes and a multiplier jumps across -1. There the
-        halves of the doubled motion part in proportion to the parameter, not to its square root.
+        This is so at flips, and at changes of the sequence of slip and stick where a multiplier jumps across -1. From
+        such a change the doubled motion grows in proportion to the change of the parameter, not to its square root.
         """
         jumps = self.kind.is_corner and (self.before.below - self.after.below) % 2 == 1
         return self.kind is Kind.FLIP or jumps
 
     @property
     def turns(self) -> bool:
-        """True if the branch turns back here: at a fold, and at a corner where a multiplier jumps across +1."""
+        """True if the branch turns back here: at a fold, or where a multiplier jumps across +1."""
         return self.kind.is_turning or (self.is_corner and (self.before.above - self.after.above) % 2 == 1)
 
     @property
     def passes_flip(self) -> bool:
-        """True if a multiplier passes -1 here: at a flip, and at a corner where it jumps across."""
+        """True if a multiplier passes -1 here: at a flip, or where it jumps across -1."""
         return self.kind is Kind.FLIP or (self.is_corner and (self.before.below - self.after.below) % 2 == 1)
 
     @property
     def is_corner(self) -> bool:
-        """True if multipliers jump here: where slip and stick change their sequence, or a contact grazes that jumps.
+        """True if multipliers jump here: where the sequence of slip and stick changes, or at some grazes.
 
-        Beside such a graze (see `jumping_switches`), changes of the motion grow as the inverse of the speed of a touch.
-        A damper that acts one way only (see `one_way_switches`) changes them by a finite amount.
-        Where a formula grazes, it sets in at all angles at once.
+        Near a graze of a contact whose force jumps, derivatives of the motion grow as the inverse of the speed of the
+        touch. At a graze of a damper that acts in one direction only, multipliers jump by a finite amount. A force
+        given by a formula sets in at all angles of the excitation at once.
         """
         if self.kind is not Kind.GRAZING:
             return self.kind.is_corner
@@ -1020,7 +1019,7 @@ class SpecialPoint(Shown):
 
     @cached_property
     def beyond(self) -> Beyond | None:
-        """Motion beyond a graze, by the theory of discontinuity maps; None at other kinds.
+        """Motion beyond a graze, as the theory of discontinuity maps predicts it; None at other special points.
 
         Its `verdict` is ``goes on``, ``doubles``, ``jumps``, ``period adding``, ``period adding and chaos``, ``chaos at
         once``, or ``unknown`` where the theory does not decide. See the guide on grazes.
@@ -1035,15 +1034,15 @@ class SpecialPoint(Shown):
 
     @property
     def beyond_words(self) -> str:
-        """Verdict on the motion beyond the point, as in a table; empty at kinds other than grazing."""
+        """Predicted motion beyond a graze, as tables show it; empty at other special points."""
         return self.beyond.words if self.beyond is not None else ""
 
     @cached_property
     def normal_form(self) -> NormalForm | None:
-        """Normal form of a fold, a flip or a Neimark-Sacker point; None at other kinds, and where it is not known.
+        """Normal form of a fold, a flip or a Neimark-Sacker point; None at other points, and where it is not known.
 
-        It is that of the exact motion: at a point that was found by harmonic balance, its error has what the truncation
-        leaves out. Where friction sticks throughout, or several multipliers are critical at once, there is none.
+        The normal form is that of the exact motion: at a point found by harmonic balance, its error includes that of
+        the truncation. None is known where friction sticks throughout, or several multipliers are critical at once.
 
         Examples
         --------
@@ -1066,7 +1065,7 @@ class SpecialPoint(Shown):
 
     @property
     def nature_words(self) -> str:
-        """Criticality of the point, with the amplitude up to which it holds if the doubled branch soon turns back."""
+        """Criticality of the point; for a flip whose doubled branch soon turns back, with the amplitude to there."""
         if self.kind is Kind.NEIMARK_SACKER and self.normal_form:
             return self.normal_form.criticality
         whole = self.kind is not Kind.FLIP or not self.nature
@@ -1076,7 +1075,7 @@ class SpecialPoint(Shown):
 
     @property
     def multiplier_words(self) -> str:
-        """Critical multiplier with six digits, a complex one with its conjugate; empty at a grazing point."""
+        """Critical multiplier with six decimals; a complex one with its conjugate; empty at a grazing point."""
         multiplier = self.multiplier
         if np.isnan(multiplier):
             return ""
@@ -1085,7 +1084,7 @@ class SpecialPoint(Shown):
         return f"{multiplier.real:+.6f} ± {abs(multiplier.imag):.6f}i"
 
     def gradient(self, *names: str, method: Method | None = None) -> Gradient:
-        """Return how far other parameters, by default all that are not zero, move the point.
+        """Return the derivatives of the point's value by other parameters, by default by all that are not zero.
 
         See `gapwalk.bifurcation.loci.gradient.gradient`.
 
@@ -1105,7 +1104,7 @@ class SpecialPoint(Shown):
 
     @property
     def words(self) -> dict[str, str]:
-        """Row of the point in a table for readers: rounded, empty where there is nothing to say."""
+        """Row of the point in a table, by column: texts of rounded numbers, empty where nothing applies."""
         return {
             "kind": self.kind_words,
             "at": f"{self.value:#.10g}",

@@ -36,7 +36,7 @@ _AtLeastTwo = Annotated[int, Ge(2)]
 
 @dataclass(frozen=True, slots=True)
 class WalkOptions:
-    """Options of a walk. Steps are arclengths in scaled variables (see `scales_of`), in which the range has width 1.
+    """Options of a walk along a branch. Steps are arclengths in scaled variables: the range has the width 1.
 
     Examples
     --------
@@ -63,7 +63,7 @@ class WalkOptions:
 
     @property
     def first_step(self) -> float:
-        """First step of a walk, clipped to the limits."""
+        """First step of a walk, clipped to the smallest and the largest step."""
         return min(max(self.initial_step, self.smallest_step), self.largest_step)
 
 

@@ -457,9 +457,9 @@ class BatchOptions(Bounded):
     1
     """
 
-    #: The allowed error over one forcing period: the root mean square, over the trajectories and periods that are
-    #: compared with the exact flow, of the largest difference in any component of the state, in units of the largest
-    #: value of that component.
+    #: Allowed error over one forcing period. For each trajectory and period compared with the exact flow, it is the
+    #: largest difference in a component of the state, relative to the largest value of that component; the root mean
+    #: square of these errors is limited.
     error: Annotated[float, Ge(1e-10), Le(0.1)] = 1e-4
     #: Steps per forcing period. By default they are chosen for `error`; if given, the error is only reported.
     steps: Annotated[int, Ge(8), Le(MOST_STEPS)] | None = None
@@ -661,8 +661,8 @@ class BatchFlow:
             return max(revised(steps, error, self.options.error), steps + 4)
         raise FlowError(
             f"the batch integrator's error is {error:.2g} with {steps} steps per forcing period, but "
-            f"{self.options.error:g} was requested: the system is too stiff for it, or a state is so large that its "
-            "impact damping is. Allow a larger error (BatchOptions(error=...)), or use the exact flow "
+            f"{self.options.error:g} was requested: the system is too stiff for it, or a large state makes impact "
+            "damping very strong. Allow a larger error (BatchOptions(error=...)), or use the exact flow "
             "(gapwalk.integrate), which is faster in this case"
         )
 
@@ -702,8 +702,8 @@ class BlockPlan:
 def batch_flow_of(system: System, options: BatchOptions = BatchOptions()) -> BatchFlow:
     """Create the batch integrator of a system.
 
-    The exact flow integrates one trajectory after the other to rounding. The batch integrator integrates many at once
-    to a chosen accuracy, compares a sample of each run with the exact flow, and is a hundred times faster.
+    The exact flow integrates one trajectory after the other to machine precision. The batch integrator integrates many
+    at once to a chosen accuracy, about a hundred times faster, and compares a sample of each run with the exact flow.
 
     Parameters
     ----------

@@ -806,7 +806,8 @@ def refuse(structure: Structure) -> None:
                 "stop a stiffness, or use the exact flow (gapwalk.integrate)"
             )
         if law.rebounds and closed_form_of(law, contact.shapes) != ():
-            raise UnfitError(f"{cannot}its force law {law.name!r} has a force between impacts, beside its stages")
+            advice = "leave that force out, or use the exact flow (gapwalk.integrate)"
+            raise UnfitError(f"{cannot}its force law {law.name!r} has a force between impacts too; {advice}")
     for variation in structure.variations:
         contact = structure.contacts[variation.contact]
         if not variation.is_deflection and (contact.law.rebounds or (contact.law.is_dry and variation.name == "speed")):

@@ -533,7 +533,7 @@ def _called(name: str) -> str:
 def refuse(structure: Structure) -> None:
     """Refuse what equal steps without events cannot carry."""
     for contact in structure.contacts:
-        law, cannot = contact.law, f"equal steps cannot carry {contact.name!r}: "
+        law, cannot = contact.law, f"equal steps cannot include {contact.name!r}: "
         if law.rebounds:
             raise UnfitError(f'{cannot}it is a rigid stop; give it a stiffness, as in law = "hunt-crossley"')
 

@@ -142,7 +142,7 @@ def _told(problems: tuple[Problem, ...]) -> list[dict[str, Any]]:
 
 def _checked_size(text: str) -> str:
     if len(text) > MOST_LETTERS:
-        message = f"the text has {len(text):,} letters; one of more than {MOST_LETTERS:,} is edited in a text editor"
+        message = f"the text has {len(text):,} letters; texts of more than {MOST_LETTERS:,} need a text editor"
         raise ModelFileError([Problem(message)])
     return text
 

@@ -488,10 +488,10 @@ def save_html(
     Parameters
     ----------
     found
-        A result of branches, a branch, a diagram, a family, a settled motion, an orbit; or an answer: rattle bands or a
-        map of rattle, a threshold, a design, a tolerance, one run-up or many; a locus, a map of loci, a sweep, basins
-        of attraction or their shares, a map of regimes; tori, a family of them, one torus or a tongue; backbones;
-        self-excited motions.
+        Branches: a result that has them, a branch, a diagram, a family. Motions: an orbit, a settled motion, tori, one
+        torus, a family of tori, a tongue, backbones, self-excited motions. Answers: rattle bands or a map of rattle, a
+        threshold, a design, a tolerance, one run-up or many, a locus, a map of loci, a sweep, basins of attraction or
+        their shares, a map of regimes.
     path
         The file to write.
     measure
@@ -499,15 +499,15 @@ def save_html(
     title
         Title of the page; by default that of the study.
     motions
-        Largest number of points of the branches whose motions are stored; about 2 kB each for two coordinates. Of
-        more points every second (third, ...) is stored. All special points have their motions in addition.
+        Largest number of points of branches whose motions the file holds, about 2 kB each for two coordinates. If there
+        are more points, it holds the motion of every second (third, ...) one, and those of all special points.
     gradients
         Largest number of special points for which the file also lists the parameters that move them most.
 
     Raises
     ------
     ModelError
-        If the record has no branches, no motion and no answer, or there is no such measure.
+        If `found` has no branches, no motion and no answer, or there is no such measure.
     StoreError
         If the file cannot be written.
 

@@ -167,7 +167,7 @@ def _flip(special: SpecialPoint) -> tuple[str, float | None]:
         return f"a branch of period {many} begins, of a motion that is unstable on both sides", None
     when, beyond = _when(special.orbit.system, special.parameter, way), _beyond(special, way)
     if special.nature == "subcritical":
-        return f"the motion jumps away {when}: no stable motion of period {many} begins beside it", beyond
+        return f"the motion jumps away {when}: no stable motion of period {many} begins there", beyond
     gently = "; the change grows from zero, without a jump" if special.nature == "supercritical" else ""
     return f"{when} the motion changes to one that repeats every {many} forcing periods{gently}", beyond
 

@@ -360,7 +360,7 @@ def drawable(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Leave out the points that have no place along the axis; raise a ModelError if none has one."""
     found = points[~np.isnan(points[:, 0])]
     if not len(found):
-        raise ModelError('no point of the branches is there: write x = "below ..." or "above ...", as they lie')
+        raise ModelError('no point lies on this side of the special point: write x = "below ..." or x = "above ..."')
     return found
 
 
@@ -426,13 +426,13 @@ def overlay(
     Parameters
     ----------
     branches
-        The branches of each system by its name in the legend. All have the same parameter.
+        The branches of each system, by the name that the legend shows. All branches must follow the same parameter.
     measure
         As in `draw_branches`.
     ax
         Axes to draw in; by default those of a new figure of pyplot.
     within
-        Range of the parameter that is shown; by default all of it.
+        Range of the parameter that is shown; by default that of all branches.
 
     Returns
     -------

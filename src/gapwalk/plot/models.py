@@ -74,21 +74,21 @@ def _panels(found: Characteristics) -> list[ForceCurve | AngleCurve]:
 
 
 def draw_machine(system: System, *, ax: Axes | None = None, width: float = 660.0) -> Axes:
-    """Draw the machine of a system alone: its bodies, springs, dampers, gears, gaps and loads, and how they connect.
+    """Draw the machine of a system: its bodies, springs, dampers, gears, gaps and loads, and how they connect.
 
     Parameters
     ----------
     system
-        The system, of a drive train, of matrices, or of relative coordinates.
+        The system, made from a drive train, from matrices, or in relative coordinates.
     ax
         Axes to draw in, whose frame is removed; by default those of a new figure of pyplot, as large as the drawing.
     width
-        Width of the drawing in pixels of its letters (11 high), at most; longer chains go on in further rows.
+        Largest width of the drawing in pixels (letters are 11 pixels high); longer chains continue in further rows.
 
     Returns
     -------
     Axes
-        The axes of the drawing, whose data are pixels.
+        The axes of the drawing; their data coordinates are pixels.
 
     Raises
     ------
@@ -118,12 +118,12 @@ def machine_svg(system: System, width: float = 660.0) -> str:
     system
         The system.
     width
-        Width of the drawing in pixels, at most; longer chains go on in further rows.
+        Largest width of the drawing in pixels; longer chains continue in further rows.
 
     Returns
     -------
     str
-        The text. Its parts have titles, which a browser shows under the pointer and a screen reader reads.
+        The text. Parts of the drawing have titles, which a browser shows under the pointer and a screen reader reads.
 
     Raises
     ------

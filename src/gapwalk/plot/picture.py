@@ -318,15 +318,15 @@ def draws(
     *kinds
         The types.
     panels
-        True if it is called with a figure and creates panels in it; otherwise it is called with axes. A type may have
-        both: the axes are used for a card, or for a panel in another figure.
+        True if the function is called with a figure and creates panels in it; False if it is called with axes. A type
+        may have a function of each sort: the second then draws the type in a notebook or in a panel of a larger figure.
     size, shows, alone, several
         As in `Drawing`.
 
     Returns
     -------
     decorator
-        It returns the function itself.
+        A decorator that registers the function and returns it unchanged.
 
     Examples
     --------
@@ -393,9 +393,9 @@ def draw(
     record
         The record to draw.
     *arguments, **options
-        Options of its picture: see the list below `gapwalk.plot`, or the `plot` of its type.
+        Options of the picture: see the page "Options of pictures", or the method `plot` of the record.
     ax
-        Axes to draw in. For a record with several panels, only the first kind of panel is drawn.
+        Axes to draw in. A picture with several panels is reduced to one panel, or an error asks for `figure`.
     figure
         A figure, or a part of one, to draw in; by default a new figure of pyplot.
     title
@@ -408,12 +408,12 @@ def draw(
     Returns
     -------
     Axes
-        The axes that contain the picture, or the first of its panels; ``axes.figure.axes`` are all.
+        The axes of the picture, or of its first panel; ``axes.figure.axes`` are those of all panels.
 
     Raises
     ------
     ModelError
-        If there is no such picture, measure or size, or nothing to draw yet.
+        If the record has no picture, there is no such measure or size, or there is nothing to draw yet.
     TypeError
         If the picture has no such option.
 
@@ -430,14 +430,14 @@ def draw(
 def figure(width: float, height: float, title: str = "") -> Iterator[Figure]:
     """Create a figure of several panels in the common style, to be written by `save`.
 
-    `draw` draws into its axes and subfigures, and so may matplotlib. The layout is computed once, at the end of the
-    block. The labels of special points and branches are placed only then, because panels change their sizes until then
-    and labels would be placed on the curves.
+    Draw into its axes and subfigures with `draw` or with matplotlib. The layout is computed at the end of the `with`
+    block, and labels of special points and branches are placed only then: until then the sizes of panels change, and
+    labels would lie on curves.
 
     Parameters
     ----------
     width, height
-        Size in inches on a screen; `sized` converts it to that of a column, a page or a slide.
+        Size in inches on a screen; in a block of `sized` it is converted to the size of a column, a page or a slide.
     title
         Title above all panels; it is wrapped.
 
@@ -511,18 +511,18 @@ def save(
     record
         The record, as in `draw`; or a figure of matplotlib, which is written without changes to its contents.
     *paths
-        The files. They end in ``.png``, ``.svg`` or ``.pdf``; in SVG and PDF, lines and text are not rasterised.
+        The files, with the extension ``.png``, ``.svg`` or ``.pdf``; SVG and PDF files contain vector graphics.
     form
-        ``"png"``, ``"svg"`` or ``"pdf"`` for other file extensions.
+        Format of files with another extension: ``"png"``, ``"svg"`` or ``"pdf"``.
     title, size, style, **options
-        As in `draw`; the title is by default that of the study, False for none.
+        As in `draw`; `title` is by default that of the study, and False for no title.
     legend
         False for a picture without a legend.
 
     Raises
     ------
     ModelError
-        For another ending, and as in `draw`.
+        For another extension without `form`, and as in `draw`.
     StoreError
         If a file cannot be written.
 

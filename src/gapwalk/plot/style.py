@@ -75,7 +75,7 @@ _now: ContextVar[Size] = ContextVar("gapwalk_size", default=SIZES["screen"])
 
 @contextmanager
 def sized(size: SizeName | Size | None) -> Iterator[None]:
-    """Draw all pictures of a block at a size, as in ``with gw.plot.sized("column"): branch.plot()``.
+    """Draw all pictures of a `with` block at one size, as in ``with gw.plot.sized("column"): branch.plot()``.
 
     Parameters
     ----------
@@ -116,15 +116,15 @@ def present() -> Size:
 
 @contextmanager
 def styled(style: Mapping[str, Any] | None) -> Iterator[None]:
-    """Draw all pictures of a block with other colours, lines, symbols or fonts.
+    """Draw all pictures of a `with` block with other colours, lines, symbols or fonts.
 
     Parameters
     ----------
     style
-        Settings of matplotlib by their names, as in ``{"font.family": "serif", "font.size": 8}``; and options of its
-        lines by the names of what they show: ``stable``, ``above``, ``below``, ``pair`` (unstable motions, by where
-        their multipliers are), kinds of special points and of loci (``fold``, ``flip``, ...), ``period 2``. The options
-        of a symbol begin with ``marker``; its ``color`` is that of its face.
+        Settings of matplotlib by name, as in ``{"font.family": "serif", "font.size": 8}``; and options of lines by what
+        they show: ``stable``; ``above``, ``below`` or ``pair`` (unstable motions with a multiplier above +1, below -1,
+        or a complex pair); a kind of special point or locus (``fold``, ``flip``, ...); ``period 2``. Options of the
+        symbol of a special point begin with ``marker``; its ``color`` fills the symbol.
 
     Yields
     ------
@@ -209,10 +209,10 @@ def rc() -> dict[str, Any]:
 
 @contextmanager
 def in_style() -> Iterator[None]:
-    """Draw in the style; afterwards restore the user's values of its settings.
+    """Draw in gapwalk's style within a `with` block; then restore the user's values of the settings of the style.
 
-    No other setting is restored, unlike in `matplotlib.rc_context`: the first figure in a notebook loads the display
-    backend, and this sets `interactive` for later figures. For this reason windows are opened before the style is set.
+    Other settings keep the values that they get in the block, unlike in `matplotlib.rc_context`: the first figure in a
+    notebook loads the display backend, which sets `interactive` for all later figures.
 
     Yields
     ------

@@ -501,7 +501,7 @@ def verify_loci(ledger: Ledger, loci: Sequence[tuple[str, Locus]], advance: Adva
                 if (off := imbalance(orbit)) is not None:
                     ledger.enter(Check.LINES, spot, off.lines)
             ledger.note(
-                "for balanced loci the lines are verified, but not the locus condition, which holds up to truncation"
+                "loci of harmonic balance: the harmonics are verified, but the locus condition holds up to truncation"
             )
             continue
         for (spot, orbit), around in zip(points, carry([orbit for _, orbit in points]), strict=True):

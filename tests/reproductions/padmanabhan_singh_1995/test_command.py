@@ -155,10 +155,10 @@ def test_the_documentation_gets_the_page_its_summary_and_the_counts(monkeypatch)
     monkeypatch.setattr(command, "_ROOT", Path())
     for name in ("docs/_static", "docs/explanation"):
         Path(name).mkdir(parents=True)
-    Path("README.md").write_text("- Of 9 statements of the paper below, none;\n")
+    Path("README.md").write_text("- Of 9 statements of the paper cited below, none;\n")
     Path("docs/explanation/validation.md").write_text("no count\n")
     assert main(["--docs"]) == 0
-    assert Path("README.md").read_text() == "- Of 1 statements of the paper below, 1 hold to the letter;\n"
+    assert Path("README.md").read_text() == "- Of 1 statements of the paper cited below, 1 hold to the letter;\n"
     page = Path("docs/_static/padmanabhan_singh_1995.html").read_text(encoding="utf-8")
     assert page == Path("out/paper/index.html").read_text(encoding="utf-8")
     assert "| to the letter | 1 |" in Path("docs/explanation/paper.md").read_text(encoding="utf-8")

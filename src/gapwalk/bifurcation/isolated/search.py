@@ -119,8 +119,8 @@ class Tally:
 
     value: float  #: Value of the parameter.
     box: NDArray[np.float64]  #: shape (state_size,): Half-widths of the box of starts.
-    #: starts, settled, ran_away: Transients followed; those that settled on a periodic orbit; those that could not be
-    #: followed.
+    #: starts, settled, ran_away: Numbers of transients: all, those that settled on a periodic orbit, and those that
+    #: could not be followed.
     starts: int
     settled: int
     ran_away: int
@@ -148,7 +148,7 @@ def search(
 ) -> SearchResult:
     """Search for periodic orbits at several values of a parameter, from many starts.
 
-    If `stop` ends it between two pieces of work, the result holds the orbits found so far, and is not `complete`.
+    If `stop` ends the search early, the result holds the orbits found so far, and its field `complete` is False.
 
     Parameters
     ----------
@@ -157,18 +157,18 @@ def search(
     parameter
         Name of the parameter.
     values
-        Its values.
+        The values of the parameter.
     known
-        Known branches along this parameter: orbits on them are not new.
+        Known branches along this parameter; orbits on them do not count as new.
     options
         Options of the search.
     workers
-        Executor of the work; by default that of the `with` block around it, `gapwalk.parallel.on_cores` or
-        `gapwalk.parallel.on_cluster`, and otherwise this process alone. The result does not depend on it.
+        Executor of the work; by default that of a `with` block of `gapwalk.parallel.on_cores` or
+        `gapwalk.parallel.on_cluster` around the call, otherwise this process. The result is the same.
     report
-        Called after each piece of work.
+        Called after each piece of work: a number of starts at one value.
     stop
-        Called between two pieces of work; True ends the search.
+        Called between two pieces of work; the search ends if it returns True.
 
     Returns
     -------
@@ -180,7 +180,7 @@ def search(
     ModelError
         For an unknown parameter, a value that is not allowed, or inconsistent options.
     Interrupted
-        After Ctrl-C; its `found` is the result so far, not `complete`.
+        After Ctrl-C; the field `found` of the error is the result so far.
 
     Examples
     --------
@@ -291,8 +291,8 @@ def _sentences(result: SearchResult) -> Iterator[str]:
     yield _unseen(tallies)
     if settled:
         yield (
-            f"{_count(hits.count(1), 'motion')} had one start only: one more start would settle on a new motion with a "
-            f"probability of about {100 * next_is_new(result):.2g} %."
+            f"{_count(hits.count(1), 'motion')} had one start only: one more start would settle on an unseen motion "
+            f"with a probability of about {100 * next_is_new(result):.2g} %."
         )
     yield (
         f"Newton's method, from {sum(tally.newton_starts for tally in tallies)} states, found "

@@ -412,7 +412,8 @@ _SINGULAR = 1e12  # condition number above which a stiffness does not support th
 class SearchOptions:
     """Thoroughness of a search at each value of the parameter.
 
-    The defaults suit many values, several of which lie on each isolated branch; at a single value use more starts.
+    The defaults suit a search at many values of the parameter, several of them within each isolated branch. For a
+    single value of the parameter, use more starts.
 
     Examples
     --------
@@ -423,21 +424,21 @@ class SearchOptions:
     starts: Annotated[int, Ge(1), Le(_STARTS)] = 24  #: Starts of transients at each value of the parameter.
     #: Longest period, in forcing periods, of the orbits on which a transient may settle.
     periods: Counted = 8
-    #: Number of starts at each value that Newton's method uses too, to find unstable orbits; 0 for none.
+    #: Number of starts at each value from which Newton's method also searches, to find unstable orbits; 0 for none.
     newton_starts: Annotated[int, Ge(0), Le(_STARTS)] = 24
-    #: Periods, in forcing periods, of the orbits that Newton's method searches for. One of those starts in m is used
+    #: Periods m, in forcing periods, of the orbits that Newton's method searches for. Every m-th of its starts is used
     #: for period m; orbits of shorter periods are found too.
     newton_periods: tuple[Counted, ...] = (1, 2, 3, 4, 5, 6, 7, 8)
     #: Forcing periods after which a transient whose returns no longer shrink counts as not periodic.
     patience: Annotated[int, Ge(16)] = 400
     #: Half-widths of the box of starts about zero, 2n numbers: positions, then velocities. By default it is derived
-    #: from the system; see `state_box`. Extensions begin at zero.
+    #: from the system; see `state_box`. Friction springs begin without extension.
     box: tuple[Positive, ...] | None = None
-    spread: Positive = 1.5  #: Ratio of the derived box to the motions.
+    spread: Positive = 1.5  #: Factor by which the derived box is larger than the expected motions.
     #: Seed of the starts: the same seed gives the same result for the same values. From 500 starts on, many are
-    #: followed at once; then other unstable orbits may be found than with fewer.
+    #: followed at once, and other unstable orbits may be found than with fewer starts.
     seed: Natural = 0
-    #: Starts in one piece of work. It affects the result, because a piece does not use what others find.
+    #: Number of starts in one piece of work. It affects the result, because no piece uses what other pieces find.
     block: Counted = 24
 
     def __post_init__(self) -> None:

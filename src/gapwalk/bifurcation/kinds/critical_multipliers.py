@@ -52,7 +52,7 @@ _FEW = 4
 
 
 class Criticality(NamedTuple):
-    """Signed distance of a monodromy matrix from a critical multiplier, and its derivative.
+    """Signed distance of a monodromy matrix from one with a critical multiplier, and the derivative of this distance.
 
     Examples
     --------
@@ -61,10 +61,10 @@ class Criticality(NamedTuple):
     (1, 2)
     """
 
-    value: float  #: Zero, with a change of sign, where a multiplier is critical.
-    #: shape (k, state_size): Unit vectors along which the derivative of the matrix is needed.
+    value: float  #: The distance; it passes zero with a change of sign where a multiplier is critical.
+    #: shape (k, state_size): Unit vectors: only products of the matrix's derivative with these are needed.
     directions: NDArray[np.float64]
-    #: shape (k, state_size): A change dB of the matrix changes the value by the sum of ``covectors[j] @ dB @
+    #: shape (k, state_size): A change dB of the matrix changes `value` by the sum over j of ``covectors[j] @ dB @
     #: directions[j]``.
     covectors: NDArray[np.float64]
 

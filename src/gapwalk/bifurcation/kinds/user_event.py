@@ -16,19 +16,19 @@ from gapwalk.orbit.orbit import Orbit
 class Event(Kind):
     """User-defined special point, where a function of the orbit passes zero, such as a limit of a contact force.
 
-    It is located like a bifurcation, with an error estimate, and stored among the special points of the branch.
+    The point is located like a bifurcation, with an error estimate, and stored among the branch's special points.
 
     Parameters
     ----------
     name
         Name in tables and pictures.
     function
-        Function of an orbit that returns a number, of any unit, which varies smoothly along the branch.
+        Function of an orbit that returns a number, in any unit, which varies smoothly along the branch.
 
     Raises
     ------
     ModelError
-        If the name is that of another kind, or the function is not callable.
+        If the name is that of another kind of special point, or the function is not callable.
 
     Examples
     --------

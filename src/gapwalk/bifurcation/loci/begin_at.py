@@ -34,7 +34,7 @@ def special_at(start: SpecialPoint | Codim2Point, kind: str | None) -> SpecialPo
     names = ("fold", "flip", "neimark-sacker", *("grazing",) * bool(start.contact))
     if wanted not in names:
         raise ModelError(
-            f"kind is {kind!r}; several loci meet at {start}: write the kind that begins there, of {names}"
+            f"kind is {kind!r}; several loci meet at {start}: write the kind that begins there, one of {names}"
         )
     orbit, contact = start.orbit, start.contact if wanted is Kind.GRAZING else ""
     point = BranchPoint(math.nan, orbit, _NONE, _NONE, 1.0, 0.0)
@@ -55,7 +55,7 @@ def special_beside(found: Codim2Point, kind: Kind, names: tuple[str, str], withi
             continue
         if alike := branch.special(kind):
             return min(alike, key=lambda each: abs(each.value - value))
-    raise ConvergenceError(f"no locus of the kind {kind} is found beside {found}")
+    raise ConvergenceError(f"no locus of the kind {kind} is found near {found}")
 
 
 def _beside(found: Codim2Point, names: tuple[str, str], within: tuple[Range, Range], aside: float) -> Orbit | None:

@@ -526,7 +526,7 @@ def equation_of(
     if special.multiplicity > 1:
         raise ConvergenceError(
             f"{special.multiplicity} multipliers become critical at once at the {special.kind_words} at "
-            f"{special.value:.10g}, and part where the equal parts become unequal, so the point has no gradient and no "
+            f"{special.value:.10g}, and separate where equal parts become unequal, so the point has no gradient and no "
             "locus; make the parts a little unequal"
         )
     orbit, units = special.orbit, plane.scales(special.orbit)
@@ -627,33 +627,34 @@ def follow_locus(
     Parameters
     ----------
     special
-        The point to start from, from a branch along any parameter; or a point of codimension two of another locus.
+        The special point to start from, of a branch along any parameter; or a point of codimension two of a locus.
     first, second
         Names of the parameters, such as ``"frequency"`` and ``"mean.q1"``.
     to
         The range of each: ``((low, high), (low, high))``.
     kind
-        At a point of codimension two the locus to begin: ``"fold"``, ``"flip"``, ``"neimark-sacker"``, ``"grazing"``.
+        At a point of codimension two the locus to follow: ``"fold"``, ``"flip"``, ``"neimark-sacker"``, ``"grazing"``.
     walk
         Options of the walk.
     method
-        Discretisation of the orbits: `Shooting` in one segment (default), or `Balance`, however the point was found.
+        Discretisation of the orbits: `Shooting` in one segment (default), or `Balance`, even if the special point was
+        found by another method.
     report
-        Called with each new point and the points of codimension two before it.
+        Called with each new point and the points of codimension two between it and the point before.
 
     Returns
     -------
     Locus
-        Its points, and where it ends.
+        The locus: its points, and where it ends.
 
     Raises
     ------
     ModelError
         For a branch point, which has no locus; for unknown or equal parameters; for ranges that exclude the start.
     ConvergenceError
-        If the start is not a special point of its kind to the tolerance of the method, or needs too many harmonics.
+        If `method` does not confirm the special point to within its tolerance, or needs too many harmonics for it.
     Interrupted
-        After Ctrl-C; its `found` is the locus so far.
+        After Ctrl-C; the field `found` of the error is the locus so far.
 
     Notes
     -----

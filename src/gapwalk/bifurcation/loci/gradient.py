@@ -52,7 +52,7 @@ class Gradient(Shown):
 
     special: SpecialPoint  #: The special point.
     names: tuple[str, ...]  #: The other parameters.
-    #: shape (k,): Derivative of ``special.value`` with respect to each of them, in the units of the model. It is the
+    #: shape (k,): Derivative of ``special.value`` with respect to each parameter, in the units of the model. It is the
     #: slope of the point's locus.
     slopes: NDArray[np.float64]
     errors: NDArray[np.float64]  #: shape (k,): Estimated error of each slope.
@@ -170,7 +170,7 @@ class Gradients(Shown):
 
 
 def gradients(points: Iterable[SpecialPoint], names: Sequence[str] = (), method: Method | None = None) -> Gradients:
-    """Compute the gradients of some special points.
+    """Compute the derivatives of the values of special points by other parameters.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def gradients(points: Iterable[SpecialPoint], names: Sequence[str] = (), method:
     Returns
     -------
     gradients : Gradients
-        One gradient for each point that has one; ``failures`` say why others have none.
+        A gradient for each point that has one; ``failures`` say why other points have none.
 
     Raises
     ------

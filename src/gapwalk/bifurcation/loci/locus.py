@@ -47,7 +47,7 @@ class LocusEndReason(Reason):
     TABLE = "a load is not known beyond the end of its table"
     CLOSED = "the locus closed on itself"
     RESONANCE = "the locus ends at a strong resonance"
-    JOINED = "the locus ends where its orbits reach half their period"
+    JOINED = "the locus ends where its orbits repeat after half their period"
     GRAZE = "the locus ends on the locus of a graze, which it touches"
     COARSE = "the motion needs more segments or harmonics"
     STEP = "the step became smaller than the smallest allowed"
