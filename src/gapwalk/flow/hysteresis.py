@@ -94,7 +94,7 @@ def hysteresis(
 
     Notes
     -----
-    Numbers that vary over the angle of the excitation have their mean values, and no displacement is added.
+    Parameters that vary over the angle of the excitation have their mean values, and prescribed displacements are zero.
 
     Examples
     --------
@@ -285,7 +285,7 @@ def stick_slip(motion: Motion | Moves) -> StickSlip:
     Raises
     ------
     ModelError
-        If the system has no dry friction and no rigid stops, or the motion was sampled without its log.
+        If the system has no dry friction and no rigid stops, or the motion was sampled without the log of its events.
 
     Examples
     --------

@@ -672,7 +672,7 @@ class Signal:
 
     @property
     def name(self) -> str:
-        """Label, or the sum as a text: ``q1''``, or ``0.5 q1'' - 2 q3``."""
+        """Its label, or without one the sum as a text: ``q1''``, or ``0.5 q1'' - 2 q3``."""
         if self.label:
             return self.label
         if len(self.terms) == 1 and self.terms[0][1] == 1.0:
@@ -691,9 +691,9 @@ class Signal:
         coefficients: NDArray[np.float64] | None = None,
         theta: float = 0.0,
     ) -> NDArray[np.float64]:
-        """Return its derivative along a direction of states, coefficients and theta, to rounding, shape (samples,).
+        """Return its derivative along a direction in states, coefficients and theta, to rounding, shape (samples,).
 
-        The modes of dry friction and the instants at which a signal jumps are kept.
+        Dry friction slips or sticks as before, and the instants at which a signal jumps stay the same.
         """
         system, layout, step = motion.system, layout_of(motion.system.structure), 1j * _STEP
         n = system.size

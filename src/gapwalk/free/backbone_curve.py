@@ -306,7 +306,7 @@ class BackboneOptions(Bounded):
     5.0
     """
 
-    #: Amplitude at which it ends, in clearances (in units of length for a system without gaps).
+    #: Amplitude at which the backbone ends, in clearances (in units of length for a system without gaps).
     largest_amplitude: Positive = 20.0
     #: Options of the steps.
     walk: WalkOptions = field(default_factory=lambda: WalkOptions(largest_step=0.02, max_points=2000))
@@ -323,9 +323,8 @@ def backbone(
 ) -> Backbone:
     """Follow the free vibrations of a system without damping and excitation: the backbone of its resonances.
 
-    The motions are those that swing between two places of rest; with gyroscopic terms, which lose no energy, those that
-    whirl. They include the nonlinear normal modes, and internal resonances as turns of the frequency. The mean load
-    remains.
+    The motions swing between two positions of rest; with gyroscopic terms, they whirl. Nonlinear normal modes are among
+    them; at an internal resonance the frequency turns back. The mean load of the system is kept.
 
     Parameters
     ----------
@@ -335,7 +334,7 @@ def backbone(
         Number of a linear mode about the equilibrium, from 1, at which the vibrations begin; or, where there is no
         linear mode (free flight in a gap), a guess of positions from which the system is released at rest.
     to
-        Range of the frequency; by default a fifth to five times the first one.
+        Range of the frequency; by default from a fifth of the first frequency to five times that.
     options
         Largest amplitude, and options of the steps.
     report

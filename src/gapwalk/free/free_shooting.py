@@ -115,12 +115,12 @@ def without_excitation(system: System) -> System:
     Returns
     -------
     System
-        The same system with the amplitudes of all harmonics zero.
+        The same system, in which the amplitudes of all harmonics are zero.
 
     Raises
     ------
     ModelError
-        If something still depends on the angle of the excitation: a load of another kind, or a number that varies.
+        If something still depends on the angle of the excitation: a load that is no harmonic, or a varying number.
 
     Examples
     --------
@@ -174,7 +174,7 @@ _BACK = 1e-7  # largest difference of a motion that ran forward and back, relati
 def without_losses(system: System) -> System:
     """Return a system without damping and without excitation: its mean loads remain, and its gyroscopic terms.
 
-    A drive train becomes the system of its equations of motion.
+    Of a drive train, the system of its equations of motion is returned.
 
     Parameters
     ----------
@@ -184,13 +184,13 @@ def without_losses(system: System) -> System:
     Returns
     -------
     System
-        The same system with other numbers.
+        The same system without damping and excitation.
 
     Raises
     ------
     ModelError
-        For a system with dry friction or rigid stops, or with a force that depends on rates in another way, or if its
-        gyroscopic terms cannot be told from losses.
+        For a system with dry friction or rigid stops, or with another force that depends on velocities; or if its
+        gyroscopic terms cannot be distinguished from losses.
 
     Examples
     --------
@@ -296,7 +296,7 @@ class FreeShooting(Method):
     name: ClassVar[str] = "free shooting"
 
     coordinate: str = ""  #: Name of the coordinate that is at rest at theta = 0; empty for the one that swings most.
-    #: Number of segments into which the period is divided: more help if the motion is strongly unstable.
+    #: Number of segments into which the period is divided. For strongly unstable motions, use several.
     segments: Annotated[int, Ge(1), Le(1000)] = 1
     tolerance: float = 1e-10  #: Largest residual of an orbit, relative to the size of its state.
 

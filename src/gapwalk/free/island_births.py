@@ -312,13 +312,13 @@ def foretell(system: System, line: Backbone, load: str = "harmonic1", harmonics:
     load
         Name of a harmonic load.
     harmonics
-        Harmonics of the free vibration that the load may drive: 1 for its main resonance, 3 for a motion of which the
-        load has three times the frequency.
+        Harmonics of the free vibration that the load may drive: 1 for its main resonance, 3 for a resonance in which
+        the load has three times the frequency of the motion.
 
     Returns
     -------
     Foretold
-        The amplitudes along the backbone, and the births.
+        The amplitude of the load for each vibration of the backbone, and the births.
 
     Raises
     ------

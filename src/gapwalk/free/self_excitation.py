@@ -94,7 +94,7 @@ def find_self_excited(
     Returns
     -------
     FreeOrbit
-        The motion; the frequency of its system is its own.
+        The motion; its system has the frequency of the motion.
 
     Raises
     ------
@@ -253,7 +253,7 @@ def follow_self_excited(
     walk: WalkOptions | None = None,
     report: Callable[[BranchPoint, list[SpecialPoint]], None] | None = None,
 ) -> Branch:
-    """Follow periodic motions without excitation along a parameter, from a Hopf point or from one of them.
+    """Follow periodic motions without excitation along a parameter, from a Hopf point or from a known motion.
 
     Their frequency is an unknown. Amplitude, stability and special points are as for any branch; where a contact is
     first touched, there is a grazing point.
@@ -268,7 +268,7 @@ def follow_self_excited(
     parameter
         Name of the parameter.
     to
-        The range, as two values; from a motion also the value at which to stop.
+        The range, as two values. If `start` is a motion, one value is allowed, too: where to stop.
     walk
         Options of the walk.
     report
@@ -277,13 +277,14 @@ def follow_self_excited(
     Returns
     -------
     Branch
-        Its points, special points and ends. It ends where the motion shrinks to an equilibrium, too; and after 200
-        motions if all exist at one value of the parameter, as about a centre. Other motions begin at its branch points.
+        Its points, special points and ends. It also ends where the motion shrinks to an equilibrium, and after 200
+        motions if all exist at one value of the parameter, as about a centre. Other branches begin at its branch
+        points.
 
     Raises
     ------
     ModelError
-        For a start of another kind, or the frequency as parameter.
+        For any other start, or the frequency as parameter.
     NumericalError
         If the walk cannot begin.
     Interrupted
@@ -499,7 +500,7 @@ def self_excited(
     parameter
         Name of the parameter.
     to
-        The range, as two values that include the value of the system; or its other end.
+        The range, as two values, between which the system's value lies; or one value, the end of a range from there.
     start
         Positions near an equilibrium, shape (n,); by default all that `find_equilibria` finds.
     walk

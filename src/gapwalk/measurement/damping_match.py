@@ -65,7 +65,7 @@ def find_impact_damping(
     """Compute the impact damping that dissipates as much as a viscous damper under one harmonic, in closed form.
 
     Under a deflection ``mean + amplitude * cos(theta)`` with spring force ``g`` it is
-    ``pi c / (integral of |g| sin(theta)^2 over a turn)``, independent of the frequency.
+    ``pi c / (integral of |g| sin(theta)^2 over a period of theta)``, independent of the frequency.
 
     Parameters
     ----------
@@ -118,18 +118,18 @@ def match_impact_damping(viscous: Orbit, impact: System, contact: str | None = N
     Parameters
     ----------
     viscous
-        A motion of the viscously damped system, at a frequency at which one harmonic suffices; the result reports how
-        well it does (`DampingMatch.one_harmonic_share`).
+        A motion of the viscously damped system, at a frequency at which one harmonic describes it;
+        `DampingMatch.one_harmonic_share` says how well.
     impact
-        The system with impact damping in place of the viscous dampers; its own coefficient is ignored. It is evaluated
-        at the frequency of the motion.
+        The system with impact damping in place of the viscous dampers. The value of its impact damping is ignored, and
+        its frequency is set to that of the motion.
     contact
         Name of the contact; may be omitted if there is only one.
 
     Returns
     -------
     DampingMatch
-        Both impact dampings, and both motions.
+        The impact damping, by the closed form and from computed motions; and the motions of both systems.
 
     Raises
     ------

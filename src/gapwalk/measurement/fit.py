@@ -341,12 +341,12 @@ def align(
     Returns
     -------
     Alignment
-        Both histories at the best phase, and their agreement.
+        The measured and the computed history at the best phase, and their agreement.
 
     Raises
     ------
     ModelError
-        If there is no such signal, or the record is too short, too coarse, constant, or at another speed.
+        If there is no such signal, or the record is too short, too coarse, constant, or not at the speed of the orbit.
 
     Examples
     --------
@@ -481,7 +481,7 @@ def fit(
     signal, order
         As in `align`.
     bounds
-        Lowest and highest value by name. Clearances and damping coefficients are never negative.
+        Lowest and highest value of each parameter, by its name. Clearances and damping coefficients are never negative.
     phase
         Phase of the excitation at the first sample, if it is known; otherwise it is fitted too.
     options
@@ -495,7 +495,7 @@ def fit(
     Raises
     ------
     ModelError
-        If there is no such parameter or signal, a bound is invalid, or the record suits no period of the orbit.
+        If there is no such parameter or signal, a bound is invalid, or the record is refused, as by `align`.
     ConvergenceError
         If no minimum is found within the allowed number of evaluations.
 

@@ -169,7 +169,7 @@ def read_measurement(
     ----------
     path
         A CSV file (a line of column names, then numbers, separated by commas, semicolons or tabs; lines that begin with
-        ``#`` are comments; where commas do not separate numbers, they may be decimal ones), or a MAT, HDF5, Excel,
+        ``#`` are comments; where commas do not separate columns, they may be decimal commas), or a MAT, HDF5, Excel,
         MDF, TDMS or UFF file with a channel for each column.
     columns
         Names of the columns in the file, as in ``{"time": "t [s]", "acceleration": "a3"}``; by default ``time``,
@@ -241,14 +241,14 @@ def read_run_up(
     ----------
     file
         A file of any format with channels of time, speed and the signal, such as ``time (s), speed (rpm), mesh.force (N
-        m)``; or the text of a CSV file as ``io.StringIO``. Without units for a system without units. The speed is the
-        system's first parameter.
+        m)``; or the text of a CSV file as ``io.StringIO``. For a system without units, the columns have none either.
+        The speed is the system's first parameter.
     system
         The system.
     signal
         Its signal that was measured, as in `Motion.signal`.
     column
-        Name of the column of the signal; by default that named as the signal, or the only one with its unit.
+        Name of the column of the signal; by default the column named as the signal, or the only column with its unit.
 
     Returns
     -------

@@ -127,7 +127,7 @@ def check_fields(record: object, of: str = "") -> None:
 
 
 def field_problems(record: object) -> Iterator[str]:
-    """List the fields of a dataclass that are outside their bounds, one sentence each, without its name."""
+    """List the fields of a dataclass that are outside their bounds, one sentence each, to follow its name."""
     for name, bound in _bounds(type(record)):
         if not bound.has(value := getattr(record, name)):
             yield f"has {name} = {value!r}; it must be {bound}{', or left out' * bound.or_none}"

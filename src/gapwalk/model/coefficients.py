@@ -406,7 +406,7 @@ class ParameterLine:
         return system
 
     def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Compute the coefficients at one value of the parameter, and their derivative by it.
+        """Compute the coefficients at one value of the parameter, and their derivative by the parameter.
 
         Returns
         -------

@@ -62,7 +62,7 @@ def side_of(side: Side | str) -> Side:
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """One spring of a contact: it acts beyond its clearance, in addition to the stages inside it.
+    """One spring of a contact: it acts beyond its clearance, in addition to the stages with smaller clearances.
 
     Its force is ``stiffness * xi + cubic * xi**3`` with ``xi = x - clearance`` for a deflection
     ``x > clearance``, ``xi = x + clearance`` for ``x < -clearance``, and zero between.
@@ -84,22 +84,22 @@ class Stage:
     #: Further parameters of the stage by name: those of the contact's force law, and `hysteresis`, the limit of the dry
     #: friction that acts while the stage is closed (see `friction`).
     numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
-    #: The middle of the gap, at most as far from 0 as the clearance: then each side has a stage of its own, with
-    #: ``positive`` or ``negative`` in the names of its parameters.
+    #: The middle of the gap, at most as far from 0 as the clearance. If it is not 0, each side has a stage of its own,
+    #: with ``positive`` or ``negative`` in the names of its parameters.
     centre: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "side", side_of(self.side))
 
     def number(self, parameter: Parameter) -> float | None:
-        """Return the value of one of its parameters; None if it has none."""
+        """Return the value of one of its parameters; None if it has no such parameter."""
         if parameter.name in ("clearance", "stiffness", "cubic"):
             return getattr(self, parameter.name)
         return self.numbers.get(parameter.name, parameter.default)
 
     @property
     def sides(self) -> tuple[Stage, ...]:
-        """The stage, or one for each of its sides where its gap has another centre than 0."""
+        """The stage itself; if the centre of its gap is not 0, one stage for each side."""
         if not self.centre:
             return (self,)
         found = []
@@ -141,7 +141,7 @@ class Contact:
     law: Law = field(default_factory=lambda: law_of("elastic"))
     #: Parameters of the law by name; they may also be given as arguments.
     numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
-    #: Parameters that are equal to one of another contact: both names, as in ``{"belt_load.speed": "belt.speed"}``.
+    #: Parameters with the value of one of another contact: both names, as in ``{"belt_load.speed": "belt.speed"}``.
     shares: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __init__(
@@ -205,16 +205,16 @@ def force(
     name
         Prefix of its parameters' names.
     deflection
-        By coordinate name, for example ``{"q1": 1, "q2": -1}``: the formula calls it ``x``, and its rate ``v``. Or
-        several of them by their names in the formula, ``{"r": {"q1": 1}, "s": {"q2": 1}}``, with the rates ``r'``,
-        ``s'``.
+        The deflection by coordinate name, for example ``{"q1": 1, "q2": -1}``; in the formula it is ``x``, and its rate
+        ``v``. Or several deflections by their names in the formula, ``{"r": {"q1": 1}, "s": {"q2": 1}}``, with the
+        rates ``r'``, ``s'``.
     law
         The formula, with ``+ - * / **``, parentheses, ``sin cos exp log sqrt tanh abs min max`` and ``pi``; see
-        `gapwalk.model.laws.formula`. All other names are parameters, and ``W``, if it has no value, is the angular
-        frequency of the excitation (the speed of a rotor).
+        `gapwalk.model.laws.formula`. All other names are parameters, and ``W``, if no value is given for it, is the
+        angular frequency of the excitation (the speed of a rotor).
     acts_on
         The vector along which it acts, on the left-hand side of the equations of motion like a spring; by default its
-        deflection. Required if there are several.
+        deflection. Required if there are several deflections.
     numbers
         The parameters by name; they may also be given as arguments.
     **more
@@ -274,30 +274,30 @@ def friction(
     name
         Prefix of its parameters' names.
     deflection
-        The vector by coordinate name; friction acts against its rate.
+        The deflection by coordinate name; friction acts against its rate.
     limit
-        The force in slip, >= 0; or a formula of it, of the slip rate ``v`` and the deflection ``x``, as in
-        ``"mu*(n0 + k*x)/(1 + d*abs(v))"``. Where it becomes negative a motion is refused: write ``max(..., 0)``.
+        The force in slip, >= 0; or a formula of it, of the slip rate ``v`` and the deflection ``x``, as in ``"mu*(n0 +
+        k*x)/(1 + d*abs(v))"``. A motion on which the limit becomes negative is refused: write ``max(..., 0)``.
     numbers
         The parameters of the formula by name.
     coefficient, normal
         Instead of the limit: the coefficient of friction, and the name of the contact whose force presses.
     stages_of
-        Name of a contact, of which each closed stage adds its number `hysteresis` to the limit (then 0 by default).
+        Name of a contact; each of its closed stages adds its `hysteresis` to `limit`, which is then 0 by default.
     stiffness
         Stiffness of the spring in series; without it friction sticks rigidly.
     static
-        Force at which slip begins, divided by that in slip, >= 1; for friction that sticks rigidly.
+        Force at which slip begins, divided by the force in slip, >= 1; for friction that sticks rigidly.
     speed
-        Constant rate of the base, as of a belt: the slip rate is the rate of the deflection minus this one.
+        Constant rate of the base, as of a belt: the slip rate is the rate of the deflection minus this speed.
     force
         The vector along which it acts, on the left-hand side of the equations of motion; by default its deflection.
 
     Returns
     -------
     Contact
-        The friction. With a formula these are two contacts in one entry of a system's contacts: the second,
-        ``<name>_load``, has the parameters of the formula, and acts on nothing.
+        The friction. With a formula these are two contacts, which form one entry of a system's contacts; the second,
+        ``<name>_load``, has the parameters of the formula, and exerts no force.
 
     Raises
     ------
@@ -350,7 +350,7 @@ def backlash(
     name
         Prefix of its parameters' names.
     deflection
-        The vector by coordinate name, for example ``{"q1": 1, "q2": -1}``.
+        The deflection by coordinate name, for example ``{"q1": 1, "q2": -1}``.
     clearance
         Half of the total backlash, >= 0, in units of the deflection.
     stiffness
@@ -400,13 +400,13 @@ def stop(
     name
         Prefix of its parameters' names.
     deflection
-        The vector by coordinate name, for example ``{"q1": 1, "q2": -1}``.
+        The deflection by coordinate name, for example ``{"q1": 1, "q2": -1}``.
     clearance
         Distance of the stop from zero deflection, >= 0, in units of the deflection.
     stiffness
         Stiffness of its spring.
     side
-        ``"positive"`` or ``"negative"``: the sign of the deflection on which it is.
+        ``"positive"`` or ``"negative"``: the sign of the deflections at which the stop acts.
     force
         The vector along which it acts; by default its deflection.
     impact_damping
@@ -454,11 +454,11 @@ def rigid_stop(
     name
         Prefix of its parameters' names.
     deflection
-        The vector by coordinate name.
+        The deflection by coordinate name.
     clearance
-        Where the stop is, >= 0.
+        Distance of the stop from zero deflection, >= 0.
     restitution
-        Rate after an impact, divided by that before it: from 0 (no rebound) to 1 (no loss of energy).
+        Rate after an impact, divided by the rate before it: from 0 (no rebound) to 1 (no loss of energy).
     side
         ``"positive"``, ``"negative"``, or ``"both"`` for a gap between two rigid sides.
     force

@@ -577,7 +577,7 @@ def measured_spring(
     scale
         Factor of the whole force.
     force
-        Where it acts; by default along its deflection.
+        The vector along which it acts, by coordinate name; by default its deflection.
 
     Returns
     -------
@@ -587,7 +587,7 @@ def measured_spring(
     Raises
     ------
     ModelError
-        If the file is no curve.
+        If the file contains no curve.
 
     Examples
     --------

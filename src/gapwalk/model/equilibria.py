@@ -502,8 +502,8 @@ def find_equilibria(system: System) -> Rest:
 
     Where no spring ever softens and forces follow from an energy, the equilibrium is that of least energy, found by
     Newton's method. Otherwise there may be several: each combination of closed stages is tried. If there are too many,
-    the search goes from one combination to the next to which it leads. With cubic terms that soften, one combination
-    may have several equilibria.
+    the search goes from each combination to the one that is closed at its equilibrium. With cubic terms that soften,
+    one combination may have several equilibria.
 
     With forces by formulas (or other laws that are not polynomials) there may be any number of equilibria. With one
     coordinate and polynomial forces, all are found, as real roots; otherwise a search from many positions finds those

@@ -135,7 +135,7 @@ def or_rigid() -> WrapValidator:
 
 def friction_fields() -> dict[str, Any]:
     """Make the fields of the friction beside the springs of a contact."""
-    numbers = HYSTERESIS, Parameter(SPRING_OF_FRICTION, QuantityKind.STIFFNESS, "it is that of the spring that sticks")
+    numbers = HYSTERESIS, Parameter(SPRING_OF_FRICTION, QuantityKind.STIFFNESS, "it is the spring that sticks")
     return {each.name: (Annotated[number_of(each) | None, Field(description=each.words)], None) for each in numbers}
 
 
@@ -219,7 +219,7 @@ def _suits_the_stiffness(cls: type[Part], value: float | None, info: ValidationI
     if not bounces and value is not None and (rigid or isinstance(info.context.law, Rigid)):
         raise ValueError(f"is {given(value)}, but the stage is rigid, and loses energy by restitution; leave it out")
     if bounces and value is None and rigid and not isinstance(info.context.law, Rigid):
-        raise ValueError("is missing; it is the rate after an impact over that before it, as in restitution = 0.8")
+        raise ValueError("is missing; it is the rate after an impact over the rate before, as in restitution = 0.8")
     return value
 
 

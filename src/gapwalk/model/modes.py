@@ -159,7 +159,7 @@ _NO_ENERGY = (
 )
 _NO_GYROSCOPE = (
     "the damping matrix has gyroscopic terms, but mass and stiffness matrix are not both symmetric, so that no energy "
-    "is known that tells them from losses; write the equations of motion as forces on the coordinates, with "
+    "is known that separates them from losses; write the equations of motion as forces on the coordinates, with "
     "symmetric matrices mass and stiffness"
 )
 
@@ -263,9 +263,9 @@ def find_modes(system: System, at: Equilibrium | ModeState | str = Clearances.CL
     at
         ``"closed"``: with the first stage of every contact closed; ``"open"``: with none; ``"stuck"``: closed, and all
         dry friction sticks, by the spring of a Jenkins element or rigidly; ``"held"``: stuck, and every rigid stop is
-        held; all with the slopes of formulas at zero deflection. Otherwise dry friction is left out, and rigid stops
-        are open. Or an equilibrium from `find_equilibria`, with the stages that are closed there, and the slopes there.
-        Numbers that vary over the angle have their mean value.
+        held; all with the slopes of formulas at zero deflection. Dry friction that is not stuck is left out, and rigid
+        stops that are not held are open. Or an equilibrium from `find_equilibria`, with the stages that are closed
+        there, and the slopes there. Numbers that vary over the angle have their mean value.
 
     Returns
     -------
@@ -276,7 +276,7 @@ def find_modes(system: System, at: Equilibrium | ModeState | str = Clearances.CL
     ------
     ModelError
         For any other word, if a formula has no finite value and slope at zero deflection, or if there are gyroscopic
-        terms in equations that do not show their energy.
+        terms in equations from which no kinetic energy follows.
 
     Examples
     --------

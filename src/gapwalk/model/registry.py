@@ -89,12 +89,13 @@ class Parameter:
 
     name: str  #: The last part of its name, as in ``stop.impact_damping``, and its key in a model file.
     #: Its kind of quantity, which determines its unit in a drive train and its change with the unit of length. None for
-    #: a plain number; in a drive train with units, its unit is made of that of angles, s and N m.
+    #: a number without a kind; `angle` and `torque` then give its unit in a drive train.
     kind: QuantityKind | None
     words: str  #: Explanation of the parameter, after its name: ``it is half the width of the gap``.
     default: float | None = None  #: Default value; None if the parameter is required.
     least: float | None = None  #: Its smallest value; None if it may be negative.
-    #: angle, torque: For a parameter without a kind, the powers of an angle (a length) and of a torque (a force) in it.
+    #: angle, torque: For a parameter without a kind, the powers of an angle (or length) and of a torque (or force) in
+    #: it.
     angle: int = 0
     torque: int = 0
     #: True if a model file that names the law may leave out this parameter of the contact as a whole.
@@ -106,7 +107,7 @@ class Parameter:
 
     @property
     def growth(self) -> int:
-        """The power of the unit of length by which its number grows; forces, by mass, are divided by that unit."""
+        """The power of L by which its number changes if the units of length and of force become L times as large."""
         powers = self.kind or self
         return -powers.angle - powers.torque
 

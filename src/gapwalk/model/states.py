@@ -86,7 +86,7 @@ class State:
 
     @classmethod
     def of(cls, kind: str, name: str, deflection: Mapping[str, float], **numbers: Any) -> State:
-        """Make a state of a kind that has formulas of its own.
+        """Make a state of a known kind, whose formulas are built in.
 
         Parameters
         ----------
@@ -98,7 +98,7 @@ class State:
         name
             Its name.
         deflection
-            The deflection by coordinate name, along which the force acts, too.
+            The deflection by coordinate name; the force acts along the same vector.
         **numbers
             Its numbers.
 
@@ -220,7 +220,7 @@ for _kind in (
         "bouc_wen",
         "the hysteresis of Bouc and Wen",
         (
-            Parameter("stiffness", QuantityKind.STIFFNESS, "it is that of the elastic and the hysteretic part"),
+            Parameter("stiffness", QuantityKind.STIFFNESS, "it belongs to the elastic and the hysteretic part"),
             Parameter("share", None, "it is the elastic share of the stiffness, from 0 to 1"),
             Parameter("A", None, "it is the slope of z over x at rest", 1.0),
             Parameter("beta", None, "it is the factor of |x'| |z|^(n-1) z", None, angle=-1),

@@ -39,7 +39,7 @@ class ProportionalDamping(Bounded):
     Raises
     ------
     ModelError
-        If one of them is not a finite number.
+        If `mass` or `stiffness` is not a finite number.
 
     Examples
     --------
@@ -82,7 +82,7 @@ class ModalDamping:
     """
 
     #: Shares of the critical damping, from the mode of the lowest frequency on. The last ratio is used for all higher
-    #: modes, so that one number suffices for all modes. A motion without stiffness remains undamped.
+    #: modes, so that one number suffices for all modes. Modes without stiffness remain undamped.
     ratios: float | Sequence[float]
 
     def __post_init__(self) -> None:
@@ -191,8 +191,8 @@ class System(Shown):
     over_speed
         Factors of other numbers that depend on the frequency, by their names: ``{"brake.limit": "1 + 0.1*W"}``.
     states
-        States without inertia. A coordinate whose row and column of the mass matrix are zero is one, too: its equation
-        is of first order by its damping.
+        States without inertia. A coordinate whose row and column of the mass matrix are zero is such a state, too; its
+        equation is of first order, by its damping.
 
     Raises
     ------
@@ -340,7 +340,7 @@ class System(Shown):
     def beside(cls, other: System, place: int, value: float) -> System:
         """Make a system that differs from another one by the value at one place, which is not checked.
 
-        Both share their numbers until all of them are needed: a thousand degrees of freedom have millions.
+        Both share their numbers until all of them are needed.
 
         Parameters
         ----------
@@ -394,10 +394,10 @@ class System(Shown):
         return self.structure.state_names
 
     def state_scales(self, length: float = 1.0, frequency: float | None = None) -> NDArray[np.float64]:
-        """Return the size of each entry of a state in a motion of one length, shape (state_size,).
+        """Return the size of each entry of a state in a motion of a given size, shape (state_size,).
 
-        A velocity counts as that length times a frequency, by default the frequency W of the excitation. The extension
-        of a contact is a length.
+        A velocity counts as `length` times a frequency, by default the frequency W of the excitation. The extension of
+        a contact is a length.
 
         Parameters
         ----------
@@ -425,7 +425,7 @@ class System(Shown):
         """Periods of the excitation in one turn of the shaft whose speed is the first parameter; a fraction for some.
 
         Orders are then counted per turn of that shaft. None where the first parameter is the frequency W of the
-        excitation: there they are multiples of it.
+        excitation: there orders are multiples of W.
         """
         return None if self.units is None else self.units.turns
 
@@ -444,7 +444,7 @@ class System(Shown):
 
     @property
     def equations(self) -> System:
-        """The equations of motion as a system; the system itself, unless an assembly makes them (a drive train)."""
+        """The equations of motion as a system: of a drive train a system of its own, otherwise the system itself."""
         if self.structure.assembly is None:
             return self
         try:
@@ -460,15 +460,12 @@ class System(Shown):
 
     @property
     def breakpoints(self) -> list[tuple[int, int, float]]:
-        """Number of the contact, side (1 or -1) and clearance of each switch of the flow."""
+        """Number of the contact, side (1 or -1) and clearance of each switch of the flow (a stage on one side)."""
         return [(contact, side, self._at(place)) for contact, side, place in self.structure.breakpoints]
 
     @property
     def gapless(self) -> tuple[bool, ...]:
-        """True for each switch of the flow whose stage acts on both sides without a gap: such a stage never opens.
-
-        Where its force jumps from one side to the other, as with a preload, it does.
-        """
+        """True for each switch whose stage acts on both sides without a gap, and without a jump of the force."""
         return tuple(
             [
                 paired and self._at(place) == 0.0 and not (jump and self._jump(jump))
@@ -496,7 +493,7 @@ class System(Shown):
         Returns
         -------
         array, shape (n,)
-            By the coordinates.
+            One entry for each coordinate.
         """
         system = self.equations
         return system.values[system.structure.block(which, self.size)]

@@ -138,21 +138,21 @@ PLAIN = Unit("", 1.0)
 
 
 class QuantityKind(Enum):
-    """The kinds of quantities of a drive train; phases are angles of the excitation, which no unit scales.
+    """The kinds of quantities of a drive train; a phase is an angle of the excitation, not of the train.
 
     Parameters
     ----------
     words
         Name with its article.
     reference
-        The unit in which it is counted inside, as pint writes it.
+        The unit in which gapwalk computes, as the library pint writes it.
     unit
-        The unit in which its parameters are counted where a file gives none.
+        The unit of its parameters where a file gives none.
     usual
-        Units in which it is written, the most usual one first.
+        Units in which files give it, the most usual one first.
     angle, time, torque
-        The powers of an angle of the train, of time and of torque in it. Inertia is counted per angle: times an
-        acceleration it is a torque.
+        The powers of an angle of the train, of time and of torque in its unit. Inertia is counted per angle: an inertia
+        times an angular acceleration is a torque.
 
     Examples
     --------
@@ -357,11 +357,11 @@ class Units:
     #: If the first parameter is the speed of a shaft: periods of the excitation in one turn of it, which may be a
     #: fraction. None if it is the frequency of the excitation.
     turns: int | Fraction | None = None
-    #: Parameters whose kind does not follow from their names, each with its kind: the fraction by which a load varies a
-    #: stiffness, a displacement, the parameters of a formula. Those without a kind have the unit that follows.
+    #: Parameters whose kind does not follow from their names, each with its kind, or None, and a unit, which holds if
+    #: the kind is None: the fraction by which a load varies a stiffness, a displacement, the parameters of a formula.
     own: tuple[tuple[str, QuantityKind | None, Unit], ...] = ()
     shaft: str = field(default="", compare=False)  #: Name of that shaft's inertia; empty if there is none.
-    #: Inertias with a radius, in m, at which their accelerations are counted.
+    #: Inertias with a radius, in m, at which their accelerations are given.
     radii: tuple[tuple[str, float], ...] = ()
 
     def _check_read(self) -> None:
@@ -445,14 +445,14 @@ class Units:
     def signal(self, name: str) -> tuple[float, str]:
         """Return the factor from consistent units to the unit of a signal of a motion, and that unit.
 
-        Positions, deflections and velocities are as in states, torques in N m; speeds of inertias and of slips in rpm.
-        Accelerations are in rad/s^2, but ``gear.acceleration`` of an inertia with a radius is in m/s^2 at that radius.
-        The mode of friction has none.
+        Positions, deflections and velocities have the units of `state`, torques N m; speeds of inertias and of slips in
+        rpm. Accelerations are in rad/s^2, but ``gear.acceleration`` of an inertia with a radius is in m/s^2 at that
+        radius. A mode of friction (slip or stick) has no unit.
 
         Returns
         -------
         factor : float
-            Size in consistent units, inverted.
+            One over the size of the unit in consistent units.
         unit : str
             The unit.
         """

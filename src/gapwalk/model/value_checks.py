@@ -134,7 +134,7 @@ def _host_problems(structure: Structure, values: NDArray[np.float64]) -> Iterato
                     yield f"{name} is {given:g}; it must be >= 0: friction only takes energy"
             if form.name not in hosted:
                 yield (
-                    f"{form.name} has stages with hysteresis, but there is no friction by them; add "
+                    f"{form.name} has stages with hysteresis, but no friction uses it; add "
                     f'gw.friction("{form.name}_friction", ..., stages_of="{form.name}")'
                 )
         if not isinstance(law, Friction) or not law.host:

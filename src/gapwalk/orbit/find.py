@@ -68,10 +68,10 @@ def find_orbit(
     start
         ``"rest"``: Newton's method from the state zero. ``"settle"``: Newton's method from the end of a transient from
         rest. If that finds no orbit, other starts are tried: states of the settled motion that nearly repeat, their
-        mean, rest, orbits at other frequencies that are followed to this one, and harmonic balance. ``"linear"``: the
-        linear response with all gaps open, stable or not. Or a state at theta = 0: positions, then velocities, then
-        extensions, which are 0 if they are left out. If small changes of its motion grow so much that Newton's method
-        fails, the period is divided into more segments.
+        mean, rest, orbits at other frequencies that are followed to this frequency, and harmonic balance. ``"linear"``:
+        the linear response with all gaps open, stable or not. Or a state at theta = 0: positions, then velocities, then
+        extensions of Jenkins elements, which are 0 if they are left out. If small changes of the motion grow so much
+        that Newton's method fails, the period is divided into more segments.
     method
         Discretisation of the orbit: `Shooting` (the default) or `Balance`.
     newton

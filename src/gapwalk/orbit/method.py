@@ -62,7 +62,7 @@ class Method(Bounded):
 
     @classmethod
     def resolving(cls, orbit: Orbit, count: int) -> Method:
-        """Return the method that poses one of its orbits with a given number of unknowns."""
+        """Return this method with the options with which its equation for an orbit has a given number of unknowns."""
         return cls()
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> OrbitEquation:
@@ -74,12 +74,12 @@ class Method(Bounded):
         return self
 
     def for_loci(self) -> Method:
-        """Return the method by which loci are followed from one of its orbits."""
+        """Return the method by which loci are followed from an orbit that this method found."""
         return self
 
     @staticmethod
     def words(orbits: Sequence[Orbit]) -> str:
-        """Describe the resolution of some of its orbits in a sentence; empty if the method has none to report."""
+        """Describe the resolution of orbits, such as their number of harmonics, in a sentence; empty if it has none."""
         return ""
 
     @classmethod

@@ -289,7 +289,7 @@ class Orbit(LateFields, Shown):
     events: tuple[ContactEvent, ...]  #: Crossings of breakpoints in one full period.
     residual: float  #: Largest component of the difference between its end and its start.
     steps: int  #: Number of integration steps over the orbit; it determines the sampling.
-    #: Beginnings of slip and stick of friction in one full period; the modes at its start come first.
+    #: Beginnings of slip and stick of friction in one full period, first those that already last at its start.
     slips: tuple[SlipEvent, ...] = field(default=(), kw_only=True)
     #: Numbers of the contacts whose friction never slips and keeps its position: the orbit is one of a continuum.
     stuck: tuple[int, ...] = field(default=(), kw_only=True)
@@ -316,17 +316,17 @@ class Orbit(LateFields, Shown):
 
     @cached_property
     def instability(self) -> Instability:
-        """Numbers of multipliers outside the unit circle, by where they left it, and of those on it."""
+        """Numbers of multipliers outside the unit circle (above 1, below -1, complex pairs), and of those on it."""
         return classify(self.free_multipliers, self.multiplier_error if self.is_exact else 0.0)
 
     @cached_property
     def free_multipliers(self) -> NDArray[np.complex128]:
-        """Multipliers with 0 in place of those of what friction keeps that never slips; they decide on stability."""
+        """Multipliers that decide on stability: 0 replaces those of positions that friction always keeps."""
         return without_kept(self.multipliers, self.kept)
 
     @property
     def kept(self) -> int:
-        """Number of multipliers that are exactly 1, for the orbit is one of a continuum; they say nothing of it."""
+        """Number of multipliers that are exactly 1 because the orbit is one of a continuum; stability ignores them."""
         return len(self.stuck) or self._drifts.shape[1]
 
     @cached_property
@@ -335,7 +335,7 @@ class Orbit(LateFields, Shown):
 
     @cached_property
     def drift(self) -> NDArray[np.float64]:
-        """Increments of the positions over the orbit's period, shape (n,); zero but for what moves over the ground.
+        """Increments of the positions over the orbit's period, shape (n,); zero for parts that return to their place.
 
         A motion repeats up to a translation in a direction in which no force depends on a position, as of a mass that
         slides by dry friction: its position at the start is any.
@@ -347,7 +347,7 @@ class Orbit(LateFields, Shown):
 
     @property
     def own_method(self) -> Method | None:
-        """The method without which it is not isolated, so that no other one can follow it; None if any method can."""
+        """The only method that can follow the orbit, as it is not isolated by others; None if any method can."""
         return None
 
     @property
@@ -362,10 +362,7 @@ class Orbit(LateFields, Shown):
 
     @cached_property
     def multiplier_error(self) -> float:
-        """Approximate error of the multipliers: of the one nearest to 1 by rounding of the state; 0 if none is near it.
-
-        Where the motions are nearly a continuum, rounding moves the state far along it, and the multiplier with it.
-        """
+        """Approximate error of the multiplier nearest to 1, by rounding of the state; 0 if no multiplier is near 1."""
         near = min([abs(each - 1.0) for each in self.free_multipliers.tolist()], default=1.0)
         is_near = _EXACTLY < near < (_KEPT if self.slips else _NEARLY)
         if not is_near or self.stuck or len(self.restarts) or self.own_method is not None:
@@ -398,7 +395,7 @@ class Orbit(LateFields, Shown):
         return Method.named(self.found_by)
 
     def posed_in(self, count: int) -> Method:
-        """Return the method, with the options that pose this orbit with a given number of unknowns."""
+        """Return the method with the options with which its equation for this orbit has a given number of unknowns."""
         return self.method.resolving(self, count)
 
     @cached_property
@@ -415,10 +412,9 @@ class Orbit(LateFields, Shown):
 
     @cached_property
     def chatters(self) -> dict[int, list[float]]:
-        """Angles from each impact on a rigid stop to the one from which the stop is held, by switches that are held.
+        """Angles from each impact on a rigid stop to the instant from which the stop is held, for each switch.
 
-        Those from where the stop lets go, before the first of these impacts, are among them. There are infinitely many
-        impacts before a stop is held, and the log has those that are not too close to that.
+        Infinitely many impacts precede this instant; the log has those that are not too close to it.
         """
         found, full = {}, PERIOD * self.period
         for switch in {switch for _, switch in self.system.structure.reactions if switch >= 0}:
@@ -431,9 +427,9 @@ class Orbit(LateFields, Shown):
 
     @cached_property
     def held(self) -> dict[int, tuple[int, int]]:
-        """Number of phases of a period in which each rigid stop is held, and in which it is not, by switches.
+        """Number of phases of a period in which each rigid stop is held, and in which it is not, for each switch.
 
-        A part that touches its stop all the time without a force is let go of, but does not leave it.
+        A stop that a part touches all the time, at times without a force, is held all the time.
         """
         found: dict[int, tuple[int, int]] = {}
         for switch in {switch for _, switch in self.system.structure.reactions if switch >= 0}:
@@ -457,10 +453,8 @@ class Orbit(LateFields, Shown):
     def closing_changes(self, other: Orbit) -> tuple[int, ...]:
         """Count how much more often each switch closes in another orbit, near this one; negative if less often.
 
-        Infinitely many impacts precede a phase in which a stop is held, so their number in the log means nothing. A
-        graze splits a flight between two of them in two. Where flights cannot be compared one by one, as where a stop
-        is held several times, those impacts are counted that precede a gap between two. If the stop is held in only one
-        of both motions, nothing is counted: between these, infinitely many impacts graze.
+        Infinitely many impacts precede a phase in which a stop is held, so flights between impacts are compared. If the
+        stop is held in only one of the two motions, nothing is counted: between them, infinitely many impacts graze.
         """
         changes = [then - now for now, then in zip(self.closings, other.closings, strict=True)]
         for switch, phases in self.held.items():
@@ -507,7 +501,7 @@ class Orbit(LateFields, Shown):
 
     @property
     def z(self) -> str:
-        """Impacts p in n forcing periods, such as ``3/2``, on both sides of a contact together; of several, by name."""
+        """Impacts p in n forcing periods, such as ``3/2``, on both sides together; of several contacts, by name."""
         stages = [contact.name for contact in self.system.structure.contacts if contact.stages]
         found = {name: round(self.period * self.measure(f"impacts.{name}")) for name in stages}
         texts = [
@@ -519,9 +513,8 @@ class Orbit(LateFields, Shown):
     def friction(self) -> dict[int, list[FrictionPhase]]:
         """Phases of slip and stick in one full period of each contact that is dry friction, by its number.
 
-        If the log has slip in one direction only, on a base at rest, its length is rounding: otherwise friction would
-        end elsewhere than it began. Such friction sticks, and its force just reaches its bound. Friction whose host
-        opens or closes meanwhile is let go of there, and may end where it began without slip in the other direction.
+        Slip in one direction only, on a base at rest, is a rounding error, because real slip would not return to where
+        it began: such friction sticks, unless its contact opens or closes meanwhile.
         """
         full, found, structure = PERIOD * self.period, {}, self.system.structure
         layout, coefficients = layout_of(structure), coefficients_of(self.system)
@@ -550,7 +543,7 @@ class Orbit(LateFields, Shown):
     def jacobian(self) -> NDArray[np.float64]:
         """Derivatives of the state after the orbit's period by its state at theta = 0, shape (state_size, state_size).
 
-        Its eigenvalues are the multipliers; events contribute their jumps. Residual: `residual`.
+        Its eigenvalues are the multipliers; the jumps at events are included. Residual: `residual`.
         """
         flow, coefficients = flow_of(self.system, transition=True), coefficients_of(self.system)
         found = np.eye(len(self.state))
@@ -573,7 +566,7 @@ class Orbit(LateFields, Shown):
 
     @cached_property
     def turned_back(self) -> tuple[str, ...]:
-        """The drags that slip in the other direction for a while, in which their torques are wrong."""
+        """The drags whose slip reverses for a while; during that time their computed torques are wrong."""
         return tuple(drags_turned_back(self.motion())) if one_sided_drags(self.system.structure) else ()
 
     def begun_in(self, state: NDArray[np.float64]) -> Orbit:
@@ -634,8 +627,8 @@ class Orbit(LateFields, Shown):
     def turning_depths(self) -> tuple[Turns, ...]:
         """Angles at which the deflection of each switch turns, and its depths beyond the breakpoint there.
 
-        At an impact on a rigid stop the depth is 0 but for rounding. In its place stands the height of a throw at the
-        speed of the impact: it is positive, and goes to 0 where the motion only grazes.
+        At an impact on a rigid stop the depth is 0 but for rounding. Instead, the height of a throw at the speed of the
+        impact is given: it is positive, and goes to 0 where the motion only grazes.
         """
         depths = []
         for switch, (contact, side, clearance) in enumerate(self.system.breakpoints):
@@ -656,10 +649,10 @@ class Orbit(LateFields, Shown):
 
         The first part is ``max``, ``min``, ``half`` (half the peak-to-peak), ``peak_to_peak``, ``mean``, ``rms``; or
         ``h0``, ``h1``, ... or ``order1``, ... (amplitude of a harmonic of W, or of an order per turn of a shaft;
-        ``h1/2`` for half of it, ``order2+4+6`` for the root of the sum of squares); the second a signal. ``a/b`` is the
-        ratio of two measures, or of one of two signals: ``order2.input.speed/flywheel.speed``. With ``db.`` in front
-        it is a level in dB: see `gapwalk.model.measures`. ``impacts`` and a contact: its impacts per forcing period;
-        ``drift`` and a coordinate: its progress in one.
+        ``h1/2`` for that of W/2, ``order2+4+6`` for the root of the sum of squares); the second a signal. ``a/b`` is
+        the ratio of two measures, or of one of two signals: ``order2.input.speed/flywheel.speed``. With ``db.`` in
+        front it is a level in dB: see `gapwalk.model.measures`. ``impacts`` and a contact: its impacts per forcing
+        period; ``drift`` and a coordinate: its progress per forcing period.
         """
         return measure(self, name)
 

@@ -66,7 +66,7 @@ class OrbitEquation:
 
     To add a discretisation of orbits, derive from this a frozen dataclass with a default for `options`, and write a
     `Method` that creates it. `evaluate`, `orbit`, `unknowns`, `scales`, `start`, `otherwise` and `embed` are required;
-    the others have defaults. Continuation, special points and everything above require no more.
+    the others have defaults. Continuation, special points and all code that uses these require no more.
 
     Examples
     --------
@@ -110,12 +110,12 @@ class OrbitEquation:
         raise NotImplementedError
 
     def evaluate_late(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Return the evaluation with its derivatives late where they cost far more than the residual."""
+        """Return the evaluation; derivatives that cost far more than the residual are computed at their first use."""
         return self.evaluate(unknowns, value)
 
     @property
     def is_dear(self) -> bool:
-        """True if derivatives cost far more than the residual, so that those of a neighbour serve where they can."""
+        """True if derivatives cost far more than the residual, so those of a nearby point are used where possible."""
         return False
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
@@ -134,7 +134,7 @@ class OrbitEquation:
         return [self.unknowns(orbit.begun_in(state)) for state in phases(orbit)[1:]]
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
-        """Return the change of each unknown that weighs as much as a motion of one length; shape (N,).
+        """Return the change of each unknown that counts as much as a displacement of this length; shape (N,).
 
         Velocities count as lengths times a frequency, by default that of the system.
         """
@@ -149,7 +149,7 @@ class OrbitEquation:
         raise NotImplementedError
 
     def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
-        """Return a change of the unknowns as one of the unknowns of `otherwise()`; additional ones are zero."""
+        """Convert a change of the unknowns to the unknowns of `otherwise()`, of which additional ones do not change."""
         raise NotImplementedError
 
     @property

@@ -56,8 +56,8 @@ class Shooting(Method):
 
     name: ClassVar[str] = "shooting"
 
-    #: Number of segments into which the orbit's period is divided (multiple shooting): 1 suits most orbits; more help
-    #: if the motion is strongly unstable.
+    #: Number of segments into which the orbit's period is divided (multiple shooting): 1 suits most orbits; use several
+    #: for strongly unstable motions.
     segments: Annotated[int, Ge(1), Le(_SEGMENTS)] = 1
     #: Largest residual of an orbit, relative to the size of its state.
     tolerance: Annotated[float, Ge(1e-14), Le(1e-3)] = 1e-10

@@ -139,7 +139,7 @@ class Workers(Here):
 
     @property
     def in_progress(self) -> float:
-        """Sum of the shares that are done of the pieces in progress, as far as they tell it."""
+        """Sum, over the pieces in progress, of the share that is done, as far as the pieces report it."""
         return sum(pieces_of_work.shares) + getattr(self.executor, "in_progress", 0.0)
 
     def prepare(self) -> None:
@@ -157,7 +157,7 @@ class Workers(Here):
     ) -> Iterator[tuple[int, Result]]:
         """Do the pieces that are needed: the index of each piece with its result.
 
-        A piece whose process dies is done again. The pieces may become more while they are done.
+        A piece whose process dies is done again. Further pieces may be added meanwhile.
 
         Parameters
         ----------
@@ -222,7 +222,7 @@ def _do_with(modules: Sequence[str], function: Callable[[Any], Any], piece: Any)
             import_module(module)
         except ImportError as error:
             raise WorkError(
-                f"a worker cannot import {module}, which registers a kind ({error}): install it there, or "
+                f"a worker cannot import {module}, which extends gapwalk ({error}): install it there, or "
                 "write workers=1"
             ) from None
     return function(piece)

@@ -528,9 +528,9 @@ def reduce(
 ) -> Reduction:
     """Reduce a system by Craig and Bampton's method, retaining its contact coordinates.
 
-    The reduced system is an ordinary system: shooting, continuation, sweeps, basins and regime maps apply to it. The
-    coordinates at which contacts act, and loads on one or two coordinates, are retained under their own names. All
-    other coordinates are replaced by ``mode1``, ``mode2``, ...
+    The reduced system is an ordinary system, to which all methods apply. The coordinates at which contacts act, and
+    loads on one or two coordinates, are retained under their own names. All other coordinates are replaced by
+    ``mode1``, ``mode2``, ...
 
     Parameters
     ----------

@@ -231,7 +231,7 @@ _COLUMNS = {"name": str, "number": int, "head": str, "arrays": bytes, "checksum"
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Kind of part of a file.
+    """Kind of part of a result file, such as the points of branches.
 
     Examples
     --------
@@ -242,8 +242,8 @@ class Part:
 
     name: str  #: Its name in a file.
     type: Any  #: The type hint of its contents.
-    #: True if a file may have several: each has a number and is written once. Otherwise there is one at most, and a new
-    #: one replaces it.
+    #: True if a file may have several parts of this kind: each has a number and is written once. Otherwise it has one
+    #: at most, and a new part replaces it.
     numbered: bool = False
 
     def entry(self, value: Any, number: int = 0) -> Entry:

@@ -40,7 +40,8 @@ class BackboneStudy(StudyKind):
     #: Positions from which the system is released at rest, in place of modes, where there is no linear mode: one for
     #: each coordinate, in units of the model.
     release: tuple[float, ...] = ()
-    #: begin, end: Range of the frequency (``from``, ``to``); by default a fifth to five times the first frequency.
+    #: begin, end: Range of the frequency (``from``, ``to``); by default from a fifth of the first frequency to five
+    #: times that.
     begin: Annotated[Speed, Field(alias="from")] = None
     end: Annotated[Speed, Field(alias="to")] = None
     #: Amplitude at which a backbone ends, in clearances (in units of length for a system without gaps).

@@ -66,11 +66,11 @@ class BasinOptions(Bounded):
     longest: Counted = 3000
     max_period: Counted = 64  #: Longest period m of the orbits to be found.
     tries: Counted = 48  #: Largest number of motions that are settled and classified one by one, with the exact flow.
-    #: True to find the label of every cell at a border between basins with the exact flow, and of those within two
-    #: cells of a label that was wrong; otherwise those of `check` cells at borders are.
+    #: True to find the attractor of every cell at a border between basins with the exact flow, and of cells within two
+    #: cells of a wrong one; False to do this for `check` cells at borders only.
     exact_borders: bool = True
-    #: Number of random cells elsewhere whose label is found again with the exact flow; with `exact_borders`, as many
-    #: again until none of them is wrong.
+    #: Number of random cells away from borders whose attractor is found again with the exact flow; with
+    #: `exact_borders`, as many more are checked until none is wrong.
     check: Natural = 1024
     #: Seed of the choice of the states that are examined first, of those that are checked, and of random starts.
     seed: Natural = 0
@@ -307,7 +307,7 @@ def basin_shares(
         As in `gapwalk.basins`.
     keywords
         Further keywords of `gapwalk.basins`: ``longest``, ``max_period``, ``tries``, ``exact_borders``, ``check``,
-        ``seed``. A start is at a border if its label differs from that of one of those nearest to it.
+        ``seed``. A start is at a border if its attractor differs from that of one of the nearest starts.
 
     Returns
     -------

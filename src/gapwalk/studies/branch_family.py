@@ -102,8 +102,8 @@ class MemberParameter:
     #: Each parameter with its values, one for each member: what an engineer calls one quantity may change several
     #: coefficients.
     moved: tuple[tuple[str, tuple[float, ...]], ...]
-    #: Name of the quantity that differs, if it is not one of the parameters (or a function of them), such as ``"Kb"``;
-    #: by default the first of them.
+    #: Name of the quantity that differs, if it is none of the parameters (a function of them, say), such as ``"Kb"``;
+    #: by default the first parameter.
     called: str = ""
     values: tuple[float, ...] = ()  #: Its values; by default those of the first parameter. They rise or fall.
 
@@ -143,7 +143,7 @@ class MemberParameter:
     def of(
         cls, over: MemberParameter | Mapping[str, Sequence[float]], called: str = "", values: Sequence[float] = ()
     ) -> MemberParameter:
-        """Make it from a mapping of names to values.
+        """Make a MemberParameter from a mapping of names to values.
 
         Parameters
         ----------
@@ -166,7 +166,7 @@ class MemberParameter:
 
     @property
     def axis(self) -> tuple[float, ...]:
-        """Value of that quantity at each member."""
+        """Value of the quantity that the family is over, at each member."""
         return self.values or self.moved[0][1]
 
     @property
@@ -175,7 +175,7 @@ class MemberParameter:
         return tuple(name for name, _ in self.moved)
 
     def at(self, number: int) -> dict[str, float]:
-        """Return the values of the parameters of one member, from 0.
+        """Return the values of the parameters of one member.
 
         Parameters
         ----------

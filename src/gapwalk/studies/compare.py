@@ -352,7 +352,7 @@ _FAR = 1e3
 
 
 def compare_results(first: Result, second: Result, measures: str | Sequence[str] | None = None) -> Any:
-    """Compare two results of studies of one system over the same parameters, e.g. by two methods: branches, or cells.
+    """Compare two results of studies of one system over the same parameters, for example by two methods.
 
     Each branch of one is compared with the one of equal period in the other that is nearest to it. The branches of the
     sections of maps, and their loci, are compared in the same way. Maps of regimes, basins and rattle are compared cell
@@ -379,9 +379,9 @@ def compare_results(first: Result, second: Result, measures: str | Sequence[str]
 
     Notes
     -----
-    A length is a share of a range: of the parameter's, and of each measure's, over all branches of both results. Two
-    motions at one value of the parameter cannot be compared at a fold, so what counts is the distance of the points of
-    each branch from the other one, as a curve over the parameter in the space of the measures (see `compare`).
+    Lengths are relative to the range of the parameter, and to the range of each measure over all branches of both
+    results. Two motions at one value of the parameter cannot be compared at a fold, so the distance of the points of
+    each branch from the other branch counts, as a curve over the parameter in the space of the measures.
 
     Examples
     --------

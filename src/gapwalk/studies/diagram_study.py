@@ -49,7 +49,7 @@ class DiagramOptions(Bounded):
 
     #: Longest period, in forcing periods, of branches to switch to.
     max_period: Annotated[int, Ge(1), Le(MAX_VALUES)] = 8
-    #: Number of branches after which it stops and reports that limit.
+    #: Number of branches after which the diagram stops; a note then says so.
     max_branches: Annotated[int, Ge(1), Le(MAX_VALUES)] = 200
     #: Number of processes; by default one for each local core. The result does not depend on it.
     workers: Counted | None = field(default=None, compare=False)
@@ -113,7 +113,7 @@ class DiagramStudyOptions(DiagramOptions, BranchOptions):
 
     @classmethod
     def of_call(cls, values: dict[str, Any], system: System) -> Self:
-        """Return the study of a call; an orbit from which it starts is kept beside it, its state is in a file."""
+        """Return the study of a call; a start orbit stays in memory, its state is in the file."""
         orbit, rest = values.get("start"), {"measure": "", **values}
         if orbit is not None and not isinstance(orbit, Orbit | str):
             rest["start"] = tuple(float(each) for each in orbit)

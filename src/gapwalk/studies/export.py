@@ -323,7 +323,7 @@ def _cell(sheet: Any, value: Any) -> Any:
 
 
 def save_tables(record: Described, stem: str | os.PathLike[str], form: str = "csv") -> tuple[Path, ...]:
-    """Write all tables of a record: of a result points, special points, and others of its kind of study.
+    """Write all tables of a record; those of a result are its points, its special points, and others of its study.
 
     Numbers have all digits, so that reading restores them exactly.
 

@@ -289,7 +289,8 @@ class RattleStudy(RangeStudy):
     #: Number of values of the parameter at which motions that the sweeps do not meet are sought; None: three, or 40
     #: where motions are settled at each step.
     search: Natural | None = None
-    #: Number of random starts at each of these values, and at the value of the worst motion, which give its share.
+    #: Number of random starts at each value of `search`, and at the value of the worst motion, to find the share of
+    #: this motion.
     starts: Natural = 16
     seed: Natural = 0  #: Seed of these starts.
     #: Acceleration to which levels in dB refer, in rad/s^2 or non-dimensional.

@@ -127,7 +127,7 @@ class Result(Shown):
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Failures to walk or to explain something, in sentences.
+        """What could not be walked, or not be explained, in sentences.
 
         They concern whole branches and loci, ends due to numerical failures, and steps in which a special point was
         missed.
@@ -233,8 +233,8 @@ class Result(Shown):
     def tables(self) -> Tables:
         """Return the tables of the result by name; `gapwalk.save_tables` writes them.
 
-        ``points`` and ``special-points`` are those of its branches; of a map those of its loci, and the points of its
-        branches are in ``sections``. What a search for a diagram has covered is in ``search``. A study without branches
+        ``points`` and ``special-points`` belong to its branches. Of a map they belong to its loci, and ``sections`` has
+        the points of its branches. What a search for a diagram has covered is in ``search``. A study without branches
         has tables of its own.
 
         A row of a point has number and name of its branch, period, parameter (on the sections of a map, both),

@@ -340,7 +340,7 @@ class RunUpStudy(StudyKind):
     with_response: bool = False
     #: Highest order of the spectra of `signal` along a single run-up, shown as a waterfall; 0: none.
     orders: Annotated[float, Ge(0.0), Le(1000.0)] = 0.0
-    #: Length of these spectra in turns of the reference shaft (in forcing periods without a speed): of 8, orders are
+    #: Length of these spectra in turns of the reference shaft (in forcing periods without a speed): with 8, orders are
     #: 1/8 apart.
     window: Annotated[int, Ge(1), Le(10_000)] = 8
     bins: Annotated[int, Ge(2), Le(10_000)] = 100  #: Equal times into which each of many run-ups is divided.

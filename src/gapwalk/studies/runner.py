@@ -180,9 +180,8 @@ def run(
     study
         Name of the study, if `request` is a file that has several.
     report
-        Called with each new result, once it is in the file: of a response, each point and the special points before it;
-        of a diagram, the diagram and the branch that was added to it; of a map or a locus, the map and the section or
-        the locus that was added to it; of a family, a sweep, basins and regimes, each part of the work and the
+        Called with each new result, once it is in the file: a point of a response and the special points before it; a
+        diagram and its new branch; a map and its new section or locus; of other studies, each part of the work and the
         `gapwalk.parallel.workers.Pace` of all. The stored part of a resumed result is reported first.
 
     Returns

@@ -218,8 +218,9 @@ class SettleStudyOptions(SettleOptions, StudyKind):
         "lyapunov": None,
     }
 
-    #: A coordinate, its velocity (``q1'``) or acceleration (``q1''``), a contact's force (``stop.force``), or another
-    #: signal of `Motion.signal`: what the spectrum is of, and what the picture shows. By default the first coordinate.
+    #: The signal whose spectrum is computed, and which the picture shows: a coordinate, its velocity (``q1'``) or
+    #: acceleration (``q1''``), a contact's force (``stop.force``), or another signal of `Motion.signal`; by default the
+    #: first coordinate.
     signal: Annotated[str, OPEN, AfterValidator(_is_a_signal)] = ""
     start: RestOrState = "rest"  #: ``"rest"``, or a state at theta = 0: positions, then velocities.
     phase: float = 0.0  #: Phase of the excitation at which the section is taken, in radians.
@@ -228,7 +229,7 @@ class SettleStudyOptions(SettleOptions, StudyKind):
 
     @property
     def most_workers(self) -> int:
-        """One: a motion goes on from where it is."""
+        """One: each part of a motion continues from the last."""
         return 1
 
     @property

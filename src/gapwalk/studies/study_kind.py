@@ -130,7 +130,7 @@ class StudyKind:
     - Its fields are what `gapwalk.Study.options` holds, what a result file keeps (`gapwalk.results.codec` works along
       their type hints), the keys of the table ``[study]`` of a model file (`gapwalk.studies.study_schema` makes its
       schema along the same hints), and the keywords of the function that `gapwalk.studies.functions` makes of it.
-      Validators of pydantic in ``Annotated`` may look at the system and at the fields before.
+      Validators of pydantic in ``Annotated`` may use the system and earlier fields.
     - `do` does the work part by part with a `Job`, which knows the parts that are done. So one runner
       (`gapwalk.studies.runner`) serves all kinds: it writes each part, reports it once it is safe, and continues
       stopped runs. The last part is the record, of the type `answer`, which describes itself by
@@ -192,7 +192,7 @@ class StudyKind:
 
     @property
     def plan_with_workers(self) -> str:
-        """Describe the work in one line, with the most processes that can do it if those are few."""
+        """Describe the work in one line; if only few processes can share it, also say how many."""
         most = self.most_workers
         if most is None:
             return self.plan
@@ -304,7 +304,7 @@ class StudyKind:
         raise NotImplementedError
 
     def summary(self, found: Any) -> SummaryParts:
-        """Return the record in words; notes are apart."""
+        """Return the record in words, without its notes."""
         return found.summary(notes=False)
 
     def tables(self, found: Any) -> Mapping[str, Callable[[], Rows]]:
@@ -333,7 +333,7 @@ class StudyKind:
 
     @classmethod
     def progress_words(cls, count: int, *news: Any) -> str:
-        """Return the progress of the function in a few words, after some reports, from the latest of them."""
+        """Return the progress of a call in a few words, from its latest reports."""
         return str(news[-1])
 
 
@@ -347,7 +347,7 @@ class Found(NamedTuple):
     'a text'
     """
 
-    #: Entries for the file, written together or not at all. If there are none yet, this is stored with the next ones,
+    #: Entries for the file, written together or not at all. A result without entries is stored with the next entries,
     #: and reported only then; without a file it is reported at once.
     entries: tuple[Entry, ...]
     #: Reports after it is stored: the arguments of each call. None: one call with the value of the first entry and the
@@ -556,7 +556,7 @@ class AnswerFinding(Finding):
 
     @summarizes
     def summary(self) -> SummaryParts:
-        """Return the record in words; notes are apart."""
+        """Return the record in words, without its notes."""
         return () if self.found is None else self.asked.summary(self.found)
 
     def document(self, points: bool) -> dict[str, Any]:

@@ -487,7 +487,7 @@ class SweepStudy(RangeStudy):
     #: Section points at each value: states a forcing period apart, once the transient has settled.
     points: Annotated[int, Ge(2)] = 100
     #: Number of starts: the first one is rest, the others are spread over the box of states. Or the states themselves,
-    #: one of 2n numbers each, or more with extensions.
+    #: each of 2n numbers, or more with extensions.
     starts: int | tuple[tuple[float, ...], ...] = 1
     seed: Natural = 0  #: Seed of the starts and of the kicks: the same seed gives the same result.
     #: Longest period, in forcing periods, that is distinguished from a motion that is not periodic.

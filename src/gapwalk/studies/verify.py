@@ -146,7 +146,7 @@ def _verify_response(ledger: Ledger, what: Result, first: Branch, report: Advanc
     detail = f"the study begins at {walked.begin:.10g}" if is_late else ""
     ledger.enter(Check.ENDS, Spot(named[0][0], "point 0", value), math.inf if detail else 0.0, detail)
     if first.bands:
-        ledger.note("the motions that settle beside the orbits are not verified")
+        ledger.note("settled motions, at values without an orbit, are not verified")
 
 
 def _verify_tori(ledger: Ledger, what: Tori, report: Advance | None) -> None:

@@ -64,7 +64,7 @@ class Tone:
         """Return the system with this second excitation: it has one more coordinate, which is the cosine of the tone.
 
         The coordinate is scaled to the size of the motion. A force with the name ``tone`` drives it, and another,
-        ``tone_load``, lets it act on the system. Of a drive train give the equations of motion, ``system.equations``.
+        ``tone_load``, lets it act on the system. For a drive train, pass its equations of motion, ``system.equations``.
 
         Examples
         --------
@@ -139,8 +139,9 @@ def two_tones(
     -------
     Torus
         The torus of the system with the tone (`Tone.onto`): one curve with the rotation number ``tone.frequency /
-        frequency``, less the whole turns. Where the motion has doubled its period, or has another multiple m of it,
-        there are m curves, and the rotation number is m times that. One of its exponents belongs to the tone itself.
+        frequency``, less its integer part. If the period of the motion has doubled, or is another multiple m of the
+        forcing period, there are m curves, and the rotation number is multiplied by m. One of its exponents belongs to
+        the tone itself.
 
     Raises
     ------

@@ -89,7 +89,7 @@ class LockedWindow:
 def find_window(
     torus: Torus, ratio: Fraction | str, parameter: str, near: float, to: tuple[float, float]
 ) -> LockedWindow:
-    """Find the window in which motions lock to a fraction, from a torus next to it.
+    """Find the range of a parameter in which motions lock to a rotation number p/q, from a torus next to it.
 
     Parameters
     ----------
@@ -100,7 +100,8 @@ def find_window(
     parameter
         Name of the parameter.
     near
-        Value of the parameter inside the window, such as that at which the rotation number of a family is the fraction.
+        Value of the parameter inside the window, such as that at which the rotation number along a family of tori is
+        the fraction.
     to
         The range in which the locked orbits are followed.
 

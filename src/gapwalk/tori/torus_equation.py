@@ -337,9 +337,9 @@ class TorusOptions:
     #: Number of samples of a curve at the start; even numbers count as the next odd one.
     samples: _Samples = 33
     max_samples: _Samples = 513  #: The most samples.
-    #: Largest such distance that is accepted with the most samples; it must also be small compared with the curve.
-    #: Where a contact grazes along a torus, the second derivative of its curve is not bounded, and the accuracy may be
-    #: out of reach.
+    #: Largest distance, as for `accuracy`, that is accepted with the largest number of samples; it must also be small
+    #: compared with the curve. Where a contact grazes along a torus, the second derivative of its curve is not bounded,
+    #: and the accuracy may be out of reach.
     tolerated: _Share = 1e-5
 
     def __post_init__(self) -> None:
@@ -348,7 +348,7 @@ class TorusOptions:
             raise ModelError(f"samples is {self.samples}, more than max_samples = {self.max_samples}")
 
     def finer(self, count: int) -> int | None:
-        """Return the next number of samples, half as many more; None if that would be too many."""
+        """Return the next number of samples, 1.5 times as many; None if that would be too many."""
         more = min(odd(3 * count // 2), odd(self.max_samples - 1))
         return more if more > count else None
 

@@ -865,7 +865,7 @@ def follow_tori(
     options: TorusOptions | None = None,
     report: TorusReport | None = None,
 ) -> TorusFamily:
-    """Follow a family of tori along a parameter, stable or unstable, from where it begins or from one of them.
+    """Follow a family of tori along a parameter, stable or unstable, from where it begins or from one of its tori.
 
     Along it, folds, changes of stability and resonances are located; at resonances the locked periodic motions are
     looked for. The rotation number varies freely, so that narrow resonances are stepped over; or it is kept, and a
@@ -879,7 +879,8 @@ def follow_tori(
     parameter
         Name of the parameter, such as ``"frequency"``.
     to
-        The value at which to stop; or two values, between which a family is followed, from a torus in both directions.
+        The value at which to stop; or two values, between which the family is followed. From a torus it is followed in
+        both directions.
     second
         Name and range of a second parameter that varies so that the rotation number of the first torus stays.
     walk

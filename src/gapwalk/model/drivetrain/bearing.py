@@ -35,12 +35,13 @@ class Bearing:
     """The bearing of a gear that moves sideways: a mass on a spring along one direction.
 
     Its quantities are texts such as ``"40 mm"``, ``"1.2 kg"``, ``"2e8 N/m"``, or plain numbers in SI units (in a train
-    without units, in its own). As parameters they are counted as angles of the gear: ``name.stiffness`` is k r^2.
+    without units, in the units of the train). As parameters they refer to the angle y/r of the gear, for a displacement
+    y and the radius r: ``name.stiffness`` is k r^2.
 
     Raises
     ------
     ModelError
-        If a text is none of its quantities.
+        If a text is not such a quantity.
 
     Examples
     --------
@@ -55,8 +56,8 @@ class Bearing:
     stiffness: float | str  #: Stiffness of the bearing.
     damping: float | str = 0.0  #: Damping of the bearing.
     clearance: float | str | None = None  #: Half the clearance of the bearing.
-    #: Angle between its direction and the line of action of the teeth, in degrees: one for all meshes of the gear, or
-    #: by the names of the meshes.
+    #: Angle between its direction and the line of action of the teeth, in degrees: one angle for all meshes of the
+    #: gear, or an angle for each mesh by its name.
     angle: float | Mapping[str, float] = 0.0
 
     def __post_init__(self) -> None:
@@ -66,11 +67,11 @@ class Bearing:
                 object.__setattr__(self, what, _read(f"{self.name}.{what}", value, unit))
 
     def inertia(self, units: Units | None) -> Planet:
-        """Make the inertia whose angle is its way over the radius."""
+        """Make the inertia whose angle is the displacement of the gear, divided by the radius."""
         return Planet(f"{self.name}_journal", self._counted("mass", 2, QuantityKind.INERTIA, units))
 
     def shaft(self, units: Units | None) -> Shaft:
-        """Make the spring and the damper between that inertia and the ground."""
+        """Make the spring and the damper of the bearing, between its inertia and the ground."""
         clearance = None if self.clearance is None else self._counted("clearance", -1, QuantityKind.ANGLE, units)
         return Shaft(
             self.name,
@@ -85,13 +86,13 @@ class Bearing:
         return getattr(self, what) * radius**power / (units.of(kind).factor if units else 1.0)
 
     def share(self, gear: str) -> float:
-        """Return the share of its way along the line of action of a mesh."""
+        """Return the share of its displacement that lies along the line of action of a mesh."""
         angle = self.angle.get(gear, 90.0) if isinstance(self.angle, Mapping) else self.angle
         found = math.cos(math.radians(angle))
         return 0.0 if abs(found) < _ACROSS else found
 
     def problems(self, inertias: Sequence[str], gears: Sequence[Gear]) -> Iterator[str]:
-        """List its errors, one sentence each, without its name."""
+        """List its errors, one sentence each, to follow its name."""
         if self.carries not in inertias:
             yield f"has carries = {self.carries!r}, which is no inertia; write the name of that of the gear"
             return

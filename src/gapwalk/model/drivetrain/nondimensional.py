@@ -109,12 +109,12 @@ def nondimensional(system: System, scales: Scales | None = None) -> NonDimension
     system
         The system of a train with units.
     scales
-        Physical values of its numbers; by default `scales_of` the system.
+        Units of the non-dimensional form; by default `scales_of` the system.
 
     Returns
     -------
     NonDimensional
-        The system without units, and how to convert.
+        The system without units, and the factors for the conversion.
 
     Raises
     ------
@@ -299,12 +299,12 @@ def paper_numbers(system: System, scales: Scales | None = None, length_ratio: fl
     Parameters
     ----------
     system
-        Its first shaft joins the first two inertias and has one clearance, its second one the last two and has none;
-        torques act on the first inertia, and the mean one is taken by the last.
+        A train of three inertias in line. Its first shaft joins inertias 1 and 2 and has one clearance; its second
+        shaft joins inertias 2 and 3 and has none. Torques act on inertia 1; inertia 3 takes their mean.
     scales
-        Physical values of the numbers; by default `scales_of` the system.
+        Units of the non-dimensional form; by default `scales_of` the system.
     length_ratio
-        bc3 / bc1.
+        The ratio bc3 / bc1 of the paper's widths.
 
     Returns
     -------

@@ -58,8 +58,9 @@ class Mesh(Link):
 class Planetary:
     """A planetary set, or a differential.
 
-    Its members are inertias of the train. Stiffness, damping and clearance are those of all planets' meshes together,
-    as angles of the sun (of teeth of k N/m on its base circle of radius r: k r^2 times the number of planets).
+    Its members are inertias of the train. Stiffness, damping and clearance are those of the meshes of all planets
+    together, referred to the angle of the sun: teeth of k N/m on its base circle of radius r give k r^2 times the
+    number of planets.
 
     Raises
     ------
@@ -79,27 +80,28 @@ class Planetary:
     ring: str | None = None
     carrier: str | None = None
     teeth: Sequence[int] | None = None  #: Numbers of teeth of sun, planet and ring.
-    #: In place of the teeth: minus the speed of the sun over that of the ring while the carrier is at rest; 1 for a
-    #: differential.
+    #: In place of the teeth: the speed of the sun over that of the ring while the carrier is at rest, with the sign
+    #: reversed; 1 for a differential.
     ratio: float | None = None
     planets: Counted = 3  #: Number of planets.
-    #: Inertia of one planet about its axis; the carrier's contains their masses. None for planets without inertia,
-    #: whose two meshes are then one spring in series.
+    #: Inertia of one planet about its axis; the masses of the planets belong to the inertia of the carrier. None for
+    #: planets without inertia, whose meshes with sun and ring then are two springs in series.
     planet_inertia: Positive | None = None
     lumped: bool = True  #: True if all planets move alike, as one inertia of their sum.
     stiffness: Positive | None = None  #: Stiffness of the meshes of sun and planets; None: rigid.
     damping: NotNegative = 0.0  #: Damping of these meshes.
     clearance: NotNegative | None = None  #: Half the backlash of each of these meshes.
-    #: ring_stiffness, ring_damping, ring_clearance: Those of the meshes of planets and ring, as angles of the sun too;
-    #: by default they are those at the sun.
+    #: ring_stiffness, ring_damping, ring_clearance: Stiffness, damping and clearance of the meshes of planets and ring,
+    #: as angles of the sun, too; by default as at the sun.
     ring_stiffness: Positive | None = None
     ring_damping: NotNegative | None = None
     ring_clearance: NotNegative | None = None
     impact_damping: NotNegative | None = None  #: Hunt and Crossley's coefficient of all meshes.
     #: Moment of inertia of one planet's mass about the axis of the set, where the planets' bearings are elastic.
     orbit_inertia: Positive | None = None
-    #: bearing_stiffness, bearing_damping: Those of all planets' bearings together, along the circle of their centres
-    #: and radially, as torque over the carrier's angle: bearings of k N/m on a circle of radius r have k r^2 each.
+    #: bearing_stiffness, bearing_damping: Stiffness and damping of all planets' bearings together, along the circle of
+    #: their centres and radially, as torque over the carrier's angle: bearings of k N/m on a circle of radius r have k
+    #: r^2 each.
     bearing_stiffness: Positive | None = None
     bearing_damping: NotNegative = 0.0
     pressure_angle: float = 20.0  #: In degrees; it matters only with elastic bearings.
@@ -119,17 +121,17 @@ class Planetary:
 
     @property
     def has_planets(self) -> bool:
-        """True if its planets are inertias."""
+        """True if its planets have inertias of their own."""
         return self.planet_inertia is not None
 
     @property
     def is_elastic(self) -> bool:
-        """True if any of its meshes is."""
+        """True if any of its meshes has a stiffness."""
         return any(each is not None for each in (self.stiffness, self.ring_stiffness))
 
     @property
     def places(self) -> list[str]:
-        """The ends of the names of its planets: none where they are lumped, else their numbers."""
+        """The endings of the names of its planets: their numbers, or one empty text where all planets are lumped."""
         return [""] if self.lumped or not self.is_elastic else [str(each + 1) for each in range(self.planets)]
 
     @property
@@ -196,7 +198,7 @@ class Planetary:
         return replace(self, **converted(self, change, QUANTITIES))
 
     def problems(self, inertias: Sequence[str]) -> Iterator[str]:
-        """List its errors, one sentence each, without its name."""
+        """List its errors, one sentence each, to follow its name."""
         members = {each: getattr(self, each) for each in _MEMBERS if getattr(self, each) is not None}
         for what, name in members.items():
             if name not in inertias and name != GROUND:
@@ -222,7 +224,7 @@ class Planetary:
         if not self.is_elastic and (self.damping or self.clearance is not None or self.ring_damping):
             yield "has damping or a clearance, but no stiffness, so it is rigid; write stiffness = ..."
         if (self.orbit_inertia is None) is not (self.bearing_stiffness is None):
-            yield "has one of orbit_inertia and bearing_stiffness; write both: planets with masses in elastic bearings"
+            yield "has only one of orbit_inertia and bearing_stiffness; write both for planets in elastic bearings"
         if not self.lumped and not (self.has_planets and self.is_elastic):
             yield "has lumped = false, but no planets that could move apart; write planet_inertia and stiffness"
         if not 0.0 <= self.pressure_angle < 90.0:

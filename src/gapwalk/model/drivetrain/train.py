@@ -282,9 +282,8 @@ class Train:
     place stands ``coupling_slip``, a leaky integral of the rate of slip, which is no measurable angle. The rate of slip
     is ``coupling.torque`` over ``coupling.damping``.
 
-    Its quantities are all plain numbers in consistent units, or all texts with units, such as ``"0.14 kg m^2"``,
-    ``"30 N m/deg"``, ``"3 deg"``, ``"120 N m"``; a 0 needs none. A train with units holds numbers in them, and `units`
-    says which.
+    Its quantities are all plain numbers in consistent units, or all texts with units, such as ``"0.14 kg m^2"``, ``"30
+    N m/deg"``, ``"3 deg"``, ``"120 N m"``; a 0 needs none. A train with units stores numbers; `units` has their units.
 
     Examples
     --------
@@ -313,7 +312,7 @@ class Train:
     speed: str | Quantity | None = None
     units: Units | None = None  #: The units of its numbers; None for plain numbers. It is found from the texts.
     forces: Sequence[Force] = ()
-    #: Name of the inertia whose speed is given; by default the first. Only `Counted` loads need it.
+    #: Name of the inertia whose speed is given; by default the first inertia. Only `Counted` loads need it.
     reference: str = ""
     longest: int = LONGEST  #: Most periods of the slowest load that the common period of all loads may have.
     frictions: Sequence[Friction] = ()
@@ -364,7 +363,7 @@ class Train:
 
     @property
     def meshes(self) -> Sequence[Gear]:
-        """The gears, with the ways of those on bearings in their deflections."""
+        """The gears; the deflections of those on bearings include the displacements of the bearings."""
         return on_bearings(self.gears, self.bearings) if self.bearings else self.gears
 
     @cached_property
@@ -375,7 +374,7 @@ class Train:
         return (*self.shafts, *self.meshes, *self.forces, *self.frictions, *self.drags, *made)
 
     def system(self) -> System:
-        """Make its system: coordinates are deflections of shafts and gears, parameters those of its parts."""
+        """Make the train's system: coordinates are deflections of shafts and gears, parameters those of its parts."""
         assembly, values = self._assembled()
         structure = structure_of(assembly)
         _ = structure.variations  # refuses what there is not
@@ -463,7 +462,7 @@ class Train:
     def replaced(self, part: str, **changes: Any) -> Train:
         """Return the train with other values of one part: ``train.replaced("shaft7", clearance=0.01)``.
 
-        In a train with units a number is in the unit of its kind, and a text has its own: ``clearance="0.5 deg"``.
+        In a train with units a number is in the train's unit for such a quantity; a text has its own: ``"0.5 deg"``.
 
         Parameters
         ----------
@@ -685,7 +684,7 @@ def chain(count: int, inertia: float, stiffness: float, damping: float = 0.0, *,
     Raises
     ------
     ModelError
-        If there can be no such chain.
+        If the number of inertias or one of the properties is not allowed.
 
     Examples
     --------

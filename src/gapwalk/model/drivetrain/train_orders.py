@@ -91,7 +91,7 @@ class Counted:
 
     @property
     def exact_order(self) -> Fraction:
-        """The order as a fraction, counted as it says."""
+        """The order as an exact fraction, in the periods that this load counts."""
         given = self.load.turn_order if self.order is None else Fraction(self.order)
         return given.limit_denominator(_LARGEST_PART)
 

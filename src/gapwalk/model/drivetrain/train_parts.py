@@ -51,8 +51,8 @@ class Inertia:
     #: Moment of inertia, > 0, in kg m^2 or any consistent unit. None if its motion is prescribed: loads vary its angle,
     #: as in ``gw.Harmonic("0.1 deg", varies="flywheel.angle")``.
     inertia: float | None = None
-    #: Radius at which its signal ``name.acceleration`` is counted, in m/s^2, as ``"35 mm"``; None: in rad/s^2. It is no
-    #: parameter, because no motion depends on it.
+    #: Radius, such as ``"35 mm"``, at which its signal ``name.acceleration`` is given in m/s^2; None to give it in
+    #: rad/s^2. It is no parameter, because no motion depends on it.
     radius: float | None = None
 
     def _converted(self, change: Change) -> Self:
@@ -192,7 +192,7 @@ class Link:
         return found
 
     def problems(self) -> Iterator[str]:
-        """List the errors of its numbers, one sentence each, without its name."""
+        """List the errors of its numbers, one sentence each, to follow its name."""
         if self.stiffness is None and self.clearance is not None:
             yield 'has a clearance, but no stiffness beyond it; write stiffness = ..., or stiffness = "rigid"'
         if self.stiffness == RIGID and self.clearance is None:
@@ -237,7 +237,7 @@ class Shaft(Link):
     """
 
     def problems(self) -> Iterator[str]:
-        """List the errors of its numbers, one sentence each, without its name."""
+        """List the errors of its numbers, one sentence each, to follow its name."""
         if not self.has_springs and self.clearance is None and not self.damping:
             yield (
                 "has no stiffness; write stiffness = ..., or stages with a clearance and a stiffness each, or "
@@ -251,9 +251,9 @@ class Gear(Link):
     """A gear mesh (or belt, or chain drive) between two inertias: rigid, or with the stiffness of its teeth.
 
     All angles are counted such that they grow together as the train turns. The deflection of the mesh is the angle of
-    the first inertia less `ratio` times that of the second, so its stiffness, damping and clearance are those that are
-    felt at the first: teeth of k N/m with j m of backlash on a base circle of radius r m have the stiffness k r^2 and
-    the clearance j / (2 r). The other parameters are those of `Link`.
+    the first inertia less `ratio` times that of the second, so its stiffness, damping and clearance refer to the angle
+    of the first inertia: teeth of k N/m with j m of backlash on a base circle of radius r m have the stiffness k r^2
+    and the clearance j / (2 r). The other parameters are those of `Link`.
 
     Parameters
     ----------
@@ -268,8 +268,8 @@ class Gear(Link):
     """
 
     ratio: float  #: Speed of the first inertia divided by that of the second, not zero.
-    #: Number of teeth of the first gear, or of both; of the second there are `ratio` times as many. Loads may then
-    #: count their orders per tooth: see `Counted`.
+    #: Number of teeth of the first gear, or numbers of both gears. If one number is given, the second gear has `ratio`
+    #: times as many teeth. With teeth, loads may have orders per tooth: see `Counted`.
     teeth: int | tuple[int, int] | None
     _toothed = True
 
@@ -304,7 +304,7 @@ class Gear(Link):
         return self.teeth[0] if isinstance(self.teeth, tuple) else self.teeth
 
     def problems(self) -> Iterator[str]:
-        """List the errors of its numbers, one sentence each, without its name."""
+        """List the errors of its numbers, one sentence each, to follow its name."""
         if self.is_rigid and self.damping:
             yield "has damping, but no stiffness, so it is rigid; leave damping out, or write stiffness = ..."
         yield from self._teeth_problems()
@@ -454,7 +454,7 @@ class Force(Springless):
         The two inertias. Its deflection is the angle of the first less that of the second.
     law
         The formula, as for `gapwalk.force`: ``x`` is the deflection, in rad, and ``v`` its rate, in rad/s; the torque
-        is in N m. In a train without units they are in its own.
+        is in N m. In a train without units they are in the units of the train.
     numbers
         The parameters by name; they may also be given as arguments. In a train with units they may be texts, such as
         ``"0.01 N m s/rad"``.
@@ -488,7 +488,7 @@ class Force(Springless):
         return formula_of(str(self.law), ("x", "x'", "v"))
 
     def contacts(self, gapless: bool = False, angle: float = 1.0, slips: Slips | None = None) -> tuple[Contact, ...]:
-        """Return it as a contact; see `Link.contacts`. The formula is one of rad."""
+        """Return this part as a contact; see `Link.contacts`. The formula has angles in rad."""
         slips = slips or Slips()
         speeds = {name: f"({slips.rate(f'{_SPEED}{k}')} + {MEAN_SPEED}{k})" for k, name in enumerate(self.speeds)}
         if self.between[1] == GROUND:
@@ -498,7 +498,7 @@ class Force(Springless):
 
     @property
     def speeds(self) -> dict[str, str]:
-        """The inertias whose absolute speeds occur in its formula, by their names there."""
+        """The inertias whose absolute speeds occur in its formula, by the names of these speeds in the formula."""
         ends = {name: end for name, end in zip(("w1", "w2"), self.between, strict=False) if end != GROUND}
         return {name: ends[name] for name in self.formula.parameters if name in ends and name not in self.numbers}
 
@@ -508,7 +508,7 @@ class Force(Springless):
         return any(name in COMPUTED and name not in self.numbers for name in self.formula.parameters)
 
     def problems(self) -> Iterator[str]:
-        """List the errors of its formula and its numbers, one sentence each, without its name."""
+        """List the errors of its formula and its numbers, one sentence each, to follow its name."""
         try:
             known = [name for name in self.formula.parameters if name not in COMPUTED or name in self.numbers]
         except ModelError as error:
@@ -535,13 +535,13 @@ class Friction(Springless):
     limit
         The torque in slip, >= 0.
     coefficient, normal
-        Instead of the limit: a coefficient, and the name of the shaft or gear whose springs beyond a clearance press.
+        Instead of the limit: the coefficient of friction, and the shaft or gear whose springs with a clearance press.
     stiffness
         Stiffness of a spring in series (a Jenkins element); without it friction sticks rigidly.
     static
-        Torque at which slip begins, divided by that in slip, >= 1; for friction that sticks rigidly.
+        Torque at which slip begins, divided by the torque in slip, >= 1; for friction that sticks rigidly.
     speed
-        Constant rate of the base: the slip rate is the rate of the deflection minus this one.
+        Constant rate of the base: the slip rate is the rate of the deflection minus this rate.
     numbers
         The numbers above by name.
 
@@ -581,12 +581,12 @@ class Friction(Springless):
         object.__setattr__(self, "ratio", ratio)
 
     def contacts(self, gapless: bool = False, angle: float = 1.0, slips: Slips | None = None) -> tuple[Contact, ...]:
-        """Return it as a contact; see `Link.contacts`."""
+        """Return this part as a contact; see `Link.contacts`."""
         numbers: Any = self.numbers
         return (make_friction(self.name, {self.name: 1.0}, normal=self.normal, **numbers),)
 
     def problems(self) -> Iterator[str]:
-        """List the errors of its numbers, one sentence each, without its name."""
+        """List the errors of its numbers, one sentence each, to follow its name."""
         if wrong := [*self._number_problems(self.numbers, "")]:
             yield wrong[0]
             return
@@ -599,10 +599,10 @@ class Friction(Springless):
 
 @dataclass(frozen=True, init=False)
 class Drag(Springless):
-    """Drag of a bearing, a seal or oil: a torque of the speed at which its two parts slip on each other.
+    """Drag of a bearing, a seal or oil: a torque by the speed at which two parts slip on each other.
 
     The parts turn at different speeds, or the second is the ground (the casing). With the slip ``s``, the speed of the
-    first less that of the second, the torque is ``linear * s + quadratic * s * |s|`` and a constant one against the
+    first less that of the second, the torque is ``linear * s + quadratic * s * |s|`` plus a constant torque against the
     slip; see docs/numerics/notes/models.md.
 
     Parameters
@@ -619,13 +619,13 @@ class Drag(Springless):
         Torque of dry friction while it slips. It acts against the mean slip; where the slip reverses, write a
         `Friction`.
     breakaway, stribeck, exponent
-        By Stribeck's curve the constant torque grows towards `breakaway` at rest, as ``exp(-|s / stribeck|**exponent)``
-        does. The exponent is 1 or 2, 2 by default.
+        Stribeck's curve: the torque of dry friction is
+        ``constant + (breakaway - constant) * exp(-|s / stribeck|**exponent)``. The exponent is 1 or 2, 2 by default.
     law
         In place of all of these: a formula of the slip ``s``, which may contain ``W`` as in a `Force`.
     group
-        Name of a group of drags, all multiplied by one parameter ``<group>.drag``, such as a factor of the viscosity
-        over the temperature.
+        Name of a group of drags, all multiplied by one parameter ``<group>.drag``, such as a factor of the viscosity,
+        which depends on the temperature.
     numbers
         The numbers above, or those of the formula, by name; they may also be given as arguments.
 
@@ -656,12 +656,12 @@ class Drag(Springless):
 
     @property
     def only_follows(self) -> bool:
-        """True unless it is linear alone."""
+        """True unless its torque has a linear part only: such a drag joins nothing."""
         return self.numbers.keys() != {"linear"} or self.law is not None
 
     @property
     def own(self) -> tuple[str, ...]:
-        """Names of its numbers that are no contact's: those by which its torque is linear or constant."""
+        """Names of its numbers that no contact has: those of the linear and the constant part of its torque."""
         if self.law is not None:
             return ()
         wanted = ("linear",) if "breakaway" in self.numbers else ("linear", "constant")
@@ -692,7 +692,7 @@ class Drag(Springless):
         return " + ".join(parts)
 
     def problems(self) -> Iterator[str]:
-        """List the errors of its numbers, one sentence each, without its name."""
+        """List the errors of its numbers, one sentence each, to follow its name."""
         if self.law is not None:
             yield from Force(self.name, self.between, str(self.law), numbers=self.numbers).problems()
             return
@@ -701,7 +701,7 @@ class Drag(Springless):
         if not {"linear", "quadratic", "constant", "breakaway"} & self.numbers.keys():
             yield 'has no torque; write linear = ..., quadratic = ..., constant = ..., or law = "a*s + b*s**3"'
         if ("breakaway" in self.numbers) is not ("stribeck" in self.numbers):
-            yield "has one of breakaway and stribeck; write both: the torque at rest, and the slip at which it falls"
+            yield "has only one of breakaway and stribeck; write both: the torque at rest, and the slip where it falls"
         if self.exponent not in (1, 2):
             yield f"has exponent = {self.exponent!r}; it is 1 or 2"
         if not isinstance(self.group, str) or (self.group and not self.group.isidentifier()):

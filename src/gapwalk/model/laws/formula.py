@@ -605,7 +605,8 @@ _NEGATIVE = 1e-12  # a limit that is 0 is allowed
 class Expression(Law):
     """The force of a formula, such as ``k*x + a*x**3 - mu*(1 - x**2)*v``; its grammar is that of `formula_of`.
 
-    It has no stages. It switches where ``abs``, ``min`` or ``max`` do: each of these modes is an event of the flow.
+    It has no stages. Where ``abs``, ``min`` or ``max`` switches, a mode of the law changes, which is an event of the
+    flow.
 
     Raises
     ------
@@ -626,7 +627,8 @@ class Expression(Law):
     text: str
     #: Names of the deflections. A single deflection with the name ``x`` has the rate ``v`` too.
     variables: tuple[str, ...] = ("x",)
-    #: True for the limit of a friction: a motion on which it becomes negative is refused, where one more mode ends.
+    #: True for the limit of a friction, which has one more mode: it is 1 while the limit is not negative. A motion on
+    #: which the limit becomes negative is refused.
     is_limit: bool = False
 
     name, words = "expression", "a formula of deflections and their rates"
@@ -678,7 +680,7 @@ class Expression(Law):
         return re.sub(rf"\b{PACE}\b", "W", text)
 
     def with_frequency(self, name: str) -> Expression:
-        """Return the formula with a parameter that is the frequency, instead of one of its own."""
+        """Return the formula with the frequency of the excitation in place of one of its parameters."""
         if name not in self.formula.parameters:
             return self
         return replace(self, text=re.sub(rf"(?<![\w.]){name}(?![\w'])", PACE, self.text))

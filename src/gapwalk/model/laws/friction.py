@@ -18,7 +18,7 @@ HYSTERESIS = Parameter("hysteresis", QuantityKind.TORQUE, "it is the dry frictio
 _LIMIT = Parameter("limit", QuantityKind.TORQUE, "it is the force of friction in slip", None, 0.0)
 _MORE = Parameter("limit", QuantityKind.TORQUE, "it is friction that acts whether a stage is closed or not", 0.0, 0.0)
 _COEFFICIENT = Parameter("coefficient", None, "it is the coefficient of friction mu", None, 0.0)
-_STATIC = Parameter("static", None, "it is the force at which slip begins over that in slip", 1.0, 1.0, optional=True)
+_STATIC = Parameter("static", None, "it is the largest force in stick over the force in slip", 1.0, 1.0, optional=True)
 _SPEED = Parameter("speed", QuantityKind.RATE, "it is the constant rate of the base, as of a belt", 0.0, optional=True)
 _SPRING = Parameter("stiffness", QuantityKind.STIFFNESS, "it is the stiffness of the spring that sticks", None, 0.0)
 

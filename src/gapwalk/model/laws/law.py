@@ -247,13 +247,12 @@ CUBIC = Parameter("cubic", QuantityKind.CUBIC, "it is the coefficient of the cub
 class Law(ABC):
     """The force of a contact as a function of its deflection ``x`` and its rate ``v``.
 
-    A law is one class in one file, registered once by `register`. All other code iterates over the registry: the keys
-    of model files, names and units of parameters, the compiled flow, NumPy, the kernel of the batch integrator,
-    harmonic balance, equilibria, documentation.
+    A law is one class in one file, registered once by `register`. A new law needs no other code.
 
     A contact has *stages*. Each acts, on one side or on both, beyond its clearance: its breakpoint is an event of the
-    flow, at which its mode changes between open and closed. The mode at the start of a motion is the side of the
-    breakpoint on which the deflection is, then the side to which its rate, its acceleration, ... lead.
+    flow, at which its mode changes between open and closed. At the start of a motion the side of the breakpoint on
+    which the deflection lies decides on the mode; exactly on the breakpoint the sign of the rate decides, then that of
+    the acceleration, and so on.
 
     Attributes
     ----------
@@ -270,19 +269,17 @@ class Law(ABC):
 
     Notes
     -----
-    `force` is the only place of the formula. It is written in ``+``, ``-``, ``*`` (products, not powers; a sum over the
+    The formula stands only in `force`. It is written in ``+``, ``-``, ``*`` (products, not powers; a sum over the
     stages by `Stages.total`), so that it can be evaluated with symbolic expressions, with arrays, real or complex, and
-    with the `Symbols` from which the closed form is read. All derivatives come from the expression. A product of two
-    parameters costs the integrator as much as any other, so parameters are best multiplied with a depth or a rate
-    first, and with one another last.
+    with the `Symbols` from which the closed form is read. All derivatives come from the expression. For speed, multiply
+    each parameter with a depth or a rate first, and parameters with one another last.
 
-    Where the force is a polynomial of the depth of one stage at a time, and linear in the rate, every backend can carry
-    it. Otherwise harmonic balance refuses it by name, and equilibria (``gapwalk modes``) are searched from many
-    positions; the flow, the batch integrator (basins, regime maps), shooting, special points, loci, verification and
-    files work with it.
+    Where the force is a polynomial of the depth of one stage at a time, and linear in the rate, every method can
+    include it. Otherwise harmonic balance refuses it by name, and equilibria (``gapwalk modes``) are searched from many
+    positions; all other methods can include it, too.
 
     Where the force jumps at a breakpoint, sensitivities are carried over the jump by the general rule of
-    `gapwalk.flow.contact_events`; where it does not, nothing is computed.
+    `gapwalk.flow.contact_events`; where it does not, no correction is needed.
 
     Examples
     --------
@@ -326,7 +323,7 @@ class Law(ABC):
         Returns
         -------
         number, expression or array
-            The force on the positive side of the deflection, of the kind of the arguments.
+            The force on the positive side of the deflection, of the type of the arguments.
         """
 
     def problems(self, numbers: Mapping[str, float]) -> Iterator[str]:
@@ -370,7 +367,7 @@ class Law(ABC):
         Parameters
         ----------
         name
-            Name of the parameter, without those of contact and stage.
+            Name of the parameter, without the names of contact and stage before it.
         """
         return any(each.name == name for each in self.stage_parameters)
 
@@ -407,7 +404,7 @@ class Law(ABC):
 
     @property
     def is_formula(self) -> bool:
-        """True if it may be any formula of lengths, which is evaluated in the unit of the model."""
+        """True if its formula may depend on the unit of length; it is then evaluated in the unit of the model."""
         return not self.stage_parameters and not self.is_dry
 
     @property
@@ -634,7 +631,7 @@ class Rigid(Law):
     """
 
     name, words = "rigid", "rigid stops with a coefficient of restitution"
-    parameters = (Parameter("restitution", None, "it is the rate after an impact over that before it", None, 0.0),)
+    parameters = (Parameter("restitution", None, "it is the rate after an impact over the rate before", None, 0.0),)
     stage_parameters = (CLEARANCE,)
 
     def problems(self, numbers: Mapping[str, float]) -> Iterator[str]:
@@ -660,7 +657,7 @@ def spring(stage: StageTerms) -> Any:
 
 
 class Elastic(Law):
-    """``f = g``: the springs alone. Each stage acts beyond its clearance, in addition to the stages inside it.
+    """``f = g``: the springs alone. Each stage acts beyond its clearance, in addition to those with smaller clearances.
 
     Examples
     --------
@@ -706,7 +703,7 @@ class HuntCrossley(Elastic):
 class HuntCrossleyAsPrinted(HuntCrossley):
     """``f = g (1 + beta v)`` (paper, equation 15): it feeds energy in on the negative side."""
 
-    name, words = "hunt-crossley-as-printed", "the same without the magnitude: energy is fed in on the negative side"
+    name, words = "hunt-crossley-as-printed", "hunt-crossley with a signed force: one side feeds energy in"
 
     def force(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Any:
         """See `Law.force`."""

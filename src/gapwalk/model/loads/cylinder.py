@@ -35,9 +35,10 @@ _LOWEST = 1e3  # Pa: no cylinder works with less
 class Cylinder(OfCurve):
     """The torque of a piston on its crank, of the gas and of the reciprocating mass; made by `Cylinder.of`.
 
-    The torque of the gas is ``scale`` times its mean and orders (see `Measured`), perhaps with a map over the speed or
-    `over_speed`. That of the mass is exactly ``-reciprocating * x'(a) * x''(a) * speed**2`` with the path ``x(a)`` of
-    the piston over the crank angle and the speed of the crank. Both are taken at the mean speed.
+    The torque of the gas is ``scale`` times the sum of its mean and orders (see `Measured`), which may depend on the
+    speed by a map or by `over_speed`. The torque of the mass is exactly ``-reciprocating * x'(a) * x''(a) * speed**2``
+    with the path ``x(a)`` of the piston over the crank angle and the speed of the crank. Both are torques at the mean
+    speed.
 
     A rotating mass makes no torque at a steady speed: it belongs to the inertia of the throw, as does the mean inertia
     of the reciprocating mass (about half of it times the square of the crank radius).
@@ -77,8 +78,8 @@ class Cylinder(OfCurve):
         "over_speed": (OverSpeed, ()),
     }
 
-    #: tuple of (int, float, float): The torque of the gas; for each order: periods in a period of the trace, cosine,
-    #: sine. Of a map these are tuples of one number for each speed.
+    #: tuple of (int, float, float): The torque of the gas: for each order, its periods in a period of the pressure, its
+    #: cosine and its sine amplitude. Of a map, each amplitude is a tuple of one number for each speed.
     series: Series
     inertia: Series  #: The torque of the reciprocating mass, by its size and by the square of the speed, likewise.
     #: The vector along which it acts, by coordinate name.
@@ -108,7 +109,7 @@ class Cylinder(OfCurve):
         speeds: Sequence[float] = (),
         **fields: Any,
     ) -> Self:
-        """Make it from the pressure over the crank angle.
+        """Make a cylinder from the pressure over the crank angle.
 
         Parameters
         ----------

@@ -34,7 +34,7 @@ class FactorOverSpeed:
     Raises
     ------
     ModelError
-        If the text is no formula, or has other names or kinks.
+        If the text is no formula, or has names other than ``W`` and ``speed``, or kinks.
 
     Examples
     --------
@@ -81,7 +81,7 @@ class FactorOverSpeed:
 
     @property
     def data(self) -> tuple[Any, ...]:
-        """Its parts as texts, numbers and tuples; `factor_over_speed` takes them back."""
+        """Its parts as texts, numbers and tuples, from which `factor_over_speed` makes it again."""
         if self.table is None:
             return "formula", self.formula, self.pace, self.turns
         table = self.table
@@ -203,27 +203,27 @@ class Load(ABC):
     """A load that repeats with the excitation, along one vector of coordinates; or a variation of other numbers.
 
     A kind of load is one class in one file, registered once by `register`: a frozen dataclass with a field for each of
-    its parameters, and the four below. All other code iterates over the registry: the tables of model files, names and
-    units of parameters, the flow, the batch integrator, harmonic balance, drive trains, documentation.
+    its parameters, and the fields `acts_on`, `order`, `name` and `varies`. A new kind needs no other code.
 
     Parameters
     ----------
     acts_on
-        The vector by coordinate name, for example ``{"q1": 1.0}``; in a drive train by inertia. Empty for a variation.
+        The vector along which it acts, by coordinate name, for example ``{"q1": 1.0}``; in a drive train by inertia.
+        Empty for a variation.
     order
         Multiple of the fundamental frequency, an integer >= 1.
     name
         Prefix of its parameters' names; by default its key and its order, as in ``harmonic2``.
     varies
-        Names of what it varies instead: one, several, or each with a factor: ``{"mesh.stiffness": 1.0}``. A deflection
-        (or the clearance of a contact with one side) varies by the load itself; any other number of a contact or a
-        force becomes that number times ``1 + load``.
+        Names of what it varies instead: one, several, or each with a factor: ``{"mesh.stiffness": 1.0}``. The load is
+        added to a deflection (or to the clearance of a contact with one side); any other number of a contact or a force
+        is multiplied by ``1 + load``.
     over_speed
-        A factor that depends on the speed, of a kind that has this field: a formula such as ``"1 + 0.1*W"``, or a
+        For kinds of load with this field, a factor that depends on the speed: a formula such as ``"1 + 0.1*W"``, or a
         table.
     growth, at
-        Power 0, 1 or 2 of the frequency with which it grows, and the frequency at which it has its size, of a kind that
-        has these fields; its `lines` use `grown`.
+        For kinds of load with these fields, the power 0, 1 or 2 of the frequency with which it grows, and the frequency
+        at which it has its size; their `lines` use `grown`.
 
     Attributes
     ----------
@@ -239,9 +239,9 @@ class Load(ABC):
 
     Notes
     -----
-    `lines` is the only place of the formula; the frequency may enter it. All derivatives, by the frequency
-    too, are taken of it by a complex step. A kind with curves of its own over the speed gives their points by `tables`;
-    one whose constants are torques or frequencies converts them by `rescaled`.
+    The formula stands only in `lines`; it may contain the frequency. All derivatives, by the frequency too, are taken
+    of it by a complex step. A kind with curves of its own over the speed gives their points by `tables`; one whose
+    constants are torques or frequencies converts them by `rescaled`.
 
     Examples
     --------
@@ -311,7 +311,7 @@ class Load(ABC):
     @classmethod
     @abstractmethod
     def lines(cls, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Iterable[Line]:
-        """Give the load in parts of one order each.
+        """Give the load as a sum of lines, each of one order.
 
         Parameters
         ----------
@@ -320,7 +320,7 @@ class Load(ABC):
         frequency
             The frequency W of the excitation: real or complex, or an array.
         numbers
-            Its parameters by name, of the same kinds, and its constants.
+            Its parameters by name, which may also be complex or arrays, and its constants.
         """
 
     @classmethod
@@ -368,7 +368,7 @@ class Load(ABC):
 
     @property
     def turn_order(self) -> Fraction:
-        """Its order per turn of a shaft whose speed is the pace of a drive train; 0 if it is constant."""
+        """Its order per turn of the shaft whose speed replaces the frequency of a drive train; 0 if it is constant."""
         return Fraction(self.order) if self.is_periodic else Fraction(0)
 
     def in_train(self, units: Units) -> Self:
@@ -379,7 +379,7 @@ class Load(ABC):
 
     @classmethod
     def from_table(cls, given: Mapping[str, Any], *, units: bool) -> Self:
-        """Make it from its table in a model file.
+        """Make a load from its table in a model file.
 
         Parameters
         ----------
@@ -412,7 +412,7 @@ class Load(ABC):
         constants
             Values of its constants by name.
         frequency
-            The new unit of frequencies, in the old one.
+            The new unit of frequencies, measured in the old unit.
         size
             The new unit of its torque, of its displacement, or of the fraction by which something varies.
         """
@@ -451,7 +451,7 @@ class Load(ABC):
         yield from (getattr(self, each.name) for each in self.parameters)
 
     def constants(self) -> tuple[tuple[str, Any], ...]:
-        """Return its further fields with their values."""
+        """Return the fields that are no parameters, with their values."""
         known = {"acts_on", "order", "name", "varies", *(each.name for each in self.parameters)}
         return tuple((each.name, getattr(self, each.name)) for each in fields(self) if each.name not in known)
 
@@ -601,7 +601,7 @@ class Harmonic(Load):
         Parameter("phase", QuantityKind.PHASE, "it is the phase", default=0.0),
     )
 
-    #: In units of a force (of a torque); as a variation, a fraction of the number that varies, or a displacement.
+    #: A force or a torque; for a variation, a fraction of the number that varies, or a displacement.
     amplitude: float
     #: The vector ``s`` by coordinate name, for example ``{"q1": 1.0}``.
     acts_on: Mapping[str, float] = field(default_factory=dict, hash=False)

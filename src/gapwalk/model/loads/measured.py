@@ -104,8 +104,8 @@ class Measured(OfCurve):
         "over_speed": (OverSpeed, ()),
     }
 
-    #: tuple of (int, float, float): For each order: periods in a period of the curve, cosine, sine.
-    #: Of a map these are tuples of one number for each speed.
+    #: tuple of (int, float, float): For each order, its periods in a period of the curve, its cosine and its sine
+    #: amplitude. Of a map, each amplitude is a tuple of one number for each speed.
     series: Series
     #: The vector along which it acts, by coordinate name.
     acts_on: Mapping[str, float] = field(default_factory=dict, hash=False)
@@ -127,7 +127,7 @@ class Measured(OfCurve):
     is_angle: bool = False  #: True if the values are angles in rad, which a drive train converts to its own unit.
     source: str = ""  #: Name of the file.
     drift: str = ""  #: What was taken off a record of a shaft that turns, in words.
-    #: Of a map: its name, the unit of its speeds, the frequency W at the speed 1, the speeds. Otherwise empty.
+    #: Of a map: its name, the unit of its speeds, the frequency W at a speed of one unit, the speeds. Otherwise empty.
     speeds: tuple[Any, ...] = ()
     name: str = ""  #: Prefix of its parameters' names.
 
@@ -152,16 +152,17 @@ class Measured(OfCurve):
         relative: bool = False,
         **fields: Any,
     ) -> Self:
-        """Make it from the orders of a curve.
+        """Make a measured load from the orders of a curve.
 
         Parameters
         ----------
         table
-            The curve: `gapwalk.loads.orders_of` finds it from samples. For a map, one for each frequency W.
+            The orders of the curve, which `gapwalk.loads.orders_of` finds from samples. For a map, one table for each
+            frequency W, as in ``{W: table}``.
         acts_on
             See `Measured`.
         relative
-            True to take the curve divided by its mean, less 1: for a measured stiffness.
+            True to divide the curve by its mean and subtract 1, as for a measured stiffness that varies.
         **fields
             Further fields of `Measured`.
 

@@ -148,8 +148,8 @@ def orders_of(
     -----
     For even samples (to 1 % of their distance) the discrete Fourier transform is taken; for others the Fourier
     integrals of the straight lines between them, in closed form: with the rises ``r_i`` over the widths ``w_i`` about
-    the middles ``m_i``, ``cosine = -2 / (T k) sum r_i sin(k m_i) sinc(k w_i / 2)``, and ``sine`` with ``cos`` likewise,
-    where nothing cancels.
+    the middles ``m_i``, ``cosine = -2 / (T k) sum r_i sin(k m_i) sinc(k w_i / 2)``, and ``sine`` by the
+    same sum with ``-cos`` in place of ``sin``.
 
     Examples
     --------
@@ -201,12 +201,12 @@ def displacement_orders(
         Angles of the shaft in rad; see `orders_of`. For a signal over time with one period ``T``,
         ``2 * pi * time / T``.
     displacement, acceleration : shape (samples,)
-        One of both.
+        One of the two.
     speed
         Speed of the shaft at which the acceleration was measured, in rad per unit of its time (over time,
         ``2 * pi / T``).
     orders, per, error
-        See `orders_of`. If the acceleration is given, its energy counts.
+        See `orders_of`. If the acceleration is given, `error` is a share of the energy of the acceleration.
 
     Returns
     -------

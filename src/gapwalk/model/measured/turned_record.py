@@ -156,7 +156,7 @@ class Drift:
         share, size = 100.0 * (self.end / self.begin - 1.0), math.degrees(self.angle)
         speeds = f"{_said(self.begin, self.unit)} to {_said(self.end, self.unit)}"
         mean = f"mean of {self.periods} periods" if self.periods > 1 else "one period"
-        return f"{mean}, the drift from {speeds} ({share:+.2g} %, {size:.3g} deg) taken off"
+        return f"{mean}, the drift from {speeds} ({share:+.2g} %, {size:.3g} deg) subtracted"
 
 
 def _spline(x: Array, y: Array) -> Any:
@@ -166,7 +166,7 @@ def _spline(x: Array, y: Array) -> Any:
 
 
 Where = Callable[[int], str]
-"""Says where a sample stands, for messages."""
+"""Function that says in messages where a sample is."""
 
 
 def _said(speed: float, unit: str, digits: int = 6) -> str:
@@ -242,7 +242,7 @@ def turning_orders(
     Parameters
     ----------
     time : shape (samples,)
-        Times; with `pulses` alone, those of the pulses.
+        Times of the samples; of the pulses, if `pulses` is given without a signal.
     speed : shape (samples,)
         Speed of the shaft in rad per unit of time.
     signal : shape (samples,)
@@ -259,7 +259,7 @@ def turning_orders(
     orders, per, error
         As in `gapwalk.loads.orders_of`.
     where
-        Says where a sample stands, for messages.
+        Function that says in messages where a sample is.
     unit
         ``"rpm"`` if speeds in messages are to be in it.
 
@@ -268,7 +268,7 @@ def turning_orders(
     orders : OrderTable
         The orders over the smooth angle: of the motion in rad, without a mean.
     drift : Drift
-        The change of the mean speed that was taken off.
+        The change of the mean speed that was subtracted.
 
     Raises
     ------
@@ -279,8 +279,9 @@ def turning_orders(
     Notes
     -----
     The speed is integrated along its cubic spline. A cubic spline through the times at which periods end is the smooth
-    motion; what is left vanishes at these ends, and its mean over the periods has the orders. A linear change of the
-    speed is taken off exactly. The smooth angle is 0 at the first sample, or that of `angle` less the mean deviation.
+    motion. The deviation from it is zero at these times; its mean over the periods is the curve whose orders are found.
+    A linear change of the speed is subtracted exactly. The smooth angle is 0 at the first sample, or that of `angle`
+    less the mean deviation.
 
     Examples
     --------

@@ -45,8 +45,8 @@ class Balance(Method):
     columns: ClassVar[tuple[str, ...]] = ("harmonics", "truncation")
     needs_contacts: ClassVar[str] = "solves for the deflections of contacts"
 
-    #: H, the highest harmonic of the forcing frequency; an orbit of m forcing periods has H m lines. None: as many as
-    #: `error` requires, and more where a branch requires more.
+    #: H, the highest harmonic of the forcing frequency; an orbit of m forcing periods has H m harmonics of its own.
+    #: None: as many as `error` requires, and more where a branch requires more.
     harmonics: Annotated[int, Ge(1), Le(2000)] | None = None
     #: Largest sum of the amplitudes in the neglected harmonics (from H to 2 H, as excited by the exact contact force),
     #: relative to the largest amplitude of the deflections. A motion that exceeds it is refused.
@@ -54,9 +54,10 @@ class Balance(Method):
     #: ``"variational"``: multipliers of the motion linearised about the balanced one, by one pass over the period.
     #: ``"hill"``: by the projected exponential of Hill's matrix (Bayer and Leine 2023).
     stability: str = "variational"
-    #: Largest residual of an orbit, relative to the size of its lines.
+    #: Largest residual of an orbit, relative to its Fourier coefficients.
     tolerance: Annotated[float, Ge(1e-14), Le(1e-3)] = 1e-10
-    #: True to use harmonic balance also from about 20 gaps on, where studies otherwise use shooting (25 times faster).
+    #: True to use harmonic balance also for systems with about 20 gaps or more; otherwise studies use shooting there,
+    #: which is 25 times faster.
     only: bool = False
 
     def __post_init__(self) -> None:
