@@ -3,7 +3,7 @@
 Where several gaps rattle, no two neighbouring values of a parameter have the same sequence of contacts, so that a curve
 would have a graze at each step, or none exists. What settles there has a least, a mean and a largest value.
 
-Method: docs/numerics/notes/ensembles.md, section Response
+Method: docs/numerics/notes/ensembles.md
 """
 
 from __future__ import annotations
