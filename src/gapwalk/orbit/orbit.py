@@ -750,6 +750,7 @@ def _widest_gap(angles: list[float]) -> float:
 # later state of the orbit changes by ``Phi_x(theta) dx/dp + Phi_p(theta)``.
 
 _SINGULAR = 1e-11  # smallest relative singular value of ``Phi_x - I`` of an orbit that has derivatives
+_AT_ONE = 1e-6  # distance of a multiplier from 1 from which on smaller ones do too
 
 
 class SignalSlopes(NamedTuple):
@@ -781,7 +782,8 @@ class Sensitivity:
         (arc,) = released(layout_of(self.orbit.system.structure), self._coefficients, [arc], self.orbit.state)
         matrix = transition_of(arc) - np.eye(size)
         singular = np.linalg.svd(matrix, compute_uv=False)
-        if singular[-1] <= _SINGULAR * singular[0]:
+        # a train with parts of very different size has small singular values, but no multiplier of 1
+        if singular[-1] <= _SINGULAR * singular[0] and np.abs(np.linalg.eigvals(matrix)).min() <= _AT_ONE:
             raise NumericalError("the orbit lies on a fold or a branch point, where it has no derivative by parameters")
         by_parameters = np.zeros((size, 0)) if arc.sensitivity is None else arc.sensitivity.reshape(size, -1)
         return np.linalg.solve(matrix, -by_parameters).astype(float, copy=False)
