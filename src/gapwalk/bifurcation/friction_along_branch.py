@@ -160,7 +160,7 @@ def first_change(corrector: Corrector, first: BranchPoint, last: BranchPoint) ->
                     ends = first.arclength, last.arclength
                     place, converged = zero_between(lambda at, own=function: own(interval.at(at)), *ends)
                 if not converged:
-                    raise NumericalError("the position of friction that never slips jumps")
+                    raise NumericalError("friction that never slips jumps to another position")
                 found.append(HeldChange(corrector, interval.at(max(place, least)), contact, towards, function, first))
     return min(found, key=lambda each: each.point.arclength, default=None)
 

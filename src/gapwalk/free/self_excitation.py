@@ -347,7 +347,7 @@ def _beginnings(start: object, system: System, parameter: str, to: float | tuple
         within = check_range(value, to)
         beginnings = switch(start, parameter, (within.low, within.high), method)
         if not beginnings:
-            raise NumericalError("no branch begins at this point between these values; choose a wider range")
+            raise NumericalError(f"at this point no branch begins within {to}; write a wider range as to")
         return beginnings
     return [start_branch(orbit, parameter, to, way, method) for way in directions(value, to)]
 

@@ -818,8 +818,8 @@ def _rescaled(point: BranchPoint, start: NDArray[np.float64], corrector: Correct
     """Return the tangent of a point found with other scales, in the scales of the corrector."""
     if len(point.x) != len(start):
         raise ModelError(
-            "the branch point was found by another method, or with another number of segments or harmonics; follow the "
-            "other branch with the same ones"
+            "the branch point was found by another method, or with another number of segments or harmonics, than given "
+            "now; give the method and the number with which it was found"
         )
     scales = np.divide(start, point.x, out=corrector.scales.copy(), where=point.x != 0.0)
     rescaled = point.tangent * scales / corrector.scales
