@@ -129,7 +129,7 @@ _CASES = {
         0.075,
         (0.7, 0.3),
         _SHAFT,
-        note=f"{_K}: it seems to be 0.3. The resonances should be 0.6 apart in frequency, but are 0.39.",
+        note=f"{_K}, where it seems to be 0.3. The resonances should be 0.6 apart in frequency, but are 0.39.",
     ),
     "11b": ParameterSet(
         (0.0, 0.06, 0.0, 1.1),
@@ -137,7 +137,7 @@ _CASES = {
         0.075,
         (0.6, 1.0),
         _SHAFT,
-        note=f"{_K}: it seems to be 0.06. The resonances should be 0.8 apart in frequency, but are 0.39.",
+        note=f"{_K}, where it seems to be 0.06. The resonances should be 0.8 apart in frequency, but are 0.39.",
     ),
     "12": replace(
         _kappa_01,

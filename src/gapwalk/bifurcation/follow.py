@@ -863,7 +863,7 @@ def _beginnings(
         within = to if isinstance(to, tuple) else (min(value, to), max(value, to))
         beginnings = switch(start, parameter, within, method)
         if not beginnings:
-            raise NumericalError(f"at this point no branch begins within {to}; write a wider range as to")
+            raise NumericalError(f"no branch begins here from {within[0]:.6g} to {within[1]:.6g}; choose a wider range")
         return beginnings
     return [start_branch(start, parameter, to, way, method) for way in directions(start.system[parameter], to)]
 

@@ -199,7 +199,7 @@ def _end_of_slip(
     def at(distance: float) -> BranchPoint:
         there = pushed.point_near(here.x + distance * here.tangent, here.tangent, distance)
         if there is None:
-            raise NumericalError("no motion is found where the slip of a spring ends")
+            raise NumericalError("no motion is found where the friction in series with a spring ceases to slip")
         return there
 
     spare, rate = function(here), (function(at(_TOWARDS_BOUND)) - function(here)) / _TOWARDS_BOUND
