@@ -30,7 +30,8 @@ class Stretches:
 
 def band_series(branches: Sequence[Branch], measure: str) -> Iterator[Series]:
     """Yield the bands of settled motions as series: what lies between least and largest value, and the mean."""
-    text = "least to largest, settled", "mean, settled"
+    kind = {"max": "largest", "min": "least"}.get(measure.partition(".")[0], "mean")
+    text = "least to largest, settled", f"{kind}, settled"
     for branch in branches:
         measure = full_measure(measure, branch.system.coordinates)
         if measure.startswith("half.") or measure.startswith("peak_to_peak."):

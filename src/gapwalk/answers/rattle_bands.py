@@ -573,7 +573,7 @@ def rattle_picture(found: RattleBands, gap: str | None = None) -> Picture:
     worst = max(found.worst, key=lambda each: _rank(each.severity), default=None)
     gap, units = chosen_gap(found.gaps, gap or (worst and worst.severity.gap)), found.system.units
     every = {each: moved_by(found.system, each)[0] for each in (gap, *found.gaps)}  # the chosen one is the first
-    moved = every[gap]
+    moved, others = every[gap], [each for each in every if each != gap and found.of(each)]
     curves = [
         NamedCurve(f"{sweep.met}-{number}", stretch.branch, *_look(found, sweep.met), stretch.points)
         for sweep in found.sweeps
@@ -585,7 +585,7 @@ def rattle_picture(found: RattleBands, gap: str | None = None) -> Picture:
         curves,
         partial(_parts_of_bands, found, every),
         sentences=[found.sentence(each) for each in every],
-        heading=[found.sentence(gap)],
+        heading=[found.sentence(gap), *([f"not drawn here: {', '.join(others)}"] if others else [])],
         contacts=tuple(every),
         of=gap,
         script="[stretch.branch for sweep in record.sweeps for stretch in sweep.stretches]",

@@ -3,7 +3,7 @@
 At each value the motion starts from that of the value before, with its slow part extrapolated linearly. This hardly
 helps motions without period, so these are settled at as many values at once as can be computed side by side.
 
-Method: docs/numerics/notes/ensembles.md, section Response
+Method: docs/numerics/notes/ensembles.md
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Where several gaps rattle, no two neighbouring values of a parameter have the same sequence of contacts, so that a curve
 would have a graze at each step, or none exists. What settles there has a least, a mean and a largest value.
 
-Method: docs/numerics/notes/ensembles.md, section Response
+Method: docs/numerics/notes/ensembles.md
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ class Band:
     def shown(self, system: System, measure: str) -> tuple[float, float, float] | None:
         """Return the least, middle and largest height in the picture of a measure; None if that is not known of it.
 
-        They are the values of the coordinate; of ``half``, their distances from the mean, of which it is the middle.
+        They are values of the coordinate, of which the middle one is the one asked for; of ``half``, their distances
+        from the mean, of which it is the middle.
         """
         asked = parsed(full_measure(measure, system.coordinates))
         if asked is None or asked.signal not in system.coordinates or asked.over or asked.is_level or asked.orders:
@@ -60,7 +61,8 @@ class Band:
                 0.5 * factor * (high - low),
                 factor * max(mean - low, high - mean),
             )
-        return (low, mean, high) if asked.kind in ("max", "min", "mean") else None
+        middle = {"max": high, "min": low, "mean": mean}.get(asked.kind)
+        return None if middle is None else (low, middle, high)
 
 
 def band_rows(bands: Sequence[Band], parameter: str, system: System) -> Iterator[dict[str, Any]]:
