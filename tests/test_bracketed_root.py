@@ -59,7 +59,7 @@ def test_an_end_may_be_the_zero(ends: tuple[float, float]) -> None:
 
 
 def test_what_has_no_zero_is_refused() -> None:
-    with pytest.raises(ValueError, match="equal signs at both places: 2 and 5"):
+    with pytest.raises(ValueError, match="equal signs at both ends of the interval: 2 and 5"):
         find_root(lambda x: 1.0 + x * x, 1.0, 2.0)
     with pytest.raises(ValueError, match=r"has no value at 1\.0"):
         find_root(lambda x: math.nan if x == 1.0 else -1.0, 0.0, 1.0)

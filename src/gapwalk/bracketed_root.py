@@ -43,7 +43,7 @@ def find_root(
     if at_here == 0.0:
         return Root(here, True)
     if (at_before < 0.0) == (at_here < 0.0):
-        raise ValueError(f"the function has equal signs at both places: {at_before:g} and {at_here:g}")
+        raise ValueError(f"the function has equal signs at both ends of the interval: {at_before:g} and {at_here:g}")
     other = at_other = last = step = 0.0  # the other end of the bracket; the last two steps
     for _ in range(most):
         if at_before != 0.0 and (at_before < 0.0) != (at_here < 0.0):

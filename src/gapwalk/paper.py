@@ -87,8 +87,8 @@ _IMPACT = (0.0, 0.04, 0.0, 0.06)
 _VISCOUS = (0.04, 0.04, 0.04, 0.06)
 _HEAVY, _LIGHT, _SHAFT = (0.5, 0.25), (0.25, 0.25), (0.25, 0.5)
 
-_VARIED = "Te1 is what the figure varies; 0.25 is a value to begin with, not one of the paper's."
-_K = "GUESS: this entry of K is damaged in the scan"
+_VARIED = "The figure varies Te1; 0.25 is a value to begin with, which the paper does not give."
+_K = "GUESS: K12 is damaged in the scan"
 
 _heavy_backlash = ParameterSet(_PURE_BACKLASH, _IMPACT, 0.075, (1.0, 0.6), _HEAVY)
 _heavy_viscous = ParameterSet(_PURE_BACKLASH, _VISCOUS, 0.0, (1.0, 0.6), _HEAVY)
@@ -113,12 +113,12 @@ _CASES = {
     "8a": replace(
         _rattle,
         note=(
-            "GUESS: the scan prints beta = 0, but the figure is of the impact model, so beta > 0; 0.1 is that of "
-            "figures 5 and 7. The frequency is only called low; 0.17 is that of figures 5 to 7."
+            "GUESS: the scan prints beta = 0, but the figure is of the impact model, so beta > 0; 0.1 is beta of "
+            "figures 5 and 7. The paper calls the frequency low; 0.17 is that of figures 5 to 7."
         ),
     ),
     "9a": replace(
-        _kappa_01, mean=_SHAFT, note="The caption calls it heavily loaded, but the table has Tm1 = 0.25 only."
+        _kappa_01, mean=_SHAFT, note="The caption calls the system heavily loaded, but the table has Tm1 = 0.25."
     ),
     "9b": _kappa_04,
     "10a": _heavy_backlash,
@@ -129,7 +129,7 @@ _CASES = {
         0.075,
         (0.7, 0.3),
         _SHAFT,
-        note=f"{_K}: K12 = 0.3 is what can be read. The resonances should be 0.6 apart, but are 0.39.",
+        note=f"{_K}, where it seems to be 0.3. The resonances should be 0.6 apart in frequency, but are 0.39.",
     ),
     "11b": ParameterSet(
         (0.0, 0.06, 0.0, 1.1),
@@ -137,11 +137,11 @@ _CASES = {
         0.075,
         (0.6, 1.0),
         _SHAFT,
-        note=f"{_K}: K12 = 0.06 is what can be read. The resonances should be 0.8 apart, but are 0.39.",
+        note=f"{_K}, where it seems to be 0.06. The resonances should be 0.8 apart in frequency, but are 0.39.",
     ),
     "12": replace(
         _kappa_01,
-        note="The scan prints K11 = 0.0, but kappa = 0.1 is said of this figure and K21 = 0.06, so K11 = 0.1.",
+        note="The scan prints K11 = 0.0, but the paper says kappa = K11 = 0.1, and its K21 = 0.06 is 0.6 K11.",
     ),
     "13": replace(_kappa_01, mean=_LIGHT),
     "14": replace(_kappa_01, mean=_SHAFT),

@@ -87,7 +87,7 @@ def test_what_makes_no_sense_is_refused(free):
         strobe(free, [1.0, 0.0], 0)
     with pytest.raises(ModelError, match=r"periods is 0\.5"):
         section(free, [1.0, 0.0], Plane({"x": 1.0}), 0.5)  # type: ignore[arg-type]
-    with pytest.raises(ModelError, match=r"cannot be defined on 'y' here; it can be on x, x'"):
+    with pytest.raises(ModelError, match=r"names 'y'; it must be one of x, x'"):
         section(free, [1.0, 0.0], Plane({"y": 1.0}))
     with pytest.raises(ModelError, match="normal of a plane is zero"):
         Plane({"x": 0.0})

@@ -32,7 +32,7 @@ def test_a_run_up_is_saved_at_the_full_scale_that_is_said(folder, capsys) -> Non
     record = gw.open_result(folder / "run.gapwalk").finding.record
     exact = record.sound("stage2.force")
     assert f"peak {exact.peak:.4g}" in said
-    assert f"give --full-scale {exact.full_scale:g} to what it is compared with" in said
+    assert f"give --full-scale {exact.full_scale:g} to each sound compared with this one" in said
     rate, values = wavfile.read(folder / "run.wav")
     assert rate == exact.rate
     np.testing.assert_allclose(

@@ -267,7 +267,7 @@ def test_a_state_names_its_extensions():
     system = chain(0.1, 2.0)
     assert system.state_names == ("x", "y", "x'", "y'", "brake.extension")
     assert system.state_scales(2.0, 3.0).tolist() == [2.0, 2.0, 6.0, 6.0, 2.0]
-    with pytest.raises(ModelError, match=r"5 finite numbers \(x, y, x', y', brake.extension\), or the first 4"):
+    with pytest.raises(ModelError, match=r"brake.extension\), not .*; the first 4 are enough"):
         gw.find_orbit(system, start=[0.0, 0.0, 0.0])
     assert gw.find_orbit(system, start=[0.0] * 4).state.shape == (5,)
     motion = gw.find_orbit(system).motion()

@@ -151,7 +151,7 @@ def test_a_locus_is_followed_shown_and_repeated(client, do, session, hard) -> No
         ({"second": "frequency"}, "second parameter other than"),
         ({"second_low": 0.3}, "it must contain the value of the point, 0.2"),
         ({"second": "nothing"}, "no parameter"),
-        ({"start": {"special": 99}}, "no such special point"),
+        ({"start": {"special": 99}}, "the chosen special point is not in"),
     ],
 )
 def test_a_locus_that_makes_no_sense_is_refused(client, hard, change, words) -> None:

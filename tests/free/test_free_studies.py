@@ -71,7 +71,7 @@ def test_a_backbone_study_foretells(tmp_path):
 
 def test_a_study_refuses_what_cannot_be_followed():
     study = study_of("self-excited")
-    with pytest.raises(ModelError, match="that of the excitation"):
+    with pytest.raises(ModelError, match="belongs to the excitation"):
         gw.free.follow_rest(study.system, "frequency", 2.0)
     with pytest.raises(ModelError, match="range"):
         gw.free.self_excited(study.system, "damper.mu", (0.5, 1.0))

@@ -137,7 +137,7 @@ def test_what_has_no_equilibria_is_refused():
     with pytest.raises(ModelError, match="replace it by a stiff one"):
         gw.free.follow_rest(wall, "mean.x", 1.0)
     plain = gw.System(["x"], [1.0], [0.1], harmonics=[gw.Harmonic(0.1, {"x": 1.0})])
-    with pytest.raises(ModelError, match="that of the excitation"):
+    with pytest.raises(ModelError, match="belongs to the excitation"):
         gw.free.follow_rest(plain, "frequency", 2.0)
     with pytest.raises(ModelError, match="write 1 positions"):
         gw.free.follow_rest(plain, "mean.x", 2.0, start=[0.0, 1.0])

@@ -160,7 +160,7 @@ def test_what_cannot_be_checked_is_refused() -> None:
     full = rod(20, 2)
     reduction = reduce(full, modes=5, up_to=0.5)
     orbit = find_orbit(full, start="rest", method=METHOD)
-    with pytest.raises(ModelError, match="not the reduced one at other values"):
+    with pytest.raises(ModelError, match="not the reduced one at some values"):
         reduction.check(orbit)
     own = find_orbit(reduction.system, start="rest", method=METHOD)
     with pytest.raises(ModelError, match=r"as in Balance\(harmonics=20\)"):

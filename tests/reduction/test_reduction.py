@@ -79,7 +79,7 @@ def test_what_has_no_meaning_in_the_full_system_is_refused() -> None:
     reduction = reduce(rod(20, 2), modes=3, up_to=0.5)
     with pytest.raises(ModelError, match=r"stiffness\.mode1\.mode2 was changed"):
         reduction.full_at(reduction.system.at({"stiffness.mode1.mode2": 0.1}))
-    with pytest.raises(ModelError, match="not the reduced one at other values"):
+    with pytest.raises(ModelError, match="not the reduced one at some values"):
         reduction.full_at(reduction.full)
     with pytest.raises(ModelError, match="it must have 12 numbers"):
         reduction.expand_state(np.zeros(40))

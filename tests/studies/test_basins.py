@@ -240,7 +240,9 @@ def test_labels_that_rounding_decides_are_counted():
     job.check_labels(Workers())
     assert (job.checked.shifted, job.checked.shifted_wrong) == (100, 3)
     assert job.checked.share == job.checked.limit == pytest.approx(0.03)
-    assert job.checked.text.endswith("elsewhere 0 of 100 cells differed from the exact flow; rounding decides 3 of 100")
+    assert job.checked.text.endswith(
+        "elsewhere 0 of 100 cells differed from the exact flow; rounding decides 3 of 100 cells"
+    )
 
 
 @pytest.mark.slow

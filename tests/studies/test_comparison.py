@@ -107,7 +107,7 @@ def test_maps_are_compared_by_their_loci_and_sections() -> None:
 def test_what_cannot_be_compared_is_told(stop, tree) -> None:
     options = ResponseOptions("stop.clearance", 1.0, 0.9, "half.x")
     other = gw.run(gw.Study(stop.system.at(frequency=1.0), options))
-    with pytest.raises(ModelError, match=r"one result is over frequency, the other over stop\.clearance"):
+    with pytest.raises(ModelError, match=r"the results are over frequency and stop\.clearance"):
         gw.studies.compare_results(stop, other)
     with pytest.raises(ModelError, match="the coordinates of one result are x, those of the other q1, q3"):
         gw.studies.compare_results(stop, tree)

@@ -561,7 +561,7 @@ class Design(Shown):
         yield Table(("goal", ">margin before", ">after", ""), goals)
         for each in self.judged:
             if math.isfinite(each.without):
-                yield f'  without the goal "{each.words}", a change of norm {each.without:.4g} reaches all others'
+                yield f'  without the goal "{each.words}", a change of norm {each.without:.4g} reaches all other goals'
             elif not math.isnan(each.without):
                 yield f'  without the goal "{each.words}", the other goals are not reached either'
         yield ""

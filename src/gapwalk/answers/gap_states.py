@@ -550,7 +550,7 @@ def kept(system: System, gap: str, side: int) -> System:
     structure, place = system.structure, contact_place(system, gap)
     form = structure.contacts[place]
     if side and form.law.rebounds:
-        raise ModelError(f"{gap} is a rigid stop, so nothing can keep its gap closed; ask it to stay open")
+        raise ModelError(f"{gap} is a rigid stop, so no motion keeps its gap closed; ask for an open gap")
     contacts = (*structure.contacts[:place], replace(form, law=_Kept(form.law, side)), *structure.contacts[place + 1 :])
     return System.from_values(replace(structure, contacts=contacts), system.values)
 

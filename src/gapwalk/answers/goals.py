@@ -146,7 +146,7 @@ class LocalResponse:
         x = np.append(equation.unknowns(point.orbit), point.value) / scales
         corrected = corrector.at_value(x, point.value) if place.is_fixed else corrector.correct(x, point.tangent)
         if corrected is None:
-            raise ConvergenceError(f"no motion was found near that at {point.value:.6g} for a slightly changed {name}")
+            raise ConvergenceError(f"no motion near the one at {point.value:.6g} was found for a changed {name}")
         return corrector.point(corrected, point.tangent, point.arclength)
 
     def _runs(self, low: float, high: float) -> Iterator[list[Place]]:

@@ -155,7 +155,7 @@ class _Point:
                 if self._depth(switch, means) < 0.0:
                     raise ModelError(
                         f"the mean load does not press {gap} on the same flank over the whole range: at "
-                        f"{self.value:.6g} it is on the other flank, or on none; run each part of the range"
+                        f"{self.value:.6g} it is on the other flank, or on none; compute each part of the range alone"
                     )
         return found
 
@@ -232,7 +232,7 @@ class _Response:
         for guess in self._guess(value, near), near[0].state:
             if (state := self._solved(value, guess, goal)) is not None:
                 return self._add(value, state)
-        raise ConvergenceError(f"no motion with held flanks was found at {self.words(value)}, but was nearby")
+        raise ConvergenceError(f"no motion with held flanks was found at {self.words(value)}, but one was nearby")
 
     def _add(self, value: float, state: NDArray[np.float64]) -> _Point:
         self.points.append(_Point(self.line.system_at(value), value, state, self.sides))
@@ -315,7 +315,7 @@ def _judged(response: _Response, within: tuple[float, float]) -> QuietLimits:
         stuck = " and ".join(special.orbit.system.structure.contacts[place].name for place in special.orbit.stuck)
         where = response.words(special.value)
         notes += [f"the quiet motion is lost before {where}: it is unstable there"] * (not special.orbit.stable)
-        notes += [f"{stuck} never slips at {where}: the end depends on where it sticks"] * bool(stuck)
+        notes += [f"{stuck} never slips at {where}: the quiet range depends on where it sticks"] * bool(stuck)
     points = response.ordered  # with those at which ends were looked for
     values, extent = np.array([point.value for point in points]), (low.value, high.value)
     limits = [replace(each, forces=np.array([point.force(each.gap) for point in points])) for each in limits]

@@ -647,7 +647,7 @@ class Tolerance(Shown):
         if tracked > check.checked:
             yield (
                 f"note: the other {tracked - check.checked:,} tracked samples were not walked. Their special points "
-                "are those of walked samples; any that no walk has met would be missing"
+                "are those of walked samples; a special point that no walk has met is missing"
             )
         if self.further:
             count = len({each.sample for each in self.further if self.known[each.sample]})

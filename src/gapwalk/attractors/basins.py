@@ -430,7 +430,7 @@ class BasinCheck:
             text = f"exact at all borders; elsewhere {text}"
         else:
             text = f"{self.border_wrong} of {self.border_checked} cells at borders and elsewhere {text}"
-        return f"{text}; rounding decides {self.shifted_wrong} of {self.shifted}" if self.shifted_wrong else text
+        return f"{text}; rounding decides {self.shifted_wrong} of {self.shifted} cells" if self.shifted_wrong else text
 
     def _still_wrong(self, rate: Callable[[int, int], float]) -> float:
         exact = self.border_checked + self.inner_checked

@@ -92,7 +92,7 @@ class Plane:
         names = system.state_names[: 2 * system.size]
         unknown = [name for name in self.normal if name not in names]
         if unknown:
-            raise ModelError(f"a plane cannot be defined on {unknown[0]!r} here; it can be on {', '.join(names)}")
+            raise ModelError(f"the normal of a plane names {unknown[0]!r}; it must be one of {', '.join(names)}")
         return np.array([float(self.normal.get(name, 0.0)) for name in system.state_names])
 
     @property

@@ -993,5 +993,5 @@ def _judge(
         return AttractorKind.QUASI_PERIODIC, found, (f"{text}: zero", words)
     zeros = int(np.sum(np.abs(exponents.per_period) <= options.zero))
     if zeros > 1 and exponents.regular and settled.converged:
-        return AttractorKind.QUASI_PERIODIC, None, (f"{text}: zero, as are {zeros - 1} others",)
+        return AttractorKind.QUASI_PERIODIC, None, (f"{text}: zero, as {zeros - 1} other exponents",)
     return AttractorKind.UNDECIDED, None, (f"{text}: zero within its error, but its strobes lie on no curve",)

@@ -389,7 +389,8 @@ class BranchTracer(Iterator[Step]):
             for contact in point.orbit.friction:
                 ends = sum(each.kind is Kind.SLIP_ONSET for each in special)
                 if len(directions_left(first.orbit, point.orbit, contact)) > ends:
-                    raise NumericalError("friction does not stick where its slip ends, but at another position")
+                    name = point.orbit.system.structure.contacts[contact].name
+                    raise NumericalError(f"{name} ceases to slip, but not at the position at which it then sticks")
         # only now, as each of them is found again where the step is repeated
         return [each.kind.judged(each, parameter, method) for each in special] if self._judges else special
 
@@ -504,7 +505,7 @@ class BranchTracer(Iterator[Step]):
                 return step
             still = [each for each in point.orbit.friction if never_slips(special[number].point.orbit, each)]
             names = " and ".join(structure.contacts[each].name for each in still)
-            words = f"beyond, the position of {names} depends on the history; follow an orbit found beyond"
+            words = f"beyond, where {names} sticks depends on the history; find an orbit there and follow it"
         last = first if number is None else special[number].point
         self.walk.finish(last, EndReason.GIVES_WAY, words)
         return last, special[: 0 if number is None else number + 1]
@@ -862,7 +863,7 @@ def _beginnings(
         within = to if isinstance(to, tuple) else (min(value, to), max(value, to))
         beginnings = switch(start, parameter, within, method)
         if not beginnings:
-            raise NumericalError("no branch begins at this point between these values; choose a wider range")
+            raise NumericalError(f"no branch begins here from {within[0]:.6g} to {within[1]:.6g}; choose a wider range")
         return beginnings
     return [start_branch(start, parameter, to, way, method) for way in directions(start.system[parameter], to)]
 

@@ -160,7 +160,7 @@ def first_change(corrector: Corrector, first: BranchPoint, last: BranchPoint) ->
                     ends = first.arclength, last.arclength
                     place, converged = zero_between(lambda at, own=function: own(interval.at(at)), *ends)
                 if not converged:
-                    raise NumericalError("the position of friction that never slips jumps")
+                    raise NumericalError("friction that never slips jumps to another position")
                 found.append(HeldChange(corrector, interval.at(max(place, least)), contact, towards, function, first))
     return min(found, key=lambda each: each.point.arclength, default=None)
 
@@ -199,7 +199,7 @@ def _end_of_slip(
     def at(distance: float) -> BranchPoint:
         there = pushed.point_near(here.x + distance * here.tangent, here.tangent, distance)
         if there is None:
-            raise NumericalError("no motion is found where the slip of a spring ends")
+            raise NumericalError("no motion is found where the friction in series with a spring ceases to slip")
         return there
 
     spare, rate = function(here), (function(at(_TOWARDS_BOUND)) - function(here)) / _TOWARDS_BOUND

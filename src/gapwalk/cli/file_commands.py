@@ -277,7 +277,7 @@ def save_sound(result: Result, output: Path, signal: str | None, full_scale: flo
         [
             f"  {heard.signal}, {heard.duration:.4g} s at {heard.rate} Hz: peak {heard.peak:.4g}{unit}, root mean "
             f"square {heard.level:.4g}{unit}",
-            f"  full scale is {scale:g}{unit}: give --full-scale {scale:g} to what it is compared with",
+            f"  full scale is {scale:g}{unit}: give --full-scale {scale:g} to each sound compared with this one",
         ]
     )
     return DONE

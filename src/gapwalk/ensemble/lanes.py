@@ -290,7 +290,7 @@ def _chain(content: bytes, shape: tuple[int, int], parents: tuple[int, ...] | No
 def _refuse_static(slots: ContactSlots, coefficients: NDArray[np.float64]) -> None:
     static = slots.numbers.get("static") if slots.form.law.is_dry else None
     if static is not None and np.any(coefficients[:, static] != 1.0):
-        raise UnfitError(f"equal steps cannot include {slots.form.name!r}: at rest its friction is larger than in slip")
+        raise UnfitError(f"equal steps cannot include {slots.form.name!r}: its static is not 1.0; use the exact flow")
 
 
 def turn_of(structure: Structure) -> int | None:

@@ -128,7 +128,7 @@ def _shown(studies: tuple[Study, ...]) -> Study:
     """Return the study whose range is walked: the first over the pace of the excitation, else over anything."""
     ranges = [each for each in studies if isinstance(each.options, RangeStudy)]
     if not ranges:
-        raise ModelError('no study has a range; kind = "response" with parameter, from and to has a curve here')
+        raise ModelError('no study has a range; write one of kind = "response", with parameter, from and to')
     return next((each for each in ranges if _parameter(each) == each.system.structure.pace), ranges[0])
 
 
@@ -197,7 +197,7 @@ def _first(system: System, options: RangeStudy, period: int) -> tuple[Orbit, Met
     if curve is not None:  # where many gaps rattle, to look for an orbit that is not there takes minutes
         band = curve.at(0)
         if band.period != period:
-            raise ConvergenceError(f"what settles has no period {period}")
+            raise ConvergenceError(f"the motion that settles does not have the period {period}")
         start = band.state
     return find_orbit(system, period, start, method=SHOOTING), SHOOTING
 

@@ -248,7 +248,7 @@ class Exploration:
                 for number, places in ((place.point, line.points), (place.special, line.special_points)):
                     if number is not None and number < len(places):
                         return places[number].orbit
-        raise ModelError(f"{entry.title} has no such point any more; reload the page")
+        raise ModelError(f"the chosen point is not in {entry.title} any more; reload the page")
 
     def special(self, place: Place) -> tuple[Line, SpecialPoint]:
         """Return the special point at a place, and its branch; raise a ModelError if there is none."""
@@ -261,7 +261,7 @@ class Exploration:
                     special = line.special_points[place.special]
                     assert isinstance(special, SpecialPoint)  # it is no locus
                     return line, special
-        raise ModelError(f"{entry.title} has no such special point any more; reload the page")
+        raise ModelError(f"the chosen special point is not in {entry.title} any more; reload the page")
 
     def origin(self, place: Place) -> Study:
         """Return the study of the result at a place, which may differ from the file after an edit."""

@@ -429,8 +429,8 @@ def check_state(system: System, state) -> NDArray[np.float64]:
     size, count = system.state_size, 2 * system.size
     if array.shape not in {(size,), (count,)} or not np.all(np.isfinite(array)):
         order = f"{size} finite numbers ({', '.join(system.state_names)})"
-        without = f", or the first {count} of them, and the others are 0" if size > count else ""
-        raise ModelError(f"a state of this system is {order}{without}, not {state!r}")
+        without = f"; the first {count} are enough if the others are 0" if size > count else ""
+        raise ModelError(f"a state of this system is {order}, not {state!r}{without}")
     return np.append(array, np.zeros(size - len(array)))
 
 

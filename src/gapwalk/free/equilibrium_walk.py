@@ -373,7 +373,7 @@ def check_rest(system: System, parameter: str) -> None:
     structure = system.structure
     if parameter == structure.pace:
         raise ModelError(
-            f"{parameter} is that of the excitation, which equilibria do not have; write another parameter, such as "
+            f"{parameter} belongs to the excitation, which equilibria do not have; write another parameter, such as "
             '"belt.speed"'
         )
     structure.place(parameter)
@@ -396,7 +396,7 @@ def equilibria_of(system: System) -> list[NDArray[np.float64]]:
     """Return the positions of all equilibria that are found; raise a ConvergenceError if there are none."""
     found = [each.position for each in find_equilibria(system).equilibria]
     if not found:
-        raise ConvergenceError("the system has no equilibrium that was found; give positions near one, start = [...]")
+        raise ConvergenceError("no equilibrium of the system was found; give positions near one, start = [...]")
     return found
 
 

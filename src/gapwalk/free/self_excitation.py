@@ -347,7 +347,9 @@ def _beginnings(start: object, system: System, parameter: str, to: float | tuple
         within = check_range(value, to)
         beginnings = switch(start, parameter, (within.low, within.high), method)
         if not beginnings:
-            raise NumericalError("no branch begins at this point between these values; choose a wider range")
+            raise NumericalError(
+                f"no branch begins here from {within.low:.6g} to {within.high:.6g}; choose a wider range"
+            )
         return beginnings
     return [start_branch(orbit, parameter, to, way, method) for way in directions(value, to)]
 

@@ -171,7 +171,7 @@ def doubts_of(estimates: Sequence[Estimate]) -> Iterator[str]:
     """Yield sentences on parameters that ended at a bound, or have large errors."""
     for each in estimates:
         if np.isnan(each.error):
-            yield f"{each.name} ended at its bound {each.value:.6g}; the errors of the others hold for this value"
+            yield f"{each.name} ended at its bound {each.value:.6g}; errors of other parameters hold for this value"
         elif np.isfinite(each.error) and each.error > abs(each.value) and each.name != "phase":
             yield f"{each.name} is poorly determined: its standard error is larger than its value"
 

@@ -585,7 +585,7 @@ def _rest(
     jumping = [each.form.name for each in springs if not only and any(slope.pull[0] for slope in each.slopes)]
     text = (
         f"a rest on a breakpoint at which a force jumps ({', '.join(jumping)}) is not computed: the force there has "
-        "any size between those on both sides. Give the jump a width, by a stage of stiffness jump/width in its place, "
+        "any size between its values on both sides. Give the jump a width: a stage of stiffness jump/width there, "
         "and one of stiffness -jump/width at the clearance plus the width"
     )
     return Rest(tuple(ordered), complete and not jumping, (*left_out(system), *[text] * bool(jumping)))

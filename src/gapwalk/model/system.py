@@ -323,7 +323,7 @@ class System(Shown):
             try:
                 values[place] = value
             except OverflowError:
-                raise ModelError(f"{name} is an integer too large for a number of the machine") from None
+                raise ModelError(f"{name} is an integer of too many digits; it must be below 1.8e308") from None
         return System.from_values(self.structure, checked(self.structure, values))
 
     @classmethod
@@ -340,7 +340,7 @@ class System(Shown):
     def beside(cls, other: System, place: int, value: float) -> System:
         """Make a system that differs from another one by the value at one place, which is not checked.
 
-        Both share their numbers until all of them are needed.
+        It uses the values of the other one, without a copy, until `values` is read.
 
         Parameters
         ----------

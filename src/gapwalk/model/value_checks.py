@@ -216,7 +216,7 @@ def _dissipation_problems(structure: Structure, values: NDArray[np.float64]) -> 
         if not own > _ALONG * size and size > 0.0:
             what = "friction that slips" if form.law.is_dry else "an impact"
             yield (
-                f"{form.name}.force pushes its own deflection the wrong way (e M^-1 d is {own:.4g}; it must be > 0): "
+                f"{form.name}.force accelerates its own deflection by {own:.4g} per unit of force, which must be > 0: "
                 f"{what} would feed energy in; change its sign, or leave it out: by default it is the deflection"
             )
             return
@@ -298,11 +298,11 @@ def _sticking_problems(names: Sequence[str], moved: NDArray[np.float64]) -> Iter
     words = " and ".join((", ".join(together[:-1]), together[-1]))
     if len(together) == 2:
         yield (
-            f"{words} stick on one deflection, and nothing says how they share its force (E M^-1 D is singular); "
+            f"{words} stick on one deflection, and nothing says how they share its force; "
             "write one friction with the sum of their limits, or give one of them a stiffness"
         )
     else:
         yield (
             f"{words} stick in more ways than the system can move, and nothing says how they share the force "
-            "(E M^-1 D is singular); give one of them a stiffness"
+            "between them; give one of them a stiffness"
         )

@@ -321,7 +321,7 @@ class Orbit(LateFields, Shown):
 
     @cached_property
     def free_multipliers(self) -> NDArray[np.complex128]:
-        """Multipliers that decide on stability: 0 replaces those of positions that friction always keeps."""
+        """Multipliers that decide on stability: 0 in place of those equal to 1 by friction that sticks all the time."""
         return without_kept(self.multipliers, self.kept)
 
     @property

@@ -531,7 +531,7 @@ def save(
     >>> gw.plot.save(branch, "branch.pdf", "branch.svg", measure="max.x", size="column")
     """
     if isinstance(record, Figure) and (title is not None or size is not None or style is not None or options):
-        raise ModelError("a figure has its own measure, title and size; leave them out, or draw it with others")
+        raise ModelError("a figure has its own measure, title and size; leave them out, or draw a figure with them")
     forms = [form or Path(path).suffix.lower().removeprefix(".") for path in paths]
     for path, each in zip(paths, forms, strict=True):
         if each not in FORMS:

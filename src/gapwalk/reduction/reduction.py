@@ -406,7 +406,7 @@ class Reduction:
     def full_at(self, reduced: System) -> System:
         """Return the full system with the parameter values of the reduced one, such as `orbit.system`."""
         if reduced.structure != self.system.structure:
-            raise ModelError("the system is not the reduced one at other values; take `reduction.system.at(...)`")
+            raise ModelError("the system is not the reduced one at some values; make it by `reduction.system.at(...)`")
         ours, theirs = self._shared
         values = self.full.values.copy()
         values[theirs] = reduced.values[ours]

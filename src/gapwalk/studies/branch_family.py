@@ -206,7 +206,7 @@ class MemberParameter:
         pace = system.structure.pace
         if pace in self.names and len(self.moved) > 1:
             raise ModelError(
-                f"over has {pace} beside other parameters; it must be alone there, because everything is scaled by it"
+                f"over has {pace} beside other parameters; it must be alone there, because time is scaled by it"
             )
         for number in () if names_only else range(len(self.axis)):
             try:

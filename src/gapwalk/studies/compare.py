@@ -558,7 +558,7 @@ def _check_comparable(first: Result, second: Result) -> None:
     ]
     if planes[0] != planes[1]:
         words = [" and ".join(names) for names in planes]
-        raise ModelError(f"one result is over {words[0]}, the other over {words[1]}; compare the same ones")
+        raise ModelError(f"the results are over {words[0]} and {words[1]}; compare results over the same parameters")
     _check_coordinates(first, second)
 
 

@@ -216,7 +216,7 @@ class DesignStudy(RangeStudy):
         ends = min(begin, found["end"]), max(begin, found["end"])
         for change in found["changes"]:
             if change.parameter == found["parameter"]:
-                raise ModelError(f"changes names {change.parameter}, over which the response is walked; choose others")
+                raise ModelError(f"changes names {change.parameter}, over which the response is walked; leave it out")
         try:
             goals = tuple(table.goal(system, found["parameter"], ends) for table in found["goals"])
             for goal in goals:

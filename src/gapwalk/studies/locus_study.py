@@ -35,12 +35,12 @@ def _where_the_branch_is(at: float | None, info: ValidationInfo[Surroundings]) -
     if name is None or len(ends) < 2 or around.system is None or around.guessed:
         return None
     if name in PACES and not around.frequency_given:
-        raise ValueError("is missing, and the file gives no frequency either; write the value of the walk")
+        raise ValueError("is missing, and the file gives no frequency; write at which value the branch is walked")
     own, (low, high) = around.system[name], sorted(ends)
     if not low <= own <= high:
         raise ValueError(
             f"is missing, and the model has {name} = {own:g}, outside the range from {low:g} to {high:g}; write "
-            "where in the range the branch is walked on which the special points lie"
+            "a value in this range, at which the branch with the special points is walked"
         )
     return own
 

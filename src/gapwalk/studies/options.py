@@ -56,7 +56,7 @@ def known_parameter(parameter: str, info: ValidationInfo[Surroundings]) -> str:
 def _begins(value: float | None, info: ValidationInfo[Surroundings]) -> float | None:
     if value is None:
         if info.data.get("parameter") in PACES and not info.context.frequency_given:
-            raise ValueError("is missing; the file gives no frequency to start at either")
+            raise ValueError("is missing, and the file gives no frequency to start at; write one of the two")
         return None
     return check_value(value, info.data.get("parameter"), info.context)
 

@@ -382,7 +382,7 @@ class _Watch:
         self.lengths.append(point.arclength)
         self.special += [point.arclength] * len(special_points)
         if len(self.special) > _SPECIAL and self.special[-1] - self.special[-_SPECIAL - 1] < _STEPS * _SHORT:
-            return "contacts graze one after the other"
+            return "contacts graze in quick succession along the branch"
         if len(self.lengths) > _STEPS and point.arclength - self.lengths[-_STEPS - 1] < _STEPS * _SHORT:
             return f"the steps became shorter than {_SHORT:g} of the range"
         base = curve.beyond(point.value)

@@ -76,7 +76,7 @@ class FullCheck:
         texts.append(
             f"motions differ by {self.motion:.1e} of their size at most"
             if math.isfinite(self.motion)
-            else "some of its motions are not there: the reduced system has too few modes for them"
+            else "some of its motions do not exist in the full system: the reduced system has too few modes"
         )
         return f"{self.branch} compared with the full system, by {self.harmonics} harmonics: {'; '.join(texts)}"
 

@@ -535,7 +535,7 @@ def _slow_response(system: System, courses: list[SpeedCourse]) -> SlowResponse:
     try:
         branch = follow(find_orbit(system.at({pace: first})), pace, to=last)
     except NumericalError as error:
-        return SlowResponse(None, f"the response to compare with was not found: {error}")
+        return SlowResponse(None, f"the slow response, with which run-ups are compared, was not found: {error}")
     end = branch.ends[-1]
     reason = "" if end.reason is EndReason.RANGE else f"the response does not reach the last speed: {end}"
     return SlowResponse(branch, reason)

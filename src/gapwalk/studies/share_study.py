@@ -104,7 +104,7 @@ class ShareCurve(Shown):
         symbol = parameter_symbol(self.parameter, self.system.units)
         yield Table([f">{symbol}", *(f">{name}" for name in self.counts)], cells)
         if any(name.endswith("b") and f"{name[:-1]}a" in self.counts for name in self.counts):
-            yield "a motion is named as the nearest one of its kind at the value before: more points make this safer"
+            yield "a motion is named as the nearest one of its kind at the previous value; more points make this safer"
 
     def tables(self) -> Tables:
         """Return the shares with their limits."""

@@ -160,7 +160,7 @@ def _verify_tori(ledger: Ledger, what: Tori, report: Advance | None) -> None:
         case TorusDiagram():
             _verify_diagram(ledger, what.diagram, report)
             verify_families(ledger, [(f"T{k}", each) for k, each in enumerate(what.families, start=1)], report)
-            ledger.note("the ends and events of families of tori are not verified, their tori are")
+            ledger.note("of families of tori, the tori are verified, but not the ends and events")
             for tongue in what.tongues:
                 _verify_tongue(ledger, f"tongue {tongue.ratio}, ", tongue, report)
 

@@ -182,7 +182,7 @@ def test_printed_dampers_that_no_three_inertias_have_are_refused() -> None:
 
 
 def test_only_three_inertias_in_line_have_the_numbers_of_the_paper() -> None:
-    with pytest.raises(ModelError, match="the paper has three inertias in line"):
+    with pytest.raises(ModelError, match="needs three inertias in line"):
         gw.train.paper_numbers(two(frequency="50 Hz").system())
     with pytest.raises(ModelError, match="torques on the first and the last inertia only"):
         gw.train.paper_numbers(physical().system().at({"mean.hub": 1.0}))

@@ -817,10 +817,7 @@ def _crossing(search: Search, a: BranchPoint, b: BranchPoint, ranks: tuple[int, 
 def _rescaled(point: BranchPoint, start: NDArray[np.float64], corrector: Corrector) -> NDArray[np.float64]:
     """Return the tangent of a point found with other scales, in the scales of the corrector."""
     if len(point.x) != len(start):
-        raise ModelError(
-            "the branch point was found by another method, or with another number of segments or harmonics; follow the "
-            "other branch with the same ones"
-        )
+        raise ModelError("method has other segments or harmonics than that of the branch point; write the same one")
     scales = np.divide(start, point.x, out=corrector.scales.copy(), where=point.x != 0.0)
     rescaled = point.tangent * scales / corrector.scales
     return rescaled / np.linalg.norm(rescaled)

@@ -85,7 +85,7 @@ class Grazing(Kind):
             unknown = {*contact.split(" and ")} - formulas
             return [f"there is no contact {each!r}" for each in sorted(unknown)], None
         if not before.orbit.closing_changes(after.orbit)[switch]:
-            return [f"{contact} closes equally often on both sides"], None
+            return [f"{contact} closes equally often on both sides of the graze"], None
         turns = orbit.turning_depths[switch]
         theta = turns.thetas[int(np.argmin(np.abs(turns.values)))]
         return [], lambda point: depth_near(point.orbit, switch, theta)

@@ -88,7 +88,7 @@ class HeldStop(Kind):
     ) -> tuple[list[str], Callable[[BranchPoint], float] | None]:
         """See `Kind.examined`: the stop must be held on one side otherwise than on the other."""
         names = [describe_switch(before.orbit, switch) for switch in held_changes(before, after)]
-        return [] if special.contact in names else [f"{special.contact} is held as often on both sides"], None
+        return [] if special.contact in names else [f"{special.contact} is held equally often before and after"], None
 
     @property
     def no_locus(self) -> str:

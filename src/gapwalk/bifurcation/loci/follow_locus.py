@@ -560,7 +560,7 @@ def _checked(special: SpecialPoint, first: str, second: str, to: Ranges) -> tupl
         raise ModelError(special.kind.no_locus)
     if special.kind is Kind.GRAZING and switch_named(special.orbit, special.contact) is None:
         raise ModelError(
-            f"at this graze {special.contact} set in at all angles at once, and its locus is not followed; locate it "
+            f"at this graze {special.contact} begins to act at all angles at once; its locus is not followed: find it "
             f"on branches for several values of {second!r}, as gw.family does"
         )
     if special.orbit.own_method is not None:

@@ -49,7 +49,7 @@ class LocusEndReason(Reason):
     RESONANCE = "the locus ends at a strong resonance"
     JOINED = "the locus ends where its orbits repeat after half their period"
     GRAZE = "the locus ends on the locus of a graze, which it touches"
-    COARSE = "the motion needs more segments or harmonics"
+    COARSE = "the motion needs more segments (shooting) or harmonics (harmonic balance)"
     STEP = "the step became smaller than the smallest allowed"
     POINTS = "the largest number of points was reached"
     STOPPED = "the walk was stopped before its end"

@@ -741,7 +741,7 @@ def nearest_margin(orbit: Orbit, instant: Instant) -> Margin:
         theta, value = margin(orbit, Change(contact, *within, shortest.start, False), shortest.start)
         alike.append(Margin(contact, what, side, theta, value, _range(orbit, instant, theta)))
     if not alike:
-        raise ConvergenceError("no friction of this motion is near such a point")
+        raise ConvergenceError("no friction of this motion is near a point at which sliding begins or ends")
     return min(alike, key=lambda each: abs(each.value) / each.range)
 
 

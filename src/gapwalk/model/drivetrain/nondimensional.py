@@ -280,7 +280,7 @@ class PaperNumbers:
                 )
         r = self.length_ratio()
         if not 1.0 / shaft < r < clutch:
-            yield f"the mean loads and stiffnesses ask for bc3/bc1 = {r:g}, with which an inertia would be negative"
+            yield f"mean loads and stiffnesses give the ratio of lengths bc3/bc1 = {r:g}: an inertia would be negative"
 
 
 _SI = Units(
@@ -331,7 +331,7 @@ def paper_numbers(system: System, scales: Scales | None = None, length_ratio: fl
     laws = ("elastic", "hunt-crossley")
     if ends != [(0, 1), (1, 2)] or not first or len(first.stages) > 1 or form.links[1].parts or form.links[0].beside:
         raise ModelError(
-            "the paper has three inertias in line, the first shaft with one clearance and the second with none; "
+            "paper_numbers needs three inertias in line, the first shaft with one clearance, the second without; "
             "use nondimensional(system) for other trains"
         )
     sizes = [form.numbers(torque.harmonic.parameters, train.values) for torque in form.torques]
@@ -340,9 +340,9 @@ def paper_numbers(system: System, scales: Scales | None = None, length_ratio: fl
     loads, phases = [mean, *torques], [size[1] for size in sizes]
     orders = [torque.harmonic.order for torque in form.torques]
     if orders[:1] not in ([], [1]) or len(orders) > 2 or any(phases[:1]):
-        raise ModelError("the paper has one or two terms of the excitation, the first of order 1 and phase 0")
+        raise ModelError("paper_numbers allows one or two terms of the excitation, the first of order 1 and phase 0")
     if first.law.name not in laws or any(load[1] for load in loads) or any(load[2] for load in torques):
-        raise ModelError("the paper has impact damping, and torques on the first and the last inertia only")
+        raise ModelError("paper_numbers allows impact damping, and torques on the first and the last inertia only")
     (i1, i2, i3), r = train.inertia, length_ratio
     (k1, k2), (c1, c2) = train.stiffness, train.damping
     ia, ib = i1 * i2 / (i1 + i2), i2 * i3 / (i2 + i3)

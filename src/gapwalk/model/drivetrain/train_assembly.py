@@ -405,8 +405,8 @@ class TrainAssembly:
         for number in across:
             coupling = next(form.links[form.springs[place]].name for place in form.slips)
             yield (
-                f"{form.links[number].name} acts across {coupling}, which slips: the equations have no such friction "
-                'yet. A drag may act there: write a [[force]] with law = "t*tanh(v/a)"'
+                f"{form.links[number].name} acts across {coupling}, which slips; such friction cannot be "
+                'computed. A drag may act there: write a [[force]] with law = "t*tanh(v/a)"'
             )
         for number in form.chords:
             link, (first, second) = form.links[number], form.links[number].ends
