@@ -62,7 +62,7 @@ class Method(Bounded):
 
     @classmethod
     def resolving(cls, orbit: Orbit, count: int) -> Method:
-        """Return this method with the options with which its equation for an orbit has a given number of unknowns."""
+        """Return the method of this class whose equation for an orbit has a given number of unknowns."""
         return cls()
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> OrbitEquation:

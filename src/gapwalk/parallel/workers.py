@@ -157,7 +157,7 @@ class Workers(Here):
     ) -> Iterator[tuple[int, Result]]:
         """Do the pieces that are needed: the index of each piece with its result.
 
-        A piece whose process dies is done again. Further pieces may be added meanwhile.
+        A piece whose process dies is done again. The caller may add pieces to the list while it reads the results.
 
         Parameters
         ----------

@@ -240,7 +240,7 @@ class SettleStudyOptions(SettleOptions, StudyKind):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """Return the study of a table; its signal is the first coordinate if the table says nothing else."""
+        """Return the options in a table ``[study]``; without a `signal` there, it is that of the first coordinate."""
         return cls(**{**values, "signal": values.get("signal") or system.coordinates[0]})
 
     def do(self, job: Job) -> Generator[Found]:

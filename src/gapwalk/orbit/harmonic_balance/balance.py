@@ -74,7 +74,7 @@ class Balance(Method):
         return BalanceEquation(system, parameter, period, self, self.harmonics or first)
 
     def suited_to(self, system: System) -> Method:
-        """Return the method by which studies find the orbits of a system: shooting if that is far faster."""
+        """Return this method, or `Shooting` where harmonic balance would need so many unknowns that it is far slower."""
         unknowns = deflections_in(system.structure) * (2 * (self.harmonics or _FIRST) + 1)
         return self if self.only or unknowns < _MANY else Method.known()[0]()
 
