@@ -335,7 +335,8 @@ def place_words(parameters: Sequence[str], values: Sequence[float]) -> str:
 def _pair_lines(pair: Pair, parameters: tuple[str, ...]) -> list[str]:
     """Return a pair in words, line by line."""
     name = pair.names[0] if pair.names[0] == pair.names[1] else " and ".join(pair.names)
-    lines = [f"{name}: largest distance {pair.largest:.3g} of the ranges, at {place_words(parameters, pair.worst)}"]
+    apart = f"the curves differ by at most {pair.largest:.3g} of their ranges"
+    lines = [f"{name}: {apart}, at {place_words(parameters, pair.worst)}"]
     if pair.missing > 0.0:
         ranges = ", ".join(f"{low:.8g} to {high:.8g}" for low, high in pair.covered)
         lines.append(f"  the first and the second cover {parameters[0]} from {ranges.replace(', ', ' and from ')}")

@@ -74,7 +74,7 @@ class Balance(Method):
         return BalanceEquation(system, parameter, period, self, self.harmonics or first)
 
     def suited_to(self, system: System) -> Method:
-        """Return this method, or `Shooting` where harmonic balance would need so many unknowns that it is far slower."""
+        """Return this method, or `Shooting` where so many unknowns would make this one far slower."""
         unknowns = deflections_in(system.structure) * (2 * (self.harmonics or _FIRST) + 1)
         return self if self.only or unknowns < _MANY else Method.known()[0]()
 
