@@ -155,7 +155,7 @@ def test_the_branch_is_walked_at_the_models_own_value_or_at_another() -> None:
             'contact selects among grazing points; leave it out for of = "fold"',
         ),
         ('"grazing"\n', '"grazing"\ncontact = "stip"\n', 'is "stip", which is no contact; did you mean stop'),
-        ("from = 0.09,", "from = 0.4,", "harmonic1.amplitude = 0.3, outside the range from 0.4 to 0.6; write where"),
+        ("from = 0.09,", "from = 0.4,", "harmonic1.amplitude = 0.3, outside the range from 0.4 to 0.6; write a value"),
         ("to = 0.6 }", "to = 0.6, at = 0.7 }", "at has 0.7, outside the range from 0.09 to 0.6"),
         ("to = 0.6\n", "to = 0.6\nsections = 3\n", "sections"),
     ],
