@@ -192,7 +192,6 @@ def _product(a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[Any, ...]:
 _CLOSED, _DEPTH, _RATE, _NUMBER, _STAGE_NUMBER = "closed", "depth", "rate", "number", "stage number"
 
 
-@lru_cache(maxsize=256)
 class _NoFunctions(dict[str, Any]):
     """Functions of which a closed form has none."""
 
@@ -200,6 +199,7 @@ class _NoFunctions(dict[str, Any]):
         raise TypeError(f"{name} is no sum of products")
 
 
+@lru_cache(maxsize=256)
 def closed_form_of(law: Law, shapes: tuple[StageShape, ...]) -> tuple[Term, ...] | None:
     """Return the force of a law as a sum of products, each of one stage; None if it is no such sum."""
     if law.mode_count or not law.stage_parameters:
