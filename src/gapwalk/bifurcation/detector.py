@@ -260,7 +260,7 @@ def _corners(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) ->
     Where friction sticks, or a stop is held, all that a touch changes may be lost.
     """
     corners = [each for each in special if each.kind is Kind.GRAZING and each.is_corner]
-    unbounded = jumping_switches(a.orbit.system)
+    unbounded = jumping_switches(a.orbit.system) if corners else ()
     corners = [each for each in corners if switch_named(a.orbit, each.contact) in unbounded]
     if any(point.orbit.slips or any(count for count, _ in point.orbit.held.values()) for point in (a, b) if corners):
         return
