@@ -269,6 +269,8 @@ class Arc(NamedTuple):
     #: sequence of Hold: What sticks rigidly, or is held at a stop, at the start; then its changes, in order.
     holds: Sequence[Hold] = ()
     impacts: Sequence[Kink] = ()  #: sequence of Kink: The instants at which velocities jump, in order.
+    #: shape (turns, 2 + size), or None: Contact, angle and state of the reversals of deflections (with transition).
+    reversals: NDArray[np.float64] | None = None
 
 
 class Variations(NamedTuple):
@@ -301,7 +303,7 @@ class _Integrator:
         taylor = Integrator(
             flow.program,
             [partial(self._switchboard.answer, *event) for event in flow.events],
-            self._turns.at_event,
+            self._turns.at_event if flow.has_survey else None,
         )
         self._lengths, self._taylor, self._unit = flow._lengths, taylor, 1.0
         self._state, self._parameters = taylor.state, taylor.pars
@@ -543,7 +545,11 @@ class _Integrator:
             sensitivity = state[-size:] * unit
         elif self.directions:
             sensitivity = state[-size * self.directions :].reshape(self.directions, size).T * unit
-        return Arc(self._own * unit, transition, sensitivity, self._switchboard.log, steps, *self._dry_logs)
+        reversals = self._taylor.turned() if self.has_transition and self.equations.reversals else None
+        if reversals is not None:
+            reversals[:, 2:] *= unit
+        logs = self._switchboard.log, steps, *self._dry_logs
+        return Arc(self._own * unit, transition, sensitivity, *logs, reversals)
 
 
 def _lent(method: Callable[Concatenate[_Integrator, P], T]) -> Callable[Concatenate[Flow, P], T]:
@@ -593,7 +599,7 @@ class Flow:
             lane=equations.column if columns else (),
             forced=[equations.forcing(index) for index in range(self.directions)],
             events=list(events.values()),
-            turns=[rate for _, rate in equations.turning] if survey else (),
+            turns=[rate for _, rate in equations.turning] if survey else equations.reversals if transition else (),
         )
         self.readings = CompiledReadings(equations) if equations.dry or equations.stops else None
         self._lengths = LengthUnit(equations.layout)

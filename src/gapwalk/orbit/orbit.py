@@ -297,6 +297,8 @@ class Orbit(LateFields, Shown):
     #: unstable orbit, the state at theta = 0 alone does not determine the rest to working accuracy.
     restarts: NDArray[np.float64] = field(default_factory=lambda: _NO_STATES, kw_only=True)
 
+    #: Reversals of deflections of a motion a last Newton step away, as in `Arc`; None where they are not known.
+    reversals: ClassVar[NDArray[np.float64] | None] = None
     _late: ClassVar[tuple[str, ...]] = ("multipliers",)
     _kept: ClassVar[tuple[str, ...]] = ("extremes",)  # in files too: a picture then needs no integration
 

@@ -184,7 +184,7 @@ class ShootingEquation(OrbitEquation):
             state = brought_back(self._drifts, arcs[-1].state)
         exact = evaluation.exact if isinstance(evaluation, LateEvaluation) else None
         closure = Closure.of(layout_of(system.structure), lambda: coefficients_of(system), arcs, state, exact)
-        return Orbit(
+        found = Orbit(
             system,
             self.period,
             state,
@@ -196,6 +196,9 @@ class ShootingEquation(OrbitEquation):
             stuck=closure.stuck,
             restarts=self._restarts(unknowns),
         )
+        if len(arcs) == 1:
+            found.__dict__["reversals"] = arcs[0].reversals
+        return found
 
     def _restarts(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the states at the starts of the later segments, if these are equal and begin at theta = 0."""
