@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import NumericalError
+from gapwalk.flow.flow import Modes
 from gapwalk.late_scipy import lapack, linalg
 
 REAL = 1e-9
@@ -19,6 +21,12 @@ _BORDER = 1e-6  # distance from the unit circle within which a multiplier may co
 _FEW = 8  # number of multipliers up to which plain numbers are faster than arrays
 _ROUNDED = 1e-12  # rounding of a multiplier that is apart from the others, over the largest
 _SMALL = 0.02  # size of multipliers whose changes are irrelevant: their motions decay within a period
+
+
+_MANY, _RANK = 200, 24  # numbers of a state from which a matrix is tried as one of low rank, and the highest rank
+_NEGLIGIBLE, _NOISE = 2e-12, 1e-11  # singular values, and errors of numbers of the matrix, that are rounding
+_CUBED, _SUMMED = 1e-6, 1e-11  # step of cubic convergence; error of the sums, for each number
+_ITERATIONS, _ASIDE, _FLAT, _UNLIKE = 20, 1e-6j, 0.05, 1e-3
 
 
 class Instability(NamedTuple):
@@ -51,8 +59,11 @@ class Instability(NamedTuple):
         return f"unstable ({self.label})" if self.total else self.label
 
 
-def multipliers(transitions: Sequence[NDArray[np.float64]]) -> NDArray[np.complex128]:
-    """Return the eigenvalues of the product of the segments' transition matrices, largest modulus first."""
+def multipliers(transitions: Sequence[NDArray[np.float64]], near: Modes | None = None) -> NDArray[np.complex128]:
+    """Return the eigenvalues of the product of the segments' transition matrices, largest modulus first.
+
+    If there is one segment, `near` are the modes of a linear system that the motion follows for most of the time.
+    """
     # Large multipliers would spoil the accuracy of the others if the product were formed. So it is kept as ``U D V``
     # with a graded diagonal D between well-conditioned matrices, by a pivoted QR decomposition for each factor, and the
     # eigenvalues are those of the graded matrix ``D (V U)`` (Bai, Lee, Li and Xu 2011, Linear Algebra and its
@@ -65,11 +76,80 @@ def multipliers(transitions: Sequence[NDArray[np.float64]]) -> NDArray[np.comple
             sizes = np.abs(upper.diagonal())
             right = (upper / np.where(sizes > 0.0, sizes, 1.0)[:, None]) @ right[order]
         matrix = sizes[:, None] * (right @ left)
+    if near is not None and len(matrix) >= _MANY and (few := _beside_modes(matrix, near)) is not None:
+        return few[np.argsort(-np.abs(few), kind="stable")]
     real, imaginary, _, _, info = lapack.dgeev(matrix, compute_vl=0, compute_vr=0)
     if info:
         raise NumericalError("the eigenvalues of the monodromy matrix did not converge")
     values = map(complex, real.tolist(), imaginary.tolist())
     return np.array(sorted(values, key=abs, reverse=True))
+
+
+def _beside_modes(matrix: NDArray[np.float64], near: Modes) -> NDArray[np.complex128] | None:
+    """Return the eigenvalues of a matrix that differs by a low rank k from the exponential of some modes.
+
+    They are the zeros of ``det(1 + V^T (D - z)^-1 U)`` for the matrix ``D + U V^T``, whose 2 x 2 blocks D are those of
+    the modes: a matrix of k x k. All are improved at once from the values of the modes (Aberth 1973, Mathematics of
+    Computation 27). The result is None if they do not converge, or do not have the sums of the matrix.
+    """
+    values, count = near.values, len(matrix) // 2
+    modal = near.inverse @ matrix @ near.basis
+    sums = np.trace(modal), np.sum(modal * modal.T)
+    own, cross = values.real, values.imag
+    modal.reshape(-1)[:: len(modal) + 1] -= np.repeat(own, 2)
+    firsts = np.arange(0, 2 * count, 2)
+    modal[firsts, firsts + 1] -= cross
+    modal[firsts + 1, firsts] += cross
+    starts = values + 0.5 * (modal[firsts, firsts] + modal[firsts + 1, firsts + 1])  # to first order
+    starts += 0.5j * (modal[firsts, firsts + 1] - modal[firsts + 1, firsts])
+    left = np.linalg.qr(modal @ _trials(len(modal)))[0]
+    right = left.T @ modal
+    if not np.abs(modal - left @ right).max() <= _NOISE * max(1.0, float(np.abs(modal).max())):
+        return None
+    turned, sizes, right = np.linalg.svd(right, full_matrices=False)
+    rank = max(1, int(np.count_nonzero(sizes > _NEGLIGIBLE * max(1.0, sizes[0]))))
+    left, right = left @ (turned[:, :rank] * sizes[:rank]), right[:rank].T
+    (u, w), (x, y) = ((each[::2, :, None], each[1::2, :, None]) for each in (right, left))
+    x, y = x.transpose(0, 2, 1), y.transpose(0, 2, 1)
+    table = np.concatenate((u * x + w * y, cross[:, None, None] * (w * x - u * y))).reshape(2 * count, -1)
+    # pairs near the real axis may be real: their partners are unknowns of their own
+    is_flat = np.abs(starts.imag) < _FLAT
+    found = np.concatenate((starts * (1.0 + _ASIDE), starts[is_flat].conj() * (1.0 + _UNLIKE)))
+    mirrored, open_ones = np.flatnonzero(~is_flat), np.arange(len(found))
+    for _ in range(_ITERATIONS):
+        z = found[open_ones]
+        ahead = own - z[:, None]
+        share = 1.0 / ((values - z[:, None]) * (values.conj() - z[:, None]))
+        along = ahead * share
+        both = np.stack((np.hstack((along, share)), np.hstack((2.0 * along * along - share, 2.0 * along * share))))
+        parts = np.concatenate((both.real, both.imag)).reshape(-1, 2 * count) @ table
+        small, changes = (parts[: 2 * len(z)] + 1j * parts[2 * len(z) :]).reshape(2, len(z), rank, rank)
+        try:
+            logarithm = np.trace(np.linalg.solve(small + np.eye(rank), changes), axis1=1, axis2=2)
+        except np.linalg.LinAlgError:
+            return None
+        apart = z[:, None] - np.concatenate((found, found[mirrored].conj()))
+        apart[np.arange(len(z)), open_ones] = np.inf
+        step = 1.0 / (logarithm - 2.0 * along.sum(axis=1) - (1.0 / apart).sum(axis=1))
+        if not np.isfinite(step).all():
+            return None
+        found[open_ones] = z - step
+        open_ones = open_ones[np.abs(step) > _CUBED]
+        if not len(open_ones):
+            break
+    found = np.concatenate((found, found[mirrored].conj()))
+    pairs = np.array([found.real.sum(), (found * found).real.sum()])
+    is_clear = np.abs(np.abs(found) - 1.0).min() > _BORDER  # else rounding decides, of which the other way has less
+    if len(open_ones) or not is_clear or not np.abs(pairs - sums).max() <= _SUMMED * count:
+        return None
+    found.imag[np.abs(found.imag) < _NOISE] = 0.0
+    return found
+
+
+@lru_cache(maxsize=4)
+def _trials(size: int) -> NDArray[np.float64]:
+    """Return random columns, always the same: a matrix of low rank times these spans its range."""
+    return np.random.default_rng(1).standard_normal((size, _RANK))
 
 
 def classify(values: NDArray[np.complex128], error: float = 0.0) -> Instability:
