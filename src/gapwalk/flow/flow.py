@@ -179,8 +179,8 @@ class LinearTransition:
                 closed[event.switch] = event.enters
                 changes = self._pass(changes, basis, event, coefficients, unit)
             every[place] = every[0] if changes is None else self._in_basis(changes, basis, None)[0]
-        every[:, :n, n:] /= self._scale  # velocities have been in multiples of the largest frequency
-        every[:, n:, :n] *= self._scale
+        every[1:, :n, n:] /= self._scale  # velocities have been in multiples of the largest frequency
+        every[1:, n:, :n] *= self._scale
         longest = self._matrix(max(lasted, key=lasted.__getitem__)) if lasted else None
         time = (now - float(thetas[0])) * rate
         self.modes = longest.modes(self._scale, time) if isinstance(longest, _Spectrum) else None
