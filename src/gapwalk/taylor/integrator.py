@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gapwalk.machine_code import engine_of_object, kept, object_of
 from gapwalk.taylor import header
-from gapwalk.taylor.header import LENGTH
+from gapwalk.taylor.header import LANES, LENGTH
 from gapwalk.taylor.program import Program
 from gapwalk.taylor.symbols import ZERO, Symbol
 
@@ -70,7 +70,9 @@ class Integrator:
         self._program, self._advance = program, kernel()[0]
         self._answers, self._turn = answers, turn
         self.state, self.pars = np.zeros(program.whole), np.zeros(program.parameters)
-        self._memory, self._io = np.zeros(program.memory), np.zeros(header.IO)
+        memory = np.zeros(program.memory + LANES)
+        self._memory = memory[-(memory.ctypes.data // memory.itemsize) % LANES :]  # from a cache line on
+        self._io = np.zeros(header.IO)
         self._turns = np.zeros((program.most_turns, 2 + program.size))
         self._table = np.zeros(9, dtype=np.int64)
         self._places = [program.integers, program.numbers, self._memory, self.state, self.pars, self._io]
