@@ -600,7 +600,7 @@ class _Integrator:
         elif self.directions:
             sensitivity = state[-size * self.directions :].reshape(self.directions, size).T * unit
         reversals = self._taylor.turned() if self.has_transition and self.equations.reversals else None
-        if reversals is not None:
+        if reversals is not None and unit != 1.0:
             reversals[:, 2:] *= unit
         logs = self._switchboard.log, steps, *self._dry_logs
         return Arc(self._own * unit, transition, sensitivity, *logs, reversals, self._linear and self._linear.modes)

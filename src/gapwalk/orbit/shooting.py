@@ -132,9 +132,9 @@ class ShootingEquation(OrbitEquation):
         states = unknowns.reshape(len(knots) - 1, -1)
         arcs = [
             flow.integrate(coefficients, state, start, stop, direction)
-            for state, (start, stop) in zip(states, pairwise(knots), strict=True)
+            for state, start, stop in zip(states, knots[:-1], knots[1:], strict=True)
         ]
-        kept = bool(never_slipping(arcs))
+        kept = bool(arcs[0].slips and never_slipping(arcs))
         free = released(layout_of(self.system.structure), coefficients, arcs, states[0], self.length) if kept else arcs
         if not kept and self._drifts.shape[1]:
             free = returned(self._drifts, arcs)

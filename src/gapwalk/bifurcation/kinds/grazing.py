@@ -179,13 +179,13 @@ def _is_clear(points: tuple[BranchPoint, BranchPoint, BranchPoint], gapless: lis
     if first.arclength <= before.arclength or not all(every):
         return False
     ratio = (last.arclength - first.arclength) / (first.arclength - before.arclength)
-    growth = _CLEAR * max(1.0, abs(first.orbit.multipliers[0]))
+    growth, pairs = _CLEAR * max(1.0, abs(first.orbit.multipliers[0])), _Pairs(full)
     for now, then, past in (each for each, closed in zip(zip(*every, strict=True), gapless, strict=True) if not closed):
         if not len(now.thetas) == len(then.thetas) == len(past.thetas) > 0:
             return False
         unsure = growth * (max(now.values) - min(now.values))
-        for theta, depth in zip(*now, strict=True):
-            following, preceding = (each.values[each.nearest(theta, full)] for each in (then, past))
+        for depth, ahead, behind in zip(now.values, pairs.between(now, then), pairs.between(now, past), strict=True):
+            following, preceding = then.values[ahead], past.values[behind]
             bend = abs((following - depth) - ratio * (depth - preceding))
             if depth * following <= 0.0 or min(abs(depth), abs(following)) <= _DOUBT * bend + unsure:
                 return False
