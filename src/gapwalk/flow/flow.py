@@ -599,7 +599,7 @@ class _Integrator:
             sensitivity = state[-size:] * unit
         elif self.directions:
             sensitivity = state[-size * self.directions :].reshape(self.directions, size).T * unit
-        reversals = self._taylor.turned() if self.has_transition and self.equations.reversals else None
+        reversals = self._taylor.turns() if self.has_transition and self.equations.reversals else None
         if reversals is not None and unit != 1.0:
             reversals[:, 2:] *= unit
         logs = self._switchboard.log, steps, *self._dry_logs

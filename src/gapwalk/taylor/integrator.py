@@ -96,7 +96,7 @@ class Integrator:
         self._memory[self._program.cool] = -math.inf
         self._io[header.IO_TURNS], self._is_full = 0.0, False
 
-    def turned(self) -> Array | None:
+    def turns(self) -> Array | None:
         """Return number, time and state of all turns since all events may happen, in rows; None if they are too many.
 
         For an integrator that has no function to call at a turn.
