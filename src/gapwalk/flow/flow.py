@@ -117,7 +117,7 @@ class _Spectrum(NamedTuple):
         if not self.scaled:
             units = np.repeat((1.0, scale), len(self.basis) // 2)
             self.scaled[:] = units[:, None] * self.basis, self.inverse / units
-        return Modes(*self.scaled, np.exp((self.growth[::2, 0] + 1j * upper) * time))
+        return Modes(self.scaled[0], self.scaled[1], np.exp((self.growth[::2, 0] + 1j * upper) * time))
 
 
 class LinearTransition:

@@ -228,6 +228,11 @@ def survey(orbit: Orbit) -> Survey:
     return Survey(tuple(contacts), visited, integrals / length, margins, returns)
 
 
+def reversals_of(orbit: Orbit) -> NDArray[np.float64] | None:
+    """Return the reversals of deflections of a motion a last Newton step away, as in `Arc`; None if not known."""
+    return orbit.__dict__.get("_reversals")
+
+
 @lru_cache(maxsize=16)
 def _even(period: int) -> NDArray[np.float64]:
     """Return the even samples of a motion with friction over some forcing periods."""
@@ -297,8 +302,6 @@ class Orbit(LateFields, Shown):
     #: unstable orbit, the state at theta = 0 alone does not determine the rest to working accuracy.
     restarts: NDArray[np.float64] = field(default_factory=lambda: _NO_STATES, kw_only=True)
 
-    #: Reversals of deflections of a motion a last Newton step away, as in `Arc`; None where they are not known.
-    reversals: ClassVar[NDArray[np.float64] | None] = None
     _late: ClassVar[tuple[str, ...]] = ("multipliers",)
     _kept: ClassVar[tuple[str, ...]] = ("extremes",)  # in files too: a picture then needs no integration
 

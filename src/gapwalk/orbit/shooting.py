@@ -197,7 +197,7 @@ class ShootingEquation(OrbitEquation):
             restarts=self._restarts(unknowns),
         )
         if len(arcs) == 1:
-            found.__dict__["reversals"] = arcs[0].reversals
+            found.__dict__["_reversals"] = arcs[0].reversals
         return found
 
     def _restarts(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -27,7 +27,7 @@ from gapwalk.errors import NumericalError
 from gapwalk.flow.event_rule import jumping_switches, one_way_switches
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.orbit.orbit import Orbit, Turns, apart, describe_switch, switch_named
+from gapwalk.orbit.orbit import Orbit, Turns, apart, describe_switch, reversals_of, switch_named
 
 if TYPE_CHECKING:
     from gapwalk.bifurcation.special_point import SpecialPoint
@@ -196,11 +196,12 @@ def _nearby_depths(point: BranchPoint) -> list[Turns]:
     """Return what `Orbit.turning_depths` holds for a motion a last Newton step away; nothing where it is not known."""
     known, orbit = point.memo.get(_nearby_depths), point.orbit
     if known is None:
-        rows = [] if orbit.reversals is None else orbit.reversals.tolist()
+        reversals = reversals_of(orbit)
+        rows = [] if reversals is None else reversals.tolist()
         n, coefficients, of_contact = orbit.system.size, coefficients_of(orbit.system), list[Turns]()
         for place, contact in enumerate(layout_of(orbit.system.structure).contacts):
             vector, own = coefficients[contact.deflection].tolist(), [row for row in rows if row[0] == place]
-            values = [sum(map(mul, vector, row[2 : 2 + n])) for row in own]
+            values = [float(sum(map(mul, vector, row[2 : 2 + n]))) for row in own]
             of_contact.append(Turns([row[1] for row in own], values))
         known = point.memo[_nearby_depths] = [
             Turns(of_contact[contact].thetas, [side * x - clearance for x in of_contact[contact].values])
