@@ -5,6 +5,8 @@ import pytest
 
 from gapwalk import verify
 from gapwalk.bifurcation import Kind, follow
+from gapwalk.bifurcation.kinds import grazing
+from gapwalk.flow.flow import Flow
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.orbit import find_orbit
 from gapwalk.orbit.harmonic_balance import Balance
@@ -59,3 +61,23 @@ def test_a_gap_that_opens_grazes_nothing_as_it_opens():
     assert branch.points[0].orbit.pattern == "closed"
     assert branch.points[-1].orbit.pattern == "1+/1-"
     assert verify(branch).ok
+
+
+def test_points_far_from_touching_need_no_survey_and_the_grazes_are_those_with_one(monkeypatch):
+    surveyed, survey, stop = [], Flow.survey, Stage(0.3, 8.0, side=Side.POSITIVE)
+    monkeypatch.setattr(Flow, "survey", lambda *given: surveyed.append(1) or survey(*given))
+
+    def walked():
+        surveyed.clear()
+        branch = follow(find_orbit(sprung(stop, force=0.3, frequency=1.6)), "frequency", to=0.45)
+        return branch, len(surveyed)
+
+    branch, few = walked()
+    monkeypatch.setattr(grazing, "_is_clear", lambda *_: False)
+    again, many = walked()
+    assert few < 0.5 * len(branch.points) < many
+    assert len(branch.special(Kind.GRAZING)) >= 2
+    assert [(each.kind, each.value, each.contact) for each in branch.special_points] == [
+        (each.kind, each.value, each.contact) for each in again.special_points
+    ]
+    assert np.array_equal(branch.values, again.values)

@@ -135,7 +135,7 @@ class HeyokaIntegrator:
         turn: Callable[[int, float, list[float]], None] | None = None,
     ) -> None:
         self.answers, self._turn, self._size = answers, turn, program.size
-        self._taylor = copy(program.taylor)
+        self._taylor, self._turns = copy(program.taylor), list[list[float]]()
         self.state, self.pars = self._taylor.state, self._taylor.pars
         self._has_events = self._taylor.with_events
         for event in [*self._taylor.t_events, *self._taylor.nt_events] if self._has_events else []:
@@ -150,12 +150,19 @@ class HeyokaIntegrator:
         self._taylor.time = value
 
     def reset_cooldowns(self) -> None:
+        self._turns.clear()
         if self._has_events:
             self._taylor.reset_cooldowns()
 
     def turned(self, index: int, theta: float) -> None:
-        assert self._turn is not None
-        self._turn(index, theta, self._taylor.update_d_output(theta)[: self._size].tolist())
+        state = self._taylor.update_d_output(theta)[: self._size].tolist()
+        if self._turn is None:
+            self._turns.append([float(index), theta, *state])
+        else:
+            self._turn(index, theta, state)
+
+    def turns(self) -> Array:
+        return np.array(self._turns).reshape(-1, 2 + self._size)
 
     def series(self) -> Array:
         self._taylor.step(max_delta_t=0.0, write_tc=True)

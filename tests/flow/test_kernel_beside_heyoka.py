@@ -29,5 +29,9 @@ def test_a_wrong_number_is_seen() -> None:
     arcs = [flow.integrate(coefficients_of(clutch()), state), other.integrate(coefficients_of(clutch()), state)]
     assert not np.array_equal(arcs[0].transition, arcs[1].transition)  # they round differently
     np.testing.assert_allclose(arcs[0].transition, arcs[1].transition, rtol=0, atol=1e-13)
+    reversals = [arc.reversals for arc in arcs]
+    assert len(reversals[0]) == 2
+    np.testing.assert_allclose(*reversals, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(reversals[0][:, 4], 0.0, atol=1e-12)  # the rate of the only deflection, that of q1
     moved = other.integrate(coefficients_of(clutch(frequency=0.5001)), state)
     assert np.abs(arcs[0].state - moved.state).max() > 1e-6

@@ -15,6 +15,7 @@ from gapwalk.model.coefficients import coefficients_of, varying
 from gapwalk.model.contact import Contact, Side, Stage
 from gapwalk.model.loads import Harmonic
 from gapwalk.model.system import System
+from gapwalk.orbit import floquet
 from tests.sampled_verification import verified
 from tests.tiers import in_campaign
 
@@ -155,3 +156,23 @@ def test_a_branch_of_a_long_chain_is_verified(walk: gw.WalkOptions, sampled: int
     assert flow_of(system, "frequency", transition=True).is_linear
     assert branch.special_points
     assert verified(branch, sampled).ok
+
+
+@pytest.mark.parametrize(("law", "numbers"), [("elastic", {}), ("viscous", {"viscous_damping": 0.2})])
+def test_multipliers_of_a_large_chain_are_the_eigenvalues(law: str, numbers: dict[str, float]) -> None:
+    size, stiff = 160, 2.0 * np.eye(160) - np.eye(160, k=1) - np.eye(160, k=-1)
+    names = [f"x{k}" for k in range(size)]
+    contacts = [Contact("stop", {names[-1]: 1.0}, [Stage(0.2, 4.0)], law=law, **numbers)]
+    loads = [Harmonic(0.5, {names[-1]: 1.0})]
+    system = System(names, stiff, 0.02 * stiff, contacts=contacts, harmonics=loads, frequency=1.0)
+    arc = flow_of(system, transition=True).integrate(coefficients_of(system), np.zeros(2 * size), 0.0, PERIOD)
+    assert arc.contacts
+    assert arc.modes is not None
+    assert arc.transition is not None
+    with patch.object(floquet.lapack, "dgeev", side_effect=AssertionError("as a dense matrix")):
+        found = floquet.multipliers([arc.transition], arc.modes)
+    every = np.linalg.eigvals(arc.transition)
+    apart = np.abs(found[:, None] - every)
+    assert len(found) == 2 * size
+    assert max(apart.min(axis=0).max(), apart.min(axis=1).max()) < 1e-9
+    assert np.allclose(np.abs(found), np.sort(np.abs(every))[::-1], rtol=0.0, atol=1e-9)

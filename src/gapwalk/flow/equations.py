@@ -386,6 +386,14 @@ class Equations(RunTimeParameters):
                 events.append((contact.deflection, self._deflection_rate(contact)))
         return events
 
+    @cached_property
+    def reversals(self) -> list[Symbol]:
+        """The rate of the deflection of each contact, if motions are smooth but for contacts that stand still."""
+        contacts = self.layout.contacts
+        is_plain = not (self.ramp or self.dry or self.stops or self.modes or self.layout.cycles)
+        is_plain = is_plain and all(each.sway is None for each in contacts)
+        return [self._deflection_rate(each) for each in contacts] if is_plain else []
+
     def _coefficient(self, slot: int):
         """Return the symbol of one coefficient, or the number 0 if it is not included."""
         if not self.pattern[slot]:

@@ -61,6 +61,14 @@ _KEPT = 64  # matrices that are kept, one for each set of closed stages
 Array = NDArray[np.float64]
 
 
+class Modes(NamedTuple):
+    """The exponential of a linear system over a time, in real and imaginary parts of its modes, all of them complex."""
+
+    basis: NDArray[np.float64]  #: shape (2n, 2n): Real and imaginary part of each mode, side by side.
+    inverse: NDArray[np.float64]  #: shape (2n, 2n): Its inverse.
+    values: NDArray[np.complex128]  #: shape (n,): Eigenvalue of each mode after that time, of a pair the upper one.
+
+
 class _Spectrum(NamedTuple):
     """A matrix in the basis of its eigenvectors, whose complex pairs are replaced by real and imaginary parts."""
 
@@ -72,6 +80,7 @@ class _Spectrum(NamedTuple):
     growth: Array
     turn: Array
     partner: NDArray[np.intp]  #: shape (2n,): The other one of a pair; of a real eigenvalue itself.
+    scaled: list[Array]  #: Basis and inverse in other units, if they have been asked for.
 
     @classmethod
     def of(cls, matrix: Array) -> _Spectrum | None:
@@ -88,15 +97,27 @@ class _Spectrum(NamedTuple):
             inverse = np.asarray(np.linalg.inv(basis), dtype=np.float64)
         except np.linalg.LinAlgError:
             return None
-        found = cls(basis, inverse, values.real[:, None].copy(), turn[:, None], partner)
+        found = cls(basis, inverse, values.real[:, None].copy(), turn[:, None], partner, [])
         again = basis @ (found.growth * inverse + found.turn * inverse[partner])
         return found if np.abs(again - matrix).max() <= _EXACT * np.abs(matrix).max() else None
 
-    def carried(self, changes: Array | None, time: float) -> Array:
-        """Return changes of the state after some time; None stands for the identity."""
-        own = self.inverse if changes is None else self.inverse @ changes
+    def carried(self, changes: Array, time: float) -> Array:
+        """Return changes after some time, in this basis."""
         grown, angle = np.exp(self.growth * time), self.turn * time
-        return self.basis @ (grown * np.cos(angle) * own + grown * np.sin(angle) * own[self.partner])
+        found = changes[self.partner]
+        found *= grown * np.sin(angle)
+        found += grown * np.cos(angle) * changes
+        return found
+
+    def modes(self, scale: float, time: float) -> Modes | None:
+        """Return the modes over some time, for velocities in other units; None if not all of them are complex."""
+        upper = self.turn[::2, 0]
+        if not (upper > 0.0).all():
+            return None
+        if not self.scaled:
+            units = np.repeat((1.0, scale), len(self.basis) // 2)
+            self.scaled[:] = units[:, None] * self.basis, self.inverse / units
+        return Modes(self.scaled[0], self.scaled[1], np.exp((self.growth[::2, 0] + 1j * upper) * time))
 
 
 class LinearTransition:
@@ -114,6 +135,8 @@ class LinearTransition:
         self._slots = _slots(equations)
         self._is_constant = not any(np.isin(self._slots, slots).any() for slots in equations.varying)
         self._known, self._matrices = b"", dict[tuple[bool, ...], Array | _Spectrum]()
+        self._between = dict[tuple[int, int], Array]()  # from the basis of one spectrum to that of another
+        self.modes: Modes | None = None  # of what the last motion followed most of the time
 
     @staticmethod
     def serves(equations: Equations) -> bool:
@@ -137,20 +160,46 @@ class LinearTransition:
         """Return the transition matrices from the first of some angles to each, shape (angles, 2n, 2n)."""
         self._read(coefficients)
         n, rate, closed, now = self._n, float(coefficients[0]), list(inside), float(thetas[0])
-        changes: Array | None = None
-        found, left = [np.eye(2 * n)], list(events)
-        for stop in thetas[1:].tolist():
-            while left and left[0].theta <= stop:
-                event = left.pop(0)
-                changes, now = self._carried(changes, closed, (event.theta - now) * rate), event.theta
+        every, left, lasted = np.empty((len(thetas), 2 * n, 2 * n)), list(events), dict[tuple[bool, ...], float]()
+        every[0] = np.eye(2 * n)
+        changes: Array | None = None  # None: the identity
+        basis: _Spectrum | None = None  # of the changes; None: they are those of the state
+        for place, stop in enumerate(thetas[1:].tolist(), start=1):
+            while True:
+                event = left.pop(0) if left and left[0].theta <= stop else None
+                until, pattern = (stop if event is None else event.theta), tuple(closed)
+                if until > now:
+                    known = self._matrix(pattern)
+                    changes, basis = self._in_basis(changes, basis, known if isinstance(known, _Spectrum) else None)
+                    changes = _carried(known, changes, (until - now) * rate)
+                    lasted[pattern] = lasted.get(pattern, 0.0) + until - now
+                now = until
+                if event is None:
+                    break
                 closed[event.switch] = event.enters
-                self._pass(changes, event, coefficients, unit)
-            changes, now = self._carried(changes, closed, (stop - now) * rate), stop
-            found.append(changes.copy())
-        every = np.array(found)
-        every[:, :n, n:] /= self._scale  # velocities have been in multiples of the largest frequency
-        every[:, n:, :n] *= self._scale
+                changes = self._pass(changes, basis, event, coefficients, unit)
+            every[place] = every[0] if changes is None else self._in_basis(changes, basis, None)[0]
+        every[1:, :n, n:] /= self._scale  # velocities have been in multiples of the largest frequency
+        every[1:, n:, :n] *= self._scale
+        longest = self._matrix(max(lasted, key=lasted.__getitem__)) if lasted else None
+        time = (now - float(thetas[0])) * rate
+        self.modes = longest.modes(self._scale, time) if isinstance(longest, _Spectrum) else None
         return every
+
+    def _in_basis(
+        self, changes: Array | None, now: _Spectrum | None, then: _Spectrum | None
+    ) -> tuple[Array, _Spectrum | None]:
+        """Return changes in another basis, by one product where both are known, and that basis."""
+        if changes is None:
+            return (then.inverse if then else np.eye(2 * self._n)), then
+        if now is then:
+            return changes, then
+        if now is None or then is None:
+            return (then.inverse @ changes if then else now.basis @ changes if now else changes), then
+        key = id(now), id(then)
+        if key not in self._between:
+            self._between[key] = then.inverse @ now.basis
+        return self._between[key] @ changes, then
 
     def _read(self, coefficients: Array) -> None:
         """Read what matrices depend on, only when it has changed."""
@@ -158,7 +207,7 @@ class LinearTransition:
         if known == self._known and len(self._matrices) <= _KEPT:
             return
         n, rows = self._n, coefficients[self._rows]
-        self._known, self._matrices = known, {}
+        self._known, self._matrices, self._between = known, {}, {}
         self._stiffness, self._damping, self._pushes = rows[:, :n], rows[:, n : 2 * n], rows[:, 2 * n :].T
         self._directions = coefficients[self._vectors]
         self._slopes = [
@@ -166,17 +215,6 @@ class LinearTransition:
             for terms in self._terms
         ]
         self._scale = math.sqrt(float(np.abs(self._stiffness).sum(axis=1).max(initial=0.0))) or 1.0
-
-    def _carried(self, changes: Array | None, closed: Sequence[bool], time: float) -> Array:
-        if time <= 0.0:
-            return np.eye(2 * self._n) if changes is None else changes
-        known = self._matrix(tuple(closed))
-        if isinstance(known, _Spectrum):
-            return known.carried(changes, time)
-        from scipy.linalg import expm
-
-        grown = np.asarray(expm(known * time), dtype=float)
-        return grown if changes is None else grown @ changes
 
     def _matrix(self, closed: tuple[bool, ...]) -> Array | _Spectrum:
         """Return the spectrum of the matrix while some stages are closed, or the matrix itself."""
@@ -194,15 +232,30 @@ class LinearTransition:
         self._matrices[closed] = found = matrix if spectrum is None else spectrum
         return found
 
-    def _pass(self, changes: Array, event: ContactEvent, coefficients: Array, unit: float) -> None:
-        """Change the velocities by the jump of the force that comes earlier or later."""
+    def _pass(
+        self, changes: Array | None, basis: _Spectrum | None, event: ContactEvent, coefficients: Array, unit: float
+    ) -> Array | None:
+        """Return changes after the velocities have changed by the jump of the force that comes earlier or later."""
         jump = self._jumps[event.switch]
         if jump is None:
-            return
+            return changes
+        changes = np.eye(2 * self._n) if changes is None else changes
         n, contact = self._n, self._contacts[event.switch]
         size = jump(coefficients)(event.velocity / unit, event.theta) / self._scale
-        shifts = self._directions[contact] @ changes[:n]
-        changes[n:] -= np.outer((size if event.enters else -size) * self._pushes[contact], shifts)
+        along, push = self._directions[contact], (-size if event.enters else size) * self._pushes[contact]
+        if basis is not None:
+            return changes + np.outer(basis.inverse[:, n:] @ push, (along @ basis.basis[:n]) @ changes)
+        changes[n:] += np.outer(push, along @ changes[:n])
+        return changes
+
+
+def _carried(known: Array | _Spectrum, changes: Array, time: float) -> Array:
+    """Return changes after some time, in the basis of a spectrum, or by the exponential of a matrix."""
+    if isinstance(known, _Spectrum):
+        return known.carried(changes, time)
+    from scipy.linalg import expm
+
+    return np.asarray(expm(known * time), dtype=float) @ changes
 
 
 def _slots(equations: Equations) -> NDArray[np.intp]:
@@ -269,6 +322,9 @@ class Arc(NamedTuple):
     #: sequence of Hold: What sticks rigidly, or is held at a stop, at the start; then its changes, in order.
     holds: Sequence[Hold] = ()
     impacts: Sequence[Kink] = ()  #: sequence of Kink: The instants at which velocities jump, in order.
+    #: shape (turns, 2 + size), or None: Contact, angle and state of the reversals of deflections (with transition).
+    reversals: NDArray[np.float64] | None = None
+    modes: Modes | None = None  #: Those that the motion follows for most of the time, if it is linear between events.
 
 
 class Variations(NamedTuple):
@@ -301,7 +357,7 @@ class _Integrator:
         taylor = Integrator(
             flow.program,
             [partial(self._switchboard.answer, *event) for event in flow.events],
-            self._turns.at_event,
+            self._turns.at_event if flow.has_survey else None,
         )
         self._lengths, self._taylor, self._unit = flow._lengths, taylor, 1.0
         self._state, self._parameters = taylor.state, taylor.pars
@@ -543,7 +599,11 @@ class _Integrator:
             sensitivity = state[-size:] * unit
         elif self.directions:
             sensitivity = state[-size * self.directions :].reshape(self.directions, size).T * unit
-        return Arc(self._own * unit, transition, sensitivity, self._switchboard.log, steps, *self._dry_logs)
+        reversals = self._taylor.turns() if self.has_transition and self.equations.reversals else None
+        if reversals is not None and unit != 1.0:
+            reversals[:, 2:] *= unit
+        logs = self._switchboard.log, steps, *self._dry_logs
+        return Arc(self._own * unit, transition, sensitivity, *logs, reversals, self._linear and self._linear.modes)
 
 
 def _lent(method: Callable[Concatenate[_Integrator, P], T]) -> Callable[Concatenate[Flow, P], T]:
@@ -593,7 +653,7 @@ class Flow:
             lane=equations.column if columns else (),
             forced=[equations.forcing(index) for index in range(self.directions)],
             events=list(events.values()),
-            turns=[rate for _, rate in equations.turning] if survey else (),
+            turns=[rate for _, rate in equations.turning] if survey else equations.reversals if transition else (),
         )
         self.readings = CompiledReadings(equations) if equations.dry or equations.stops else None
         self._lengths = LengthUnit(equations.layout)

@@ -336,7 +336,7 @@ class Structure:
 
     def block(self, prefix: str, *shape: int) -> NDArray[np.intp]:
         """Return the places of the consecutive parameters that begin with `prefix`, as an index array of `shape`."""
-        return self.names.start(prefix) + np.arange(int(np.prod(shape))).reshape(shape)
+        return self.names.start(prefix) + np.arange(math.prod(shape)).reshape(shape)
 
     def _blocks(self) -> Iterator[NameBlock]:
         yield NameBlock("frequency")

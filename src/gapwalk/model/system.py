@@ -484,8 +484,9 @@ class System(Shown):
         array, shape (n, n)
             The matrix.
         """
-        system = self.equations
-        return system.values[system.structure.block(which, self.size, self.size)]
+        system, n = self.equations, self.size
+        start = system.structure.names.start(which)
+        return system.values[start : start + n * n].reshape(n, n).copy()
 
     def vector(self, which: str) -> NDArray[np.float64]:
         """Return the vector ``"mean"``, ``"stage2.deflection"``, ``"harmonic1.acts_on"`` and so on, shape (n,).
@@ -495,8 +496,8 @@ class System(Shown):
         array, shape (n,)
             One entry for each coordinate.
         """
-        system = self.equations
-        return system.values[system.structure.block(which, self.size)]
+        system, start = self.equations, self.equations.structure.names.start(which)
+        return system.values[start : start + self.size].copy()
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, System):

@@ -27,7 +27,7 @@ def drifts_of(system: System) -> Array:
     n, structure = system.size, system.structure
     if structure.assembly is not None:
         return np.zeros((n, 0))
-    stiffness, damping = system.matrix("stiffness"), system.matrix("damping")
+    stiffness = system.matrix("stiffness")
     if _holds_all(stiffness.tobytes(), n):
         return np.zeros((n, 0))
     bound = [
@@ -38,7 +38,7 @@ def drifts_of(system: System) -> Array:
     ]
     free = _null(np.vstack([_scaled(stiffness), *map(_scaled, bound)]))
     rubs = [system.vector(form.vectors[0]) for form in structure.contacts if isinstance(form.law, Friction)]
-    resisted = np.vstack([_scaled(damping), *map(_scaled, rubs)]) @ free
+    resisted = np.vstack([_scaled(system.matrix("damping")), *map(_scaled, rubs)]) @ free
     return free if np.linalg.matrix_rank(resisted, _NOTHING) == free.shape[1] else np.zeros((n, 0))
 
 

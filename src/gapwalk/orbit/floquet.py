@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import NumericalError
+from gapwalk.flow.flow import Modes
 from gapwalk.late_scipy import lapack, linalg
 
 REAL = 1e-9
@@ -19,6 +21,17 @@ _BORDER = 1e-6  # distance from the unit circle within which a multiplier may co
 _FEW = 8  # number of multipliers up to which plain numbers are faster than arrays
 _ROUNDED = 1e-12  # rounding of a multiplier that is apart from the others, over the largest
 _SMALL = 0.02  # size of multipliers whose changes are irrelevant: their motions decay within a period
+
+
+_MANY, _RANK = 300, 24  # numbers of a state from which a matrix is tried as one of low rank, and the highest rank
+_NEGLIGIBLE, _NOISE = 2e-12, 1e-11  # singular values, and errors of numbers of the matrix, that are rounding
+_CUBED, _SUMMED = 1e-6, 1e-11  # step of cubic convergence; error of the sums, for each number
+_ITERATIONS, _SPLIT, _STRAY = (
+    30,
+    9,
+    0.1,
+)  # most iterations; that at which pairs are split, and the largest share of them
+_ASIDE, _UNLIKE = 1e-6j, 1e-3  # distances at the start, from the values and of the partners, as a share
 
 
 class Instability(NamedTuple):
@@ -51,8 +64,11 @@ class Instability(NamedTuple):
         return f"unstable ({self.label})" if self.total else self.label
 
 
-def multipliers(transitions: Sequence[NDArray[np.float64]]) -> NDArray[np.complex128]:
-    """Return the eigenvalues of the product of the segments' transition matrices, largest modulus first."""
+def multipliers(transitions: Sequence[NDArray[np.float64]], near: Modes | None = None) -> NDArray[np.complex128]:
+    """Return the eigenvalues of the product of the segments' transition matrices, largest modulus first.
+
+    If there is one segment, `near` are the modes of a linear system that the motion follows for most of the time.
+    """
     # Large multipliers would spoil the accuracy of the others if the product were formed. So it is kept as ``U D V``
     # with a graded diagonal D between well-conditioned matrices, by a pivoted QR decomposition for each factor, and the
     # eigenvalues are those of the graded matrix ``D (V U)`` (Bai, Lee, Li and Xu 2011, Linear Algebra and its
@@ -65,11 +81,96 @@ def multipliers(transitions: Sequence[NDArray[np.float64]]) -> NDArray[np.comple
             sizes = np.abs(upper.diagonal())
             right = (upper / np.where(sizes > 0.0, sizes, 1.0)[:, None]) @ right[order]
         matrix = sizes[:, None] * (right @ left)
+    if near is not None and len(matrix) >= _MANY and (few := _beside_modes(matrix, near)) is not None:
+        return few[np.argsort(-np.abs(few), kind="stable")]
     real, imaginary, _, _, info = lapack.dgeev(matrix, compute_vl=0, compute_vr=0)
     if info:
         raise NumericalError("the eigenvalues of the monodromy matrix did not converge")
     values = map(complex, real.tolist(), imaginary.tolist())
     return np.array(sorted(values, key=abs, reverse=True))
+
+
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")  # what is not finite is refused
+def _beside_modes(matrix: NDArray[np.float64], near: Modes) -> NDArray[np.complex128] | None:
+    """Return the eigenvalues of a matrix that differs by a low rank k from the exponential of some modes.
+
+    They are the zeros of ``det(1 + V^T (D - z)^-1 U)`` for the matrix ``D + U V^T``, whose 2 x 2 blocks D are those of
+    the modes: a matrix of k x k. All are improved at once from the values of the modes (Aberth 1973, Mathematics of
+    Computation 27). The result is None if they do not converge, or do not have the sums of the matrix.
+    """
+    values, count, trials = near.values, len(matrix) // 2, _trials(len(matrix))
+    own, cross = values.real, values.imag
+
+    def rest(columns: NDArray[np.float64]) -> NDArray[np.float64]:
+        x, y = columns[::2], columns[1::2]
+        found = near.inverse @ (matrix @ (near.basis @ columns))
+        found[::2] -= own[:, None] * x + cross[:, None] * y
+        found[1::2] -= own[:, None] * y - cross[:, None] * x
+        return found
+
+    left = np.linalg.qr(rest(trials[:, :_RANK]))[0]
+    right = (left.T @ near.inverse) @ matrix @ near.basis
+    x, y = left[::2].T, left[1::2].T
+    right[:, ::2] -= own * x - cross * y
+    right[:, 1::2] -= own * y + cross * x
+    apart = rest(trials[:, _RANK:]) - left @ (right @ trials[:, _RANK:])  # of other columns: the rank may be higher
+    if not np.abs(apart).max() <= _NOISE * max(1.0, float(np.abs(right).max())):
+        return None
+    turned, sizes, right = np.linalg.svd(right, full_matrices=False)
+    rank = max(1, int(np.count_nonzero(sizes > _NEGLIGIBLE * max(1.0, sizes[0]))))
+    if 2 * rank * rank > len(matrix):  # then the way without it takes less time
+        return None
+    left, right = left @ (turned[:, :rank] * sizes[:rank]), right[:rank].T
+    (u, w), (x, y) = ((each[::2, :, None], each[1::2, :, None]) for each in (right, left))
+    x, y = x.transpose(0, 2, 1), y.transpose(0, 2, 1)
+    table = np.concatenate((u * x + w * y, cross[:, None, None] * (w * x - u * y))).reshape(2 * count, -1)
+    found, mirrored, open_ones = values * (1.0 + _ASIDE), np.arange(count), np.arange(count)
+    for turn in range(_ITERATIONS):
+        if turn == _SPLIT:  # pairs that do not converge may be real: their partners become unknowns of their own
+            if len(open_ones) > _STRAY * count:
+                return None
+            mirrored = np.setdiff1d(mirrored, open_ones)
+            partners = found[open_ones].conj() * (1.0 + _UNLIKE)
+            found, open_ones = (
+                np.append(found, partners),
+                np.append(open_ones, len(found) + np.arange(len(open_ones))),
+            )
+        z = found[open_ones]
+        ahead = own - z[:, None]
+        share = 1.0 / ((values - z[:, None]) * (values.conj() - z[:, None]))
+        along = ahead * share
+        both = np.empty((2, 2, len(z), 2, count))
+        for place, each in enumerate((along, share, 2.0 * along * along - share, 2.0 * along * share)):
+            both[0, place // 2, :, place % 2], both[1, place // 2, :, place % 2] = each.real, each.imag
+        real, imaginary = (both.reshape(-1, 2 * count) @ table).reshape(2, 2, len(z), rank, rank)
+        small, changes = real + 1j * imaginary
+        try:
+            logarithm = np.trace(np.linalg.solve(small + np.eye(rank), changes), axis1=1, axis2=2)
+        except np.linalg.LinAlgError:
+            return None
+        apart = z[:, None] - np.concatenate((found, found[mirrored].conj()))
+        apart[np.arange(len(z)), open_ones] = np.inf
+        step = 1.0 / (logarithm - 2.0 * along.sum(axis=1) - (1.0 / apart).sum(axis=1))
+        if not np.isfinite(step).all():
+            return None
+        found[open_ones] = z - step
+        open_ones = open_ones[np.abs(step) > _CUBED]
+        if not len(open_ones):
+            break
+    found = np.concatenate((found, found[mirrored].conj()))
+    pairs = np.array([found.real.sum(), (found * found).real.sum()])
+    sums = np.trace(matrix), np.sum(matrix * matrix.T)
+    is_clear = np.abs(np.abs(found) - 1.0).min() > _BORDER  # else rounding decides, of which the other way has less
+    if len(open_ones) or not is_clear or not np.abs(pairs - sums).max() <= _SUMMED * count:
+        return None
+    found.imag[np.abs(found.imag) < _NOISE] = 0.0
+    return found
+
+
+@lru_cache(maxsize=4)
+def _trials(size: int) -> NDArray[np.float64]:
+    """Return random columns, always the same: a matrix of low rank times these spans its range."""
+    return np.random.default_rng(1).standard_normal((size, _RANK + 2))
 
 
 def classify(values: NDArray[np.complex128], error: float = 0.0) -> Instability:

@@ -228,6 +228,11 @@ def survey(orbit: Orbit) -> Survey:
     return Survey(tuple(contacts), visited, integrals / length, margins, returns)
 
 
+def reversals_of(orbit: Orbit) -> NDArray[np.float64] | None:
+    """Return the reversals of deflections of a motion a last Newton step away, as in `Arc`; None if not known."""
+    return orbit.__dict__.get("_reversals")
+
+
 @lru_cache(maxsize=16)
 def _even(period: int) -> NDArray[np.float64]:
     """Return the even samples of a motion with friction over some forcing periods."""

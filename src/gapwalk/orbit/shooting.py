@@ -132,9 +132,9 @@ class ShootingEquation(OrbitEquation):
         states = unknowns.reshape(len(knots) - 1, -1)
         arcs = [
             flow.integrate(coefficients, state, start, stop, direction)
-            for state, (start, stop) in zip(states, pairwise(knots), strict=True)
+            for state, start, stop in zip(states, knots[:-1], knots[1:], strict=True)
         ]
-        kept = bool(never_slipping(arcs))
+        kept = bool(arcs[0].slips and never_slipping(arcs))
         free = released(layout_of(self.system.structure), coefficients, arcs, states[0], self.length) if kept else arcs
         if not kept and self._drifts.shape[1]:
             free = returned(self._drifts, arcs)
@@ -184,7 +184,7 @@ class ShootingEquation(OrbitEquation):
             state = brought_back(self._drifts, arcs[-1].state)
         exact = evaluation.exact if isinstance(evaluation, LateEvaluation) else None
         closure = Closure.of(layout_of(system.structure), lambda: coefficients_of(system), arcs, state, exact)
-        return Orbit(
+        found = Orbit(
             system,
             self.period,
             state,
@@ -196,6 +196,9 @@ class ShootingEquation(OrbitEquation):
             stuck=closure.stuck,
             restarts=self._restarts(unknowns),
         )
+        if len(arcs) == 1:
+            found.__dict__["_reversals"] = arcs[0].reversals
+        return found
 
     def _restarts(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the states at the starts of the later segments, if these are equal and begin at theta = 0."""

@@ -554,7 +554,7 @@ class Closure(NamedTuple):
         if exact is not None:
             return cls(late(lambda: cls.of(layout, coefficients, exact(), start).multipliers), _joined(arcs))
         if not any(arc.slips for arc in arcs):
-            return cls(multipliers([transition_of(arc) for arc in arcs]))
+            return cls(multipliers([transition_of(arc) for arc in arcs], arcs[0].modes))
         stuck = stuck_in(layout, coefficients(), arcs) if never_slipping(arcs) else ()
         free = released(layout, coefficients(), arcs, start) if stuck else arcs
         found = multipliers([transition_of(arc) for arc in free])  # the largest first

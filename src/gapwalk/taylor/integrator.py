@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gapwalk.machine_code import engine_of_object, kept, object_of
 from gapwalk.taylor import header
-from gapwalk.taylor.header import LENGTH
+from gapwalk.taylor.header import LANES, LENGTH
 from gapwalk.taylor.program import Program
 from gapwalk.taylor.symbols import ZERO, Symbol
 
@@ -64,11 +64,15 @@ class Integrator:
         The angle.
     """
 
-    def __init__(self, program: Program, answers: Sequence[Callable[[int], bool]], turn: Callable[..., None]) -> None:
+    def __init__(
+        self, program: Program, answers: Sequence[Callable[[int], bool]], turn: Callable[..., None] | None
+    ) -> None:
         self._program, self._advance = program, kernel()[0]
         self._answers, self._turn = answers, turn
         self.state, self.pars = np.zeros(program.whole), np.zeros(program.parameters)
-        self._memory, self._io = np.zeros(program.memory), np.zeros(header.IO)
+        memory = np.zeros(program.memory + LANES)
+        self._memory = memory[-(memory.ctypes.data // memory.itemsize) % LANES :]  # from a cache line on
+        self._io = np.zeros(header.IO)
         self._turns = np.zeros((program.most_turns, 2 + program.size))
         self._table = np.zeros(9, dtype=np.int64)
         self._places = [program.integers, program.numbers, self._memory, self.state, self.pars, self._io]
@@ -90,6 +94,14 @@ class Integrator:
     def reset_cooldowns(self) -> None:
         """Let all events happen at once again."""
         self._memory[self._program.cool] = -math.inf
+        self._io[header.IO_TURNS], self._is_full = 0.0, False
+
+    def turns(self) -> Array | None:
+        """Return number, time and state of all turns since all events may happen, in rows; None if they are too many.
+
+        For an integrator that has no function to call at a turn.
+        """
+        return None if self._is_full else self._turns[: int(self._io[header.IO_TURNS])].copy()
 
     def series(self) -> Array:
         """Return the Taylor series of the state, shape (size, orders), without a step; not finite: the time is NaN."""
@@ -116,7 +128,7 @@ class Integrator:
         while True:
             self._advance(_NOTHING, None, self._address)
             total += int(io[header.IO_TAKEN])
-            if io[header.IO_TURNS]:
+            if self._turn is not None and io[header.IO_TURNS]:
                 for turn in self._turns[: int(io[header.IO_TURNS])].tolist():
                     self._turn(int(turn[0]), turn[1], turn[2:])
                 io[header.IO_TURNS] = 0.0
@@ -133,6 +145,8 @@ class Integrator:
             elif status == header.MANY_STEPS:
                 outcome = Outcome.MANY_STEPS
             elif status == header.MANY_TURNS:
+                self._is_full = io[header.IO_TURNS] > 0.0
+                io[header.IO_TURNS] = 0.0
                 continue
             break
         if outcome is Outcome.REACHED:  # angles beside the last one by rounding

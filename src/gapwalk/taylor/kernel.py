@@ -310,9 +310,13 @@ def _order(ip, w, m):
             _operate(ip, w, s, begin, end, m)
             continue
         for row in range(begin, end, 4):
-            t = 0.0
-            for k in range(ip[row + 1], ip[row + 2]):
+            k, end, t = ip[row + 1], ip[row + 2], 0.0
+            if k < end:  # most have one entry only
+                t = w[values + k] * w[s + ip[places + k] + m]
+                k += 1
+            while k < end:
                 t += w[values + k] * w[s + ip[places + k] + m]
+                k += 1
             if m == 0:
                 for k in range(ip[row + 2], ip[row + 3]):
                     t += w[values + k]

@@ -437,9 +437,10 @@ class Program:
             header.ANGLE: scalar_place(self._scalars.slots[ANGLE]) if ANGLE in self._scalars.slots else -1,
         }
         memory = constants
+        rest = -(constants + len(entries) + self._scalars.count * LENGTH) % LANES  # columns begin at a cache line
         for name, room in (
             (header.VALUES, len(entries)),
-            (header.SERIES, self._scalars.count * LENGTH),
+            (header.SERIES, self._scalars.count * LENGTH + rest),
             (header.LANE_SERIES, (1 + self._lanes.count - len(lane_rates)) * LENGTH * LANES),
             (header.LANE_STATES, groups * self.size * LENGTH * LANES),
             (header.COOL, len(events)),

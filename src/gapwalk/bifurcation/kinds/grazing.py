@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from operator import mul
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -25,7 +26,8 @@ from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.flow.event_rule import jumping_switches, one_way_switches
 from gapwalk.flow.flow import PERIOD
-from gapwalk.orbit.orbit import Orbit, Turns, apart, describe_switch, switch_named
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.orbit.orbit import Orbit, Turns, apart, describe_switch, reversals_of, switch_named
 
 if TYPE_CHECKING:
     from gapwalk.bifurcation.special_point import SpecialPoint
@@ -39,6 +41,7 @@ _LONELY = 0.05  # angle from an extremum to the nearest of the other motion beyo
 _DRIFT = 4.0  # factor on the change of other extrema that bounds the motion of a pair since it appeared
 _TOUCH = 1e-6  # depth of a graze, relative to the depths at the ends of its bracket, that is only rounding
 _BESIDE, _TORN = 1e-6, 10.0  # arclength from a graze, and the distance in it, with which orbits are no neighbours
+_CLEAR = 1e-4  # share of the range of all extrema, times the growth of changes, by which a Newton step moves none
 _DOUBT = 0.5  # share of its bend by which an extremum may have moved between two points; 1/8 for a parabola
 
 
@@ -150,6 +153,8 @@ def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoi
     length = last.arclength - first.arclength
     full, pairs = PERIOD * first.orbit.period, _Pairs(PERIOD * first.orbit.period)
     gapless = _gapless(first, last)
+    if before is not None and not any(changes) and _is_clear((first, last, before), gapless):
+        return False
     for switch, change in enumerate(changes):
         if gapless[switch] or first.orbit.held.get(switch) != last.orbit.held.get(switch):
             continue  # where a stop ceases to be held, infinitely many impacts graze
@@ -162,6 +167,47 @@ def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoi
         if not change and before is not None and _may_touch(before, first, last, switch, pairs):
             return True
     return False
+
+
+def _is_clear(points: tuple[BranchPoint, BranchPoint, BranchPoint], gapless: list[bool]) -> bool:
+    """Return True if it is clear that no extremum touches between the first two of three points: no survey is needed.
+
+    The turning points are those of motions a last Newton step away; what may depend on that step is not clear.
+    """
+    (first, last, before), full = points, PERIOD * points[0].orbit.period
+    every = [_nearby_depths(point) for point in points]
+    if first.arclength <= before.arclength or not all(every):
+        return False
+    ratio = (last.arclength - first.arclength) / (first.arclength - before.arclength)
+    growth, pairs = _CLEAR * max(1.0, abs(first.orbit.multipliers[0])), _Pairs(full)
+    for now, then, past in (each for each, closed in zip(zip(*every, strict=True), gapless, strict=True) if not closed):
+        if not len(now.thetas) == len(then.thetas) == len(past.thetas) > 0:
+            return False
+        unsure = growth * (max(now.values) - min(now.values))
+        for depth, ahead, behind in zip(now.values, pairs.between(now, then), pairs.between(now, past), strict=True):
+            following, preceding = then.values[ahead], past.values[behind]
+            bend = abs((following - depth) - ratio * (depth - preceding))
+            if depth * following <= 0.0 or min(abs(depth), abs(following)) <= _DOUBT * bend + unsure:
+                return False
+    return True
+
+
+def _nearby_depths(point: BranchPoint) -> list[Turns]:
+    """Return what `Orbit.turning_depths` holds for a motion a last Newton step away; nothing where it is not known."""
+    known, orbit = point.memo.get(_nearby_depths), point.orbit
+    if known is None:
+        reversals = reversals_of(orbit)
+        rows = [] if reversals is None else reversals.tolist()
+        n, coefficients, of_contact = orbit.system.size, coefficients_of(orbit.system), list[Turns]()
+        for place, contact in enumerate(layout_of(orbit.system.structure).contacts):
+            vector, own = coefficients[contact.deflection].tolist(), [row for row in rows if row[0] == place]
+            values = [float(sum(map(mul, vector, row[2 : 2 + n]))) for row in own]
+            of_contact.append(Turns([row[1] for row in own], values))
+        known = point.memo[_nearby_depths] = [
+            Turns(of_contact[contact].thetas, [side * x - clearance for x in of_contact[contact].values])
+            for contact, side, clearance in orbit.system.breakpoints
+        ]
+    return known
 
 
 def approaches(orbit: Orbit, switch: int) -> Turns:
