@@ -392,7 +392,7 @@ class Equations(RunTimeParameters):
         contacts = self.layout.contacts
         is_plain = not (self.ramp or self.dry or self.stops or self.modes or self.layout.cycles)
         is_plain = is_plain and all(each.sway is None for each in contacts)
-        return [self._deflection_rate(each) for each in contacts] if is_plain else []
+        return [self._deflection_rate(each) for each in contacts] if is_plain and self.switches else []
 
     def _coefficient(self, slot: int):
         """Return the symbol of one coefficient, or the number 0 if it is not included."""

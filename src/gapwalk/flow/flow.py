@@ -56,7 +56,7 @@ LARGE = 8
 DEAR, DEAR_LINEAR = 32, 80
 """Numbers of the state from which a transition matrix is dear: by Taylor series, and of motions that are linear."""
 _EXACT = 1e-13  # share of the matrix within which its eigenvectors must give it back
-_KEPT = 64  # matrices that are kept, one for each set of closed stages
+_KEPT, _FEW = 64, 16  # matrices that are kept, one for each set of closed stages, and for each change of these
 
 Array = NDArray[np.float64]
 
@@ -198,6 +198,8 @@ class LinearTransition:
             return (then.inverse @ changes if then else now.basis @ changes if now else changes), then
         key = id(now), id(then)
         if key not in self._between:
+            if len(self._between) >= _FEW:
+                self._between.clear()
             self._between[key] = then.inverse @ now.basis
         return self._between[key] @ changes, then
 

@@ -22,15 +22,10 @@ _FEW = 8  # number of multipliers up to which plain numbers are faster than arra
 _ROUNDED = 1e-12  # rounding of a multiplier that is apart from the others, over the largest
 _SMALL = 0.02  # size of multipliers whose changes are irrelevant: their motions decay within a period
 
-
 _MANY, _RANK = 300, 24  # numbers of a state from which a matrix is tried as one of low rank, and the highest rank
 _NEGLIGIBLE, _NOISE = 2e-12, 1e-11  # singular values, and errors of numbers of the matrix, that are rounding
 _CUBED, _SUMMED = 1e-6, 1e-11  # step of cubic convergence; error of the sums, for each number
-_ITERATIONS, _SPLIT, _STRAY = (
-    30,
-    9,
-    0.1,
-)  # most iterations; that at which pairs are split, and the largest share of them
+_ITERATIONS, _SPLIT, _STRAY = 30, 9, 0.1  # of Aberth's method; that at which pairs are split, and most of these
 _ASIDE, _UNLIKE = 1e-6j, 1e-3  # distances at the start, from the values and of the partners, as a share
 
 
