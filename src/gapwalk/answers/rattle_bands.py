@@ -646,7 +646,8 @@ def _samples(found: RattleBands, moved: Iterable[str]) -> Iterator[Series]:
                 half = [0.5 * float(motion.extremes[2, place] - motion.extremes[0, place]) for motion in chosen]
                 yield Series([motion.value for motion in chosen], half, mark, _look(found, sweep.met)[0], axes=axes)
     for axes, _ in wanted if any(row.period == 0 for row in found.severities) else ():
-        text = "not periodic, or of long period; with the range of its periods"
+        bars = any(not each.motion.orbit for sweep in found.sweeps for each in sweep.samples)
+        text = "not periodic while watched" + "; bar: least to largest amplitude of its periods" * bars
         yield Series([], [], "crosses", "measured", text, axes=axes)
     for sweep in found.sweeps:
         look = _look(found, sweep.met)[0]

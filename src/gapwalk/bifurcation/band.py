@@ -44,6 +44,17 @@ class Band:
         """Separations per forcing period of all contacts."""
         return float(np.nansum(self.separations))
 
+    @property
+    def kind_words(self) -> str:
+        """Its period in words."""
+        return f"settled, period {self.period}" if self.period else "settled, not periodic"
+
+    def separation_words(self, system: System) -> str:
+        """Return the contacts that separate, with how often in a forcing period."""
+        names = [form.name for form in system.structure.equations.contacts]
+        parts = [f"{name} {count:.4g}" for name, count in zip(names, self.separations, strict=True) if count > 0.0]
+        return ", ".join(parts) or "none"
+
     def shown(self, system: System, measure: str) -> tuple[float, float, float] | None:
         """Return the least, middle and largest height in the picture of a measure; None if that is not known of it.
 

@@ -4,6 +4,7 @@ const WORDS = { queued: "waits", running: "is being computed", paused: "is pause
 const OVER = ["done", "stopped", "failed"];
 const SAVES = [
   ["table", "CSV", "Save the points as a table"],
+  ["bands", "CSV of settled", "Save the settled motions as a table"],
   ["script", "Python", "Save the Python script that repeats it"],
   ["model", "Model", "Save a model file that walks from the chosen point"],
   ["result", "Result", "Save the result file"],
