@@ -80,7 +80,7 @@ def test_a_limit_at_the_end_of_the_range_is_told(gear: gw.System) -> None:
     [
         ((0.8, 1.2), "nothing rattles"),
         ((0.05, 0.2), "still rattles"),
-        ((1.2, 0.2), "0.2; widen the range, or, if its first value is the quiet end, write from = 0.2 and to = 1.2"),
+        ((1.2, 0.2), "; widen the range, or, if its first value is the quiet end, write from = 0.2 and to = 1.2"),
     ],
 )
 def test_no_threshold_is_an_answer_too(gear: gw.System, to: tuple[float, float], says: str) -> None:

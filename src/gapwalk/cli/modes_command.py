@@ -175,7 +175,7 @@ def _table(modes: Modes, system: System) -> Table:
             entries = [", ".join(f"{names[place]}:{entries[place]}" for place in most)]
         numbers = (frequency, frequency / (2 * math.pi), *(values[number] for values in resonances.values()), ratio)
         rows.append([str(number + 1), *map(_number, numbers), *entries])
-    spare = [f">{each}" for each in list(resonances)[:0:-1]]
+    spare = [f">{each}" for each in (_weakest_first(system, list(resonances)) if resonances else ())[:-1]]
     return Table([*headings, "moves most"] if is_wide else headings, rows, spare=spare)
 
 
@@ -186,6 +186,18 @@ def resonance_values(system: System, modes: Modes) -> dict[str, NDArray[np.float
     turns = 1 if units is None else units.turns or 1
     symbol = parameter_symbol(structure.pace, units)
     return {f"{symbol}, order {order * turns}": modes.frequencies / order / structure.frequency for order in orders}
+
+
+def _weakest_first(system: System, headings: list[str]) -> list[str]:
+    """Return the headings of orders in `resonance_values`, that of the weakest excitation first."""
+    structure = system.structure
+    sizes = dict.fromkeys(sorted({order for load in structure.harmonics for order in load.multiples}), 0.0)
+    for load in structure.driving:
+        for order, cosine, sine in load.lines(system.values.item(0), [system[name] for name in load.parameters]):
+            if order in sizes:
+                sizes[order] += math.hypot(cosine, sine)
+    of = dict(zip(headings, sizes.values(), strict=True))
+    return sorted(headings, key=lambda each: of[each])
 
 
 def _entry(value: float | complex) -> str:
