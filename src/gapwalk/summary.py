@@ -281,7 +281,8 @@ def _print_table(table: Table, screen: rich.console.Console) -> None:
             fits = _fits([columns[k] for k in places], [[row[k] for k in places] for row in rows], screen.width)
         head, *less = [[row[place] for place in places] for row in (table.headings, *table.rows)]
         _print_table(Table(head, less, table.groups), screen)
-        names = ", ".join(dict.fromkeys(name.removeprefix(">") for name in left_out))
+        between = "; " if any(", " in name for name in left_out) else ", "
+        names = between.join(dict.fromkeys(name.removeprefix(">") for name in left_out))
         screen.print(wrapped(f"left out at {screen.width} columns: {names}", screen.width), soft_wrap=True)
         return
     if not widths:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gapwalk.cli.output import DONE, print_json, show, show_files
 from gapwalk.errors import ModelError
+from gapwalk.model.coefficients import load_sizes
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.equilibria import Equilibrium, Rest, find_equilibria
 from gapwalk.model.model_source import read_source
@@ -190,13 +191,9 @@ def resonance_values(system: System, modes: Modes) -> dict[str, NDArray[np.float
 
 def _weakest_first(system: System, headings: list[str]) -> list[str]:
     """Return the headings of orders in `resonance_values`, that of the weakest excitation first."""
-    structure = system.structure
-    sizes = dict.fromkeys(sorted({order for load in structure.harmonics for order in load.multiples}), 0.0)
-    for load in structure.driving:
-        for order, cosine, sine in load.lines(system.values.item(0), [system[name] for name in load.parameters]):
-            if order in sizes:
-                sizes[order] += math.hypot(cosine, sine)
-    of = dict(zip(headings, sizes.values(), strict=True))
+    orders = sorted({order for load in system.structure.harmonics for order in load.multiples})
+    sizes = load_sizes(system)
+    of = {heading: sizes.get(order, 0.0) for heading, order in zip(headings, orders, strict=True)}
     return sorted(headings, key=lambda each: of[each])
 
 
