@@ -457,6 +457,8 @@ def _plain(entry: Entry) -> dict[str, Any]:
         "can_resume": entry.can_resume,
         "saves": entry.saves,
         "done": [entry.live.done, entry.live.total],
+        "share": entry.live.share,
+        "doing": entry.live.words,
         "branches": [
             {
                 "name": line.name,

@@ -199,7 +199,7 @@ async function show(results, deleted = page.deleted ?? []) {
   showDeleted($("deleted"), deleted, restore, clean);
   const busy = results.filter((r) => ["running", "queued", "paused"].includes(r.state));
   const [first] = busy, points = first?.branches.reduce((s, b) => s + b.points, 0);
-  showStatus(first, !points && first?.done[1] ? `${first.done.join(" of ")} parts` : `${points} points`);
+  showStatus(first, !points && first?.done[1] ? `${first.done.join(" of ")} parts, ${Math.floor(100 * first.share)} %` : `${points} points`);
   page.again = true;
   if (!page.updating) updated = update();
   await updated;
