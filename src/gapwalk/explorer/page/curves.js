@@ -52,7 +52,7 @@ export function showLegend(legend, curves, clusters = []) {
   for (const kind of kinds.slice(0, STABILITY)) {
     const line = legend.querySelector(`li:not([class]) path.${kind}`)?.closest("li");
     const pale = kind === "stable" && all.every(({ earlier }) => earlier); // another entry shows that line
-    if (line) line.hidden = used.size > 0 && (!used.has(kind) || pale);
+    if (line) line.hidden = !used.has(kind) || pale;
     if (kind === "neutral") line.lastChild.textContent = all.some(({ settles }) => settles) ? "settled, no orbit followed" : "neutral: a disturbance neither grows nor decays";
   }
   const points = new Map(all.flatMap(({ special }) => special).filter(({ kind }) => kind in SIGNS).map(({ kind, text }) => [kind, text]));
