@@ -218,12 +218,7 @@ class RattleBands(Shown):
         """Write where a band is: with its errors where they exceed the rounding, and where only the range begins."""
         texts, ends = told_apart(band.low.value, band.high.value), (band.low, band.high)
         unit = self.system.units.parameter(self.parameter) if self.system.units else ""
-        low, high = (
-            with_error(end.value, end.error)
-            if end.error > max(abs(float(text) - end.value), 5e-7 * abs(end.value))
-            else text
-            for text, end in zip(texts, ends, strict=True)
-        )
+        low, high = (_end_words(end, text) for text, end in zip(texts, ends, strict=True))
         first, last = (f"{text} {unit}".rstrip() for text in (low, high))
         match [end.kind == RANGE for end in ends]:
             case [True, True]:
@@ -345,6 +340,12 @@ class RattleBands(Shown):
 
     def __repr__(self) -> str:
         return f"RattleBands({'; '.join(self.sentence(gap) for gap in self.gaps)})"
+
+
+def _end_words(end: BandEnd, text: str) -> str:
+    """Write an end of a band: with its error where that exceeds the rounding of its text."""
+    is_vague = end.error > max(abs(float(text) - end.value), 5e-7 * abs(end.value))
+    return with_error(end.value, end.error) if is_vague else text
 
 
 def _figure(number: float, row: Severity) -> str:
@@ -643,7 +644,10 @@ def _parts_of_bands(found: RattleBands, moved: Mapping[str, str]) -> Parts:
     return Parts(
         layers=list(_samples(found, dict.fromkeys(moved.values()))),
         shades=[each for gap in found.gaps for each in _shades(found, gap)],
-        lines=[Line(over, end.value, f"{end.value:.6g}", end.is_located, gap, end.kind) for gap, _, end in ends],
+        lines=[
+            Line(over, end.value, _end_words(end, f"{end.value:.6g}"), end.is_located, gap, end.kind)
+            for gap, _, end in ends
+        ],
         below=[each for gap in found.gaps for each in _severity_panels(found, gap)],
         ends=[
             End(

@@ -280,6 +280,7 @@ function whyEmpty() {
 /** What Compute does, in words: it runs the chosen study; a response is walked as far as there are orbits to follow. */
 function willDo() {
   const { name, plan } = page.about.studies.find(({ name }) => name === $("study").value) ?? {};
+  if (!plan) return "begins";
   if (!/^response/.test(plan)) return `runs the study${name ? ` ${name}` : ""}: ${plan}`;
   const walk = "follows the periodic motions exactly, with their special points";
   return curves.quick?.settles ? `${walk}, and where none can be followed it settles the motion at steps of the range` : walk;
@@ -292,7 +293,7 @@ function pressed(words, id) {
   return made;
 }
 
-/** Results of `gapwalk run` beside the model: model.gapwalk, or model-study.gapwalk; that is all that their names say. */
+/** Results of `gapwalk run` beside the model: model.gapwalk, or model-study.gapwalk. */
 function storedBeside() {
   const stem = page.about?.file.replace(/\.toml$/, "");
   return [...$("file").options].map(({ value }) => value).filter((name) => name === `${stem}.gapwalk` || (name.startsWith(`${stem}-`) && name.endsWith(".gapwalk")));

@@ -44,7 +44,7 @@ export class CurveTable {
   rows(curve) {
     const rows = Array.from(curve?.x ?? [], (x, i) => [x, curve.y[i], curve.node[i] < 0 ? curve.special[-1 - curve.node[i]].text : kindOf(curve, i)]);
     const { settled, layers = [] } = this.diagram.over ?? {}, named = {};
-    if (settled) return [...rows, ...settled.x.map((x, k) => [x, settled.y[k], settled.kinds[k], settled.low[k] ?? "", settled.high[k] ?? "", settled.contacts[k]])];
+    if (settled) return [...rows.map((row) => [...row, "", "", ""]), ...settled.x.map((x, k) => [x, settled.y[k], settled.kinds[k], settled.low[k] ?? "", settled.high[k] ?? "", settled.contacts[k]])];
     for (const { x, y, look, text } of curve ? [] : layers) {
       named[look] ||= text;
       rows.push(...x.map((value, k) => [value, y[k], text || named[look] || look]).filter(([value, up]) => value !== null && up !== null));
