@@ -88,6 +88,7 @@ def test_no_threshold_is_an_answer_too(gear: gw.System, to: tuple[float, float],
     assert found.limit is None
     assert math.isnan(found.value)
     assert says in found.notes[0]
+    assert "something" not in found.notes[0]
     with pytest.raises(gw.errors.ModelError, match="no threshold"):
         found.gradient()
 
@@ -139,6 +140,11 @@ def test_texts_of_a_threshold_have_units() -> None:
     none = Threshold(system, ("mesh",), *ends, None, math.nan, math.inf, False, (), tried)
     assert none.sentence == "mesh: no threshold of mean.gear from -1 to -6 N m over speed from 700 to 1100 rpm"
     assert "confirmed at mean.gear = -3 N m: none of 40" in str(none.summary())
+    two = dataclasses.replace(none, gaps=("mesh", "clutch"), between=(-3.0, -3.1), at=900.0, last=("mesh", "clutch"))
+    assert two.sentence == (
+        "mesh and clutch do not rattle over speed from 700 to 1100 rpm at mean.gear = -3.1 N m and below (mesh and "
+        "clutch still rattle at mean.gear = -3 N m, speed = 900 rpm)"
+    )
 
 
 @pytest.mark.slow

@@ -148,11 +148,11 @@ class Gradient(Shown):
 def main_movers(system: System, shares: Mapping[str, float]) -> list[tuple[str, float]]:
     """Return parameters with their percent per percent, the largest first; the orders of one torque are one of them."""
     # Where a load acts on one coordinate, ``harmonic1.acts_on.x`` multiplies ``harmonic1.amplitude``.
-    left, together = dict(shares), dict[tuple[str, ...], list[str]]()
-    for load in system.structure.driving if len(shares) <= _MANY else ():
-        factors = [name for name in left if name.startswith(f"{load.shape}.") and system[name]]
-        for name in factors if len(factors) == 1 else ():
-            del left[name]
+    left, together, every = dict(shares), dict[tuple[str, ...], list[str]](), system.structure.names
+    for load in system.structure.driving if len(every) <= _MANY else ():
+        factors = [name for name in every if name.startswith(f"{load.shape}.") and system[name]]
+        if len(factors) == 1:
+            left.pop(factors[0], None)
         targets = tuple(name.removeprefix(f"{load.shape}.") for name in factors)
         sizes = [name for name in (f"{load.name}.amplitude", f"{load.name}.scale") if name in left]
         together.setdefault(targets, []).extend(sizes)
