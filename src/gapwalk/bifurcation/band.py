@@ -103,7 +103,7 @@ def graze_words(bands: Sequence[Band], parameter: str, system: System) -> Iterat
         periodic, most = sum(band.period > 0 for band in run), max(band.total for band in run)
         yield (
             f"settled, {range_words(ends, parameter, system.units)}: {len(run)} values, "
-            f"at {periodic} of them periodic, with up to {most:.4g} separations in a forcing period"
+            f"at {periodic or 'none'} of them periodic, with up to {most:.4g} separations in a forcing period"
         )
         for place, form in enumerate(system.structure.equations.contacts):
             counts = np.array([band.separations[place] for band in run])

@@ -174,7 +174,7 @@ export class Diagram {
 
   layout(view, width = this.place.clientWidth || 600, height = this.place.clientHeight || 400) {
     const axis = (title, range, room) => ({
-      title: { text: shortened(title, room), standoff: 6 }, range, showgrid: false, zeroline: false, linecolor: color("--line"),
+      title: { text: shortened(title, room), standoff: 6 }, range, showgrid: false, zeroline: false, exponentformat: "power", linecolor: color("--line"),
       tickcolor: color("--line"), showline: true, ticks: "outside", automargin: true,
     });
     return {
