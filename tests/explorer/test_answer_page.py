@@ -365,7 +365,8 @@ def test_the_worst_gap_is_chosen_and_another_one_turns_headline_and_diagram(gear
         assert float(page.input_value("#parameters [data-name=speed] input[type=number]")) == x[0]
 
 
-def test_settled_motions_are_clicked_listed_and_saved_over_any_axes(gears) -> None:
+def test_settled_motions_are_clicked_listed_and_saved_over_any_axes(gears, monkeypatch) -> None:
+    monkeypatch.setattr("gapwalk.answers.settled_curve.STEPS", 40)
     text = GEARS[: GEARS.index("[study]")]
     study = '[study]\nkind = "response"\nparameter = "speed"\nfrom = "899 rpm"\nto = "898 rpm"\nstart = "settle"\n'
     (gears / "settled.toml").write_text(text + study, encoding="utf-8")
