@@ -274,14 +274,15 @@ def _print_table(table: Table, screen: rich.console.Console) -> None:
     room = screen.width - _GAP * (len(wide) - 1)
     widths = wide if sum(wide) <= room else _narrowed(columns, rows, wide, room)
     if not widths and (spare := list(table.spare)):
-        lacking, left_out = sum(wide) - room, list[str]()
-        while lacking > 0 and spare:
+        left_out, places, fits = list[str](), list[int](), False
+        while spare and not fits:
             left_out.append(spare.pop(0))
-            lacking -= wide[table.headings.index(left_out[-1])] + _GAP
-        places = [place for place, name in enumerate(table.headings) if name not in left_out]
+            places = [place for place, name in enumerate(table.headings) if name not in left_out]
+            fits = _fits([columns[k] for k in places], [[row[k] for k in places] for row in rows], screen.width)
         head, *less = [[row[place] for place in places] for row in (table.headings, *table.rows)]
         _print_table(Table(head, less, table.groups), screen)
-        names = ", ".join(name.removeprefix(">") for name in left_out)
+        between = "; " if any(", " in name for name in left_out) else ", "
+        names = between.join(dict.fromkeys(name.removeprefix(">") for name in left_out))
         screen.print(wrapped(f"left out at {screen.width} columns: {names}", screen.width), soft_wrap=True)
         return
     if not widths:
@@ -294,6 +295,13 @@ def _print_table(table: Table, screen: rich.console.Console) -> None:
     for number, row in enumerate(rows):
         made.add_row(*row, end_section=number in table.groups)
     screen.print(made)
+
+
+def _fits(columns: Sequence[tuple[str, bool]], rows: Sequence[Sequence[str]], width: int) -> bool:
+    """Return True if a table fits a width, if need be with texts in several lines."""
+    wide = [max(map(len, column)) for column in zip([name for name, _ in columns], *rows, strict=True)]
+    room = width - _GAP * (len(wide) - 1)
+    return sum(wide) <= room or bool(_narrowed(columns, rows, wide, room))
 
 
 def _narrowed(

@@ -1,5 +1,6 @@
 """Rattle bands against closed forms of the quiet motion, and against simulations by SciPy."""
 
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -10,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import gapwalk as gw
-from gapwalk.answers.gap_states import GapState
+from gapwalk.answers.gap_states import RANGE, BandEnd, GapState
 from gapwalk.errors import ModelError
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.studies.rattle_study import RattleStudy
@@ -81,6 +82,19 @@ def test_what_moves_an_end_is_the_slope_of_the_closed_form(bands):
     by_frequency = -LOAD * size2**-1.5 * (-2.0 * W * (1.0 - W**2) + DAMPING**2 * W)
     assert movers["stop.clearance"].slope == pytest.approx(1.0 / by_frequency, rel=1e-8)
     assert movers["stop.clearance"].share == pytest.approx(-movers["harmonic1.amplitude"].share, rel=1e-8)
+
+
+def test_a_sentence_says_where_only_the_range_begins_and_which_ends_are_vague(bands):
+    (band,) = bands.of()
+    low, high, vague = BandEnd(0.7, RANGE), BandEnd(1.5, RANGE), BandEnd(1.21, "between samples", 0.04)
+    for ends, text in (
+        ({"low": low}, "stop rattles from the beginning of the range, 0.7, to "),
+        ({"low": low, "high": high}, "stop rattles over the whole range, 0.7 to 1.5; "),
+        ({"high": high}, "to the end of the range, 1.5; "),
+        ({"high": vague}, " to 1.21 ± 0.04; "),
+    ):
+        assert text in dataclasses.replace(bands, bands=(dataclasses.replace(band, **ends),)).sentence("stop")
+    assert "±" not in bands.sentence("stop").partition(";")[0]  # the ends are known better than six digits
 
 
 def test_severity_and_the_worst_motion(bands):

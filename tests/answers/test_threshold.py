@@ -80,7 +80,7 @@ def test_a_limit_at_the_end_of_the_range_is_told(gear: gw.System) -> None:
     [
         ((0.8, 1.2), "nothing rattles"),
         ((0.05, 0.2), "still rattles"),
-        ((1.2, 0.2), "0.2; widen the range, or, if its first value is the quiet end, write from = 0.2 and to = 1.2"),
+        ((1.2, 0.2), "; widen the range, or, if its first value is the quiet end, write from = 0.2 and to = 1.2"),
     ],
 )
 def test_no_threshold_is_an_answer_too(gear: gw.System, to: tuple[float, float], says: str) -> None:
@@ -88,6 +88,7 @@ def test_no_threshold_is_an_answer_too(gear: gw.System, to: tuple[float, float],
     assert found.limit is None
     assert math.isnan(found.value)
     assert says in found.notes[0]
+    assert "something" not in found.notes[0]
     with pytest.raises(gw.errors.ModelError, match="no threshold"):
         found.gradient()
 
@@ -139,6 +140,11 @@ def test_texts_of_a_threshold_have_units() -> None:
     none = Threshold(system, ("mesh",), *ends, None, math.nan, math.inf, False, (), tried)
     assert none.sentence == "mesh: no threshold of mean.gear from -1 to -6 N m over speed from 700 to 1100 rpm"
     assert "confirmed at mean.gear = -3 N m: none of 40" in str(none.summary())
+    two = dataclasses.replace(none, gaps=("mesh", "clutch"), between=(-3.0, -3.1), at=900.0, last=("mesh", "clutch"))
+    assert two.sentence == (
+        "mesh and clutch do not rattle over speed from 700 to 1100 rpm at mean.gear = -3.1 N m and below (mesh and "
+        "clutch still rattle at mean.gear = -3 N m, speed = 900 rpm)"
+    )
 
 
 @pytest.mark.slow

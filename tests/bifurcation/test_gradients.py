@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
+from gapwalk.bifurcation.loci.gradient import main_movers
 from gapwalk.paper import case
 
 # Central differences of located folds of figure 13, to nine digits (computed beside this code).
@@ -31,6 +32,25 @@ def test_folds_move_as_differences_of_located_folds(clutch: gw.Branch) -> None:
     for column, fold in enumerate(folds):
         found = fold.gradient(*FOLDS)
         assert found.slopes == pytest.approx([row[column] for row in FOLDS.values()], abs=2e-9)
+
+
+def test_the_orders_of_one_load_are_one_mover() -> None:
+    loads = [
+        gw.Harmonic(0.3, {"x": 1.0}, 2),
+        gw.Harmonic(0.1, {"x": 1.0}, 4),
+        gw.Harmonic(0.2, {"y": 1.0}, 2, name="other"),
+    ]
+    system = gw.System(["x", "y"], np.eye(2), harmonics=loads)
+    shares = {
+        "harmonic2.amplitude": 0.4,
+        "harmonic2.acts_on.x": 0.4,
+        "harmonic4.amplitude": -0.1,
+        "stiffness.x.x": 0.35,
+    }
+    shares |= {"other.amplitude": 0.2, "harmonic4.phase": 0.01}
+    found = main_movers(system, shares)
+    assert [name for name, _ in found] == ["stiffness.x.x", "load on x", "other.amplitude", "harmonic4.phase"]
+    assert dict(found)["load on x"] == pytest.approx(0.3)
 
 
 def test_lengths_scale(clutch: gw.Branch) -> None:

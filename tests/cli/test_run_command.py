@@ -68,6 +68,18 @@ def test_quiet_says_nothing(model, capsys) -> None:
     assert captured.out == captured.err == ""
 
 
+def test_pictures_and_tables_of_an_earlier_result_do_not_stay_beside_a_stopped_one(model, capsys, monkeypatch) -> None:
+    for name in ("stop.png", "stop.svg", "stop-points.csv", "stop-other-points.csv"):  # the last is of another study
+        Path(name).write_text("of an earlier run")
+    monkeypatch.setattr("gapwalk.cli.run_command.exit_code", lambda result: 130)  # as after Ctrl-C
+    assert main(["run", str(model)]) == 130
+    assert (
+        "removed, because they were of an earlier result: stop.png, stop.svg, stop-points.csv"
+        in capsys.readouterr().err
+    )
+    assert sorted(os.listdir()) == ["stop-other-points.csv", "stop.gapwalk", "stop.toml"]
+
+
 def test_a_walk_that_gives_up_is_3(model, capsys) -> None:
     words = ["--set", "study.walk.smallest_step=0.01", "--set", "study.walk.initial_step=0.01"]
     assert main(["run", str(model), *words, "--set", "study.walk.largest_turn=0.01"]) == 3

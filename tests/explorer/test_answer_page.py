@@ -292,7 +292,7 @@ def test_rattle_is_computed_from_the_page_and_shown_at_its_end(page) -> None:
     assert page.is_hidden("#answer")
     page.click("#compute")
     until(page, "gapwalk.page.results[0]?.state === 'done' && Boolean(gapwalk.answer.content)")
-    assert "teeth rattles from 0.9 to 1.3" in page.inner_text("#answer-text")
+    assert "teeth rattles from the beginning of the range, 0.9, to 1.3" in page.inner_text("#answer-text")
     until(page, "gapwalk.curves.all.size === 2")
     page.click("#answer-close")
     assert page.is_hidden("#answer")
@@ -363,6 +363,52 @@ def test_the_worst_gap_is_chosen_and_another_one_turns_headline_and_diagram(gear
         page.mouse.click(box["x"] + left, box["y"] + top)
         until(page, f"gapwalk.page.chosen === null && document.getElementById('error').innerText.includes('{x[0]:g}')")
         assert float(page.input_value("#parameters [data-name=speed] input[type=number]")) == x[0]
+
+
+def test_settled_motions_are_clicked_listed_and_saved_over_any_axes(gears, monkeypatch) -> None:
+    monkeypatch.setattr("gapwalk.answers.settled_curve.STEPS", 40)
+    text = GEARS[: GEARS.index("[study]")]
+    study = '[study]\nkind = "response"\nparameter = "speed"\nfrom = "899 rpm"\nto = "898 rpm"\nstart = "settle"\n'
+    (gears / "settled.toml").write_text(text + study, encoding="utf-8")
+    gw.run(gw.read_study(gears / "settled.toml"), gears / "settled.gapwalk")
+    (branch,) = gw.open_result(gears / "settled.gapwalk").branches
+    assert branch.points == ()
+    bands, system = branch.bands, branch.system
+    names, first = list(system.coordinates), system.coordinates[0]
+    with serving(gears / "settled.gapwalk") as address, watched(address, height=800) as page:
+        show(page, "settled.gapwalk")
+        page.click("#table-open")
+        for across, up in (("speed", f"half.{first}"), (f"max.{names[1]}", f"mean.{first}")):
+            page.select_option("#x", across)
+            page.select_option("#y", up)
+            until(page, f"gapwalk.diagram.over.settled?.x.length === {len(bands)} && !gapwalk.page.updating")
+            x, y = page.evaluate("[gapwalk.diagram.over.settled.x, gapwalk.diagram.over.settled.y]")
+            low, mean, high = np.array([band.extremes for band in bands]).transpose(1, 2, 0)
+            known = {"speed": [band.value for band in bands], f"half.{first}": (high[0] - low[0]) / 2}
+            known |= {f"max.{names[1]}": high[1], f"mean.{first}": mean[0]}
+            assert x == pytest.approx(known[across], rel=1e-6)
+            assert y == pytest.approx(known[up], rel=1e-6)
+            rows = page.locator("#table-rows tr[data-index]")
+            assert rows.count() == len(bands)
+            rows.nth(7).click()
+            assert page.evaluate("gapwalk.page.settled") == 7
+            assert page.evaluate("gapwalk.diagram.mark") == [x[7], y[7]]
+            assert "not periodic" in page.inner_text("#error p")
+            assert float(page.input_value("#parameters [data-name=speed] input[type=number]")) == bands[7].value
+            laid, box = "gapwalk.diagram.place._fullLayout", page.locator("#diagram .plot").bounding_box()
+            at = f"[{laid}.xaxis._offset + {laid}.xaxis.l2p({x[20]}), {laid}.yaxis._offset + {laid}.yaxis.l2p({y[20]})]"
+            left, top = page.evaluate(at)
+            page.mouse.click(box["x"] + left, box["y"] + top)
+            assert page.evaluate("gapwalk.page.settled") != 7
+        words = page.locator("#table-rows tr[data-index='7'] td").all_inner_texts()
+        assert all(f"{name} " in words[-1] for name in ("mesh1", "mesh2") if bands[7].total)
+        page.select_option("#y", f"rms.{first}")
+        until(page, "document.getElementById('empty').innerText.startsWith('Of settled motions')")
+        with page.expect_download() as load:
+            page.click("#results [data-action$=' bands']")
+        lines = Path(load.value.path()).read_text().splitlines()
+        assert len(lines) == 1 + len(bands)
+        assert lines[1].startswith(f"{bands[0].value!r},0,")
 
 
 def test_what_starts_from_a_file_with_measured_torque_is_of_its_model(gears) -> None:

@@ -5,15 +5,18 @@ import sqlite3
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
 import gapwalk as gw
+from gapwalk.answers.design import Route
 from gapwalk.explorer.progress_stream import News, Progress
 from gapwalk.parallel.workers import Pace
 from tests.explorer.conftest import STOP, result_of, wait
 from tests.waiting import until
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 # steps so small that the walk lasts until it is stopped
 LONG = STOP + "\n[study.walk]\ninitial_step = 1e-5\nlargest_step = 1e-5\nmax_points = 1000000\n"
 
@@ -141,6 +144,20 @@ def test_the_process_that_computes_starts_before_the_server_is_loaded() -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"
+
+
+def test_a_design_says_what_it_does_and_the_best_so_far() -> None:
+    told: list[Progress] = []
+    study = gw.read_study(EXAMPLES / "idle.toml", name="quiet")
+    news, shares = News(told.append, study.options), iter((0.25, 0.25, 0.5))
+    news.begin(Pace(0, 4), lambda: next(shares, 0.5))
+    until(lambda: any(each.share == 0.125 for each in told), "half of a part is done")
+    for done, route in enumerate((Route((), 0, (), 0.3, 0.1, 3, "mesh"), Route((), 1, (), 0.4, 0.0, 3)), start=1):
+        news(route, Pace(done, 4))
+    news.close()
+    assert told[0].words == "search 1 of 3"
+    assert told[-1].words == "search 3 of 3; best so far: norm of the relative changes 0.4"
+    assert [told[-1].done, told[-1].share] == [2, 0.5]
 
 
 def test_a_job_says_how_many_parts_it_has_before_the_first_is_done() -> None:

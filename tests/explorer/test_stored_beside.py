@@ -18,7 +18,9 @@ def test_results_of_a_run_are_named_and_opened(tmp_path) -> None:
         opened(page, "stop.toml")
         page.wait_for_selector("#empty a")
         text = page.inner_text("#empty")
-        assert text == "A run has stored stop-light.gapwalk, stop.gapwalk. Compute computes here."
+        assert text.startswith("Stored results of this file: stop-light.gapwalk, stop.gapwalk. ")
+        assert "Nothing is computed" not in text
+        assert "Compute follows the periodic motions exactly" in text
         page.click("#empty a >> nth=1")
         until(page, "gapwalk.page.about?.file === 'stop.gapwalk' && gapwalk.curves.all.size > 0")
         assert page.input_value("#file") == "stop.gapwalk"

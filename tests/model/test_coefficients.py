@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
-from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
+from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of, load_sizes
 
 MASS = np.array([[2.0, 0.3, -0.1], [0.2, 1.5, 0.4], [0.0, -0.3, 1.2]])
 STIFFNESS = np.array([[1.1, -0.6, 0.2], [-0.06, 1.3, 0.1], [0.4, 0.5, 2.0]])
@@ -123,3 +123,12 @@ def test_a_line_reaches_other_values() -> None:
 def test_a_system_without_contacts_and_excitation_has_coefficients() -> None:
     system = System(["x"], [[4.0]], mass=[[2.0]], frequency=2.0)
     np.testing.assert_array_equal(coefficients_of(system), [0.5, 2.0, 0.0, 0.0])
+
+
+def test_the_sizes_of_loads_add_at_equal_orders() -> None:
+    loads = [
+        Harmonic(0.3, {"x": 1.0}),
+        Harmonic(0.5, {"y": 1.0}, name="other"),
+        Harmonic(0.7, {"x": 1.0}, 4, phase=0.2),
+    ]
+    assert load_sizes(System(["x", "y"], np.eye(2), harmonics=loads)) == pytest.approx({1: 0.8, 4: 0.7})

@@ -1,9 +1,12 @@
 """Numbers in sentences differ where the numbers do."""
 
+import math
+
 import numpy as np
+import pytest
 
 import gapwalk as gw
-from gapwalk.model.words import between_words, range_words, told_apart
+from gapwalk.model.words import between_words, range_words, told_apart, with_error
 
 
 def test_ends_of_a_range_are_told_apart() -> None:
@@ -12,6 +15,26 @@ def test_ends_of_a_range_are_told_apart() -> None:
     assert range_words((0.7, 1.3), "speed") == "speed from 0.7 to 1.3"
     assert told_apart(1.0, np.nextafter(1.0, 2.0)) == ("1", "1.0000000000000002")
     assert told_apart(700.0, 700.0) == ("700", "700")
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "figures", "text"),
+    [
+        (578.2, 10.0, 1, "580 ± 10"),
+        (578.2, 9.7, 1, "580 ± 10"),
+        (578.2, 9.7, 2, "578.2 ± 9.7"),
+        (1234567.0, 4e4, 1, "1230000 ± 40000"),
+        (0.12345, 0.00123, 2, "0.1235 ± 0.0012"),
+        (999.9855225812, 5e-10, 1, "999.9855225812 ± 5e-10"),
+        (3.2e-7, 1e-9, 1, "3.20e-07 ± 1e-09"),
+        (0.3, 10.0, 1, "0 ± 10"),
+        (-5.5, math.nan, 1, "-5.5"),
+        (-5.5, math.inf, 1, "-5.5"),
+        (2.0 / 3.0, 0.0, 1, "0.66666667"),
+    ],
+)
+def test_a_value_and_its_error_have_equal_decimals(value: float, error: float, figures: int, text: str) -> None:
+    assert with_error(value, error, figures=figures) == text
 
 
 def test_a_branch_that_returns_says_how_far_it_came() -> None:

@@ -223,7 +223,7 @@ def test_a_response_without_any_orbit_is_what_settles() -> None:
     assert [end.value for end in only.ends] == [1076.0, 1074.0]
     first, second, *_ = only.summary()
     assert str(first).startswith("no orbit of period 1 can be followed")
-    assert "201 values, at 0 of them periodic" in str(second)
+    assert "201 values, at none of them periodic" in str(second)
     assert "0 points" in repr(only)
     axes = only.plot("max.mesh1")
     assert len(axes.collections) == 1

@@ -13,7 +13,8 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.model.measures import full_measure
 from gapwalk.picture_parts import NamedCurve, Parts, Picture, Series, pictured
 
-_SHOWN, _MOST = ("half", "max", "min"), 12  # measures that the page offers, of these first coordinates
+_SHOWN, _MOST = ("half", "max", "min", "mean"), 12  # measures that the page offers, of these first coordinates
+_VALUES = 300  # parameters of a system over which the page can show settled motions too
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +36,7 @@ def band_series(branches: Sequence[Branch], measure: str) -> Iterator[Series]:
     for branch in branches:
         measure = full_measure(measure, branch.system.coordinates)
         if measure.startswith("half.") or measure.startswith("peak_to_peak."):
-            text = "largest deviations from the mean", "settled, no orbit followed"
+            text = "largest deviation from the mean, to either side", "settled, no orbit followed"
         for run in runs_of(branch.bands):
             shown = [(band.value, heights) for band in run if (heights := band.shown(branch.system, measure))]
             if shown:
@@ -44,6 +45,18 @@ def band_series(branches: Sequence[Branch], measure: str) -> Iterator[Series]:
                 yield Series(values, np.array((low, high)), "between", "most", text[0], axes=axes)
                 yield Series(values, middle, "line", "main", text[1], axes=axes)
                 text = "", ""
+
+
+def _settled(branches: Sequence[Branch]) -> dict[str, Any]:
+    """Return what the page says of each settled motion, in the order of their series, and the other parameters."""
+    found = [(each, branch.system) for branch in branches for run in runs_of(branch.bands) for each in run]
+    system, parameter = branches[0].system, branches[0].parameter
+    values = dict(system.parameters) if len(system.parameters) <= _VALUES else {}
+    return {
+        "kinds": [each.kind_words for each, _ in found],
+        "contacts": [each.separation_words(own) for each, own in found],
+        "fixed": {name: value for name, value in values.items() if name != parameter},
+    }
 
 
 @pictured(Stretches, forms=())
@@ -59,6 +72,10 @@ def _describe(found: Stretches) -> Picture:
             for number, each in enumerate(found.branches, start=1)
             if each.points
         ],
-        lambda: Parts([each for name in shown for each in band_series(found.branches, name)]),
+        lambda: Parts(
+            [each for name in shown for each in band_series(found.branches, name)],
+            more={"settled": _settled(found.branches)},
+        ),
+        sentences=[text for n, text in enumerate(found.summary()) if not n or str(text).startswith("settled, ")],
         script="record.branches",
     )

@@ -93,7 +93,9 @@ class Change:
                 system.at({self.parameter: bound})
             except ModelError as error:
                 wrong = f"{self.parameter} may change from {low:g} to {high:g} (by = {self.by:g}), but"
-                raise ModelError(f"{wrong} {bound:g} is not allowed; write a smaller by, or limits") from error
+                raise ModelError(
+                    f"{wrong} {bound:g} is not allowed; write a smaller by (0.5: by at most 50 %), or limits"
+                ) from error
         return low, high
 
     def scale(self, system: System) -> float:

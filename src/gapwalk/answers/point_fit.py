@@ -32,7 +32,7 @@ from gapwalk.model.bounds import Finite, Positive, check_fields
 from gapwalk.model.channels.text_table import parse_csv
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
-from gapwalk.model.words import parameter_symbol
+from gapwalk.model.words import parameter_symbol, with_error
 from gapwalk.notebook import Shown
 from gapwalk.orbit.find import carry
 from gapwalk.orbit.floquet import Instability
@@ -70,7 +70,7 @@ class MeasuredPoint:
     @property
     def words(self) -> str:
         """Kind, measured value and uncertainty."""
-        return f"{self.kind} measured at {self.value:.8g} ± {self.error:.2g}"
+        return f"{self.kind} measured at {with_error(self.value, self.error, figures=2)}"
 
 
 def measured_of(row: MeasuredPoint | Sequence[object]) -> MeasuredPoint:
@@ -644,7 +644,7 @@ class PointFit(Shown):
             [
                 [
                     *(p.kind, p.contact, f"{p.before:.8g}", f"{p.after:.8g}"),
-                    *(f"{p.measured:.8g} ± {p.error:.2g}", f"{round(p.residual, 2) + 0.0:+.2f}"),
+                    *(with_error(p.measured, p.error, figures=2), f"{round(p.residual, 2) + 0.0:+.2f}"),
                 ]
                 for p in self.points
             ],

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.answers.gap_states import (
+    RANGE,
     BandEnd,
     Direction,
     GapSpan,
@@ -39,12 +40,13 @@ from gapwalk.attractors.many_motions import enough, has_kernel, motions_of
 from gapwalk.attractors.rattle import Rattle, rattle
 from gapwalk.attractors.regimes import Regime, RegimeOptions, judge, regime_word, take_another_look
 from gapwalk.bifurcation.isolated.search_starts import spread_starts, state_box
+from gapwalk.bifurcation.loci.gradient import main_movers
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.motion import acceleration_names, accelerations_at
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
-from gapwalk.model.words import parameter_symbol, told_apart
+from gapwalk.model.words import parameter_symbol, told_apart, with_error
 from gapwalk.notebook import Shown
 from gapwalk.picture_parts import (
     End,
@@ -177,9 +179,7 @@ class RattleBands(Shown):
         widest = sorted(
             sorted(bands, key=lambda band: band.low.value - band.high.value)[:_SHOWN], key=lambda b: b.low.value
         )
-        ends = [told_apart(band.low.value, band.high.value) for band in widest]
-        unit = self.system.units.parameter(self.parameter) if self.system.units else ""
-        ranges = " and ".join(f"from {first} to {last} {unit}".rstrip() for first, last in ends)
+        ranges = " and ".join(self._range(band) for band in widest)
         left = len(bands) - len(widest)
         more = f", and in {left} narrower band{'s' * (left > 1)}" if left else ""
         text = f"{gap} rattles {ranges}{more}"
@@ -209,6 +209,26 @@ class RattleBands(Shown):
         text += f"; worst {where} {self._value(severity.value, 3 if about else 6)}: {', '.join(parts)}"
         return f"{text} ({worst.words})" if worst.starts else text
 
+    def _moved(self, end: BandEnd, count: int) -> str:
+        """Write the parameters that move an end most, with their percent per percent."""
+        found = main_movers(self.system, {each.name: each.share for each in end.movers})
+        return ", ".join(f"{name} {share:+.2f}" for name, share in found[:count])
+
+    def _range(self, band: RattleBand) -> str:
+        """Write where a band is: with its errors where they exceed the rounding, and where only the range begins."""
+        texts, ends = told_apart(band.low.value, band.high.value), (band.low, band.high)
+        unit = self.system.units.parameter(self.parameter) if self.system.units else ""
+        low, high = (_end_words(end, text) for text, end in zip(texts, ends, strict=True))
+        first, last = (f"{text} {unit}".rstrip() for text in (low, high))
+        match [end.kind == RANGE for end in ends]:
+            case [True, True]:
+                return f"over the whole range, {low} to {last}"
+            case [True, False]:
+                return f"from the beginning of the range, {first}, to {last}"
+            case [False, True]:
+                return f"from {first} to the end of the range, {last}"
+        return f"from {low} to {last}"
+
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
         """Return a sentence for each gap, the bands with their ends, the severity along them, and notes if wanted."""
@@ -217,7 +237,7 @@ class RattleBands(Shown):
         rows, groups = [], []
         for band in self.bands:
             for name, end in (("from", band.low), ("to", band.high)):
-                movers = ", ".join(f"{each.name} {each.share:+.2f}" for each in end.movers[:_SHOWN])
+                movers = self._moved(end, _SHOWN)
                 error = f"{end.error:{'.0e' if end.error < 1.0 else '.3g'}}" if end.error else ""
                 what = ", ".join(band.states) if name == "from" else ""
                 head = (band.gap, band.met) if name == "from" else ("", "")
@@ -268,7 +288,7 @@ class RattleBands(Shown):
                     row.words,
                     str(row.period or "none"),
                     row.part.removesuffix(".acceleration"),
-                    _figure(row.rms, row) + (f" ± {row.error:.1g}" if row.error else ""),
+                    with_error(row.rms, row.error) if row.error else _figure(row.rms, row),
                     *(
                         _figure(number, row)
                         for number in (row.largest, row.kurtosis, row.power, row.per_second, row.per_turn)
@@ -320,6 +340,12 @@ class RattleBands(Shown):
 
     def __repr__(self) -> str:
         return f"RattleBands({'; '.join(self.sentence(gap) for gap in self.gaps)})"
+
+
+def _end_words(end: BandEnd, text: str) -> str:
+    """Write an end of a band: with its error where that exceeds the rounding of its text."""
+    is_vague = end.error > max(abs(float(text) - end.value), 5e-7 * abs(end.value))
+    return with_error(end.value, end.error) if is_vague else text
 
 
 def _figure(number: float, row: Severity) -> str:
@@ -618,14 +644,17 @@ def _parts_of_bands(found: RattleBands, moved: Mapping[str, str]) -> Parts:
     return Parts(
         layers=list(_samples(found, dict.fromkeys(moved.values()))),
         shades=[each for gap in found.gaps for each in _shades(found, gap)],
-        lines=[Line(over, end.value, f"{end.value:.6g}", end.is_located, gap, end.kind) for gap, _, end in ends],
+        lines=[
+            Line(over, end.value, _end_words(end, f"{end.value:.6g}"), end.is_located, gap, end.kind)
+            for gap, _, end in ends
+        ],
         below=[each for gap in found.gaps for each in _severity_panels(found, gap)],
         ends=[
             End(
                 f"{word} {end.value:.7g} {unit}".rstrip(),
                 end.kind,
                 end.special,
-                ", ".join(f"{each.name} {each.share:+.2f}" for each in end.movers[:2]),
+                found._moved(end, 2),
                 gap,
             )
             for gap, word, end in ends
@@ -646,7 +675,8 @@ def _samples(found: RattleBands, moved: Iterable[str]) -> Iterator[Series]:
                 half = [0.5 * float(motion.extremes[2, place] - motion.extremes[0, place]) for motion in chosen]
                 yield Series([motion.value for motion in chosen], half, mark, _look(found, sweep.met)[0], axes=axes)
     for axes, _ in wanted if any(row.period == 0 for row in found.severities) else ():
-        text = "not periodic, or of long period; with the range of its periods"
+        bars = any(not each.motion.orbit for sweep in found.sweeps for each in sweep.samples)
+        text = "not periodic while watched" + "; bar: least to largest amplitude of its periods" * bars
         yield Series([], [], "crosses", "measured", text, axes=axes)
     for sweep in found.sweeps:
         look = _look(found, sweep.met)[0]

@@ -305,7 +305,7 @@ def starts_of(
 _COORDINATES = 6  # whose motion is drawn over a diagram
 _SPEEDS = 100  # classes of the speed
 _DRAWN = (
-    (0.5, "middle", "half of them are below"),
+    (0.5, "middle", "median of the run-ups"),
     (0.95, "most", "95 % are below"),
     (1.0, "largest", "largest of all"),
 )
@@ -368,7 +368,7 @@ def _over_rate(found: RunUps, contact: str, title: str) -> Panel:
     if len(rates) > 1 and len(found.courses) > 2 * len(rates):
         series += [
             Series(rates, np.array((low, high)), "between", "most", "5 % to 95 %"),
-            Series(rates, middle, "line", "middle", "half of them are below"),
+            Series(rates, middle, "line", "middle", "median of the run-ups"),
         ]
     across = f"rate of {pace}" + (f" [{units.parameter(pace)}/s]" if units else "")
     return Panel(title, "", series, contact, across=across, margin=0.05)

@@ -39,7 +39,7 @@ from gapwalk.ensemble.lanes import prefers_lanes
 from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError
 from gapwalk.model.bounds import Bounded, Counted, Natural
 from gapwalk.model.system import System
-from gapwalk.model.words import range_words, value_words
+from gapwalk.model.words import listed_words, range_words, value_words
 from gapwalk.notebook import Shown
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit, describe_switch
@@ -242,6 +242,8 @@ class Threshold(Shown):
     notes: tuple[str, ...] = ()  #: Remarks, in sentences.
     #: Without a limit: the last value at which something rattles, and the first at which nothing does; else empty.
     between: tuple[float, ...] = ()
+    #: The gaps that rattle at the last value at which a motion was seen to rattle, before the threshold.
+    last: tuple[str, ...] = ()
 
     @property
     def value(self) -> float:
@@ -285,19 +287,23 @@ class Threshold(Shown):
     def sentence(self) -> str:
         """The answer in one sentence."""
         units = self.system.units
-        gaps, over = " and ".join(self.gaps), range_words((self.low, self.high), self.over, units)
+        gaps, over = listed_words(self.gaps), range_words((self.low, self.high), self.over, units)
         verb = "does" if len(self.gaps) == 1 else "do"
         way = "and above" if self.end > self.begin else "and below"
         if self.between:
             last, first = (value_words(value, self.parameter, units, 6) for value in self.between)
             place = value_words(self.at, self.over, units, 6)
-            return f"{gaps} {verb} not rattle over {over} at {first} {way} (rattle remains at {last}, {place})"
+            left = rattle_words(self.last, "still ")
+            return f"{gaps} {verb} not rattle over {over} at {first} {way} ({left} at {last}, {place})"
         if self.limit is None:
             return f"{gaps}: no threshold of {range_words((self.begin, self.end), self.parameter, units)} over {over}"
+        several, contact = len(self.gaps) > 1, self.limit.contact.rpartition(" ")[0]
+        limit = f"{self.limit.kind.value}{f' of {contact}' * (several and bool(contact))}"
+        last = f"; before it {rattle_words(self.last)}" if several and self.last and not contact else ""
         return (
             f"{gaps} {verb} not rattle over {over} at "
             f"{value_words(self.value, self.parameter, units, 7)} {way} "
-            f"(limit: {self.limit.kind.value} at {value_words(self.at, self.over, units, 7)})"
+            f"(limit: {limit} at {value_words(self.at, self.over, units, 7)}{last})"
         )
 
     @summarizes
@@ -358,6 +364,11 @@ _WATCH = 64  # the most forcing periods in which a motion that seems to have set
 _QUIET = (GapState.CLOSED.code, GapState.OPEN.code)
 
 
+def rattle_words(gaps: Sequence[str], adverb: str = "") -> str:
+    """Write which gaps rattle; they may be unknown."""
+    return f"{listed_words(gaps) if gaps else 'something'} {adverb}rattle{'s' * (len(gaps) < 2)}"
+
+
 class Hit(NamedTuple):
     """A motion that rattles."""
 
@@ -365,6 +376,11 @@ class Hit(NamedTuple):
     value: float
     other: float
     state: NDArray[np.float64]  #: shape (state_size,): Its state at theta = 0.
+    gaps: tuple[str, ...] = ()  #: Those that rattle in it; empty if that is not known.
+
+    def words(self, adverb: str = "") -> str:
+        """Write what rattles in it: ``mesh1 and mesh2 still rattle``."""
+        return rattle_words(self.gaps, adverb)
 
 
 class Request(NamedTuple):
@@ -428,7 +444,15 @@ class Request(NamedTuple):
 
     def rattles(self, motion) -> bool:
         """Return True if a gap rattles along a motion."""
-        return any(gap_state(motion, gap).rattles for gap in self.gaps)
+        return bool(self.rattling(motion))
+
+    def rattling(self, motion) -> tuple[str, ...]:
+        """Return the gaps that rattle along a motion."""
+        return tuple(gap for gap in self.gaps if gap_state(motion, gap).rattles)
+
+    def rattling_by(self, codes: NDArray[np.int_]) -> tuple[str, ...]:
+        """Return the gaps that rattle by their codes in a motion, shape (gaps,)."""
+        return tuple(gap for gap, code in zip(self.gaps, codes.tolist(), strict=True) if code not in (-1, *_QUIET))
 
     def walked_into(self, value: float) -> Hit | None:
         """Return a motion that rattles on the branch over the other parameter, as at a resonance between tries."""
@@ -437,7 +461,7 @@ class Request(NamedTuple):
             orbit = find_orbit(self.at(value, low))
             for point, _ in BranchTracer(start_branch(orbit, self.over, high, 1)):
                 if point.stable and self.rattles(point.orbit):
-                    return Hit(value, point.value, point.orbit.state)
+                    return Hit(value, point.value, point.orbit.state, self.rattling(point.orbit))
         return None
 
     def border(self, piece: tuple[Hit, bool]) -> SpecialPoint | None:
@@ -565,24 +589,27 @@ class ThresholdSearch:
         found = _joined(done(asked.judged, [(np.array(pairs[place]), np.array(states[place])) for place in places]))
         lost = (found.codes < 0).any(axis=1)
         rattles = ~lost & ~np.isin(found.codes, _QUIET).all(axis=1)
-        hits = [Hit(pairs[k][1], pairs[k][0], found.states[k]) for k in np.flatnonzero(rattles).tolist()]
+        hits = [
+            Hit(pairs[k][1], pairs[k][0], found.states[k], asked.rattling_by(found.codes[k]))
+            for k in np.flatnonzero(rattles).tolist()
+        ]
         last = max(hits, key=lambda each: asked.way * each.value, default=None)
         beyond = [value for value in values.tolist() if last is None or asked.way * (value - last.value) > 0.0]
         quiet = min(beyond, key=lambda value: asked.way * value, default=quiet if not confirms else asked.to[1])
         if hit is None and last is None:
             notes, quiet = ["nothing rattles in the whole range"], math.nan
         elif last is not None and last.value == asked.to[1]:
-            notes, quiet = [self._widen()], math.nan
+            notes, quiet = [self._widen(last)], math.nan
         counts = len(states), len(states) // (len(values) * len(others)), len(hits), 0, int(lost.sum()), found.waited
         tried = Confirmation(float(values[-1]), *counts, 0, found.error)
         self.rounds.append(Round(tried, last, (), tuple(notes), quiet, confirms))
         return self.rounds[-1]
 
-    def _widen(self) -> str:
+    def _widen(self, hit: Hit) -> str:
         asked = self.request
         return (
-            f"something still rattles at {self._words(asked.to[1])}; widen the range, or, if its first value is "
-            f"the quiet end, write from = {self._key(asked.to[1])} and to = {self._key(asked.to[0])}"
+            f"{hit.words('still ')} at {self._place(hit)}; widen the range, or, if its first value is the quiet end, "
+            f"write from = {self._key(asked.to[1])} and to = {self._key(asked.to[0])}"
         )
 
     def advance(self) -> Round:
@@ -607,11 +634,11 @@ class ThresholdSearch:
         if best is None and hit is None:
             notes = ["nothing rattles in the whole range"]
         elif best is None and hit is not None and hit.value == asked.to[1]:
-            notes = [self._widen()]
+            notes = [self._widen(hit)]
         elif hit is not None and len(self.rounds) < options.rounds:
             extrema, notes = self._follow(hit)
             if best is None and not extrema:
-                notes.append(f"something rattles at {self._place(hit)}, but its border could not be followed")
+                notes.append(f"{hit.words()} at {self._place(hit)}, but its border could not be followed")
         if best is not None and hit is None and not self._rattles_inside:
             notes = [
                 f"a motion that starts just inside the limit, at {self._words(self._inside(best), 7)}, settles without "
@@ -649,6 +676,7 @@ class ThresholdSearch:
             self._confirmation,
             tuple(notes),
             between,
+            () if hit is None else hit.gaps,
         )
 
     @property
@@ -703,7 +731,8 @@ class ThresholdSearch:
         is_quiet = np.isin(found.codes, _QUIET).all(axis=1)
 
         def motion(k: int) -> Hit:
-            return Hit(float(pairs[k, 1]), float(pairs[k, 0]), states[k] if is_lost[k] else found.states[k])
+            state, gaps = states[k] if is_lost[k] else found.states[k], asked.rattling_by(found.codes[k])
+            return Hit(float(pairs[k, 1]), float(pairs[k, 0]), state, gaps)
 
         is_settled = found.periods > 0
         suspects = [(motion(k), bool(is_settled[k])) for k in np.flatnonzero(~is_lost & ~is_quiet).tolist()]

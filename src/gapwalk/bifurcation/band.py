@@ -44,6 +44,17 @@ class Band:
         """Separations per forcing period of all contacts."""
         return float(np.nansum(self.separations))
 
+    @property
+    def kind_words(self) -> str:
+        """Its period in words."""
+        return f"settled, period {self.period}" if self.period else "settled, not periodic"
+
+    def separation_words(self, system: System) -> str:
+        """Return the contacts that separate, with how often in a forcing period."""
+        names = [form.name for form in system.structure.equations.contacts]
+        parts = [f"{name} {count:.4g}" for name, count in zip(names, self.separations, strict=True) if count > 0.0]
+        return ", ".join(parts) or "none"
+
     def shown(self, system: System, measure: str) -> tuple[float, float, float] | None:
         """Return the least, middle and largest height in the picture of a measure; None if that is not known of it.
 
@@ -92,7 +103,7 @@ def graze_words(bands: Sequence[Band], parameter: str, system: System) -> Iterat
         periodic, most = sum(band.period > 0 for band in run), max(band.total for band in run)
         yield (
             f"settled, {range_words(ends, parameter, system.units)}: {len(run)} values, "
-            f"at {periodic} of them periodic, with up to {most:.4g} separations in a forcing period"
+            f"at {periodic or 'none'} of them periodic, with up to {most:.4g} separations in a forcing period"
         )
         for place, form in enumerate(system.structure.equations.contacts):
             counts = np.array([band.separations[place] for band in run])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gapwalk.cli.output import DONE, print_json, show, show_files
 from gapwalk.errors import ModelError
+from gapwalk.model.coefficients import load_sizes
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.equilibria import Equilibrium, Rest, find_equilibria
 from gapwalk.model.model_source import read_source
@@ -175,7 +176,7 @@ def _table(modes: Modes, system: System) -> Table:
             entries = [", ".join(f"{names[place]}:{entries[place]}" for place in most)]
         numbers = (frequency, frequency / (2 * math.pi), *(values[number] for values in resonances.values()), ratio)
         rows.append([str(number + 1), *map(_number, numbers), *entries])
-    spare = [f">{each}" for each in list(resonances)[:0:-1]]
+    spare = [f">{each}" for each in (_weakest_first(system, list(resonances)) if resonances else ())[:-1]]
     return Table([*headings, "moves most"] if is_wide else headings, rows, spare=spare)
 
 
@@ -186,6 +187,14 @@ def resonance_values(system: System, modes: Modes) -> dict[str, NDArray[np.float
     turns = 1 if units is None else units.turns or 1
     symbol = parameter_symbol(structure.pace, units)
     return {f"{symbol}, order {order * turns}": modes.frequencies / order / structure.frequency for order in orders}
+
+
+def _weakest_first(system: System, headings: list[str]) -> list[str]:
+    """Return the headings of orders in `resonance_values`, that of the weakest excitation first."""
+    orders = sorted({order for load in system.structure.harmonics for order in load.multiples})
+    sizes = load_sizes(system)
+    of = {heading: sizes.get(order, 0.0) for heading, order in zip(headings, orders, strict=True)}
+    return sorted(headings, key=lambda each: of[each])
 
 
 def _entry(value: float | complex) -> str:

@@ -154,7 +154,8 @@ class _Reached:
     """
 
     def __init__(self, line: ProgressLine, plan: str) -> None:
-        self._line, self._plan, self._pace, self._within, self.place = line, plan, Pace(0, 0), float, ""
+        self._line, self._plan, self._pace, self._within = line, plan, Pace(0, 0), float
+        self.place = self.best = ""
         self._begun = self._most = self._since = self._left = 0.0
 
     def begin(self, pace: Pace, within: Callable[[], float]) -> None:
@@ -178,13 +179,16 @@ class _Reached:
         if pace.done == pace.total:
             return f"{pace.total} of {pace.total}  100 %  the result is put together and checked"
         told = f"{self.place or f'{pace.done} of {pace.total}  '}{100 * self._most:.0f} %"
-        return told + f"  about {duration(left)} left" * (left >= 0.5 and self._most >= 0.01)
+        told += f"  about {duration(left)} left" * (left >= 0.5 and self._most >= 0.01)
+        return f"{told}  {self.best}".rstrip()
 
 
 def _job_line(options: StudyKind, title: str, show: bool) -> ProgressLine:
     name = title or options.kind
 
     def words(part: object, pace: Pace) -> tuple[str, _Reached]:
+        parts.append(part)
+        reached.best = options.words_so_far(parts, pace.total)
         reached.note(pace)
         return name, reached
 
@@ -192,6 +196,7 @@ def _job_line(options: StudyKind, title: str, show: bool) -> ProgressLine:
         reached.begin(pace, within)
         line.update(name, reached)
 
+    parts = list[object]()
     line = ProgressLine(name, words, total=1.0, show=show)
     plan = options.plan if title else options.plan.removeprefix(f"{name} ")
     line.begin, reached = begin, _Reached(line, plan)

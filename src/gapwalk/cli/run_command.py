@@ -132,6 +132,8 @@ def _run_study(study: Study, path: Path, *, resume: bool, force: bool, json: boo
     with progress_of(study.options, study.name) as progress:
         result = found_by(run, study, path, resume=resume, force=force, report=progress)
     code = exit_code(result)
+    if code == INTERRUPTED:
+        _remove_earlier_products(result, path)
     files = [path, *(write_products(result, path) if code != INTERRUPTED else ())]
     if not json:
         show_heading(study, screen)
@@ -164,6 +166,16 @@ def write_products(result: Result, output: Path) -> list[Path]:
     if pictures:
         save(result, *pictures)
     return [*pictures, *save_tables(result, output.with_suffix(""))]
+
+
+def _remove_earlier_products(result: Result, output: Path) -> None:
+    """Remove the pictures and tables of an earlier result beside one that was stopped, and say so."""
+    tables = (output.with_name(f"{output.stem}-{name}.csv") for name in dict.fromkeys((*result.tables(), "bands")))
+    old = [each for each in (output.with_suffix(".png"), output.with_suffix(".svg"), *tables) if each.is_file()]
+    for each in old:
+        each.unlink()
+    if old:
+        show([f"removed, because they were of an earlier result: {', '.join(map(str, old))}"], console(stderr=True))
 
 
 def exit_code(result: Result) -> int:

@@ -47,14 +47,14 @@ def do(task: Task, report: Callable[[Progress], object]) -> bool:
     """Do a task and report its progress, at most four times a second; return True if it was completed."""
     # Ctrl-C stops it; the results so far are stored. Errors as `gapwalk.run`, `gapwalk.follow`, `gapwalk.find_others`
     # and `gapwalk.follow_locus`.
-    news = News(report)
+    news = News(report, task.study.options)
     try:
         if task.follow_up is None:
             return _run(task, news)
         return task.follow_up(task.study, task.output, news, resume=task.resume)
     finally:
         with suppress(OSError):  # the server has ended
-            news.report()
+            news.close()
 
 
 def _run(task: Task, news: News) -> bool:

@@ -44,7 +44,7 @@ from gapwalk.flow.motion import (
 )
 from gapwalk.model.contact import ContactForm
 from gapwalk.model.system import System
-from gapwalk.model.words import order_words, parameter_symbol, parameter_words, signal_words
+from gapwalk.model.words import order_words, parameter_symbol, parameter_words, signal_words, with_error
 from gapwalk.orbit.energy import Energy, EnergyItem, energy
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.machine.elements import Mover
@@ -186,7 +186,7 @@ def _words_of(group: Sequence[SpecialPoint]) -> dict[str, Any]:
     special, words = group[0], words_of(group)
     units, style, kind = special.orbit.system.units, symbol_style(special.kind), special.kind
     unit = units.parameter(special.parameter) if units else ""
-    at = f"at {' ± '.join(filter(None, (words['at'], words['±'])))} {unit}".rstrip()
+    at = f"at {with_error(special.value, special.uncertainty, 10)} {unit}".rstrip()
     many = words["kind"] if special.multiplicity > 1 else ""
     return {
         "kind": kind.value,

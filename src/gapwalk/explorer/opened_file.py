@@ -120,7 +120,14 @@ class Entry:
         settled, finding = self.settled(), self.result.finding if self.result else None
         has_orbit = bool(self.lines()) or (settled is not None and settled.orbit is not None)
         has_table = has_orbit or (finding is not None and finding.record is not None)
-        there = {"table": has_table, "script": True, "model": has_orbit, "result": self.result is not None}
+        has_bands = self.result is not None and any(branch.bands for branch in self.result.branches)
+        there = {
+            "table": has_table,
+            "bands": has_bands,
+            "script": True,
+            "model": has_orbit,
+            "result": self.result is not None,
+        }
         return [word for word, is_there in there.items() if is_there]
 
     @property
@@ -450,6 +457,8 @@ def _plain(entry: Entry) -> dict[str, Any]:
         "can_resume": entry.can_resume,
         "saves": entry.saves,
         "done": [entry.live.done, entry.live.total],
+        "share": entry.live.share,
+        "doing": entry.live.words,
         "branches": [
             {
                 "name": line.name,

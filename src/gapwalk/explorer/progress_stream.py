@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from gapwalk.bifurcation.band import Band
@@ -17,6 +18,7 @@ from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusPoint
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import ModelError
+from gapwalk.parallel.workers import Pace
 from gapwalk.studies.bifurcation_map import Map, MapSection
 
 SECONDS = 0.25
@@ -41,6 +43,9 @@ class Progress:
     #: done, total: Finished parts of work without branches, such as a search, and all parts.
     done: int = 0
     total: int = 0
+    #: share, words: Share of that work that is done; what it does, and the best that it has found.
+    share: float = 0.0
+    words: str = ""
 
     def add(self, more: Progress) -> None:
         """Add later progress."""
@@ -49,13 +54,16 @@ class Progress:
         self.kind, self.second = more.kind or self.kind, more.second or self.second
         if more.total:
             self.done, self.total = more.done, more.total
+        self.share, self.words = max(self.share, more.share), more.words or self.words
 
 
 class News:
     """Collector of progress, which reports it from time to time."""
 
-    def __init__(self, report: Callable[[Progress], object]) -> None:
+    def __init__(self, report: Callable[[Progress], object], asked: Any = None) -> None:
         self._report, self._progress, self._reported = report, Progress(), 0.0
+        self._asked, self._parts, self._pace, self._share = asked, list[Any](), Pace(0, 0), 0.0
+        self._guard, self._over, self._watcher = threading.RLock(), threading.Event(), None
 
     def point(self, point: BranchPoint | LocusPoint | Band, special_points: list[Any]) -> None:
         """Add a new point of the branch or locus in progress, and the special points before it."""
@@ -81,26 +89,51 @@ class News:
             self._progress.finished += [(f"S{number}-{name}", branch) for name, branch in addition.named]
         self._report_if_due()
 
-    def begin(self, pace: Any, within: object) -> None:
-        """Tell how many parts of work without branches there are, before the first is done."""
+    def begin(self, pace: Pace, within: Callable[[], float]) -> None:
+        """Tell how many parts of work without branches there are, and look at the share of those in progress."""
         self(pace)
+        self._watcher = threading.Thread(target=self._watch, args=(within,), daemon=True)
+        self._watcher.start()
+
+    def _watch(self, within: Callable[[], float]) -> None:
+        while not self._over.wait(_LOOK):
+            with self._guard:
+                share = replace(self._pace, within=within()).share
+                if (
+                    share >= self._share + _SHARE or self._progress.total
+                ):  # a part may have been done just after a report
+                    self._share = self._progress.share = max(self._share, share)
+                    self.report()
 
     def __call__(self, *about: Any) -> None:
-        """Add a part of work without branches; the last argument has the number of finished parts."""
-        pace = about[-1]
-        self._progress.done, self._progress.total = getattr(pace, "done", 0), getattr(pace, "total", 0)
-        self._report_if_due()
+        """Add a part of work without branches; the last argument is its pace."""
+        with self._guard:
+            self._parts += about[:-1]
+            self._pace = pace = about[-1]
+            self._progress.done, self._progress.total = pace.done, pace.total
+            self._share = self._progress.share = max(self._share, pace.share)
+            self._progress.words = "" if self._asked is None else self._asked.words_so_far(self._parts, pace.total)
+            self._report_if_due()
+
+    def close(self) -> None:
+        """Report what is left, for the last time."""
+        self._over.set()
+        if self._watcher is not None:
+            self._watcher.join()
+        self.report()
 
     def report(self) -> None:
         """Report now."""
-        progress, self._progress, self._reported = self._progress, Progress(), time.monotonic()
-        self._report(progress)
+        with self._guard:
+            progress, self._progress, self._reported = self._progress, Progress(), time.monotonic()
+            self._report(progress)
 
     def _report_if_due(self) -> None:
         if time.monotonic() - self._reported >= SECONDS:
             self.report()
 
 
+_SHARE = 0.01  # growth of a share that is reported
 _PAGES = 16  # connected at the same time
 _LOOK = 1.0  # seconds between two checks of the files, which other programs may change
 _ALIVE = 15.0  # seconds after which something is sent in any case, to notice a closed page

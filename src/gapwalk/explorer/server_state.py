@@ -214,7 +214,7 @@ class Session:
         assert study is not None  # without it the file could not have been opened
         system, options = study.system, study.options
         self.flows.warm(system)
-        shown = shown_measure(system, options)
+        shown, several = shown_measure(system, options), len(exploration.studies) > 1  # of which another may be chosen
         own = shown.partition(".")[2]
         first = [own] if own in system.coordinates else []  # what the study asks for stands before all others
         coordinates = list(dict.fromkeys((*first, *system.coordinates[:50])))
@@ -228,7 +228,7 @@ class Session:
             "stamp": stamp,
             "model": exploration.model,
             "problem": exploration.problem,
-            "title": study.title or name,
+            "title": (study.title.removesuffix(f": {study.name}") if several else study.title) or name,
             "coordinates": list(system.coordinates),
             "signals": [[name, signal_words(name, system.units)] for name in signal_names(system)[:400]],
             "signal": coordinates[0],

@@ -454,12 +454,13 @@ class _Api:
         if entry.result is None:
             raise ModelError(f"{entry.title} is {entry.state}; wait for its end, or stop it")
         result = entry.result
-        if what == "table":
-            text = await self.session.flows.do(lambda: table_of(result, next(iter(result.tables()))))
-            return _file(text, f"{stem}.csv", "text/csv")
+        if what in ("table", "bands"):
+            name = what if what in result.tables() else next(iter(result.tables()))
+            text = await self.session.flows.do(lambda: table_of(result, name))
+            return _file(text, f"{stem}-bands.csv" if name == "bands" else f"{stem}.csv", "text/csv")
         if what == "result":
             return FileResponse(entry.path, filename=entry.path.name, media_type="application/vnd.sqlite3")
-        raise ModelError(f"there is no {what[:40]!r} to export; write table, script, model or result")
+        raise ModelError(f"there is no {what[:40]!r} to export; write table, bands, script, model or result")
 
     async def _model(self, request: Request, stem: str) -> Response:
         exploration, place, _ = self._asked(request)

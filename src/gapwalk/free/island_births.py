@@ -1,4 +1,4 @@
-"""What a backbone foretells: the load needed to reach each free vibration, and where isolated branches are born.
+"""Predictions by a backbone: the load needed to reach each free vibration, and where isolated branches are born.
 
 Along a backbone, the amplitude of a load at which its work balances the losses says how large the load must be for the
 response to reach each vibration. Where this amplitude has a minimum, there is no response below it and a closed branch

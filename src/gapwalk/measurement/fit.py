@@ -24,6 +24,7 @@ from gapwalk.measurement.measured_record import Record
 from gapwalk.model.bounds import Bounded, Counted
 from gapwalk.model.laws import never_negative
 from gapwalk.model.system import System, pace_text
+from gapwalk.model.words import with_error
 from gapwalk.notebook import Pictured, Shown
 from gapwalk.orbit.find import carry
 from gapwalk.orbit.orbit import Orbit, sensitivity, signal_along
@@ -52,7 +53,8 @@ class Estimate(NamedTuple):
     def __str__(self) -> str:
         if np.isnan(self.error):
             return f"{self.value:.6g} (at its bound)"
-        return f"{self.value:.6g} ± {self.error:.2g}" if np.isfinite(self.error) else f"{self.value:.6g} (undetermined)"
+        known = np.isfinite(self.error)
+        return with_error(self.value, self.error, 6, figures=2) if known else f"{self.value:.6g} (undetermined)"
 
 
 class Evidence(NamedTuple):

@@ -13,6 +13,7 @@ without derivatives written by hand.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -353,6 +354,17 @@ def coefficients_of(system: System) -> NDArray[np.float64]:
         known = layout_of(system.structure).compute(system.values)
         object.__setattr__(system, "_coefficients", known)
     return known
+
+
+def load_sizes(system: System) -> dict[int, float]:
+    """Return the amplitudes of the loads of a system by their orders; those of equal order add."""
+    structure, values = system.structure.equations, system.structure.expand(system.values)
+    sizes = dict[int, float]()
+    for load in structure.driving:
+        numbers = [values.item(structure.place(name)) for name in load.parameters]
+        for order, cosine, sine in () if load.kind.has_levels else load.lines(values.item(0), numbers):
+            sizes[order] = sizes.get(order, 0.0) + math.hypot(cosine, sine)
+    return sizes
 
 
 def static_load(system: System) -> NDArray[np.float64]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Sequence
 
 from gapwalk.model.measures import parsed, spoken
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
 
 _ALL = 17  # digits that tell any two numbers apart
+_FIXED = 5  # decimals up to which an error is written without a power of ten
 
 _LONGER = {
     "cubic": "cubic stiffness",
@@ -66,6 +69,24 @@ def told_apart(low: float, high: float, digits: int = 6) -> tuple[str, str]:
     while low != high and digits < _ALL and f"{low:.{digits}g}" == f"{high:.{digits}g}":
         digits += 1
     return f"{low:.{digits}g}", f"{high:.{digits}g}"
+
+
+def with_error(value: float, error: float, digits: int = 8, figures: int = 1) -> str:
+    """Write a value and its error with equal decimals, as in ``580 ± 10``; a value without an error to some digits."""
+    if not (math.isfinite(error) and error > 0.0):
+        return f"{value:.{digits}g}"
+    error = float(f"{error:.{figures - 1}e}")
+    decimals = figures - 1 - int(f"{error:e}".partition("e")[2])  # of the last figure of the error
+    if decimals <= _FIXED:
+        return f"{round(value, decimals):.{max(decimals, 0)}f} ± {error:.{max(decimals, 0)}f}"
+    exponent = int(f"{value or 1.0:e}".partition("e")[2])
+    text = f"{value:.{decimals}f}" if exponent > -_FIXED else f"{value:.{max(decimals + exponent, 0)}e}"
+    return f"{text} ± {error:.{figures - 1}e}"
+
+
+def listed_words(names: Sequence[str]) -> str:
+    """Write names in a sentence: ``mesh1, mesh2 and mesh3``."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
 
 
 def range_words(ends: tuple[float, float], name: str, units: Units | None = None) -> str:

@@ -274,6 +274,16 @@ class DesignStudy(RangeStudy):
         ways = len(self._problem(job).ways())
         return ways + min(ways, 2) * self.finding.starts + 1
 
+    def words_so_far(self, parts: Sequence[Any], total: int) -> str:
+        """See `StudyKind.words_so_far`."""
+        routes = [each for each in parts if isinstance(each, Route)]
+        doing = f"search {len(routes) + 1} of {total - 1}" if len(routes) < total - 1 else "proof of the best design"
+        best = min((each for each in routes if each.is_reached), key=lambda each: each.change, default=None)
+        if best is not None:
+            return f"{doing}; best so far: norm of the relative changes {best.change:.3g}"
+        near = min(routes, key=lambda each: each.missing, default=None)
+        return f"{doing}; not all goals are reached so far{f': {near.words}' if near.words else ''}" if near else doing
+
     def so_far(self, job: Job) -> Design | None:
         """Return the best design so far, without its proof; None before the first search is done."""
         routes = job.all(ROUTE)

@@ -295,9 +295,9 @@ class Measured(Described):
             yield f"before the fit: {_agreement_words(self.fit.before)}"
             rows = []
             for each in (*self.fit.estimates, self.fit.phase):
-                _, sign, error = str(each).partition("±")
-                note = error.strip() if sign else str(each).partition("(")[2].rstrip(")")
-                rows.append([each.name, f"{each.start:.6g}", f"{each.value:.6g}", note])
+                value, sign, error = str(each).partition(" ± ")
+                value, note = (value, error) if sign else (f"{each.value:.6g}", str(each).partition("(")[2].rstrip(")"))
+                rows.append([each.name, f"{each.start:.6g}", value, note])
             yield Table(["parameter", ">start", ">fitted", ">standard error"], rows)
         yield f"{'after the fit: ' if self.fit else ''}{_agreement_words(aligned)}"
         highest = sorted(aligned.agreement.lines, key=lambda line: -max(line.first, line.second))[:_LINES]

@@ -127,7 +127,7 @@ class Result(Shown):
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """What could not be walked, or not be explained, in sentences.
+        """Sentences on each walk that failed, and on each change along it that no special point explains.
 
         They concern whole branches and loci, ends due to numerical failures, and steps in which a special point was
         missed.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, ParamSpec, TypeVar
 
@@ -184,6 +184,10 @@ class StudyKind:
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
         return self.kind
+
+    def words_so_far(self, parts: Sequence[Any], total: int) -> str:
+        """Describe what is done next and the best so far, for the progress of a job; empty where nothing is known."""
+        return ""
 
     @property
     def most_workers(self) -> int | None:

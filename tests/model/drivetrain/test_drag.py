@@ -15,6 +15,7 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.forces import accelerations
 from gapwalk.model import System
 from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
+from gapwalk.studies.machine_templates import machine_text
 from gapwalk.train import Drag, Force, Friction, Gear, Inertia, Shaft, Train
 from tests.model.drivetrain.trains import check_slopes
 from tests.tiers import keeps, some_of
@@ -544,3 +545,14 @@ def test_parts_that_slip_on_each_other_turn_as_in_absolute_angles(seed: int) -> 
     found = accelerations(layout_of(system.structure), coefficients_of(system), 0.9, q, rate)
     moved = of.angles @ (found + of.leaks * rate)
     assert moved == pytest.approx(expected, rel=1e-10, abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("key", "hint"), [("lineer = 0.1", "did you mean linear?"), ("by = 2.0", "its keys are linear, quadratic")]
+)
+def test_a_key_that_a_drag_does_not_have_is_told_in_a_file(key: str, hint: str) -> None:
+    text = machine_text("neutral-rattle").replace('quadratic = "2e-4 N m s^2/rad^2"', key)
+    with pytest.raises(ModelError) as told:
+        gw.read_study(io.StringIO(text))
+    assert f'drag "churning" has no key {key.split(maxsplit=1)[0]}; write its torque as in linear = ' in str(told.value)
+    assert hint in str(told.value)

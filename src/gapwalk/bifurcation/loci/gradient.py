@@ -9,7 +9,7 @@ Method: docs/numerics/notes/special-points.md
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -135,13 +135,32 @@ class Gradient(Shown):
 
     def words(self, count: int) -> str:
         """Return the parameters that move the point most, with their percent per percent, as text."""
-        shares = self.elasticities
-        least = _NOTHING * float(np.nanmax(np.abs(shares), initial=0.0))
-        return ", ".join(f"{self.names[k]} {shares[k]:+.3g}" for k in self.distinct[:count] if abs(shares[k]) > least)
+        shares = dict(zip(self.names, self.elasticities.tolist(), strict=True))
+        least = _NOTHING * float(np.nanmax(np.abs(self.elasticities), initial=0.0))
+        found = main_movers(self.special.orbit.system, shares)[:count]
+        return ", ".join(f"{name} {share:+.3g}" for name, share in found if abs(share) > least)
 
     def __repr__(self) -> str:
         most = self.words(_FIRST)
         return f"Gradient({self.special.kind} at {self.special.value:.10g}, % per %: {most})"
+
+
+def main_movers(system: System, shares: Mapping[str, float]) -> list[tuple[str, float]]:
+    """Return parameters with their percent per percent, the largest first; the orders of one torque are one of them."""
+    # Where a load acts on one coordinate, ``harmonic1.acts_on.x`` multiplies ``harmonic1.amplitude``.
+    left, together, every = dict(shares), dict[tuple[str, ...], list[str]](), system.structure.names
+    for load in system.structure.driving if len(every) <= _MANY else ():
+        factors = [name for name in every if name.startswith(f"{load.shape}.") and system[name]]
+        if len(factors) == 1:
+            left.pop(factors[0], None)
+        targets = tuple(name.removeprefix(f"{load.shape}.") for name in factors)
+        sizes = [name for name in (f"{load.name}.amplitude", f"{load.name}.scale") if name in left]
+        together.setdefault(targets, []).extend(sizes)
+    for targets, names in together.items():
+        if targets and len(names) > 1:
+            what = f"{'torque' if system.units else 'load'} on {', '.join(targets)}"
+            left[what] = sum(left.pop(name) for name in names)
+    return sorted(left.items(), key=lambda each: -abs(each[1]))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -34,7 +34,7 @@ from gapwalk.continuation.curve_points import BranchPoint, OrbitOnCurve
 from gapwalk.continuation.walk import AnyEnd, Reason
 from gapwalk.errors import NumericalError
 from gapwalk.flow.flow import PERIOD
-from gapwalk.model.words import parameter_symbol
+from gapwalk.model.words import parameter_symbol, with_error
 from gapwalk.orbit.orbit import Orbit, apart, describe_switch
 from gapwalk.summary import Described, SummaryParts, Table, Tables, rows_of, summarizes
 
@@ -161,7 +161,7 @@ class Codim2Point:
     @property
     def cells(self) -> list[str]:
         """Both values with their errors, and the angle, in words."""
-        values = (f"{value:#.10g} ± {error:.0e}" for value, error in zip(self.values, self.errors, strict=True))
+        values = (with_error(*each, 10) for each in zip(self.values, self.errors, strict=True))
         return [*values, f"{self.point.angle:.6f}"]
 
     def __repr__(self) -> str:

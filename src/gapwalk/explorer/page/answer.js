@@ -16,6 +16,8 @@ export class Answer {
     $("answer-close").addEventListener("click", () => { this.clear(); this.changed(); });
     $("answer-details").addEventListener("toggle", () => this.drawCharts());
     new ResizeObserver(() => this.drawCharts()).observe($("answer-numbers"));
+    new ResizeObserver(() => this.offerWhole()).observe($("answer-text"));
+    $("answer-more").addEventListener("click", () => { $("answer-text").classList.toggle("whole"); this.offerWhole(); });
   }
 
   /** Show the answer of a result; return it. */
@@ -39,6 +41,15 @@ export class Answer {
   tell(first = 0) {
     const { sentences, complete } = this.content, own = sentences.slice(first, first + 1);
     $("answer-text").replaceChildren(...[...own, ...sentences.filter((text) => text !== own[0])].map((words) => text("span", "", `${words}${complete ? "" : " (incomplete)"}`)));
+    $("answer-text").classList.remove("whole");
+    this.offerWhole();
+  }
+
+  /** A text that is cut, with an ellipsis, can be shown whole. */
+  offerWhole() {
+    const place = $("answer-text"), isWhole = place.classList.contains("whole");
+    place.title = isWhole ? "" : place.innerText;
+    Object.assign($("answer-more"), { hidden: !isWhole && place.scrollHeight <= place.clientHeight + 1, textContent: isWhole ? "Less" : "Whole text", ariaExpanded: String(isWhole) });
   }
 
   /** Choose the contact whose motion is on the axis. */
@@ -75,6 +86,27 @@ export class Answer {
   own(list) {
     const more = list === "layers" ? this.heard?.layers ?? [] : [];
     return [...(this.content?.[list] ?? []), ...more].filter(({ of }) => !of || of === this.contact);
+  }
+
+  /** The settled motions of a response over two axes, with least and largest values; null where they are not known. */
+  settled(x, y) {
+    const { settled, layers = [] } = this.content ?? {};
+    if (!settled || !layers.length) return null;
+    const [parameter, first] = layers[0].axes;
+    // each run of them has three layers of a measure: the least values, the largest, and the measure itself
+    const runs = (name, k) => layers.filter(({ axes }) => axes[1] === name).filter((_, n) => n % 3 === k);
+    const values = (name) => {
+      if (name === parameter || name in settled.fixed) return runs(first, 2).map((run) => run.x.map((value) => (name === parameter ? value : settled.fixed[name])));
+      return runs(name, 2).map((run) => run.y);
+    };
+    const [across, up, low, high] = [values(x), values(y), ...[0, 1].map((k) => runs(y, k).map((run) => run.y))];
+    if (!across.length || !up.length) return null;
+    return { ...settled, across, up, x: across.flat(), y: up.flat(), low: low.flat(), high: high.flat(), parameter, at: values(parameter).flat() };
+  }
+
+  /** True if it has settled motions of which a quantity on the axes is not stored. */
+  lacks(x, y) {
+    return Boolean(this.content?.settled) && !this.settled(x, y);
   }
 
   /** What the diagram shows of it over two axes. */
@@ -141,6 +173,10 @@ export class Answer {
 
   drawCharts() {
     for (const place of $("answer-numbers").querySelectorAll(".free")) if (place.clientWidth) drawPanel(place, place.chart, { height: 170 });
+    for (const frame of $("answer-numbers").querySelectorAll(".frame")) {
+      frame.classList.remove("stacked"); // a table that is too wide has one block for each row
+      frame.classList.toggle("stacked", frame.clientWidth > 0 && frame.scrollWidth > frame.clientWidth + 1);
+    }
   }
 
   /** A button that chooses a special point of the answer. */
@@ -174,7 +210,11 @@ function table({ head, rows, groups, left_out: more }) {
   rows.forEach((row, number) => {
     const cells = body.insertRow();
     cells.className = last.has(number) && number < rows.length - 1 ? "last" : "";
-    row.forEach((cell, k) => cells.append(text("td", head[k][1] ? "right" : cell.length > LONG ? "long" : "", cell)));
+    row.forEach((cell, k) => {
+      const made = text("td", head[k][1] ? "right" : cell.length > LONG ? "long" : "", cell);
+      if (head[k][0]) made.dataset.head = head[k][0];
+      cells.append(made);
+    });
   });
   frame.tabIndex = 0;
   frame.append(made);

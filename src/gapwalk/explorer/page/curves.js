@@ -52,7 +52,8 @@ export function showLegend(legend, curves, clusters = []) {
   for (const kind of kinds.slice(0, STABILITY)) {
     const line = legend.querySelector(`li:not([class]) path.${kind}`)?.closest("li");
     const pale = kind === "stable" && all.every(({ earlier }) => earlier); // another entry shows that line
-    if (line) line.hidden = used.size > 0 && (!used.has(kind) || pale);
+    if (line) line.hidden = !used.has(kind) || pale;
+    if (kind === "neutral") line.lastChild.textContent = all.some(({ settles }) => settles) ? "settled, no orbit followed" : "neutral: a disturbance neither grows nor decays";
   }
   const points = new Map(all.flatMap(({ special }) => special).filter(({ kind }) => kind in SIGNS).map(({ kind, text }) => [kind, text]));
   for (const old of legend.querySelectorAll(".of-point")) old.remove();
@@ -182,7 +183,7 @@ export function thinned(curves, kinds, window, scaleX, scaleY) {
   for (const { x, y, label } of curves) {
     let start = 0;
     for (let i = 1; i <= x.length; i++) {
-      if (i < x.length && label[i] === label[start] && Number.isFinite(y[i])) continue;
+      if (i < x.length && label[i] === label[start] && Number.isFinite(y[start]) && Number.isFinite(y[i])) continue;
       const end = i < x.length && Number.isFinite(y[i]) ? i : i - 1; // not all quantities are finite everywhere
       if (end > start && Number.isFinite(y[start])) piece(x, y, start, end, lines[label[start]], window, scaleX, scaleY);
       start = i;

@@ -44,6 +44,7 @@ export class Diagram {
     this.arrows = []; // from a special point to where a changed parameter moves it
     this.extra = () => ({ over: null, arrows: [] }); // returns both
     this.drawn = () => {}; // called after each drawing
+    this.settledAt = () => {}; // called with the number of a settled motion that is clicked
     this.pale = () => {}; // called after a click on the quick response, whose points have no motions
     this.painted = () => {}; // called with Plotly's axes whenever they have moved
     this.watchClicks();
@@ -153,6 +154,11 @@ export class Diagram {
     return this.over ? tracesOf(this.over, view, placed, color) : [];
   }
 
+  placeOfSettled(k) {
+    const { settled } = this.over;
+    return [settled.x[k], settled.y[k]];
+  }
+
   /** Where a special point of the shown answer is: [x, y], or null. */
   placeOf({ branch, special }) {
     const found = this.curves.all.get(`${this.over?.key ?? ""}/${branch}`)?.special[special];
@@ -168,7 +174,7 @@ export class Diagram {
 
   layout(view, width = this.place.clientWidth || 600, height = this.place.clientHeight || 400) {
     const axis = (title, range, room) => ({
-      title: { text: shortened(title, room), standoff: 6 }, range, showgrid: false, zeroline: false, linecolor: color("--line"),
+      title: { text: shortened(title, room), standoff: 6 }, range, showgrid: false, zeroline: false, exponentformat: "power", linecolor: color("--line"),
       tickcolor: color("--line"), showline: true, ticks: "outside", automargin: true,
     });
     return {
@@ -322,10 +328,32 @@ export class Diagram {
       const found = this.curves.nearest(px, py, toX, toY, REACH);
       const marks = found ? [] : (this.over?.layers ?? []).filter(({ mark }) => mark === "dots" || mark === "crosses");
       const met = marks.flatMap(({ x, y }) => x.map((value, k) => [Math.hypot(toX(value) - px, toY(y[k]) - py), value])).sort(([a], [b]) => a - b)[0];
+      const settled = found ? -1 : this.nearestSettled(px, py, toX, toY, REACH);
       if (found) this.chosen(found);
+      else if (settled >= 0) this.settledAt(settled);
       else if (met?.[0] < REACH) this.sampled?.(met[1]);
       else if (this.curves.nearest(px, py, toX, toY, REACH, this.curves.drawn())) this.pale();
     });
+  }
+
+  /** The number of the settled motion nearest to a place on the screen, from its least to its largest value; or -1. */
+  nearestSettled(px, py, toX, toY, reach) {
+    const { settled } = this.over ?? {};
+    let [best, found] = [reach, -1];
+    settled?.x.forEach((x, k) => {
+      const ends = [settled.y[k], settled.low[k] ?? settled.y[k], settled.high[k] ?? settled.y[k]].map(toY);
+      const away = Math.hypot(toX(x) - px, Math.max(0, Math.min(...ends) - py, py - Math.max(...ends)));
+      if (away < best) [best, found] = [away, k];
+    });
+    return found;
+  }
+
+  /** A settled motion in lines: what it is, its values over the axes, and what separates. */
+  settledLines(k) {
+    const { settled } = this.over, { low: { [k]: low }, high: { [k]: high } } = settled;
+    const values = [settled.x[k], settled.y[k]].map((value, axis) => valueOf([this.names.x, this.names.y][axis], value));
+    const ends = low === undefined ? [] : [`from ${Number(low.toPrecision(6))} to ${Number(high.toPrecision(6))}`];
+    return [settled.kinds[k], ...values, ...ends, `separations in a forcing period: ${settled.contacts[k]}`];
   }
 
   /** Say the values of the nearest curve while the pointer moves along it. */
@@ -333,9 +361,11 @@ export class Diagram {
     this.place.addEventListener("pointermove", (event) => {
       if (!this.ready || this.isOver || event.buttons) return;
       const { xaxis, yaxis } = this.place._fullLayout, box = this.place.getBoundingClientRect(), px = event.clientX - box.left, py = event.clientY - box.top;
-      const found = this.curves.nearest(px - xaxis._offset, py - yaxis._offset, (v) => xaxis.l2p(v), (v) => yaxis.l2p(v), NEAR, this.curves.drawn());
-      this.moveRing(this.dot, found && [found.curve.x[found.index], found.curve.y[found.index]]);
+      const where = [px - xaxis._offset, py - yaxis._offset, (v) => xaxis.l2p(v), (v) => yaxis.l2p(v), NEAR];
+      const found = this.curves.nearest(...where, this.curves.drawn()), settled = found ? -1 : this.nearestSettled(...where);
+      this.moveRing(this.dot, found ? [found.curve.x[found.index], found.curve.y[found.index]] : settled >= 0 && this.placeOfSettled(settled));
       if (found) this.showTip(this.valuesAt(found), px, py);
+      else if (settled >= 0) this.showTip(this.settledLines(settled).map(escaped).join("<br>"), px, py);
       else this.tip.hidden = true;
     });
     this.place.addEventListener("pointerleave", () => { this.tip.hidden = this.dot.hidden = true; });
@@ -345,8 +375,7 @@ export class Diagram {
   valuesAt({ curve, index }) {
     const special = curve.node[index] < 0 ? curve.special[-1 - curve.node[index]] : null;
     if (special) return describe({ ...special, branch: curve.name });
-    const line = (title, value) => { const unit = unitOf(title); return escaped(`${title.slice(0, title.length - unit.length).replace(/ \(.*\)/, "")} = ${Number(value.toPrecision(6))}${unit.replace(/[[\]]/g, "")}`); };
-    return [`<b>${escaped(curve.name)}</b>, ${kindOf(curve, index)}`, line(this.names.x, curve.x[index]), line(this.names.y, curve.y[index])].join("<br>");
+    return [`<b>${escaped(curve.name)}</b>, ${kindOf(curve, index)}`, escaped(valueOf(this.names.x, curve.x[index])), escaped(valueOf(this.names.y, curve.y[index]))].join("<br>");
   }
 
   /** After a zoom, lines are thinned for the new window. */
@@ -372,6 +401,12 @@ export class Diagram {
       this.timer = setTimeout(() => this.draw(), 120); // for the new window: lines, labels, clusters
     });
   }
+}
+
+/** A value with the words of its axis and its unit. */
+function valueOf(title, value) {
+  const unit = unitOf(title);
+  return `${title.slice(0, title.length - unit.length).replace(/ \(.*\)/, "")} = ${Number(value.toPrecision(6))}${unit.replace(/[[\]]/g, "")}`;
 }
 
 function color(name) {

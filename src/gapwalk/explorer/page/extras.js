@@ -16,9 +16,8 @@ export class Extras {
   showLegend() {
     const { legend, diagram } = this, panels = this.answer.own("below").filter(({ over }) => over === $("x").value);
     showLegend(legend, this.curves.drawn(), $("diagram").classList.contains("deep") ? [] : diagram.clusters);
-    const bare = Boolean(diagram.over) && !this.curves.drawn().length; // no lines, so none to explain
-    for (const entry of bare ? legend.querySelectorAll("li:not([class])") : []) entry.hidden = true;
-    legendOf(legend, diagram.over, panels.flatMap(({ series }) => series), diagram.arrows.length > 0);
+    const settled = this.curves.settled.size ? [{ text: "settled motion", mark: "crosses", look: "settled" }] : [];
+    legendOf(legend, diagram.over, [...settled, ...panels.flatMap(({ series }) => series)], diagram.arrows.length > 0);
   }
 
   /** Draw the arrows of what moves the chosen point. */

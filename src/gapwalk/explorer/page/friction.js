@@ -160,7 +160,7 @@ export function showEnergy(place, energy, period) {
     for (const [name, kind, value, share] of items) row([name, kind, number(value), percent(share)]);
   }
   const cycle = period === 1 ? "In one period of the excitation" : `In ${period} periods of the excitation`;
-  const note = Object.assign(document.createElement("p"), { className: "hint", textContent: `${cycle}; work less losses: ${energy.imbalance.toExponential(0).replaceAll("-", "−")} of the work.` });
+  const note = Object.assign(document.createElement("p"), { className: "hint", textContent: `${cycle}; work less losses: ${energy.imbalance ? energy.imbalance.toExponential(0).replaceAll("-", "−") : "none"} of the work.` });
   place.replaceChildren(made, note);
 }
 

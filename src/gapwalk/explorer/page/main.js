@@ -43,11 +43,20 @@ const undo = new Undo($("undo"), tell);
 const list = new ResultList($("results"), { act: actOn, change: changeResult });
 const looks = new Looks(curves, diagram.lines, drawDiagram);
 const editor = editing(page, { open, compute: () => compute(), redraw: () => diagram.ready && diagram.later(), tell });
-const table = new CurveTable(page, curves, {
-  choose: (found) => choice.choose(found), titles: () => [diagram.names.x, diagram.names.y], name: () => `${page.about?.file ?? "curve"}`.replace(/\.\w+$/, ""), tell,
+const table = new CurveTable(page, curves, diagram, {
+  choose: (found) => choice.choose(found), name: () => `${page.about?.file ?? "curve"}`.replace(/\.\w+$/, ""), tell,
 });
 const quick = new Quick({ begun: showQuickAxes, changed: drawDiagram });
 diagram.pale = () => tell({ message: "The pale curve is a quick response: its points have no motions. Press Compute; then a click on the curve shows the motion there.", isHint: true });
+diagram.settledAt = (index) => {
+  const { parameter, at } = diagram.over.settled;
+  choice.clear();
+  page.settled = index;
+  diagram.mark = diagram.placeOfSettled(index);
+  table.draw();
+  turnKnob(parameter, at[index]);
+  tell({ message: `${diagram.settledLines(index).join("; ")}. Settle computes this motion from rest, with its history, spectrum and section.`, isHint: true });
+};
 diagram.sampled = (value) => {
   choice.clear();
   turnKnob($("x").value, value);
@@ -190,7 +199,7 @@ async function show(results, deleted = page.deleted ?? []) {
   showDeleted($("deleted"), deleted, restore, clean);
   const busy = results.filter((r) => ["running", "queued", "paused"].includes(r.state));
   const [first] = busy, points = first?.branches.reduce((s, b) => s + b.points, 0);
-  showStatus(first, !points && first?.done[1] ? `${first.done.join(" of ")} parts` : `${points} points`);
+  showStatus(first, !points && first?.done[1] ? `${first.done.join(" of ")} parts, ${Math.floor(100 * first.share)} %` : `${points} points`);
   page.again = true;
   if (!page.updating) updated = update();
   await updated;
@@ -240,6 +249,7 @@ function drawDiagram() {
   curves.quick = quick.over($("x").value, $("y").value);
   showEmpty(); // its lines leave the diagram less room
   diagram.draw();
+  if (Number.isInteger(page.settled)) diagram.mark = diagram.over?.settled ? diagram.placeOfSettled(page.settled) : null;
   table.draw();
   extras.showLegend();
   extras.showPale();
@@ -248,21 +258,32 @@ function drawDiagram() {
 
 /** Explain an empty diagram. */
 function showEmpty() {
-  $("empty").hidden = curves.all.size + curves.settled.size > 0 || Boolean(answer.content);
-  $("empty").classList.toggle("above", Boolean(curves.quick));
+  const lacks = answer.lacks(...Object.values(axes()));
+  $("empty").hidden = !lacks && (curves.all.size + curves.settled.size > 0 || Boolean(answer.content));
+  $("empty").classList.toggle("above", Boolean(curves.quick) || lacks);
   if (!$("empty").hidden) $("empty").replaceChildren(...whyEmpty());
 }
 
 function whyEmpty() {
   const over = page.results.filter(({ state }) => ["done", "stopped", "failed"].includes(state));
   const bold = (word) => Object.assign(document.createElement("b"), { textContent: word });
+  if (answer.content) return ["Of settled motions, only amplitude, maximum, minimum and mean of the coordinates are stored: choose one of them, or a parameter."];
   const [refused] = over.every(({ state }) => state === "failed") ? over.slice(-1) : [];
   if (refused) return [bold(refused.title), ` has failed: ${refused.message}. `, pressed("Settle", "settle"), " shows the motion of the file at its values, be it periodic or not.", curves.quick ? " Pale: the quick response." : ""];
-  if (curves.quick) return ["Nothing is computed yet. Pale: a quick response, to one hundredth. ", pressed("Compute", "compute"), " walks it exactly, with its special points.", quick.note ? ` (${quick.note})` : ""];
-  if (!over.length && storedBeside().length) return ["A run has stored ", ...storedBeside().flatMap(openLink), ". ", bold("Compute"), " computes here."];
-  if (!over.length) return ["Nothing is computed yet. ", bold("Compute"), " begins; the diagram grows while it is walked.", quick.words];
+  const stored = storedBeside(), first = stored.length ? ["Stored results of this file: ", ...stored.flatMap(openLink), ". "] : ["Nothing is computed yet. "];
+  if (curves.quick) return [...first, "Pale: a quick response, to one hundredth. ", pressed("Compute", "compute"), ` ${willDo()}.`, quick.note ? ` (${quick.note})` : ""];
+  if (!over.length) return [...first, bold("Compute"), ` ${willDo()}.`, stored.length ? "" : quick.words];
   if (over.some(({ settled }) => settled)) return ["A motion that does not repeat itself has no place in the diagram. ", bold("Show"), ", in the list of results, shows it."];
   return ["Nothing of what was computed has a place over these axes; the list of results says what was found."];
+}
+
+/** What Compute does, in words: it runs the chosen study; a response is walked as far as there are orbits to follow. */
+function willDo() {
+  const { name, plan } = page.about.studies.find(({ name }) => name === $("study").value) ?? {};
+  if (!plan) return "begins";
+  if (!/^response/.test(plan)) return `runs the study${name ? ` ${name}` : ""}: ${plan}`;
+  const walk = "follows the periodic motions exactly, with their special points";
+  return curves.quick?.settles ? `${walk}, and where none can be followed it settles the motion at steps of the range` : walk;
 }
 
 /** A button that presses another one. */
@@ -295,6 +316,7 @@ const isPlane = () => Boolean(page.names?.has($("x").value) && ["y", "z"].some((
 /** Show the name of the chosen point, and enable what can be done with it. */
 function showChosen() {
   const { chosen } = page;
+  page.settled = null;
   next.expect(chosen);
   if (chosen) {
     $("chosen").textContent = chosen.title;
@@ -568,9 +590,10 @@ async function changeAxes() {
   curves.clear();
   choice.keep();
   diagram.range = null;
+  diagram.tip.hidden = diagram.dot.hidden = true; // over the axes of before
   address();
   await show(page.results);
-  table.draw();
+  drawDiagram(); // where there is no curve, nothing was fetched that would have it drawn
 }
 
 window.addEventListener("hashchange", () => {

@@ -15,12 +15,15 @@ const MANY = 600; // dots that are drawn small, as in the clouds of a sweep
 export function onAxes(answer, x, y) {
   const isOver = ({ over }) => over === x || over === y, turned = ({ axes }) => axes[0] === y && axes[1] === x;
   const lies = (each) => (each.axes[0] === x && each.axes[1] === y) || turned(each), within = answer.content.within ?? {};
+  const layers = answer.own("layers").filter(lies).map((each) => (turned(each) ? { ...each, x: each.y, y: each.x } : each)), settled = answer.settled(x, y);
+  if (settled && !layers.length) layers.push(...settled.across.map((run, k) => ({ x: run, y: settled.up[k], mark: "line", look: "main", text: k ? "" : "settled, no orbit followed" })));
   return {
     key: answer.key,
     shades: answer.own("shades").filter(isOver).map((each) => ({ ...each, upright: each.over === x })),
     lines: answer.own("lines").filter(isOver).map((each) => ({ ...each, upright: each.over === x })),
     cells: answer.own("cells").filter(lies).map((each) => ({ ...each, turned: turned(each) }))[0] ?? null,
-    layers: answer.own("layers").filter(lies).map((each) => (turned(each) ? { ...each, x: each.y, y: each.x } : each)),
+    layers,
+    settled,
     clouds: answer.own("clouds").filter(isOver).map((each) => ({ ...each, upright: each.over === x })),
     within: { x: within[x], y: within[y] },
   };

@@ -48,6 +48,7 @@ export class Quick {
     const { rows } = this;
     Object.assign(this, { note: end, failed });
     if (rows) {
+      rows.settles ||= label.some((each) => each > NEUTRAL); // a part where no orbit can be followed
       x.forEach((value, k) => {
         const look = Math.min(label[k], NEUTRAL), jumps = label[k] > NEUTRAL && rows.label.length && rows.label.at(-1) !== NEUTRAL;
         rows.x.push(...(jumps ? [value, value] : [value])); // a gap before what settles beyond the end of the walk
@@ -55,7 +56,7 @@ export class Quick {
         rows.label.push(...(jumps ? [look, look] : [look]));
       });
       this.curve = {
-        key: "quick", result: "quick", branch: 0, name: "quick response", special: [], earlier: true, why: "quick, to one hundredth", count: rows.x.length,
+        key: "quick", result: "quick", branch: 0, name: "quick response", special: [], earlier: true, why: "quick, to one hundredth", settles: rows.settles, count: rows.x.length,
         x: Float64Array.from(rows.x), y: Float64Array.from(rows.y), label: Uint8Array.from(rows.label), node: Int32Array.from(rows.x.keys()),
       };
     }

@@ -4,6 +4,7 @@ const WORDS = { queued: "waits", running: "is being computed", paused: "is pause
 const OVER = ["done", "stopped", "failed"];
 const SAVES = [
   ["table", "CSV", "Save the points as a table"],
+  ["bands", "CSV of settled", "Save the settled motions as a table"],
   ["script", "Python", "Save the Python script that repeats it"],
   ["model", "Model", "Save a model file that walks from the chosen point"],
   ["result", "Result", "Save the result file"],
@@ -45,7 +46,7 @@ export class ResultList {
     title.title = result.automatic;
     li.append(title);
     if (result.verdict) li.append(text("div", "verdict", result.verdict));
-    const told = [WORDS[state], counts(result.branches)].filter(Boolean).join(": ");
+    const told = [WORDS[state], counts(result.branches), state === "running" && result.doing].filter(Boolean).join(": ");
     if (told) li.append(text("div", `state ${state}`, told));
     if (isEarlier(result, model)) {
       const note = text("div", "earlier", `of an earlier model (${result.model})`);
@@ -56,7 +57,7 @@ export class ResultList {
     if (state === "running") {
       const bar = document.createElement("progress");
       bar.setAttribute("aria-label", `progress of ${result.title}`);
-      if (result.done[1]) [bar.value, bar.max] = result.done;
+      if (result.done[1]) bar.value = result.share;
       li.append(bar);
     }
     li.append(...this.rows(result));

@@ -49,10 +49,17 @@ async function begin() {
   const movers = new Movers({ changed: () => extras.drawArrows() });
   const extras = (page.extras = new Extras($("legend"), curves, diagram, answer, movers));
   const depth = new Depth({ page, curves, diagram, answer, tell, changed: () => show(diagram), choose: chooseStored });
-  const table = (page.table = new CurveTable(page, curves, { choose: chooseStored, titles: () => [diagram.names.x, diagram.names.y], name: () => "curve", tell }));
+  const table = (page.table = new CurveTable(page, curves, diagram, { choose: chooseStored, name: () => "curve", tell }));
+  diagram.settledAt = (index) => {
+    page.choice.clear();
+    page.settled = index;
+    diagram.mark = diagram.placeOfSettled(index);
+    table.draw();
+    $("note").textContent = `${diagram.settledLines(index).join("; ")}.`;
+  };
   const next = new Next({ hear: () => motion.hear(), pin: () => motion.pin() }, tell);
   page.choice = new Choice(page, { curves, diagram, keyboard, motion }, {
-    changed: () => { next.expect(page.chosen); movers.expect(page.chosen); table.draw(); if (page.chosen) answer.makeRoom(); },
+    changed: () => { page.settled = null; next.expect(page.chosen); movers.expect(page.chosen); table.draw(); if (page.chosen) answer.makeRoom(); },
     shown: () => { const { chosen } = page; next.ask("", chosen, () => page.chosen === chosen); movers.ask("", chosen, () => page.chosen === chosen); },
   });
   Object.assign(window.gapwalk, { answer, movers, depth });

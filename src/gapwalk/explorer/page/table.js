@@ -13,15 +13,17 @@ export function kindOf(curve, index) {
 }
 
 export class CurveTable {
-  /** `choose` is called with { curve, index } of a clicked row; `titles` returns those of the axes; `name` that of a file. */
-  constructor(page, curves, { choose, titles, name, tell }) {
-    Object.assign(this, { page, curves, titles, name, shown: null });
+  /** `choose` is called with { curve, index } of a clicked row; `name` returns that of a file. */
+  constructor(page, curves, diagram, { choose, name, tell }) {
+    Object.assign(this, { page, curves, diagram, name, shown: null });
     $("table-open").addEventListener("click", () => this.toggle());
     $("table-csv").addEventListener("click", () => save(new Blob([this.text(",")], { type: "text/csv" }), `${name()}.csv`));
     $("table-copy").addEventListener("click", () => navigator.clipboard.writeText(this.text("\t")).then(() => { $("table-copy").textContent = "Copied"; }, tell));
     $("table-rows").addEventListener("click", ({ target }) => {
       const row = target.closest("tr[data-index]");
-      if (row) choose({ curve: this.shown, index: Number(row.dataset.index) });
+      const index = Number(row?.dataset.index), count = this.shown?.x.length ?? 0;
+      if (row && index < count) choose({ curve: this.shown, index });
+      else if (row) diagram.settledAt(index - count);
     });
   }
 
@@ -38,35 +40,51 @@ export class CurveTable {
     return this.page.chosen?.curve ?? this.curves.drawn()[0] ?? null;
   }
 
+  /** The points of the curve, and the settled motions where no orbit is followed; without both, the points of an answer. */
   rows(curve) {
-    return Array.from(curve.x, (x, i) => [x, curve.y[i], curve.node[i] < 0 ? curve.special[-1 - curve.node[i]].text : kindOf(curve, i)]);
+    const rows = Array.from(curve?.x ?? [], (x, i) => [x, curve.y[i], curve.node[i] < 0 ? curve.special[-1 - curve.node[i]].text : kindOf(curve, i)]);
+    const { settled, layers = [] } = this.diagram.over ?? {}, named = {};
+    if (settled) return [...rows.map((row) => [...row, "", "", ""]), ...settled.x.map((x, k) => [x, settled.y[k], settled.kinds[k], settled.low[k] ?? "", settled.high[k] ?? "", settled.contacts[k]])];
+    for (const { x, y, look, text } of curve ? [] : layers) {
+      named[look] ||= text;
+      rows.push(...x.map((value, k) => [value, y[k], text || named[look] || look]).filter(([value, up]) => value !== null && up !== null));
+    }
+    return rows;
+  }
+
+  get titles() {
+    const { x, y } = this.diagram.names;
+    return [x, y, "kind", ...(this.diagram.over?.settled ? ["least", "largest", "separations in a forcing period"] : [])];
   }
 
   /** The table with its heading; numbers have all their digits. */
   text(between) {
     const { curve } = this, cell = (text) => (between === "," && /[",]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
-    return [[...this.titles(), "kind"], ...(curve ? this.rows(curve) : [])].map((row) => row.map((each) => cell(String(each))).join(between)).join("\n") + "\n";
+    return [this.titles, ...this.rows(curve)].map((row) => row.map((each) => cell(String(each))).join(between)).join("\n") + "\n";
   }
 
   draw() {
     if ($("table").hidden) return;
-    const { curve } = this, made = document.createElement("table"), { chosen } = this.page;
-    if (curve !== this.shown || this.of !== this.titles().join()) {
-      [this.shown, this.of] = [curve, this.titles().join()];
+    const { curve, titles, diagram: { over } } = this, made = document.createElement("table"), { chosen } = this.page;
+    const of = [...titles, over?.key, over?.settled?.x.length, over?.layers.length].join();
+    if (curve !== this.shown || this.of !== of) {
+      [this.shown, this.of] = [curve, of];
+      const rows = this.rows(curve), count = (curve?.x.length ?? 0) + (over?.settled?.x.length ?? 0);
+      const parts = [curve && `${curve.name}, ${curve.node.filter((node) => node >= 0).length} points${curve.special.length ? " and the special points" : ""}`, over?.settled && `${over.settled.x.length} settled motions`].filter(Boolean);
       $("table-copy").textContent = "Copy";
-      $("table-name").textContent = curve ? `${curve.name}, ${curve.node.filter((node) => node >= 0).length} points${curve.special.length ? " and the special points" : ""}` : "no curve over these axes";
+      $("table-name").textContent = parts.join("; ") || (rows.length ? `${rows.length} points of the picture` : "no curve over these axes");
       const head = made.createTHead().insertRow(), body = made.createTBody();
-      for (const words of [...this.titles(), "kind"]) head.append(Object.assign(document.createElement("th"), { textContent: words, scope: "col" }));
-      (curve ? this.rows(curve) : []).forEach(([x, y, kind], index) => {
+      for (const words of titles) head.append(Object.assign(document.createElement("th"), { textContent: words, scope: "col" }));
+      rows.forEach((cells, index) => {
         const row = body.insertRow();
-        row.dataset.index = index;
-        for (const each of [x, y]) row.insertCell().textContent = Number(each.toPrecision(8));
-        row.insertCell().textContent = kind;
+        if (index < count) row.dataset.index = index;
+        for (const each of cells) row.insertCell().textContent = typeof each === "number" ? Number(each.toPrecision(8)) : each;
       });
       $("table-rows").replaceChildren(made);
     }
     for (const old of $("table-rows").querySelectorAll(".chosen")) old.classList.remove("chosen");
-    const row = chosen?.curve === curve ? $("table-rows").querySelector(`[data-index="${chosen?.index}"]`) : null;
+    const index = chosen ? chosen.curve === curve && chosen.index : (curve?.x.length ?? 0) + (this.page.settled ?? NaN);
+    const row = $("table-rows").querySelector(`[data-index="${index}"]`);
     row?.classList.add("chosen");
     if (row) $("table-rows").scrollTop = row.offsetTop - $("table-rows").clientHeight / 2;
   }

@@ -40,7 +40,7 @@ from gapwalk.model.model_tables import (
     stages_field,
     study_tables,
 )
-from gapwalk.model.problems import Path, Problem
+from gapwalk.model.problems import Path, Problem, did_you_mean
 from gapwalk.model.schema import (
     MAX_COORDINATES,
     Centre,
@@ -253,6 +253,14 @@ class DragBase(PacedPart):
     group: Name | None = None
 
     main_numbers = NOT_NEGATIVE
+
+    @model_validator(mode="after")
+    def _has_known_keys(self, info: ValidationInfo[Names]) -> DragBase:
+        for name in self.model_extra or () if self.law is None else ():
+            hint = did_you_mean(name, [*(each.name for each in OF_DRAGS), "exponent", "group"], "its keys are")
+            example = '"0.01 N m s/rad"' if info.context.units else "0.01"
+            raise ValueError(f"has no key {name}; write its torque as in linear = {example}, or by a law; {hint}")
+        return self
 
     def part(self) -> Drag:
         """Make the drag."""

@@ -784,7 +784,8 @@ def _draw_nodes(
     end: float,
 ) -> None:
     nodes, whole = piece.row.nodes, (_MARGIN + piece.x - 2.0, end)
-    names = _rooms({k: places[k] for k, node in enumerate(nodes) if node.kind != WALL}, whole)
+    named = [k for k, node in enumerate(nodes) if node.kind != WALL]
+    names = _rooms({k: places[k] for k in named}, whole, [length_of(machine.bodies[nodes[k].body].name) for k in named])
     loaded = (k for k, node in enumerate(nodes) if node.kind == BODY and machine.bodies[node.body].loads)
     loads = _rooms({k: places[k] for k in loaded}, whole)
     for place, node in enumerate(nodes):
@@ -799,10 +800,17 @@ def _draw_nodes(
             _wall(pen, x1 if not place else x0, top, top + height, left=not place)
 
 
-def _rooms(places: dict[int, _Pair], whole: _Pair) -> dict[int, _Pair]:
-    """Share a row among texts below or above some of its places: each has the room half way to the next."""
-    centres = [0.5 * sum(place) for place in places.values()]
-    edges = [whole[0], *(0.5 * (a + b) for a, b in pairwise(centres)), whole[1]]
+def _rooms(places: dict[int, _Pair], whole: _Pair, lengths: Sequence[float] = ()) -> dict[int, _Pair]:
+    """Share a row among texts below or above some of its places: each has the room half way to the next.
+
+    A text that is longer than that takes what the next one leaves.
+    """
+    centres, edges = [0.5 * sum(place) for place in places.values()], [whole[0]]
+    for number, (a, b) in enumerate(pairwise(centres)):
+        own, other = lengths[number : number + 2] if lengths else (0.0, 0.0)
+        middle, need, most = 0.5 * (a + b), edges[-1] + own + 4.5, b - 0.5 * other - 2.0
+        edges.append(need if middle < need <= most else middle)
+    edges.append(whole[1])
     return {k: (low + 2.0, high - 2.0) for k, (low, high) in zip(places, pairwise(edges), strict=False)}
 
 
