@@ -211,8 +211,10 @@ def distance(attractor: Attractor, states: NDArray[np.float64], tolerance: float
     return float(_signature(attractor, None, tolerance).distance(states))
 
 
-def signature_of(attractor: Attractor) -> AttractorSignature:
-    """Build the signature of an attractor."""
+def signature_of(attractor: Attractor, reach: float | None = None) -> AttractorSignature:
+    """Build the signature of an attractor; quickly, by strobes within a relative distance, if that is given."""
+    if reach is not None:
+        return _signature(attractor, None, reach)
     region = None if attractor.orbit is None else trapping_region_of(attractor.orbit)
     return _signature(attractor, region, _CLOSEST)
 

@@ -352,7 +352,7 @@ def find_codim2(
         if not _is_echo(corrector, graze)
     ]
     for what in _of_sliding(locus) if isinstance(locus, Sliding) else _KINDS.get(locus, _ON_OTHERS):
-        function = _function(locus, what, corrector, first)
+        function = test_function(locus, what, corrector, first)
         # just where friction could give way to both sides a motion may be unknown; shorter steps then find others
         unknown = isinstance(locus, Sliding) and last.arclength - first.arclength < _FINEST
         with suppress(NumericalError) if unknown else nullcontext():
@@ -362,6 +362,12 @@ def find_codim2(
     if isinstance(corrector.equation, GrazingEquation):
         found += _resonances(corrector, interval, before, first, last)
     return sorted(found, key=lambda finding: finding.point.arclength)
+
+
+def tested(locus: Kind) -> list[Codim2]:
+    """Return the kinds of points on a locus whose test function needs no more than the points of the locus."""
+    kinds = () if isinstance(locus, Sliding) else _KINDS.get(locus, _ON_OTHERS)
+    return [each for each in kinds if each is not Codim2.GENERALISED_FLIP]
 
 
 def _of_sliding(kind: Sliding) -> tuple[Codim2, ...]:
@@ -494,7 +500,7 @@ def _is_echo(corrector: Corrector, graze: Graze) -> bool:
     return all(apart(theta, own, full) < _MERGED for theta in touches)
 
 
-def _function(locus: Kind, what: Codim2, corrector: Corrector, first: BranchPoint) -> Callable[[BranchPoint], float]:
+def test_function(locus: Kind, what: Codim2, corrector: Corrector, first: BranchPoint) -> Callable[[BranchPoint], float]:
     """Return the test function of one kind of point on a locus; `first` is the point at which a step begins."""
     if what in _TURNING:
         heading = first.tangent[-2:] / (float(np.linalg.norm(first.tangent[-2:])) or 1.0)

@@ -1,0 +1,116 @@
+"""The live shares of basins: few starts, sorted by the motions that are known; at rest the ordinary computation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import Self, cast
+
+from gapwalk.attractors.basins import (
+    Attractor,
+    BasinShares,
+    Box,
+    Range,
+    in_order,
+    signature_of,
+    sort_states,
+)
+from gapwalk.attractors.many_motions import has_kernel, motions_of
+from gapwalk.bifurcation.isolated.search_starts import state_box
+from gapwalk.ensemble.batch_flow import within_stops
+from gapwalk.errors import NumericalError
+from gapwalk.model.system import System
+from gapwalk.model.words import value_words
+from gapwalk.orbit.find import find_orbit
+from gapwalk.studies.basin_study import BasinStudy, basin_shares
+from gapwalk.studies.live_answer import LiveAnswer
+from gapwalk.studies.live_response import range_study
+from gapwalk.studies.options import RangeStudy
+from gapwalk.studies.share_study import ShareStudy
+from gapwalk.studies.study_file import Study
+
+FEW = 200
+"""Starts of a coarse picture."""
+AT_REST = 400
+"""Starts at rest, where no study says how many."""
+_LONGEST = 64  # periods after which a motion of a coarse picture is compared with those that are known
+_NEAR = 0.05  # distance of a motion from a known one, relative to its size, up to which it is that one there
+
+
+class LiveShares(LiveAnswer):
+    """Shares of random starts that lead to each motion."""
+
+    key = "shares"
+
+    def __init__(self, box: Mapping[str, Range], starts: int = AT_REST, confidence: float = 0.95, seed: int = 0) -> None:
+        self.box, self.starts, self.confidence, self.seed = box, starts, confidence, seed
+        self.known: tuple[Attractor, ...] = ()
+
+    @classmethod
+    def of(cls, studies: Sequence[Study], at: float | None) -> tuple[Self, System]:
+        """See `LiveAnswer.of`."""
+        own = next((each for each in studies if isinstance(each.options, BasinStudy | ShareStudy)), None)
+        study = own if own is not None and isinstance(own.options, BasinStudy) else range_study(studies)
+        system, where = study.system, ""
+        if isinstance(study.options, RangeStudy):
+            parameter, (low, high) = study.options.parameter, study.options.ends
+            value = system[parameter] if low < system[parameter] < high else 0.5 * (low + high)
+            value = value if at is None else min(max(at, low), high)
+            system, where = system.at({parameter: value}), value_words(value, parameter, system.units, 4)
+        asked = None if own is None else own.options
+        if isinstance(asked, BasinStudy):
+            live = cls({**asked.fixed, **asked.plane})
+        elif isinstance(asked, ShareStudy):
+            live = cls(asked.box, asked.starts, asked.confidence, asked.seed)
+        else:
+            widths = zip(system.state_names, state_box(system).tolist(), strict=False)
+            live = cls({name: (-width, width) for name, width in widths})
+        live.about = study.system.structure, asked
+        live.title = {"where": where}
+        return live, system
+
+    @classmethod
+    def of_shares(cls, shares: BasinShares) -> LiveShares:
+        """Return the live answer of shares."""
+        ends = zip(shares.box.names, shares.box.low, shares.box.high, strict=True)
+        box = {name: low if low == high else (low, high) for name, low, high in ends if (low, high) != (0.0, 0.0)}
+        live = cls(box, len(shares.labels), shares.confidence)
+        live.known = shares.attractors
+        return live
+
+    def coarse(self, system: System) -> BasinShares | None:
+        """Return the shares of few starts among the known motions, which are corrected; others are unresolved."""
+        if not self.known or not has_kernel(system):
+            return None
+        self.known = tuple(self._moved(system))
+        room = Box.of(system, self.box)
+        states = room.draw(min(FEW, self.starts), self.seed, lambda each: within_stops(system, each))
+        signatures = [signature_of(each, _NEAR) for each in self.known]
+        found = sort_states(motions_of(system, states).advance, states, signatures, _LONGEST)
+        attractors, labels = in_order(self.known, found.labels)
+        return BasinShares(system, room, states, labels, attractors, self.confidence, complete=False)
+
+    def rest(self, system: System) -> Iterator[BasinShares]:
+        """Yield the shares."""
+        yield self.exact(system)
+
+    def exact(self, system: System) -> BasinShares:
+        """Return the shares with labels that are exact at borders."""
+        found = basin_shares(
+            system, self.box, self.starts, confidence=self.confidence, seed=self.seed, workers=1,
+            report=lambda *_: None,
+        )  # fmt: skip
+        self.known = found.attractors
+        return found
+
+    def _moved(self, system: System) -> Iterator[Attractor]:
+        """Yield the known motions of a system with other numbers; those without a period as they are."""
+        for each in self.known:
+            if each.orbit is None:
+                yield each
+                continue
+            with suppress(NumericalError):
+                orbit = find_orbit(system, each.period, each.orbit.state)
+                if orbit.stable:
+                    yield replace(each, system=system, orbit=orbit, strobes=orbit.strobes(orbit.period))
