@@ -83,7 +83,7 @@ def _whole(live: LiveAnswer, system: System) -> Iterator[dict[str, Any]]:
     more: dict[str, list[Any]] = {}
     last = time.monotonic()
     for seen in live.rest(system):
-        for name, values in _plain(seen).items():
+        for name, values in ({} if seen is None else _plain(seen)).items():
             more.setdefault(name, []).extend(values)
         due = time.monotonic() - last >= SECONDS
         yield more if due else {}
@@ -110,7 +110,7 @@ def _plain(seen: Any) -> dict[str, list[Any]]:
         return {"bars": share_bars(seen), "starts": [len(seen.labels)]}
     assert isinstance(seen, Seen)
     found = {"x": seen.x, "y": seen.y, "looks": seen.looks, "marks": seen.marks}
-    return {name: [_finite(each) for each in values] for name, values in found.items() if len(values)}
+    return {name: [_finite(each) for each in values] for name, values in found.items() if values}
 
 
 def _finite(value: Any) -> Any:

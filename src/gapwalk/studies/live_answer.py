@@ -19,10 +19,10 @@ class Seen(NamedTuple):
     """Curves as they are drawn while numbers change."""
 
     #: x, y, looks: Points, and the style of each: a label of stability, a kind of special point, or ``settled``.
-    x: Sequence[float] = ()
-    y: Sequence[float] = ()
-    looks: Sequence[str] = ()
-    marks: Sequence[tuple[str, float, float]] = ()  #: Kind and place of each special point.
+    x: list[float]
+    y: list[float]
+    looks: list[str]
+    marks: list[tuple[str, float, float]]  #: Kind and place of each special point.
 
 
 class LiveAnswer(ABC):
@@ -44,7 +44,7 @@ class LiveAnswer(ABC):
 
     @abstractmethod
     def rest(self, system: System) -> Iterator[Any]:
-        """Yield pictures of what is found for the page; an empty one where the work may be given up."""
+        """Yield pictures of what is found, for the page, and None where the work may be given up."""
 
     @abstractmethod
     def exact(self, system: System) -> Any:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any, NamedTuple, Self, cast
 
 import numpy as np
@@ -16,7 +17,8 @@ from gapwalk.bifurcation.loci import Locus, LocusEndReason, LocusStart, start_lo
 from gapwalk.bifurcation.loci.begin_at import special_of
 from gapwalk.bifurcation.loci.follow_locus import Ranges, trace_locus, traced_locus
 from gapwalk.bifurcation.moved_curve import codim2_marks, moved
-from gapwalk.continuation.corrector import Corrector
+from gapwalk.bifurcation.special_point import Kind
+from gapwalk.continuation.corrector import Corrector, hermite
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_words
@@ -26,9 +28,8 @@ from gapwalk.studies.locus_study import LocusStudyOptions
 from gapwalk.studies.map_study import lies_on_locus
 from gapwalk.studies.study_file import Study
 
-_MOVED = 50  # points of all moved loci: each takes 1 to 2 ms
-_LOOKS = {"fold": "above", "flip": "below", "neimark-sacker": "pair"}
-"""Looks of loci by their kind: those of the motions beyond them."""
+_MOVED = 36  # points of all moved loci: each takes 1 to 2 ms
+_BETWEEN = (0.0, 0.25, 0.5, 0.75)  # shares of the way to the next moved point at which the curve is drawn
 _WIDER = 0.5  # share of the width of a locus by which its plane goes on where the locus does not end
 
 
@@ -75,19 +76,20 @@ class LiveLocus(LiveAnswer):
 
     def coarse(self, system: System) -> Seen | None:
         """Return the moved points of the loci, with points of codimension two between them by interpolation."""
-        found, x, y, looks, marks = list[_Known](), [GAP] * 0, [GAP] * 0, [""] * 0, list[tuple[str, float, float]]()
+        found, seen = list[_Known](), Seen([], [], [], [])
         for known in self.known:
             own = _corrector(known.start, system)
             points = moved(own, known.points)
             enough = len(points) > 0.75 * len(known.points)  # the next ones are moved from here
             found.append(known._replace(points=points) if enough else known)
-            values = np.array([each.x[-2:] * own.scales[-2:] for each in points]).reshape(-1, 2)
-            _add(x, y, looks, known.locus.kind, values)
-            marks += codim2_marks(known.locus.kind, own, points)
+            places = [hermite(*pair, share) for pair in pairwise(points) for share in _BETWEEN]
+            places += [each.x for each in points[-1:]]
+            _add(seen, known.locus.kind, np.reshape(places, (-1, len(own.scales)))[:, -2:] * own.scales[-2:])
+            seen.marks.extend(codim2_marks(known.locus.kind, own, points))
         self.known = found
-        return Seen(x, y, looks, marks) if x else None
+        return seen if seen.x else None
 
-    def rest(self, system: System) -> Iterator[Seen]:
+    def rest(self, system: System) -> Iterator[Seen | None]:
         """Yield the loci that are followed from the special points of the branch of the study."""
         assert self.options is not None
         (low, high), (_, second), options = self.to[0], self.names, self.options
@@ -99,7 +101,7 @@ class LiveLocus(LiveAnswer):
             walk=options.walk, method=method,
         )  # fmt: skip
         for _ in steps:
-            yield Seen()
+            yield None
         for special in options.which.of(steps.branch.special_points):
             on = (lies_on_locus(each.locus, special, system[second], high - low) for each in self.known)
             if not low <= special.value <= high or any(on):
@@ -109,8 +111,11 @@ class LiveLocus(LiveAnswer):
                     if time.process_time() > until:
                         self.end = f"stopped after {LONGEST:g} s of work; Compute follows all of it"
                         return
-                    yield Seen()
-                yield self._seen()
+                    yield None
+                locus, found = self.known[-1].locus, Seen([], [], [], [])
+                _add(found, locus.kind, locus.values)
+                found.marks.extend((each.kind.value, *each.values) for each in locus.codim2_points)
+                yield found
         if not self.known:
             self.end = f"the branch has no {options.which.words}"
 
@@ -139,19 +144,12 @@ class LiveLocus(LiveAnswer):
         known = self.known if self.options is not None else []
         self.known = [*(each._replace(points=_spread(each.points, count)) for each in known), found]
 
-    def _seen(self) -> Seen:
-        found = Seen([], [], [], [])
-        for known in self.known:
-            _add(found.x, found.y, found.looks, known.locus.kind, known.locus.values)  # type: ignore[arg-type]
-        marks = [(each.kind.value, *each.values) for known in self.known for each in known.locus.codim2_points]
-        return found._replace(marks=marks)
 
-
-def _add(x: list[float], y: list[float], looks: list[str], kind: str, values: np.ndarray) -> None:
+def _add(seen: Seen, kind: Kind, values: np.ndarray) -> None:
     """Add a curve to others."""
-    x += [*values[:, 0].tolist(), GAP]
-    y += [*values[:, 1].tolist(), GAP]
-    looks += [_LOOKS.get(kind, "neutral")] * (len(values) + 1)
+    seen.x.extend([*values[:, 0].tolist(), GAP])
+    seen.y.extend([*values[:, 1].tolist(), GAP])
+    seen.looks.extend([kind.value] * (len(values) + 1))
 
 
 def _corrector(start: LocusStart, system: System) -> Corrector:

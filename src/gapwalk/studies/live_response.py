@@ -117,13 +117,13 @@ class LiveResponse(LiveAnswer):
             if isinstance(point, str):
                 self.end = point
             elif not isinstance(point, Band):
-                yield Seen([point.value], [point.measure(self.measure)], [point.instability.label])
+                yield Seen([point.value], [point.measure(self.measure)], [point.instability.label], [])
             elif shown := point.shown(system, self.measure):
-                yield Seen([point.value], [shown[_LEVEL.get(self.measure.partition(".")[0], 1)]], [_SETTLED])
+                yield Seen([point.value], [shown[_LEVEL.get(self.measure.partition(".")[0], 1)]], [_SETTLED], [])
             if time.process_time() > until:
                 self.end = f"stopped after {LONGEST:g} s of work; Compute walks all of it"
                 break
-        yield Seen(marks=self._seen(self.points).marks if self.corrector else ())
+        yield Seen([], [], [], self._seen(self.points).marks if self.corrector else [])
 
     def exact(self, system: System) -> Branch:
         """Return the branch, followed again from its first point."""

@@ -7,21 +7,24 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Self, cast
 
+import numpy as np
+
 from gapwalk.attractors.basins import (
+    RUNAWAY,
+    UNRESOLVED,
     Attractor,
     BasinShares,
     Box,
     Range,
     in_order,
     signature_of,
-    sort_states,
 )
 from gapwalk.attractors.many_motions import has_kernel, motions_of
 from gapwalk.bifurcation.isolated.search_starts import state_box
 from gapwalk.ensemble.batch_flow import within_stops
 from gapwalk.errors import NumericalError
 from gapwalk.model.system import System
-from gapwalk.model.words import value_words
+from gapwalk.model.words import parameter_words
 from gapwalk.orbit.find import find_orbit
 from gapwalk.studies.basin_study import BasinStudy, basin_shares
 from gapwalk.studies.live_answer import LiveAnswer
@@ -34,7 +37,9 @@ FEW = 200
 """Starts of a coarse picture."""
 AT_REST = 400
 """Starts at rest, where no study says how many."""
-_LONGEST = 64  # periods after which a motion of a coarse picture is compared with those that are known
+_SAID = 4  # ranges of starts that are told
+_ERROR = 1e-3  # of coarse motions over a period, relative to their size
+_TRANSIENT, _WATCHED = 64, 24  # periods of a coarse motion, then those in which it is compared with what is known
 _NEAR = 0.05  # distance of a motion from a known one, relative to its size, up to which it is that one there
 
 
@@ -52,12 +57,12 @@ class LiveShares(LiveAnswer):
         """See `LiveAnswer.of`."""
         own = next((each for each in studies if isinstance(each.options, BasinStudy | ShareStudy)), None)
         study = own if own is not None and isinstance(own.options, BasinStudy) else range_study(studies)
-        system, where = study.system, ""
+        system, at_words, value = study.system, "", None
         if isinstance(study.options, RangeStudy):
             parameter, (low, high) = study.options.parameter, study.options.ends
             value = system[parameter] if low < system[parameter] < high else 0.5 * (low + high)
             value = value if at is None else min(max(at, low), high)
-            system, where = system.at({parameter: value}), value_words(value, parameter, system.units, 4)
+            system, at_words = system.at({parameter: value}), parameter_words(parameter, system.units)
         asked = None if own is None else own.options
         if isinstance(asked, BasinStudy):
             live = cls({**asked.fixed, **asked.plane})
@@ -67,7 +72,10 @@ class LiveShares(LiveAnswer):
             widths = zip(system.state_names, state_box(system).tolist(), strict=False)
             live = cls({name: (-width, width) for name, width in widths})
         live.about = study.system.structure, asked
-        live.title = {"where": where}
+        free = [(name, ends) for name, ends in live.box.items() if isinstance(ends, Sequence)]
+        told = [f"{name} from {low:.3g} to {high:.3g}" for name, (low, high) in free[:_SAID]]
+        box = ", ".join(told) + f" and {len(free) - _SAID} more" * (len(free) > _SAID)
+        live.title = {"at": value, "across": at_words, "box": box}
         return live, system
 
     @classmethod
@@ -86,9 +94,11 @@ class LiveShares(LiveAnswer):
         self.known = tuple(self._moved(system))
         room = Box.of(system, self.box)
         states = room.draw(min(FEW, self.starts), self.seed, lambda each: within_stops(system, each))
-        signatures = [signature_of(each, _NEAR) for each in self.known]
-        found = sort_states(motions_of(system, states).advance, states, signatures, _LONGEST)
-        attractors, labels = in_order(self.known, found.labels)
+        track = motions_of(system, states, error=_ERROR).strobes(states, _WATCHED, after=_TRANSIENT)
+        labels = np.where(np.isfinite(track).all(axis=(0, 2)), UNRESOLVED, RUNAWAY)
+        for index, each in enumerate(self.known):
+            labels[(labels == UNRESOLVED) & (signature_of(each, _NEAR).distance(track) <= 1.0)] = index
+        attractors, labels = in_order(self.known, labels)
         return BasinShares(system, room, states, labels, attractors, self.confidence, complete=False)
 
     def rest(self, system: System) -> Iterator[BasinShares]:

@@ -250,6 +250,12 @@ class Locus(Measured, Described):
         """Return the points of codimension two of one kind, which may be given by its name, such as ``cusp``."""
         return tuple(point for point in self.codim2_points if point.kind == kind)
 
+    def live(self, parameter: str, to: tuple[float, float]) -> Any:
+        """Draw the locus above a slider for another parameter; see `Branch.live`."""
+        from gapwalk.plot.live_slider import live_slider
+
+        return live_slider(self, parameter, to)
+
     def __repr__(self) -> str:
         counts = ", ".join(f"{len(self.codim2(kind))} {kind.value}" for kind in Codim2 if self.codim2(kind))
         contact = f", {self.contact}" if self.contact else ""
