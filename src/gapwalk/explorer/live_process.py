@@ -71,7 +71,8 @@ def _begun(
     live, system = KINDS[kind].of(studies, asked.at)
     last, known[kind] = known.get(kind), live
     if last is not None and last.about == live.about:
-        last.title, known[kind] = live.title, last
+        last.renew(live)
+        known[kind] = last
     found[kind] = system
     yield {"title": known[kind].title}
     if (seen := known[kind].coarse(system)) is not None:

@@ -27,6 +27,7 @@ from gapwalk.model.problems import ModelFileError, Problem
 from gapwalk.model.problems import Path as Place
 from gapwalk.model.system import System
 from gapwalk.studies.live_response import LiveResponse
+from gapwalk.studies.locus_study import LocusStudyOptions
 from gapwalk.studies.machine_templates import machine_text, machines, template
 from gapwalk.studies.study_file import check_studies
 
@@ -43,7 +44,7 @@ _STAGE = re.compile(r"(.+)\.stage(\d+)\.\w+")
 def checked_text(text: str, name: str, root: str) -> dict[str, Any]:
     """Check the text of a model file, and describe it for the page."""
     found: dict[str, Any] = {"problems": [], "numbers": None, "lines": None, "machine": None, "system": False}
-    found |= {"title": "", "contents": [], "plans": [], "warnings": []}
+    found |= {"title": "", "contents": [], "plans": [], "warnings": [], "locus": False}
     try:
         source = parse_source(_checked_size(text), name, root)
     except ModelFileError as error:
@@ -59,6 +60,7 @@ def checked_text(text: str, name: str, root: str) -> dict[str, Any]:
     except ModelFileError as error:
         return {**found, "problems": _told(error.problems)}
     found["plans"] = [": ".join(filter(None, (each.name, each.options.plan))) for each in studies]
+    found["locus"] = any(isinstance(each.options, LocusStudyOptions) for each in studies)
     doubts = (doubt for each in studies for doubt in each.doubts)
     found["warnings"] = list(dict.fromkeys((*found["warnings"], *doubts)))
     return found

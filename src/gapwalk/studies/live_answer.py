@@ -38,6 +38,10 @@ class LiveAnswer(ABC):
     def of(cls, studies: Sequence[Study], at: float | None) -> tuple[Self, System]:
         """Return the answer that studies ask for, and its system; `at` is a chosen value of the first parameter."""
 
+    def renew(self, other: LiveAnswer) -> None:
+        """Take the title of an answer to a changed text about the same."""
+        self.title = other.title
+
     @abstractmethod
     def coarse(self, system: System) -> Any:
         """Return a picture of a system with other numbers, made at once from what is known; None if nothing is."""

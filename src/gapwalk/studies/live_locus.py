@@ -28,7 +28,7 @@ from gapwalk.studies.locus_study import LocusStudyOptions
 from gapwalk.studies.map_study import lies_on_locus
 from gapwalk.studies.study_file import Study
 
-_MOVED = 36  # points of all moved loci: each takes 1 to 2 ms
+_MOVED = 32  # points of all moved loci: each takes 1 to 2 ms
 _BETWEEN = (0.0, 0.25, 0.5, 0.75)  # shares of the way to the next moved point at which the curve is drawn
 _WIDER = 0.5  # share of the width of a locus by which its plane goes on where the locus does not end
 
@@ -91,9 +91,19 @@ class LiveLocus(LiveAnswer):
 
     def rest(self, system: System) -> Iterator[Seen | None]:
         """Yield the loci that are followed from the special points of the branch of the study."""
+        before, is_whole = self.known, False
+        self.known, self.end = [], ""
+        try:
+            yield from self._grown(system)
+            is_whole = True
+        finally:
+            if not is_whole:  # it was given up
+                self.known = before
+
+    def _grown(self, system: System) -> Iterator[Seen | None]:
         assert self.options is not None
         (low, high), (_, second), options = self.to[0], self.names, self.options
-        self.known, self.end, until = [], "", time.process_time() + LONGEST
+        until = time.process_time() + LONGEST
         method, own = options.method.suited_to(system), system[self.names[0]]
         at = system.at({self.names[0]: own if low <= own <= high else high})
         steps = walk(

@@ -111,7 +111,16 @@ class LiveResponse(LiveAnswer):
 
     def rest(self, system: System) -> Iterator[Seen]:
         """Yield the points of a quick walk, which replaces the last one."""
+        before, is_whole = (self.corrector, self.points), False
         self.corrector, self.points, self.end = None, (), ""
+        try:
+            yield from self._grown(system)
+            is_whole = True
+        finally:
+            if not is_whole:  # it was given up
+                self.corrector, self.points = before
+
+    def _grown(self, system: System) -> Iterator[Seen]:
         until = time.process_time() + LONGEST
         for point in self._walk(system, until - LONGEST / 2):
             if isinstance(point, str):

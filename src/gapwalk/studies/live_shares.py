@@ -16,7 +16,6 @@ from gapwalk.attractors.basins import (
     BasinShares,
     Box,
     Range,
-    in_order,
     signature_of,
 )
 from gapwalk.attractors.many_motions import has_kernel, motions_of
@@ -87,6 +86,10 @@ class LiveShares(LiveAnswer):
         live.known = shares.attractors
         return live
 
+    def renew(self, other: LiveAnswer) -> None:
+        """Take the value at which starts are sorted; the box stays the same while numbers change."""
+        self.title = {**other.title, "box": self.title["box"]}
+
     def coarse(self, system: System) -> BasinShares | None:
         """Return the shares of few starts among the known motions, which are corrected; others are unresolved."""
         if not self.known or not has_kernel(system):
@@ -98,8 +101,7 @@ class LiveShares(LiveAnswer):
         labels = np.where(np.isfinite(track).all(axis=(0, 2)), UNRESOLVED, RUNAWAY)
         for index, each in enumerate(self.known):
             labels[(labels == UNRESOLVED) & (signature_of(each, _NEAR).distance(track) <= 1.0)] = index
-        attractors, labels = in_order(self.known, labels)
-        return BasinShares(system, room, states, labels, attractors, self.confidence, complete=False)
+        return BasinShares(system, room, states, labels, self.known, self.confidence, complete=False)
 
     def rest(self, system: System) -> Iterator[BasinShares]:
         """Yield the shares."""
