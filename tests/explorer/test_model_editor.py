@@ -28,7 +28,7 @@ def example(name: str) -> str:
 
 
 def response(text: str, known: Known | None = None) -> list[dict]:
-    """The title of a live response, moved points if there are any, the points one by one, and what is said at its end."""
+    """The title of a live response, moved points if there are any, the points one by one, and why it ends."""
     title, *more = [each for each in answers(Asked(1, text), known) if each.get("of") == "response"]
     points = [
         {"x": x, "y": y, "look": look}
@@ -180,6 +180,36 @@ def test_the_points_of_the_last_walk_are_moved_to_other_numbers_at_once() -> Non
     assert not [each for each in response(other, last) if "moved" in each]
 
 
+LOCUS = BACK.replace(
+    'study = { kind = "response", parameter = "frequency", from = 0.8, to = 3.5, measure = "half.x" }',
+    """study = { kind = "locus", of = "fold", parameter = "frequency", from = 0.8, to = 3.5, near = 1.6,
+second = { parameter = "harmonic1.amplitude", from = 0.28, to = 0.32, at = 0.3 } }""",
+)
+
+
+def test_the_loci_of_a_study_are_those_of_the_study_and_move_with_the_numbers() -> None:
+    known: Known = {}
+    for text, is_moved in ((LOCUS, False), (LOCUS.replace("clearance = 1.0", "clearance = 1.01"), True)):
+        title, *news, last = [
+            each for each in answers(Asked(1, text, kinds=("locus",)), known) if each.get("of") == "locus"
+        ]
+        assert title["title"]["up"] == "amplitude of harmonic 1"
+        assert last["end"] == ""
+        (study,) = read_studies(io.StringIO(text))
+        (own,) = gw.run(study).result.loci
+        found = [each for each in (*news, last) if "x" in each]
+        assert found[-1]["x"][:-1] == pytest.approx(own.values[:, 0].tolist(), abs=1e-9)
+        assert found[-1]["y"][:-1] == pytest.approx(own.values[:, 1].tolist(), abs=1e-9)
+        moved = [each["moved"] for each in news if "moved" in each]
+        assert bool(moved) is is_moved
+        for each in moved:  # the place of a fold at the same amplitude
+            x, y = (np.array(each[name][:-1], dtype=float) for name in ("x", "y"))
+            order, inside = np.argsort(own.values[:, 1]), (y > 0.285) & (y < 0.315)
+            assert inside.sum() > 10
+            exact = np.interp(y[inside], *own.values[order][:, ::-1].T)
+            assert x[inside] == pytest.approx(exact, abs=2e-4)
+
+
 def test_a_train_that_rattles_without_period_has_its_settled_response_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("an orbit is looked for where none is")
@@ -222,9 +252,9 @@ def test_friction_has_a_response_too(name) -> None:
 
 
 def test_what_has_no_response_is_said() -> None:
-    news = list(answers(Asked(1, example("impact_damper"))))
-    assert 'kind = "response"' in news[-1]["end"]
-    assert news[-1]["failed"]
+    said, _ = answers(Asked(1, example("impact_damper")))
+    assert 'kind = "response"' in said["end"]
+    assert said["failed"]
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -13,7 +12,7 @@ from typing import Any, NamedTuple, Self, cast
 import numpy as np
 
 from gapwalk.bifurcation.follow import walk
-from gapwalk.bifurcation.loci import Locus, LocusEndReason, LocusStart, start_locus
+from gapwalk.bifurcation.loci import Locus, LocusStart, start_locus
 from gapwalk.bifurcation.loci.begin_at import special_of
 from gapwalk.bifurcation.loci.follow_locus import Ranges, trace_locus, traced_locus
 from gapwalk.bifurcation.moved_curve import codim2_marks, moved
@@ -30,7 +29,7 @@ from gapwalk.studies.study_file import Study
 
 _MOVED = 32  # points of all moved loci: each takes 1 to 2 ms
 _BETWEEN = (0.0, 0.25, 0.5, 0.75)  # shares of the way to the next moved point at which the curve is drawn
-_WIDER = 0.5  # share of the width of a locus by which its plane goes on where the locus does not end
+_WIDER = 0.1  # share of the width of a locus by which the plane in which it is followed again is wider
 
 
 class _Known(NamedTuple):
@@ -55,7 +54,9 @@ class LiveLocus(LiveAnswer):
         """See `LiveAnswer.of`."""
         study = next((each for each in studies if isinstance(each.options, LocusStudyOptions)), None)
         if study is None:
-            raise ModelError('no study is a locus; write one of kind = "locus", with of, parameter, from, to and second')
+            raise ModelError(
+                'no study is a locus; write one of kind = "locus", with of, parameter, from, to and second'
+            )
         options = cast("LocusStudyOptions", study.options)
         live = cls((options.parameter, options.second.parameter), (options.ends, options.second.ends), options)
         live.about = study.system.structure, options
@@ -66,9 +67,8 @@ class LiveLocus(LiveAnswer):
     @classmethod
     def of_locus(cls, locus: Locus) -> LiveLocus:
         """Return the live answer of a locus."""
-        edges = [end.values for end in locus.ends if end.reason is LocusEndReason.RANGE]
-        to = [_plane(column, [each[place] for each in edges]) for place, column in enumerate(locus.values.T)]
-        live = cls((locus.first, locus.second), (to[0], to[1]))
+        across, up = locus.values.T
+        live = cls((locus.first, locus.second), (_plane(across), _plane(up)))
         middle = locus.points[len(locus.points) // 2]
         for _ in live._trace(start_locus(special_of(locus.kind, middle.orbit, locus.contact), *live.names, live.to)):
             pass
@@ -173,11 +173,8 @@ def _spread(points: Sequence[Any], count: int) -> list[Any]:
     return [points[k] for k in np.unique(np.linspace(0, len(points) - 1, count).round().astype(int))]
 
 
-def _plane(values: np.ndarray, edges: Sequence[float]) -> tuple[float, float]:
-    """Return a range about the values of a locus, no wider where the locus ends at the range that it was given."""
+def _plane(values: np.ndarray) -> tuple[float, float]:
+    """Return a range a little wider than the values of a locus."""
     low, high = float(values.min()), float(values.max())
     more = _WIDER * (high - low)
-    wider = low - more if low - more > 0.0 or low <= 0.0 else 0.5 * low
-    return low if any(math.isclose(low, each) for each in edges) else wider, (
-        high if any(math.isclose(high, each) for each in edges) else high + more
-    )
+    return low - more if low - more > 0.0 or low <= 0.0 else 0.5 * low, high + more

@@ -69,7 +69,12 @@ class LiveResponse(LiveAnswer):
     key = "response"
 
     def __init__(
-        self, parameter: str, within: tuple[float, float], measure: str, period: int = 1, start: NDArray[np.float64] | None = None
+        self,
+        parameter: str,
+        within: tuple[float, float],
+        measure: str,
+        period: int = 1,
+        start: NDArray[np.float64] | None = None,
     ) -> None:
         self.parameter, self.within, self.measure, self.period, self.start = parameter, within, measure, period, start
         self.corrector: Corrector | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Self, cast
+from typing import Self
 
 import numpy as np
 
@@ -47,7 +47,9 @@ class LiveShares(LiveAnswer):
 
     key = "shares"
 
-    def __init__(self, box: Mapping[str, Range], starts: int = AT_REST, confidence: float = 0.95, seed: int = 0) -> None:
+    def __init__(
+        self, box: Mapping[str, Range], starts: int = AT_REST, confidence: float = 0.95, seed: int = 0
+    ) -> None:
         self.box, self.starts, self.confidence, self.seed = box, starts, confidence, seed
         self.known: tuple[Attractor, ...] = ()
 

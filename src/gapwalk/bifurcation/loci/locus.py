@@ -506,7 +506,9 @@ def _is_echo(corrector: Corrector, graze: Graze) -> bool:
     return all(apart(theta, own, full) < _MERGED for theta in touches)
 
 
-def test_function(locus: Kind, what: Codim2, corrector: Corrector, first: BranchPoint) -> Callable[[BranchPoint], float]:
+def test_function(
+    locus: Kind, what: Codim2, corrector: Corrector, first: BranchPoint
+) -> Callable[[BranchPoint], float]:
     """Return the test function of one kind of point on a locus; `first` is the point at which a step begins."""
     if what in _TURNING:
         heading = first.tangent[-2:] / (float(np.linalg.norm(first.tangent[-2:])) or 1.0)
