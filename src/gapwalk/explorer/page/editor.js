@@ -105,9 +105,9 @@ export class Editor {
     if (this.isOpen && this.found?.system) this.later("shown");
   }
 
-  /** The kinds of live answers that are shown. */
+  /** The kinds of live answers that are shown; that a text has no locus is known only after its check. */
   get kinds() {
-    return Object.keys(this.live).filter((kind) => kind === "response" || ($(`edit-${kind}-more`).open && !$(`edit-${kind}-more`).parentElement.hidden));
+    return Object.keys(this.live).filter((kind) => kind === "response" || $(`edit-${kind}-more`).open);
   }
 
   endChoice() {
