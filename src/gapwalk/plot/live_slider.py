@@ -87,8 +87,7 @@ def _draw_seen(axes: Axes, seen: Seen) -> None:
 
 def live_slider(record: Any, parameter: str, to: tuple[float, float], measure: str = "half") -> Slider:
     """Return the slider that changes a parameter of a record, below its picture."""
-    orbit = record.points[0].orbit if isinstance(record, Branch | Locus) else None
-    system: System = record.system if orbit is None else orbit.system
+    system: System = record.points[0].orbit.system if isinstance(record, Branch | Locus) else record.system
     over = {Branch: ["parameter"], Locus: ["first", "second"]}.get(type(record), [])
     if parameter in [getattr(record, name) for name in over]:
         raise ModelError(f"{parameter} is what the {type(record).__name__.lower()} is over; write another parameter")
