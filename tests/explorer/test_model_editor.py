@@ -1,5 +1,6 @@
 """The model editor without a page: checks of a text, its numbers, its response, and files that stay the user's own."""
 
+import asyncio
 import io
 import json
 import re
@@ -180,10 +181,18 @@ def test_the_points_of_the_last_walk_are_moved_to_other_numbers_at_once() -> Non
     assert not [each for each in response(other, last) if "moved" in each]
 
 
-LOCUS = BACK.replace(
-    'study = { kind = "response", parameter = "frequency", from = 0.8, to = 3.5, measure = "half.x" }',
-    """study = { kind = "locus", of = "fold", parameter = "frequency", from = 0.8, to = 3.5, near = 1.6,
-second = { parameter = "harmonic1.amplitude", from = 0.28, to = 0.32, at = 0.3 } }""",
+LOCUS = (
+    BACK[: BACK.index("study =")]
+    + """
+[study]
+kind = "locus"
+of = "fold"
+parameter = "frequency"
+from = 0.8
+to = 3.5
+near = 3.0
+second = { parameter = "harmonic1.amplitude", from = 0.28, to = 0.32, at = 0.3 }
+"""
 )
 
 
@@ -196,7 +205,7 @@ def test_the_loci_of_a_study_are_those_of_the_study_and_move_with_the_numbers() 
         assert title["title"]["up"] == "amplitude of harmonic 1"
         assert last["end"] == ""
         (study,) = read_studies(io.StringIO(text))
-        (own,) = gw.run(study).result.loci
+        (own,) = gw.run(study).map.loci
         found = [each for each in (*news, last) if "x" in each]
         assert found[-1]["x"][:-1] == pytest.approx(own.values[:, 0].tolist(), abs=1e-9)
         assert found[-1]["y"][:-1] == pytest.approx(own.values[:, 1].tolist(), abs=1e-9)
@@ -271,6 +280,7 @@ def test_a_walk_that_nobody_waits_for_is_given_up_and_the_next_one_comes_at_once
     try:
         news = run_apart(both())
         process = live._process
+        assert process is not None
         assert news[0]["title"]["across"]
         assert news[-1]["end"] == ""
         assert sum(len(each.get("x", ())) for each in news) > 20
@@ -280,6 +290,25 @@ def test_a_walk_that_nobody_waits_for_is_given_up_and_the_next_one_comes_at_once
     finally:
         live.close()
     assert not process.is_alive()
+
+
+@pytest.mark.slow
+def test_long_work_that_nobody_waits_for_is_ended_and_the_next_text_is_answered() -> None:
+    live = LiveAnswers()
+    train = example("train")  # whose motions settle after minutes
+
+    async def both() -> list[dict]:
+        abandoned = live.of(train, "", "", ("shares",))
+        while "coarse" not in await anext(abandoned):
+            pass
+        await asyncio.sleep(0.5)
+        await abandoned.aclose()
+        return [news async for news in live.of(STOP, "", "")]
+
+    try:
+        assert run_apart(both())[-1]["end"] == ""
+    finally:
+        live.close()
 
 
 @pytest.fixture

@@ -45,6 +45,8 @@ class Asked:
     at: float | None = None  #: Value of the first parameter for shares.
 
 
+_GRACE = 2.0  # seconds in which the process must notice that a request is given up; shares of some systems take minutes
+
 Known = dict[str, LiveAnswer]
 """The last answer of each kind."""
 
@@ -135,8 +137,7 @@ def work(line: Any) -> None:
                     line.send((asked.number, news))
                 if line.poll():
                     break
-            else:
-                line.send((asked.number, None))
+            line.send((asked.number, None))
 
 
 class LiveAnswers:
@@ -147,7 +148,8 @@ class LiveAnswers:
         self._process: Any = None
         self._line: Any = None
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._number = 0
+        self._number = self._done = 0  # of the last request, and of the last one that the process has left
+        self._asked: Asked | None = None
         self._waiting: dict[int, asyncio.Queue[dict[str, Any] | None]] = {}
         self._turn = asyncio.Lock()
         self._guard = threading.Lock()
@@ -179,25 +181,37 @@ class LiveAnswers:
             queue = self._waiting[number] = asyncio.Queue()
             self._loop = asyncio.get_running_loop()
             try:
-                self._send(Asked(number, text, name, root, kinds, at))
+                self._asked = Asked(number, text, name, root, kinds, at)
+                self._send(self._asked)
                 while (news := await queue.get()) is not None:
                     yield news
                 is_done = True
             finally:
                 del self._waiting[number]
+                self._asked = None
                 if not is_done:
                     self._send(None)  # nobody waits for the rest
+                    threading.Timer(_GRACE, self._give_up, [number]).start()
+
+    def _give_up(self, number: int) -> None:
+        """End the process if it is still busy with a request that nobody waits for; a new one answers the next."""
+        if self._done < number and self._process is not None:
+            self.close()
+            self.warm()
+            if self._asked is not None:
+                self._send(self._asked)
 
     def close(self) -> None:
         """End the process."""
         with self._guard:
             if self._process is not None:
-                self._process.kill()  # it stores nothing
-                self._process.join()
-                self._line.close()
+                process, line, self._process, self._line = self._process, self._line, None, None
+                process.kill()  # it stores nothing
+                process.join()
+                line.close()
 
     def _send(self, asked: Asked | None) -> None:
-        with suppress(OSError):  # it has died, and `_read` has said so
+        with suppress(OSError, AttributeError):  # it has died, and `_read` has said so; or another one begins
             self._line.send(asked)
 
     def _read(self, line: Any) -> None:
@@ -205,10 +219,12 @@ class LiveAnswers:
         try:
             while True:
                 number, news = line.recv()
+                if news is None:
+                    self._done = number
                 self._call(number, news)
         except (EOFError, OSError):
             died = "the process that computes the response has died; change the text to try again"
-            for number in list(self._waiting):
+            for number in list(self._waiting) if line is self._line else ():
                 self._call(number, {"of": LiveResponse.key, "end": died, "failed": True})
                 self._call(number, None)
 

@@ -82,9 +82,11 @@ class LiveLocus(LiveAnswer):
             points = moved(own, known.points)
             enough = len(points) > 0.75 * len(known.points)  # the next ones are moved from here
             found.append(known._replace(points=points) if enough else known)
+            if len(points) < 2:  # as where folds are beside a graze, which a Newton step passes
+                continue
             places = [hermite(*pair, share) for pair in pairwise(points) for share in _BETWEEN]
-            places += [each.x for each in points[-1:]]
-            _add(seen, known.locus.kind, np.reshape(places, (-1, len(own.scales)))[:, -2:] * own.scales[-2:])
+            places.append(points[-1].x)
+            _add(seen, known.locus.kind, np.array(places)[:, -2:] * own.scales[-2:])
             seen.marks.extend(codim2_marks(known.locus.kind, own, points))
         self.known = found
         return seen if seen.x else None

@@ -36,7 +36,7 @@ FEW = 200
 """Starts of a coarse picture."""
 AT_REST = 400
 """Starts at rest, where no study says how many."""
-_SAID = 4  # ranges of starts that are told
+_SAID = 4  # ranges of starts that are stated
 _ERROR = 1e-3  # of coarse motions over a period, relative to their size
 _TRANSIENT, _WATCHED = 64, 24  # periods of a coarse motion, then those in which it is compared with what is known
 _NEAR = 0.05  # distance of a motion from a known one, relative to its size, up to which it is that one there
