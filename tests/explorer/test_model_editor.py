@@ -249,7 +249,7 @@ def test_beginnings_have_a_response_without_a_compiled_flow(name, monkeypatch) -
     monkeypatch.setattr("gapwalk.flow.flow.Flow.__init__", refuse)
     first, *points, last = response(example(name))
     assert len(points) > 15
-    assert set(first) == {"across", "up", "range"}
+    assert set(first) == {"across", "up", "axes", "range"}
     assert isinstance(last["end"], str)
 
 

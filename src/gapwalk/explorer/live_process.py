@@ -19,6 +19,7 @@ from typing import Any
 from gapwalk.attractors.basins import BasinShares
 from gapwalk.errors import GapwalkError
 from gapwalk.explorer.answer_view import share_bars
+from gapwalk.explorer.diagram_lines import measure_name
 from gapwalk.explorer.progress_stream import SECONDS
 from gapwalk.model.model_source import parse_source
 from gapwalk.model.system import System
@@ -76,7 +77,10 @@ def _begun(
         last.renew(live)
         known[kind] = last
     found[kind] = system
-    yield {"title": known[kind].title}
+    title = known[kind].title
+    if "axes" in title:
+        title = {**title, "axes": [title["axes"][0], measure_name(title["axes"][1], system)]}
+    yield {"title": title}
     if (seen := known[kind].coarse(system)) is not None:
         yield {"moved": _plain(seen)}
 

@@ -91,6 +91,7 @@ class LiveResponse(LiveAnswer):
         live.about = system.structure, live.parameter, live.within, live.measure, period
         words = parameter_words(live.parameter, system.units), measure_words(live.measure, system.units)
         live.title = {**dict(zip(("across", "up"), words, strict=True)), "range": list(live.within)}
+        live.title["axes"] = [live.parameter, live.measure]
         return live, system
 
     @classmethod
