@@ -75,6 +75,8 @@ PERMITTED = {
     ("bifurcation/branch.py", "unexplained", "bifurcation"): "derived when it is asked for; walking never looks at it",
     ("bifurcation/branch.py", "basins", "studies"): "basins() of a branch is a convenience; walking never settles",
     ("bifurcation/branch.py", "live", "plot"): "live() of a branch is a convenience; walking never draws",
+    ("bifurcation/loci/locus.py", "live", "plot"): "live() of a locus is a convenience; following never draws",
+    ("attractors/basins.py", "live", "plot"): "live() of shares is a convenience; sorting never draws",
     ("notebook.py", "plot", "plot"): "plot() of a record is a convenience; what makes records never draws",
     ("notebook.py", "_repr_html_", "plot"): "a card is a convenience of notebooks; its value never draws",
     ("summary.py", "to_dict", "results"): "plain values follow the type hints that the codec of results knows",

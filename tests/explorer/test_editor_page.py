@@ -15,6 +15,18 @@ CHOOSING = "document.querySelectorAll('[data-start]').length > 5"
 WALKED = "gapwalk.editor.chart.curve?.whole && !gapwalk.editor.isBusy && gapwalk.editor.timer === undefined"
 
 
+LOCUS = """
+[[study]]
+name = "touch"
+kind = "locus"
+of = "grazing"
+parameter = "frequency"
+from = 0.7
+to = 0.95
+second = { parameter = "harmonic1.amplitude", from = 0.18, to = 0.25 }
+"""
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("nothing")
@@ -110,6 +122,33 @@ def test_a_slider_changes_the_digits_alone_and_the_curve_follows(stop) -> None:
     assert lines(stop, "clearance") == ["clearance = 1.2  # of the stop"]
     stop.click("#edit-undo")
     until(stop, WALKED)
+
+
+def test_shares_and_a_locus_move_with_a_slider_and_are_whole_at_rest(stop, folder) -> None:
+    text = (folder / "stop.toml").read_text(encoding="utf-8")
+    text = text.replace("[study]", '[[study]]\nname = "amplitude"') + LOCUS
+    stop.fill("#edit-text textarea", text)
+    until(stop, "!document.getElementById('edit-locus-more').parentElement.hidden")
+    stop.click("#edit-shares-more summary")
+    until(stop, "gapwalk.editor.kinds.length === 3")
+    stop.click("#edit-response", position={"x": 200, "y": 60})  # chooses where starts are sorted
+    whole = "gapwalk.editor.live.locus.curve?.whole && document.querySelector('#edit-shares-note').textContent"
+    whole = f"{whole}.includes('labels at borders are exact') && {WALKED}"
+    until(stop, f"gapwalk.editor.at !== null && {whole}")
+    assert stop.locator("#edit-shares .bars rect").count() >= 1
+    assert float(stop.input_value("#edit-at")) == stop.evaluate("gapwalk.editor.at")
+    before = stop.evaluate("gapwalk.editor.live.locus.curve.x[0]")
+    stop.focus("#edit-values [data-name='stop.clearance'] input[type=range]")
+    for _ in range(12):
+        stop.keyboard.press("ArrowRight")
+        stop.wait_for_timeout(60)
+    for kind in ("response", "locus", "shares"):
+        until(stop, f"Number(document.getElementById('edit-{kind}').dataset.moved) > 0")
+    until(stop, whole)
+    assert lines(stop, "clearance") == ["clearance = 1.06  # of the stop"]
+    assert stop.evaluate("gapwalk.editor.live.locus.curve.x.length") > 20
+    assert stop.evaluate("gapwalk.editor.live.locus.curve.x[0]") != before
+    stop.click("#edit-shares-more summary")
 
 
 def test_checks_and_curves_come_at_most_twenty_times_a_second_while_a_slider_moves(stop) -> None:

@@ -1,5 +1,6 @@
 """The model editor without a page: checks of a text, its numbers, its response, and files that stay the user's own."""
 
+import asyncio
 import io
 import json
 import re
@@ -10,13 +11,12 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.explorer import live_response
-from gapwalk.explorer.live_response import Asked, LiveResponses, Walked, answers, response
+from gapwalk.explorer.live_process import Asked, Known, LiveAnswers, answers
 from gapwalk.explorer.model_editor import checked_text, numbers_of, save_text, start_text, starts, text_of
 from gapwalk.explorer.workspace_folder import Workspace
 from gapwalk.model.model_file import check_model
 from gapwalk.model.model_source import parse_source, value_spans
-from gapwalk.studies import read_studies
+from gapwalk.studies import live_response, read_studies
 from tests.explorer.conftest import STOP, run_apart
 from tests.studies.test_complete_response import TRAIN
 
@@ -26,6 +26,17 @@ STARTS = [each["name"] for each in starts()]
 
 def example(name: str) -> str:
     return (EXAMPLES / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def response(text: str, known: Known | None = None) -> list[dict]:
+    """The title of a live response, moved points if there are any, the points one by one, and why it ends."""
+    title, *more = [each for each in answers(Asked(1, text), known) if each.get("of") == "response"]
+    points = [
+        {"x": x, "y": y, "look": look}
+        for each in more
+        for x, y, look in zip(*(each.get(name, ()) for name in ("x", "y", "looks")), strict=True)
+    ]
+    return [title["title"], *(each for each in more if "moved" in each), *points, more[-1]]
 
 
 def checked(text: str) -> dict:
@@ -110,8 +121,8 @@ def test_errors_have_their_lines_and_what_is_right_so_far_is_shown() -> None:
 
 
 def test_the_response_is_that_of_an_exact_walk_to_a_hundredth(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live_response, "_LONGEST", 600.0)  # on a busy machine it is stopped before its end
-    first, *points, last = response(Asked(1, STOP))
+    monkeypatch.setattr(live_response, "LONGEST", 600.0)  # on a busy machine it is stopped before its end
+    first, *points, last = response(STOP)
     assert last["end"] == ""
     assert (first["across"], first["up"]) == ("excitation frequency Ω", "amplitude of x (half the peak to peak)")
     (study,) = read_studies(io.StringIO(STOP))
@@ -121,7 +132,7 @@ def test_the_response_is_that_of_an_exact_walk_to_a_hundredth(monkeypatch: pytes
     assert max(each["y"] for each in points) == pytest.approx(most, rel=0.02)
     for each in points[:: len(points) // 7]:
         orbit = gw.find_orbit(study.system.at({"frequency": each["x"]}), start="settle")
-        if each["label"] == 0 and orbit.measure("half.x") == pytest.approx(each["y"], rel=0.3):
+        if each["look"] == "stable" and orbit.measure("half.x") == pytest.approx(each["y"], rel=0.3):
             assert orbit.measure("half.x") == pytest.approx(each["y"], rel=0.01, abs=0.01 * most)
     assert min(each["x"] for each in points) == pytest.approx(min(first["range"]))
     assert max(each["x"] for each in points) == pytest.approx(max(first["range"]))
@@ -140,9 +151,9 @@ study = { kind = "response", parameter = "frequency", from = 0.8, to = 3.5, meas
 
 def test_folds_that_hold_a_walk_back_leave_nothing_of_the_range_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live_response, "_BEHIND", 2)
-    _, *points, last = response(Asked(1, BACK))
+    _, *points, last = response(BACK)
     assert last["end"] == ""
-    settled = [each for each in points if each["label"] == live_response._SETTLED]
+    settled = [each for each in points if each["look"] == "settled"]
     walked = points[: -len(settled)]
     assert settled[0]["x"] > max(each["x"] for each in walked) > walked[-1]["x"]
     assert settled[-1]["x"] == 3.5
@@ -151,9 +162,9 @@ def test_folds_that_hold_a_walk_back_leave_nothing_of_the_range_out(monkeypatch:
 
 
 def test_the_points_of_the_last_walk_are_moved_to_other_numbers_at_once() -> None:
-    last, wide = Walked(), BACK.replace("amplitude = 0.3", "amplitude = 0.31")
-    assert not [each for each in response(Asked(1, BACK), last) if "moved" in each]
-    found = list(response(Asked(2, wide), last))
+    last, wide = Known(), BACK.replace("amplitude = 0.3", "amplitude = 0.31")
+    assert not [each for each in response(BACK, last) if "moved" in each]
+    found = list(response(wide, last))
     (news,), rest = (each["moved"] for each in found if "moved" in each), found[-1]["marks"]
     free = [(x, y) for x, y in zip(news["x"], news["y"], strict=True) if y < 0.95]
     assert len(free) > 10
@@ -167,7 +178,45 @@ def test_the_points_of_the_last_walk_are_moved_to_other_numbers_at_once() -> Non
     assert coarse == pytest.approx([upper, lower], rel=0.05)  # the lower one is a corner, beside a graze
     assert coarse[0] == pytest.approx(upper, rel=1e-5)
     other = wide.replace("stiffness = 20.0", 'stiffness = 20.0, side = "positive"')  # another structure
-    assert not [each for each in response(Asked(3, other), last) if "moved" in each]
+    assert not [each for each in response(other, last) if "moved" in each]
+
+
+LOCUS = (
+    BACK[: BACK.index("study =")]
+    + """
+[study]
+kind = "locus"
+of = "fold"
+parameter = "frequency"
+from = 0.8
+to = 3.5
+near = 3.0
+second = { parameter = "harmonic1.amplitude", from = 0.28, to = 0.32, at = 0.3 }
+"""
+)
+
+
+def test_the_loci_of_a_study_are_those_of_the_study_and_move_with_the_numbers() -> None:
+    known: Known = {}
+    for text, is_moved in ((LOCUS, False), (LOCUS.replace("clearance = 1.0", "clearance = 1.01"), True)):
+        title, *news, last = [
+            each for each in answers(Asked(1, text, kinds=("locus",)), known) if each.get("of") == "locus"
+        ]
+        assert title["title"]["up"] == "amplitude of harmonic 1"
+        assert last["end"] == ""
+        (study,) = read_studies(io.StringIO(text))
+        (own,) = gw.run(study).map.loci
+        found = [each for each in (*news, last) if "x" in each]
+        assert found[-1]["x"][:-1] == pytest.approx(own.values[:, 0].tolist(), abs=1e-9)
+        assert found[-1]["y"][:-1] == pytest.approx(own.values[:, 1].tolist(), abs=1e-9)
+        moved = [each["moved"] for each in news if "moved" in each]
+        assert bool(moved) is is_moved
+        for each in moved:  # the place of a fold at the same amplitude
+            x, y = (np.array(each[name][:-1], dtype=float) for name in ("x", "y"))
+            order, inside = np.argsort(own.values[:, 1]), (y > 0.285) & (y < 0.315)
+            assert inside.sum() > 10
+            exact = np.interp(y[inside], *own.values[order][:, ::-1].T)
+            assert x[inside] == pytest.approx(exact, abs=2e-4)
 
 
 def test_a_train_that_rattles_without_period_has_its_settled_response_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -175,19 +224,19 @@ def test_a_train_that_rattles_without_period_has_its_settled_response_at_once(mo
         raise AssertionError("an orbit is looked for where none is")
 
     monkeypatch.setattr(live_response, "find_orbit", refuse)
-    monkeypatch.setattr(live_response, "_LONGEST", 600.0)
+    monkeypatch.setattr(live_response, "LONGEST", 600.0)
     text = TRAIN.replace('from = "1100 rpm"', 'from = "900 rpm"').replace('"1050 rpm"', '"880 rpm"')
-    first, *points, last = response(Asked(1, text))
+    first, *points, last = response(text)
     assert last["end"] == ""
-    assert {each["label"] for each in points} == {live_response._SETTLED}
+    assert {each["look"] for each in points} == {"settled"}
     assert [points[0]["x"], points[-1]["x"]] == first["range"] == [900.0, 880.0]
     depth = np.array([each["y"] for each in points])  # deg: the teeth are left, and hit again
     assert np.all((depth > 0.12) & (depth < 1.0))
 
 
 def test_a_response_without_time_is_not_empty(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live_response, "_LONGEST", 0.0)
-    _, *points, last = response(Asked(1, BACK))
+    monkeypatch.setattr(live_response, "LONGEST", 0.0)
+    _, *points, last = response(BACK)
     assert points
     assert "Compute walks all of it" in last["end"]
 
@@ -198,7 +247,7 @@ def test_beginnings_have_a_response_without_a_compiled_flow(name, monkeypatch) -
         raise AssertionError("this would take seconds after each change of the structure")
 
     monkeypatch.setattr("gapwalk.flow.flow.Flow.__init__", refuse)
-    first, *points, last = response(Asked(1, example(name)))
+    first, *points, last = response(example(name))
     assert len(points) > 15
     assert set(first) == {"across", "up", "axes", "range"}
     assert isinstance(last["end"], str)
@@ -206,20 +255,20 @@ def test_beginnings_have_a_response_without_a_compiled_flow(name, monkeypatch) -
 
 @pytest.mark.parametrize("name", ["den_hartog", "belt"])
 def test_friction_has_a_response_too(name) -> None:
-    *_, before, last = response(Asked(1, example(name)))
+    *_, before, last = response(example(name))
     assert before["y"] > 0.0
     assert last["end"] == ""
 
 
 def test_what_has_no_response_is_said() -> None:
-    news = list(answers(Asked(1, example("impact_damper"))))
-    assert 'kind = "response"' in news[-1]["end"]
-    assert news[-1]["failed"]
+    said, _ = answers(Asked(1, example("impact_damper")))
+    assert 'kind = "response"' in said["end"]
+    assert said["failed"]
 
 
 @pytest.mark.slow
 def test_a_walk_that_nobody_waits_for_is_given_up_and_the_next_one_comes_at_once() -> None:
-    live = LiveResponses()
+    live = LiveAnswers()
     long = STOP.replace("[study]", "[study]\nperiod = 1")
 
     async def both() -> list[dict]:
@@ -231,7 +280,8 @@ def test_a_walk_that_nobody_waits_for_is_given_up_and_the_next_one_comes_at_once
     try:
         news = run_apart(both())
         process = live._process
-        assert news[0]["across"]
+        assert process is not None
+        assert news[0]["title"]["across"]
         assert news[-1]["end"] == ""
         assert sum(len(each.get("x", ())) for each in news) > 20
         again = run_apart(both())  # in another loop, by the same process
@@ -240,6 +290,25 @@ def test_a_walk_that_nobody_waits_for_is_given_up_and_the_next_one_comes_at_once
     finally:
         live.close()
     assert not process.is_alive()
+
+
+@pytest.mark.slow
+def test_long_work_that_nobody_waits_for_is_ended_and_the_next_text_is_answered() -> None:
+    live = LiveAnswers()
+    train = example("train")  # whose motions settle after minutes
+
+    async def both() -> list[dict]:
+        abandoned = live.of(train, "", "", ("shares",))
+        while "coarse" not in await anext(abandoned):
+            pass
+        await asyncio.sleep(0.5)
+        await abandoned.aclose()
+        return [news async for news in live.of(STOP, "", "")]
+
+    try:
+        assert run_apart(both())[-1]["end"] == ""
+    finally:
+        live.close()
 
 
 @pytest.fixture
@@ -291,7 +360,7 @@ def test_the_server_answers_the_editor(client, session, model) -> None:
     lines = client.post("/api/edit/check", json={"file": model, "text": STOP}).text.splitlines()
     found, first, *_, last = (json.loads(line) for line in lines)
     assert found["problems"] == []
-    assert first["across"] == "excitation frequency Ω"
+    assert first["title"]["across"] == "excitation frequency Ω"
     assert last["end"] == ""
     assert len(client.post("/api/edit/check", json={"text": "a = 1\n"}).text.splitlines()) == 1  # no response of that
     saved = client.post("/api/edit/save", json={"file": model, "text": f"{STOP}# mine\n", "stamp": opened["stamp"]})

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -211,8 +211,10 @@ def distance(attractor: Attractor, states: NDArray[np.float64], tolerance: float
     return float(_signature(attractor, None, tolerance).distance(states))
 
 
-def signature_of(attractor: Attractor) -> AttractorSignature:
-    """Build the signature of an attractor."""
+def signature_of(attractor: Attractor, reach: float | None = None) -> AttractorSignature:
+    """Build the signature of an attractor; quickly, by strobes within a relative distance, if that is given."""
+    if reach is not None:
+        return _signature(attractor, None, reach)
     region = None if attractor.orbit is None else trapping_region_of(attractor.orbit)
     return _signature(attractor, region, _CLOSEST)
 
@@ -632,6 +634,12 @@ class BasinShares:
         names = dict(enumerate(attractor_names(self.attractors)))
         names |= {label: name for label, name in _WORDS.items() if np.any(self.labels == label)}
         return tuple(self._share(name, int(np.sum(self.labels == label))) for label, name in names.items())
+
+    def live(self, parameter: str, to: tuple[float, float]) -> Any:
+        """Draw the shares above a slider for another parameter; see `Branch.live`."""
+        from gapwalk.plot.live_slider import live_slider
+
+        return live_slider(self, parameter, to)
 
     def tables(self) -> Tables:
         """Return the tables of the shares, and of the starts, each with its attractor."""

@@ -155,7 +155,7 @@ class Branch(Curve, Measured):
     def live(self, parameter: str, to: tuple[float, float], measure: str = "half") -> Any:
         """Draw the branch above a slider for another parameter. Notebooks need ``%matplotlib widget``."""
         # At each step of the slider the points of a quick walk are moved; at rest the branch is followed again.
-        from gapwalk.plot.live_branch import live_slider
+        from gapwalk.plot.live_slider import live_slider
 
         return live_slider(self, parameter, to, measure)
 

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import pairwise
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
+from gapwalk.bifurcation.loci.locus import Codim2, LocusPoint, test_function, tested
+from gapwalk.bifurcation.loci.locus_equations import GrazingEquation
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.corrector import Corrector, hermite
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import NumericalError
-from gapwalk.model.system import System
-from gapwalk.orbit.orbit_equation import OrbitEquation
 
 MOVED = 120
 """Points of a moved curve: a picture that is as wide as a page shows no more bends."""
@@ -37,13 +36,12 @@ class Mark(NamedTuple):
         return first + self.share * (last - first)
 
 
-def moved(corrector: Corrector, points: Sequence[BranchPoint], system: System) -> list[BranchPoint]:
-    """Return points of the curve of another system with the same parts, near those of a curve with its corrector."""
+def moved(own: Corrector, points: Sequence[BranchPoint | LocusPoint]) -> list[BranchPoint]:
+    """Return points of the curve of a corrector, near those of a curve of another system with the same parts."""
     # Each is sought in the plane across the old curve, so that folds do no harm. A point that is not found is left out.
-    equation = replace(cast("OrbitEquation", corrector.equation), system=system)
-    own, found = Corrector(equation, corrector.scales), list[BranchPoint]()
-    shift, length = np.zeros(len(corrector.scales)), 0.0
-    for point in _thinned(points):
+    found = list[BranchPoint]()
+    shift, length = np.zeros(len(own.scales)), 0.0
+    for point in points:
         try:
             correction = own.correct(point.x + shift, point.tangent) or own.correct(point.x, point.tangent)
             if correction is None:
@@ -56,7 +54,7 @@ def moved(corrector: Corrector, points: Sequence[BranchPoint], system: System) -
     return found
 
 
-def _thinned(points: Sequence[BranchPoint]) -> Iterator[BranchPoint]:
+def thinned(points: Sequence[BranchPoint]) -> Iterator[BranchPoint]:
     """Yield every so many points, and all beside a fold or a change of stability."""
     every = -(-len(points) // MOVED)
     kinds = [(each.tangent[-1] > 0.0, each.instability.label, each.orbit.closings) for each in points]
@@ -77,10 +75,28 @@ def marks(points: Sequence[BranchPoint], scale: float) -> Iterator[Mark]:
             values = [kind.function(each) for each in (first, last)]
             if values[0] * values[1] < 0.0:
                 yield _mark(kind, first, last, values, scale)
-        for switch in np.flatnonzero(np.not_equal(first.orbit.closings, last.orbit.closings)).tolist():
-            depths = [min(each.orbit.turning_depths[switch].values, key=abs, default=0.0) for each in (first, last)]
-            if depths[0] * depths[1] < 0.0:
-                yield _mark(Kind.GRAZING, first, last, depths, scale)
+        for depths in _grazes(first, last):
+            yield _mark(Kind.GRAZING, first, last, depths, scale)
+
+
+def _grazes(first: BranchPoint, last: BranchPoint) -> Iterator[list[float]]:
+    """Yield the depths at two points of each contact that touches another number of times at the second."""
+    for switch in np.flatnonzero(np.not_equal(first.orbit.closings, last.orbit.closings)).tolist():
+        depths = [min(each.orbit.turning_depths[switch].values, key=abs, default=0.0) for each in (first, last)]
+        if depths[0] * depths[1] < 0.0:
+            yield depths
+
+
+def codim2_marks(kind: Kind, corrector: Corrector, points: Sequence[BranchPoint]) -> Iterator[tuple[str, float, float]]:
+    """Yield kind and place of the points of codimension two between points of a locus, by interpolation."""
+    for first, last in pairwise(points):
+        tests = [(each, test_function(kind, each, corrector, first)) for each in tested(kind)]
+        found = [(each, [function(first), function(last)]) for each, function in tests]
+        grazes = () if isinstance(corrector.equation, GrazingEquation) else _grazes(first, last)
+        for what, (a, b) in (*found, *((Codim2.GRAZING, depths) for depths in grazes)):
+            if a * b < 0.0:
+                x = hermite(first, last, a / (a - b))[-2:] * corrector.scales[-2:]
+                yield what.value, float(x[0]), float(x[1])
 
 
 def _mark(kind: Kind, first: BranchPoint, last: BranchPoint, values: Sequence[float], scale: float) -> Mark:

@@ -63,11 +63,9 @@ def numbers(values: ArrayLike) -> list[float | None]:
     return [float(f"{value:.{_DIGITS}g}") if np.isfinite(value) else None for value in array.tolist()]
 
 
-@pictured(BasinShares, forms=())
-def shares_picture(found: BasinShares) -> Picture:
-    """Describe the share of random starts that lead to each attractor, with its confidence limits."""
-    shares = ", ".join(f"{each.name} {each.share:.1%}" for each in found.shares)
-    bars = [
+def share_bars(found: BasinShares) -> list[Json]:
+    """Return the shares of starts as bars, with their confidence limits."""
+    return [
         {
             "name": each.name,
             "share": each.share,
@@ -78,8 +76,14 @@ def shares_picture(found: BasinShares) -> Picture:
         }
         for number, each in enumerate(found.shares)
     ]
+
+
+@pictured(BasinShares, forms=())
+def shares_picture(found: BasinShares) -> Picture:
+    """Describe the share of random starts that lead to each attractor, with its confidence limits."""
+    shares = ", ".join(f"{each.name} {each.share:.1%}" for each in found.shares)
     said = [f"Of {len(found.labels):,} random starts: {shares}"]
-    return Picture(found.system, parts=lambda: Parts(more={"shares": bars}), sentences=said)
+    return Picture(found.system, parts=lambda: Parts(more={"shares": share_bars(found)}), sentences=said)
 
 
 _LEVELS = 700  # of the section points at one value: points nearer to each other than a pixel are drawn once

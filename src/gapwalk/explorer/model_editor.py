@@ -16,6 +16,7 @@ from typing import Any
 
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.explorer.diagram_lines import quantity_words
+from gapwalk.explorer.live_process import KINDS
 from gapwalk.explorer.motion_panels import scenes_of
 from gapwalk.explorer.server_state import Session
 from gapwalk.explorer.workspace_folder import MODEL, Workspace
@@ -25,6 +26,8 @@ from gapwalk.model.modes import dissipation_doubts
 from gapwalk.model.problems import ModelFileError, Problem
 from gapwalk.model.problems import Path as Place
 from gapwalk.model.system import System
+from gapwalk.studies.live_response import LiveResponse
+from gapwalk.studies.locus_study import LocusStudyOptions
 from gapwalk.studies.machine_templates import machine_text, machines, template
 from gapwalk.studies.study_file import check_studies
 
@@ -41,7 +44,7 @@ _STAGE = re.compile(r"(.+)\.stage(\d+)\.\w+")
 def checked_text(text: str, name: str, root: str) -> dict[str, Any]:
     """Check the text of a model file, and describe it for the page."""
     found: dict[str, Any] = {"problems": [], "numbers": None, "lines": None, "machine": None, "system": False}
-    found |= {"title": "", "contents": [], "plans": [], "warnings": []}
+    found |= {"title": "", "contents": [], "plans": [], "warnings": [], "locus": False}
     try:
         source = parse_source(_checked_size(text), name, root)
     except ModelFileError as error:
@@ -57,6 +60,7 @@ def checked_text(text: str, name: str, root: str) -> dict[str, Any]:
     except ModelFileError as error:
         return {**found, "problems": _told(error.problems)}
     found["plans"] = [": ".join(filter(None, (each.name, each.options.plan))) for each in studies]
+    found["locus"] = any(isinstance(each.options, LocusStudyOptions) for each in studies)
     doubts = (doubt for each in studies for doubt in each.doubts)
     found["warnings"] = list(dict.fromkeys((*found["warnings"], *doubts)))
     return found
@@ -248,12 +252,14 @@ async def edit(session: Session, word: str, body: dict[str, Any]) -> dict[str, A
 
 
 async def checks(session: Session, body: dict[str, Any]) -> AsyncIterator[dict[str, Any]]:
-    """Yield what `checked_text` finds, and then, of a text without problems, its response as it grows."""
+    """Yield what `checked_text` finds, and then, of a text without problems, its live answers as they grow."""
     root = str(session.workspace.root)
     name = str(session.workspace.root / (str(body.get("file", "")) or "model.toml"))
     text = str(body.get("text", ""))
     found = await asyncio.to_thread(checked_text, text, name, root)
     yield found
     if not found["problems"]:
-        async for news in session.live.of(text, name, root):
+        kinds = tuple(each for each in KINDS if each in body.get("live", (LiveResponse.key,)))
+        at = body.get("at")
+        async for news in session.live.of(text, name, root, kinds, at if isinstance(at, int | float) else None):
             yield news

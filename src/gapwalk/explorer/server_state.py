@@ -14,7 +14,7 @@ from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.explorer.diagram_lines import contact_quantities, inertia_measures, measure_name, quantity_words
 from gapwalk.explorer.engine import Engine
 from gapwalk.explorer.engine_tasks import Task
-from gapwalk.explorer.live_response import LiveResponses
+from gapwalk.explorer.live_process import LiveAnswers
 from gapwalk.explorer.motion_panels import Flows, locus_lines, scenes_of
 from gapwalk.explorer.opened_file import Entry, Exploration, State, change_look, deleted, listed, remove_deleted
 from gapwalk.explorer.page_requests import read_action
@@ -133,7 +133,7 @@ class Session:
         self.flows = Flows()
         self.events = Events(self.progress)
         self.jobs = Jobs(self.events.changed, engine)
-        self.live = LiveResponses()
+        self.live = LiveAnswers()
 
     def exploration(self, name: str) -> Exploration:
         """Return the exploration of a file; open the file if it is not open yet."""

@@ -14,7 +14,7 @@ from matplotlib.colors import ListedColormap, to_rgb
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.attractors.basin_boundary import Manifold
-from gapwalk.attractors.basins import IMPOSSIBLE, RUNAWAY, UNRESOLVED, Basins
+from gapwalk.attractors.basins import IMPOSSIBLE, RUNAWAY, UNRESOLVED, Basins, BasinShares
 from gapwalk.attractors.regimes import Regime, Regimes, regime_word
 from gapwalk.attractors.settle import AttractorKind
 from gapwalk.bifurcation.loci import Locus
@@ -378,3 +378,15 @@ def _sweep_entries(sweep: Sweep, shown: Sequence[int]) -> list[tuple[str, Any]]:
     ]
     regimes = {band.regime for lane in shown for band in sweep.bands(lane)}
     return entries + [(text, style.regime_color(regime)) for text, regime in style.regime_entries(regimes).items()]
+
+
+@draws(BasinShares)
+def draw_shares(found: BasinShares, ax: Axes) -> None:
+    """Draw the shares of starts as bars, with their confidence limits."""
+    shares = found.shares
+    sizes = np.array([each.share for each in shares])
+    limits = np.abs(np.array([(each.low, each.high) for each in shares]).T - sizes)
+    places, fills = np.arange(len(shares))[::-1], [FILLS[number % len(FILLS)] for number in range(len(shares))]
+    ax.barh(places, sizes, xerr=limits, color=fills, height=0.6, error_kw={"capsize": 3.0, "linewidth": 1.0})
+    ax.set_yticks(places, [each.name for each in shares])
+    ax.set(xlim=(0.0, 1.0), xlabel=f"share of {len(found.labels)} starts")

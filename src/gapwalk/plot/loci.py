@@ -80,6 +80,14 @@ def draw_map(chart: Map, ax: Axes, *, labels: bool = True, legend: bool = True) 
     return partial(_name, ax, chart, found) if labels else None
 
 
+@draws(Locus, shows="its curve over two parameters")
+def draw_one(locus: Locus, ax: Axes, *, labels: bool = True, legend: bool = True) -> Finish:
+    """Draw one locus in the plane of its two parameters."""
+    ends = ((column.min(), column.max()) for column in locus.values.T)
+    first, second = ((low - _ROOM * (high - low), high + _ROOM * (high - low)) for low, high in ends)
+    return draw_map(Map(locus.first, locus.second, (first, second), (locus,)), ax, labels=labels, legend=legend)
+
+
 def _shown(chart: Map) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the ranges to be shown: the whole plane; of loci that began on one section, the part that they reach."""
     if len(chart.sections) != 1 or not chart.loci:

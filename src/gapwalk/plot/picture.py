@@ -244,9 +244,9 @@ FORMS = ("png", "svg", "pdf")
 _MODULES = {
     "answers": ("OrderMap", "RunUp", "Scan", "Tolerance"),
     "branches": ("Branch", "Diagram"),
-    "cells": ("Regimes", "Sweep"),
+    "cells": ("BasinShares", "Regimes", "Sweep"),
     "comparisons": ("Alignment", "Contrast", "Fit", "ResultComparison"),
-    "loci": ("Family", "Map"),
+    "loci": ("Family", "Locus", "Map"),
     "models": ("System",),
     "motions": (
         *("Attractor", "Energy", "Hysteresis", "Modes", "Motion", "Orbit"),

@@ -36,9 +36,13 @@ def special_at(start: SpecialPoint | Codim2Point, kind: str | None) -> SpecialPo
         raise ModelError(
             f"kind is {kind!r}; several loci meet at {start}: write the kind that begins there, one of {names}"
         )
-    orbit, contact = start.orbit, start.contact if wanted is Kind.GRAZING else ""
+    return special_of(wanted, start.orbit, start.contact if wanted is Kind.GRAZING else "")
+
+
+def special_of(kind: Kind, orbit: Orbit, contact: str) -> SpecialPoint:
+    """Return the special point of an orbit at its bifurcation."""
     point = BranchPoint(math.nan, orbit, _NONE, _NONE, 1.0, 0.0)
-    return SpecialPoint(wanted, point, orbit.instability, orbit.instability, math.inf, contact)
+    return SpecialPoint(kind, point, orbit.instability, orbit.instability, math.inf, contact)
 
 
 def special_beside(found: Codim2Point, kind: Kind, names: tuple[str, str], within: tuple[Range, Range]) -> SpecialPoint:

@@ -250,6 +250,12 @@ class Locus(Measured, Described):
         """Return the points of codimension two of one kind, which may be given by its name, such as ``cusp``."""
         return tuple(point for point in self.codim2_points if point.kind == kind)
 
+    def live(self, parameter: str, to: tuple[float, float]) -> Any:
+        """Draw the locus above a slider for another parameter; see `Branch.live`."""
+        from gapwalk.plot.live_slider import live_slider
+
+        return live_slider(self, parameter, to)
+
     def __repr__(self) -> str:
         counts = ", ".join(f"{len(self.codim2(kind))} {kind.value}" for kind in Codim2 if self.codim2(kind))
         contact = f", {self.contact}" if self.contact else ""
@@ -352,7 +358,7 @@ def find_codim2(
         if not _is_echo(corrector, graze)
     ]
     for what in _of_sliding(locus) if isinstance(locus, Sliding) else _KINDS.get(locus, _ON_OTHERS):
-        function = _function(locus, what, corrector, first)
+        function = test_function(locus, what, corrector, first)
         # just where friction could give way to both sides a motion may be unknown; shorter steps then find others
         unknown = isinstance(locus, Sliding) and last.arclength - first.arclength < _FINEST
         with suppress(NumericalError) if unknown else nullcontext():
@@ -362,6 +368,12 @@ def find_codim2(
     if isinstance(corrector.equation, GrazingEquation):
         found += _resonances(corrector, interval, before, first, last)
     return sorted(found, key=lambda finding: finding.point.arclength)
+
+
+def tested(locus: Kind) -> list[Codim2]:
+    """Return the kinds of points on a locus whose test function needs no more than the points of the locus."""
+    kinds = () if isinstance(locus, Sliding) else _KINDS.get(locus, _ON_OTHERS)
+    return [each for each in kinds if each is not Codim2.GENERALISED_FLIP]
 
 
 def _of_sliding(kind: Sliding) -> tuple[Codim2, ...]:
@@ -494,7 +506,9 @@ def _is_echo(corrector: Corrector, graze: Graze) -> bool:
     return all(apart(theta, own, full) < _MERGED for theta in touches)
 
 
-def _function(locus: Kind, what: Codim2, corrector: Corrector, first: BranchPoint) -> Callable[[BranchPoint], float]:
+def test_function(
+    locus: Kind, what: Codim2, corrector: Corrector, first: BranchPoint
+) -> Callable[[BranchPoint], float]:
     """Return the test function of one kind of point on a locus; `first` is the point at which a step begins."""
     if what in _TURNING:
         heading = first.tangent[-2:] / (float(np.linalg.norm(first.tangent[-2:])) or 1.0)

@@ -77,6 +77,10 @@ class OrbitPlane:
         """Largest residual of an orbit, relative to the size of its unknowns."""
         return self.options.tolerance
 
+    def with_system(self, system: System) -> Self:
+        """Return the plane of another system with the same parts."""
+        return replace(self, system=system)
+
     def halved(self) -> Self:
         """Return the plane of the orbits of half the period."""
         return replace(self, period=self.period // 2)

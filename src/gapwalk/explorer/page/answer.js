@@ -237,9 +237,9 @@ function bars(changes) {
 }
 
 /** Shares of starts as bars, with their confidence limits as thin lines. */
-function shares(all) {
+export function shares(all, most = Math.max(1e-9, ...all.map(({ high }) => high))) {
   const made = element("svg", { viewBox: `0 0 360 ${34 * all.length}`, class: "chart bars", role: "img", "aria-label": all.map(({ name, text: words }) => `${name}: ${words}`).join("; ") });
-  const most = Math.max(1e-9, ...all.map(({ high }) => high)), px = (v) => 4 + (v / most) * 350;
+  const px = (v) => 4 + (v / most) * 350;
   all.forEach(({ name, share, low, high, text: words, color }, k) => {
     const top = 34 * k;
     made.append(element("text", { class: "title", x: 4, y: top + 12 }, name), element("text", { x: 356, y: top + 12, "text-anchor": "end" }, words));

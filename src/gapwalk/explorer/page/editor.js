@@ -2,7 +2,7 @@
 
 import { post, stream } from "./api.js";
 import { save } from "./dom.js";
-import { LiveChart } from "./live_chart.js";
+import { LiveChart, LiveShares } from "./live_chart.js";
 import { MachineView, stillOf } from "./machine.js";
 import { ModelText } from "./model_text.js";
 import { Sliders } from "./sliders.js";
@@ -19,7 +19,13 @@ export class Editor {
     this.drafts = new Map(); // texts that were left without being saved, by the names of their files
     this.text = new ModelText($("edit-text"), { changed: (why) => this.later(why), moved: (line) => this.sliders?.mark(line) });
     this.sliders = new Sliders($("edit-values"), $("edit-filter"), { replace: (...change) => this.replace(...change) });
-    this.chart = new LiveChart($("edit-response"), $("edit-response-note"));
+    this.chart = new LiveChart($("edit-response"), $("edit-response-note"), "A quick walk to one hundredth, with its special points; Compute locates them.");
+    const locus = new LiveChart($("edit-locus"), $("edit-locus-note"), "Followed exactly, with its points of codimension two as stars.");
+    const shares = new LiveShares($("edit-shares"), $("edit-shares-note"), { field: $("edit-at"), box: $("edit-shares-box") });
+    this.live = { response: this.chart, locus, shares };
+    for (const kind of ["locus", "shares"]) $(`edit-${kind}-more`).addEventListener("toggle", () => this.choosePlace(this.at));
+    $("edit-at").addEventListener("change", () => this.choosePlace($("edit-at").valueAsNumber));
+    $("edit-response").addEventListener("click", (event) => { if ($("edit-shares-more").open) this.choosePlace(this.chart.valueAt(event)); });
     this.machine = new MachineView($("edit-machine"), { moved: () => {}, chosen: (part) => this.text.go(this.lineOf(part)), canChoose: (part) => this.lineOf(part) > 0 });
     const click = (id, act) => $(id).addEventListener("click", () => Promise.resolve(act()).catch((error) => this.say(error.message, true)));
     click("edit-save", () => this.save());
@@ -93,6 +99,17 @@ export class Editor {
     this.text.field.focus();
   }
 
+  /** Choose the value at which random starts are sorted; null for that of the model. */
+  choosePlace(value) {
+    this.at = Number.isFinite(value) ? value : null;
+    if (this.isOpen && this.found?.system) this.later("shown");
+  }
+
+  /** The kinds of live answers that are shown; that a text has no locus is known only after its check. */
+  get kinds() {
+    return Object.keys(this.live).filter((kind) => kind === "response" || $(`edit-${kind}-more`).open);
+  }
+
   endChoice() {
     $("edit-starts").hidden = true;
     $("editor").classList.remove("choosing");
@@ -104,7 +121,8 @@ export class Editor {
     [this.name, this.stamp, this.kept, this.conflict, this.found] = [name, stamp, kept, "", null];
     $("edit-name").value = name;
     this.sliders.show([]);
-    this.chart.clear("");
+    for (const each of Object.values(this.live)) each.clear();
+    this.at = null;
     this.text.show(text);
     this.tell();
   }
@@ -182,17 +200,18 @@ export class Editor {
     this.last = performance.now();
     this.request?.abort();
     const request = (this.request = new AbortController()), { text } = this.text;
-    let isFirst = true;
+    let isFirst = true, hasMoved = false;
     this.isBusy = true;
     try {
-      for await (const news of stream("/api/edit/check", { file: this.fullName(), text }, request.signal)) {
+      for await (const news of stream("/api/edit/check", { file: this.fullName(), text, live: this.kinds, at: this.at }, request.signal)) {
         if (request.signal.aborted) return;
+        hasMoved ||= Boolean(news.moved);
         if (isFirst) this.showCheck(news, text);
-        else if (news.across) this.chart.begin(news);
-        else if (news.moved) { this.chart.move(news.moved); this.isBusy = false; }
-        else this.chart.add(news);
+        else if (news.coarse) { if (hasMoved) this.isBusy = false; }
+        else this.live[news.of].take(news);
+        if (news.of === "shares" && news.title) { this.chart.at = news.title.at; this.chart.draw(); }
         isFirst = false;
-        if ("end" in news) document.body.dataset.walked = ++this.checks;
+        if (news.of === "response" && "end" in news) document.body.dataset.walked = ++this.checks;
       }
     } catch (error) {
       if (error.name !== "AbortError") throw error;
@@ -205,6 +224,8 @@ export class Editor {
     const { problems, numbers, machine, lines } = found;
     this.found = found;
     this.text.mark(problems);
+    if (!problems.length) $("edit-locus-more").parentElement.hidden = !found.locus;
+    if (!$("edit-shares-more").open) this.chart.at = null;
     $("edit-problems").replaceChildren(...problems.map(({ line, text: words }) => this.problem(line, words)));
     if (lines) this.lines = lines;
     if (numbers && text === this.text.text) {

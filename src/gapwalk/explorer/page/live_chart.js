@@ -1,13 +1,15 @@
-// The live response of the text in the editor: it grows while it is walked; the one before stays, pale, until it is whole.
-// While a slider moves, the points of the one before are moved at once, and are shown until the walk is whole.
+// Live answers to the text in the editor: curves that grow while they are computed, and shares of starts as bars.
+// While a slider moves, the points of the curve before are moved at once, and are shown until the new one is whole.
 
+import { shares } from "./answer.js";
 import { drawPanel } from "./panels.js";
 
-const LOOKS = ["stable", "below", "above", "pair", "neutral", "neutral"]; // the last one is what settles
+const LOOKS = { fold: "above", flip: "below", "neimark-sacker": "pair", grazing: "neutral", settled: "neutral" }; // of loci, and of what settles
+const MARGINS = { left: 52, right: 24 };
 
 export class LiveChart {
-  constructor(place, note) {
-    Object.assign(this, { place, note, curve: null, before: null });
+  constructor(place, note, words) {
+    Object.assign(this, { place, note, words, curve: null, before: null, at: null });
     new ResizeObserver(() => this.draw()).observe(place);
   }
 
@@ -18,14 +20,20 @@ export class LiveChart {
     this.note.textContent = words;
   }
 
-  /** A new walk begins: its curve takes the place of the old one once it has points. */
+  /** Take news: a title, the points of the curve before that were moved, or new points. */
+  take(news) {
+    if (news.title) this.begin(news.title);
+    else if (news.moved) this.move(news.moved);
+    else this.add(news);
+  }
+
+  /** A new curve begins: it takes the place of the old one once it has points. */
   begin({ across, up, range }) {
     if (this.curve?.whole) this.before = this.curve;
     const same = this.before?.across === across && this.before?.up === up;
     if (!same) this.before = null;
-    this.curve = { across, up, range, x: [], y: [], label: [], marks: [], whole: false };
+    this.curve = { across, up, range, x: [], y: [], looks: [], marks: [], whole: false };
     this.moved = null;
-    this.began = performance.now();
     this.note.textContent = "walking…";
   }
 
@@ -37,8 +45,8 @@ export class LiveChart {
     this.draw();
   }
 
-  /** Take more points; `end` says in words why the walk ended, and is empty at the end of the range. */
-  add({ x = [], y = [], label = [], marks = [], end, failed }) {
+  /** Take more points; `end` says in words why there are no more, and is empty if nothing is left out. */
+  add({ x = [], y = [], looks = [], marks = [], end, failed }) {
     const { curve } = this;
     if (!curve) {
       if (end) this.clear(end);
@@ -46,15 +54,23 @@ export class LiveChart {
     }
     curve.x.push(...x);
     curve.y.push(...y);
-    curve.label.push(...label);
+    curve.looks.push(...looks);
+    curve.marks.push(...marks);
     if (end !== undefined) {
       curve.whole = curve.x.length > 0;
-      curve.marks = marks;
       if (curve.whole) [this.before, this.moved] = [null, null];
-      this.note.textContent = end || "A quick walk to one hundredth, with its special points; Compute locates them.";
+      this.note.textContent = end || this.words;
     }
     this.note.classList.toggle("failed", Boolean(failed));
     this.draw();
+  }
+
+  /** The value across at a place of the pointer; null without a curve. */
+  valueAt(event) {
+    const { left, width } = this.place.getBoundingClientRect(), share = (event.clientX - left - MARGINS.left) / (width - MARGINS.left - MARGINS.right);
+    if (!this.curve) return null;
+    const [low, high] = [Math.min(...this.curve.range), Math.max(...this.curve.range)];
+    return Number((low + Math.min(1, Math.max(0, share)) * (high - low)).toPrecision(4));
   }
 
   draw() {
@@ -62,32 +78,63 @@ export class LiveChart {
     if (!shown) return;
     const { across, up, range } = shown, [low, high] = [Math.min(...range), Math.max(...range)];
     const series = [...(this.before && !this.moved && this.before !== shown ? pieces(this.before, "ghost") : []), ...pieces(shown), ...special(shown)];
-    drawPanel(this.place, { title: up, across, series }, { range: [low, high], left: 52, right: 24, height: Math.max(150, Math.min(340, 0.38 * this.place.clientWidth)) });
+    drawPanel(this.place, { title: up, across, series }, { range: [low, high], ...MARGINS, lines: this.at === null ? [] : [{ at: this.at, exact: true }], height: Math.max(150, Math.min(340, 0.38 * this.place.clientWidth)) });
     this.place.dataset.points = shown.x.length;
   }
 }
 
-/** The special points of a curve: folds and grazes as dots, flips and Neimark-Sacker points as crosses. */
+/** The special points of a curve: folds and grazes as dots, flips and Neimark-Sacker points as crosses, of a locus stars. */
 function special({ marks = [] }) {
   const found = (mark, kinds) => {
     const own = marks.filter(([kind]) => kinds.includes(kind));
     return { mark, look: "special", x: own.map(([, x]) => x), y: own.map(([, , y]) => y) };
   };
-  return [found("dots", ["fold", "grazing"]), found("crosses", ["flip", "neimark-sacker"])].filter(({ x }) => x.length);
+  const others = marks.map(([kind]) => kind).filter((kind) => !["fold", "grazing", "flip", "neimark-sacker"].includes(kind));
+  return [found("dots", ["fold", "grazing"]), found("crosses", ["flip", "neimark-sacker"]), found("stars", others)].filter(({ x }) => x.length);
 }
 
 /** The pieces of a curve of one kind of stability, each up to the first point of the next. */
-function pieces({ x, y, label }, look = "") {
+function pieces({ x, y, looks }, look = "") {
   const found = [];
   for (let i = 0; i < x.length; i++) {
     const last = found.at(-1);
-    if (!last || last.label !== label[i]) {
-      found.push({ label: label[i], x: [x[i]], y: [y[i]], mark: "line", look: look || LOOKS[label[i]] });
-      if (last && label[i] < LOOKS.length - 1) { last.x.push(x[i]); last.y.push(y[i]); } // what settles does not follow
+    if (last?.label !== looks[i]) {
+      found.push({ label: looks[i], x: [x[i]], y: [y[i]], mark: "line", look: look || LOOKS[looks[i]] || looks[i] });
+      if (last && looks[i] !== "settled") { last.x.push(x[i]); last.y.push(y[i]); } // what settles does not follow
     } else {
       last.x.push(x[i]);
       last.y.push(y[i]);
     }
   }
   return found;
+}
+
+/** Shares of random starts that lead to each motion. */
+export class LiveShares {
+  constructor(place, note, { field, box }) {
+    Object.assign(this, { place, note, field, box });
+  }
+
+  clear(words = "") {
+    this.place.replaceChildren();
+    this.note.textContent = words;
+  }
+
+  take({ title, moved, bars, starts, end, failed }) {
+    if (title) {
+      this.field.parentElement.hidden = title.at === null;
+      this.field.previousSibling.textContent = `${title.across} `;
+      if (document.activeElement !== this.field) this.field.value = title.at;
+      this.box.textContent = `Starts: ${title.box}.`;
+      this.note.textContent = "computing…";
+    }
+    if (moved) this.place.dataset.moved = Number(this.place.dataset.moved ?? 0) + 1;
+    const found = moved?.bars ?? bars;
+    if (found?.length) this.place.replaceChildren(shares(found, 1));
+    const [count] = moved?.starts ?? starts ?? [];
+    if (count) this.note.textContent = moved ? `moving… ${count} starts, sorted by the motions of before` : `${count} random starts; labels at borders are exact, lines are confidence limits.`;
+    if (end) this.note.textContent = end;
+    this.note.classList.toggle("failed", Boolean(failed));
+    if (end !== undefined) this.place.dataset.whole = Number(this.place.dataset.whole ?? 0) + 1;
+  }
 }

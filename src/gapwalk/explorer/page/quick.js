@@ -2,6 +2,7 @@
 
 import { post, stream } from "./api.js";
 
+const LABELS = ["stable", "below", "above", "pair", "neutral", "settled"];
 const NEUTRAL = 4; // the look of what is settled rather than followed
 
 export class Quick {
@@ -20,8 +21,8 @@ export class Quick {
       if (request.signal.aborted) return;
       for await (const news of stream("/api/edit/check", { file, text }, request.signal)) {
         if (request.signal.aborted) return;
-        if (news.axes) await this.begin(news);
-        else if (news.x || news.end) this.add(news);
+        if (news.title) await this.begin(news.title);
+        else if (news.x || news.end) this.add({ ...news, label: news.looks?.map((look) => LABELS.indexOf(look)) });
       }
     } catch (error) {
       if (error.name === "AbortError") return;
