@@ -22,13 +22,12 @@ from numpy.typing import NDArray
 
 from gapwalk.ensemble.lane_code import OF_CONTACT, OF_COORDINATE, OF_SIGNAL, WIDTH
 from gapwalk.ensemble.lanes import Lanes, even, steps_of, turn_of
-from gapwalk.errors import NumericalError
 from gapwalk.flow.forces import accelerations, contact_deflections
 from gapwalk.flow.motion import acceleration_names, signal_factor
 from gapwalk.model.coefficients import ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
-from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.find import settled_orbit
 from gapwalk.orbit.orbit import Orbit
 
 LANE_ERROR = 1e-3
@@ -519,13 +518,8 @@ class _Settling:
     def _orbit(self, lane: int, start: Start, period: int, state: NDArray[np.float64]) -> Orbit | None:
         """Return the stable orbit of the exact flow near a state; None if there is none."""
         notes = self._noted(lane, period)
-        scale = self._scale(notes[:, self.kinds["most"]].max(axis=0) - notes[:, self.kinds["least"]].min(axis=0))
-        try:
-            orbit = find_orbit(start.system, period, state)
-        except NumericalError:
-            return None
-        is_near = np.all(np.abs(orbit.state - state)[: len(scale)] <= _NEAR * scale)
-        return orbit if orbit.stable and is_near else None
+        ends = [notes[:, self.kinds["least"]].min(axis=0), notes[:, self.kinds["most"]].max(axis=0)]
+        return settled_orbit(start.system, period, state, np.array(ends))
 
     def _checked(self, lane: int, start: Start, motion: LaneMotion) -> LaneMotion:
         """Return a periodic motion with the closings of its orbit, if a gap is nearer to a change than steps tell."""
