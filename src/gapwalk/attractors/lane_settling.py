@@ -550,7 +550,11 @@ class _Settling:
         return bool(np.all(apart <= _ENDED * np.maximum(spans[np.array(self.slow)[own]], _TINY)))
 
     def _arrives(self, lane: int, start: Start) -> LaneMotion | None:
-        """Return the known periodic motion that a motion approaches, near it in section and accelerations."""
+        """Return the known motion that a motion approaches, or is by all that can be seen.
+
+        It approaches a periodic one near it in section and accelerations. Where friction never slips, its section may
+        stay anywhere beside: a motion that repeats, with the same closings and accelerations, is the known one.
+        """
         for motion in start.known:
             if not (q := motion.period):
                 if self._is_amid(lane, motion):
@@ -566,7 +570,12 @@ class _Settling:
             )
             shrinks = self.ages[lane] >= 2 * _APART and now <= min(_NEAR, _SHRINKS * before)
             energy = self._noted(lane, q)[:, self.kinds["energy"]].mean(axis=0)
-            if (shrinks or now <= _SAME) and np.all(np.abs(np.sqrt(energy) - motion.rms) <= _NEAR * motion.rms):
+            differs = np.abs(np.sqrt(energy) / motion.rms - 1.0).max()
+            if (shrinks or now <= _SAME) and differs <= _NEAR:
+                return motion
+            closes = self._closings(lane, q).any(axis=0) == (motion.sides[self.staged].T.ravel() > 0.0)
+            steps = np.abs(strobes[q:] - strobes[:-q])[-_ENVELOPE:] / scale
+            if len(steps) == _ENVELOPE and steps.max() <= _SAME and differs <= _ALIKE and closes.all():
                 return motion
         return None
 
