@@ -368,21 +368,23 @@ def grazing_near(orbit: Orbit, parameter: str, switch: int, theta: float | None 
     It is that of the turning point at the angle `theta`; by default of the one nearest to the breakpoint.
     """
     names = parameter, moving_names(orbit.system, parameter)[0]
-    plane = ShotPlane(orbit.system, names, orbit.period, Shooting())
+    wide = ShotPlane(orbit.system, names, orbit.period, Shooting())
+    plane = replace(wide, names=names[:1])
     equation = GrazingEquation(plane, switch, 0.0, _EXACT)
     unknowns = equation.unknowns(orbit)
     scales = np.concatenate((plane.scales(orbit), [PERIOD, abs(orbit.system[parameter]) or 1.0]))
     unknowns[-2] = unknowns[-2] if theta is None else theta
-    other, far = orbit.system[plane.names[1]], math.inf
+    far = math.inf
     while far > _CLOSE * abs(float(unknowns[-1])):
-        residual, matrix, place = equation.linearised(unknowns, other)
+        residual, matrix, place = equation.linearised(unknowns)
         before, step = unknowns, -scales * np.linalg.solve(matrix[:, : len(scales)] * scales, residual)
         unknowns, last, far = before + step, far, abs(float(step[-1]))
         if not far <= max(_SHRINKS * last, _ROUNDING * abs(float(unknowns[-1]))):
             raise ConvergenceError(f"no touch was found near {parameter} = {orbit.system[parameter]:.6g}")
     value = float(unknowns[-1])
     error = far + _ROUNDING * abs(value)
-    orbit = plane.orbit(before[:-2], float(before[-1]), other, Evaluation(place.residual, place.jacobian, None, place))
+    evaluation = Evaluation(place.residual, place.jacobian, None, place)
+    orbit = wide.orbit(before[:-2], float(before[-1]), orbit.system[names[1]], evaluation)
     at = BranchPoint(value, orbit, np.append(orbit.state, value), np.zeros(len(orbit.state) + 1), math.nan, math.nan)
     contact, sides = describe_switch(orbit, switch), orbit.instability
     special = SpecialPoint(Kind.GRAZING, at, sides, sides, error, contact, parameter=parameter)

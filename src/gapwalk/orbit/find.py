@@ -125,7 +125,7 @@ def settled_orbit(
 ) -> Orbit | None:
     """Return the stable orbit near a state of a motion that has nearly settled, by its extremes; None without one."""
     try:
-        orbit = find_orbit(system, period, state, method=method)
+        orbit = find_orbit(system, period, state, method=method, newton=_NEWTON)
     except NumericalError:
         return None
     spans = np.ptp(extremes, axis=0)
