@@ -120,15 +120,18 @@ def settled_orbit(
     system: System,
     period: int,
     state: NDArray[np.float64],
-    extremes: NDArray[np.float64],
+    extremes: NDArray[np.float64] | None = None,
     method: Method | None = None,
 ) -> Orbit | None:
-    """Return the stable orbit near a state of a motion that has nearly settled, by its extremes; None without one."""
+    """Return the stable orbit near a state of a motion that has nearly settled; None without one.
+
+    What is near depends on the extremes of the coordinates, by default those of the orbit.
+    """
     try:
         orbit = find_orbit(system, period, state, method=method, newton=_NEWTON)
     except NumericalError:
         return None
-    spans = np.ptp(extremes, axis=0)
+    spans = np.ptp(orbit.extremes[:, :2].T if extremes is None else extremes, axis=0)
     if (turn := turn_of(system.structure)) is not None:
         spans[turn] = np.inf  # the rotation as a whole has no range
     is_near = np.all(np.abs(orbit.state - state)[: len(spans)] <= _SAME * spans)
