@@ -43,7 +43,7 @@ from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.laws import Law, Stages
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
-from gapwalk.orbit.find import find_orbit, settled_orbit
+from gapwalk.orbit.find import find_orbit, orbit_near
 from gapwalk.orbit.orbit import Orbit, describe_switch, is_same
 from gapwalk.pieces import tell
 
@@ -270,7 +270,6 @@ class _SlowSweep:
 
         Newton's method is called only where returns shrink: in chaos it would be called at every chance return.
         """
-        # A mode that loses a thousandth in a period outlasts any patience: then the orbit is looked up.
         strobe, scales, longest = Strobe(system), system.state_scales(), max(_LONGEST_SETTLED, self.options.longest)
         states, length = state[None, :], max(_FIRST, 3 * longest + 1)
         while True:
@@ -279,7 +278,7 @@ class _SlowSweep:
             size = max(float(np.abs(tail).max()), np.finfo(float).tiny)
             period = int(judge_returns(tail[:, None] / size, longest).periods[0])
             state, is_last = states[-1], length >= self.options.patience
-            if is_last and not period and (orbit := settled_orbit(system, 1, state)) is not None:
+            if is_last and not period and (orbit := orbit_near(system, 1, state)):  # some modes outlast any patience
                 state, period = orbit.state, 1
             if period:
                 settled = settle(system, state, SettleOptions(max_periods=8 * _FIRST, max_period=period))

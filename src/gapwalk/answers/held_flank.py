@@ -184,8 +184,8 @@ class _Point:
 def unpolished(system: System, period: int, state: NDArray[np.float64]) -> Orbit:
     """Return the motion of one period from a state as an orbit, without its multipliers."""
     arc = flow_of(system).integrate(coefficients_of(system), state, 0.0, PERIOD * period)
-    unknown = np.full(len(state), 0j)
-    return Orbit(system, period, state, unknown, tuple(arc.contacts), 0.0, arc.steps, slips=tuple(arc.slips))
+    events, unknown = tuple(arc.contacts), np.full(len(state), 0j)
+    return Orbit(system, period, state, unknown, events, 0.0, arc.steps, slips=tuple(arc.slips))
 
 
 class _Response:
@@ -373,13 +373,14 @@ def grazing_near(orbit: Orbit, parameter: str, switch: int, theta: float | None 
     equation = GrazingEquation(plane, switch, 0.0, _EXACT)
     unknowns = equation.unknowns(orbit)
     scales = np.concatenate((plane.scales(orbit), [PERIOD, abs(orbit.system[parameter]) or 1.0]))
-    unknowns[-2] = unknowns[-2] if theta is None else theta
-    far = math.inf
-    while far > _CLOSE * abs(float(unknowns[-1])):
+    unknowns[-2], far = unknowns[-2] if theta is None else theta, math.inf
+    while True:
         residual, matrix, place = equation.linearised(unknowns)
         before, step = unknowns, -scales * np.linalg.solve(matrix[:, : len(scales)] * scales, residual)
         unknowns, last, far = before + step, far, abs(float(step[-1]))
-        if not far <= max(_SHRINKS * last, _ROUNDING * abs(float(unknowns[-1]))):
+        if far <= _CLOSE * abs(float(unknowns[-1])):
+            break
+        if not far <= _SHRINKS * last:
             raise ConvergenceError(f"no touch was found near {parameter} = {orbit.system[parameter]:.6g}")
     value = float(unknowns[-1])
     error = far + _ROUNDING * abs(value)

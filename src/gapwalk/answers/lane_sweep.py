@@ -232,7 +232,8 @@ def _narrowed(
             ]
         if not starts:
             return replace(sweep, ends=ends.found)
-        motions += [motion for _, motion in settle_lanes(starts, width=2 * WIDTH, finer=finer, slowest=[each.system for each in starts])]
+        settled = settle_lanes(starts, width=2 * WIDTH, finer=finer, slowest=[each.system for each in starts])
+        motions += [motion for _, motion in settled]
         sweep = replace(sweep, lanes=tuple(sorted(motions, key=lambda motion: sign * motion.value)))
 
 
@@ -281,10 +282,8 @@ class _Touches:
                 end = grazing_near(orbit, self.line.name, switch, float(thetas[np.argmin(sign * depths)]))
                 assert end.special is not None
                 orbit = end.special.orbit
-                if not orbit.stable:
-                    return None
                 depths = sign * np.array(orbit.turning_depths[switch][1])
-                if depths.min() > -_ONCE * np.abs(depths).max():
+                if orbit.stable and depths.min() > -_ONCE * np.abs(depths).max():
                     return replace(end.with_movers(), special=None)
             return None
         except (ModelError, NumericalError, np.linalg.LinAlgError):

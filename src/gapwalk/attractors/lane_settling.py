@@ -27,8 +27,7 @@ from gapwalk.flow.motion import acceleration_names, signal_factor
 from gapwalk.model.coefficients import ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
-from gapwalk.orbit.find import settled_orbit
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.find import orbit_near
 
 LANE_ERROR = 1e-3
 """Error of a period by equal steps, relative to the size of the motion, where contacts open and close."""
@@ -509,17 +508,11 @@ class _Settling:
         if self.orbits[lane] is not None or np.ptp(self._closings(lane, start.watch), axis=0).any():
             return False
         self.orbits[lane] = ()
-        if (orbit := self._orbit(lane, start, 1, self._sections(lane, 1)[0])) is None:
+        if (orbit := orbit_near(start.system, 1, self._sections(lane, 1)[0])) is None:
             return False
         self._restart(lane, orbit.state)
         self.orbits[lane] = (orbit.state,)
         return True
-
-    def _orbit(self, lane: int, start: Start, period: int, state: NDArray[np.float64]) -> Orbit | None:
-        """Return the stable orbit of the exact flow near a state; None if there is none."""
-        notes = self._noted(lane, period)
-        ends = [notes[:, self.kinds["least"]].min(axis=0), notes[:, self.kinds["most"]].max(axis=0)]
-        return settled_orbit(start.system, period, state, np.array(ends))
 
     def _checked(self, lane: int, start: Start, motion: LaneMotion) -> LaneMotion:
         """Return a periodic motion with the closings of its orbit, if a gap is nearer to a change than steps tell."""
@@ -528,7 +521,7 @@ class _Settling:
         apart = np.min([np.abs(each - bound) for each in (low, high) for bound in self.clear[lane]], axis=0)
         if not motion.period or np.all(apart > 3.0 * LANE_ERROR * (high - low)):
             return motion
-        if (orbit := self._orbit(lane, start, motion.period, motion.state)) is None:
+        if (orbit := orbit_near(start.system, motion.period, motion.state)) is None:
             return motion
         sides, first = motion.sides.copy(), dict[tuple[int, float], int]()
         for switch, (contact, side, _) in enumerate(orbit.system.breakpoints):
@@ -550,11 +543,7 @@ class _Settling:
         return bool(np.all(apart <= _ENDED * np.maximum(spans[np.array(self.slow)[own]], _TINY)))
 
     def _arrives(self, lane: int, start: Start) -> LaneMotion | None:
-        """Return the known motion that a motion approaches, or is by all that can be seen.
-
-        It approaches a periodic one near it in section and accelerations. Where friction never slips, its section may
-        stay anywhere beside: a motion that repeats, with the same closings and accelerations, is the known one.
-        """
+        """Return the known motion that a motion approaches, or repeats: beside it where friction may stick anywhere."""
         for motion in start.known:
             if not (q := motion.period):
                 if self._is_amid(lane, motion):
@@ -570,12 +559,13 @@ class _Settling:
             )
             shrinks = self.ages[lane] >= 2 * _APART and now <= min(_NEAR, _SHRINKS * before)
             energy = self._noted(lane, q)[:, self.kinds["energy"]].mean(axis=0)
-            differs = np.abs(np.sqrt(energy) / motion.rms - 1.0).max()
-            if (shrinks or now <= _SAME) and differs <= _NEAR:
+            differs = np.abs(np.sqrt(energy) - motion.rms)
+            if (shrinks or now <= _SAME) and np.all(differs <= _NEAR * motion.rms):
                 return motion
             closes = self._closings(lane, q).any(axis=0) == (motion.sides[self.staged].T.ravel() > 0.0)
             steps = np.abs(strobes[q:] - strobes[:-q])[-_ENVELOPE:] / scale
-            if len(steps) == _ENVELOPE and steps.max() <= _SAME and differs <= _ALIKE and closes.all():
+            repeats = len(steps) == _ENVELOPE and closes.all() and steps.max() <= _SAME
+            if repeats and np.all(differs <= _ALIKE * motion.rms):
                 return motion
         return None
 

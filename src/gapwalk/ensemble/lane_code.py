@@ -161,14 +161,12 @@ class _Motion:
         if moves:
             # 2a - b, 3a - b and 4a - b by sums alone: products of all rows take longer than anything else
             half = 0.5 * self.sheet.read("C", 0)
-            third, double = half * (1.0 / 6.0), [a + (a - b) for a, b in zip(self.a, self.before, strict=True)]
-            triple = [a + each for a, each in zip(self.a, double, strict=True)]
-            self.q = [
-                q + half * (v + third * (a + each)) for q, v, a, each in zip(self.q, self.v, self.a, triple, strict=True)
-            ]
+            self.ahead = [a + (a - b) for a, b in zip(self.a, self.before, strict=True)]
+            triple = [a + twice for a, twice in zip(self.a, self.ahead, strict=True)]
+            means = [v + half * (1.0 / 6.0) * (a + each) for v, a, each in zip(self.v, self.a, triple, strict=True)]
+            self.q = [q + half * v for q, v in zip(self.q, means, strict=True)]
             self.v = [v + half * 0.5 * each for v, each in zip(self.v, triple, strict=True)]
-            #: of the velocity at the end: what it is but for this share of the change of the acceleration
-            self.ahead, self.share = double, half * (5.0 / 12.0)
+            self.share = half * (5.0 / 12.0)  # in the velocity, of what the acceleration is beside `ahead`
 
     def number(self, slot: int) -> Any:
         """Return a coefficient; a plain number if it is always 0 or 1."""

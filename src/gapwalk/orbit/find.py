@@ -45,9 +45,7 @@ _GROWS = 1e9  # factor from the smallest size of a transient beyond which it div
 _ASIDE = 1e-3  # of the natural length: beside a place where a formula has no value
 _BEYOND_EDGE = [1e-8 * 4.0**power for power in range(8)]  # lengths from where friction still slips to one side
 _SETTLED = 1e-4  # relative change over one orbit below which Newton's method starts
-# distance of an orbit from a state of the motion that settles there, of the range of each coordinate: equal steps keep a
-# lightly damped one moving by some percent, and other orbits are farther
-_SAME = 0.1
+_SAME = 0.1  # of the ranges of coordinates: equal steps keep a lightly damped motion moving by some percent
 
 
 def find_orbit(
@@ -116,22 +114,13 @@ def find_orbit(
     return _found(equation, newton)
 
 
-def settled_orbit(
-    system: System,
-    period: int,
-    state: NDArray[np.float64],
-    extremes: NDArray[np.float64] | None = None,
-    method: Method | None = None,
-) -> Orbit | None:
-    """Return the stable orbit near a state of a motion that has nearly settled; None without one.
-
-    What is near depends on the extremes of the coordinates, by default those of the orbit.
-    """
+def orbit_near(system: System, period: int, state: NDArray[np.float64], method: Method | None = None) -> Orbit | None:
+    """Return the stable orbit near a state of a motion that has nearly settled; None if there is none."""
     try:
         orbit = find_orbit(system, period, state, method=method, newton=_NEWTON)
     except NumericalError:
         return None
-    spans = np.ptp(orbit.extremes[:, :2].T if extremes is None else extremes, axis=0)
+    spans = np.ptp(orbit.extremes[:, :2], axis=1)
     if (turn := turn_of(system.structure)) is not None:
         spans[turn] = np.inf  # the rotation as a whole has no range
     is_near = np.all(np.abs(orbit.state - state)[: len(spans)] <= _SAME * spans)

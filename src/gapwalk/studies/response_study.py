@@ -33,7 +33,7 @@ from gapwalk.continuation.walk import End, EndReason, WalkState
 from gapwalk.errors import NumericalError, StoreError
 from gapwalk.interrupts import end_gently
 from gapwalk.model.system import System
-from gapwalk.orbit.find import find_orbit, settled_orbit
+from gapwalk.orbit.find import find_orbit, orbit_near
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.parallel.workers import Workers
@@ -162,8 +162,7 @@ class ResponseWork(Work):
         assert curve is not None
         if not curve.is_simple(bands, asked.period) and (again or band.period != asked.period):
             return None
-        system = self.system.at({asked.parameter: band.value})
-        return settled_orbit(system, asked.period, band.state, band.extremes, self._method)
+        return orbit_near(self.system.at({asked.parameter: band.value}), asked.period, band.state, self._method)
 
     @property
     def _is_settling(self) -> bool:
