@@ -214,11 +214,10 @@ def _narrowed(
     lanes, places = (other.lanes, _ends(other.lanes, edges[::-1], other, gaps)) if other else ((), {})
     watched = {motion.value: (motion,) for motion in lanes if not motion.period and motion.watched >= LONG}
     beside = {lanes[k + side].value for k in places for side in (0, 1)}  # of each end that the other sweep has found
-    step, finer = abs(edges[-1] - edges[0]) / max(len(edges) - 1, 1), 1.0
+    sweep, step = _watched_on(line, sweep, gaps, watched), abs(edges[-1] - edges[0]) / max(len(edges) - 1, 1)
     ends = _Touches(line, other)
     while True:
-        sweep = _watched_on(line, sweep, gaps, watched, finer)
-        motions, starts, finer = list(sweep.lanes), list[Start](), _FINER_ENDS
+        motions, starts = list(sweep.lanes), list[Start]()
         for place, changing in _ends(motions, edges, sweep, gaps).items():
             one, two = motions[place : place + 2]
             is_chaotic, width = not (one.period and two.period), abs(two.value - one.value)
@@ -227,12 +226,13 @@ def _narrowed(
             inside = inside_of(one.value, two.value, max(least, _ROUGH * step * is_chaotic))
             tried = [each for each in beside if min(one.value, two.value) < each < max(one.value, two.value)]
             starts += [
-                Start((), value, line.system_at(value), one.state, watched.get(value, ()), is_chaotic)
+                Start((), value, line.system_at(value), one.state, watched.get(value, ()), is_chaotic, LONG)
                 for value in (inside and tried) or inside
             ]
         if not starts:
             return replace(sweep, ends=ends.found)
-        settled = settle_lanes(starts, width=2 * WIDTH, finer=finer, slowest=[each.system for each in starts])
+        systems = [start.system for start in starts]
+        settled = settle_lanes(starts, width=2 * WIDTH, finer=_FINER_ENDS, slowest=systems)
         motions += [motion for _, motion in settled]
         sweep = replace(sweep, lanes=tuple(sorted(motions, key=lambda motion: sign * motion.value)))
 
@@ -295,7 +295,6 @@ def _watched_on(
     sweep: SettledSweep,
     gaps: Sequence[str],
     watched: Mapping[float, tuple[LaneMotion, ...]],
-    finer: float,
 ) -> SettledSweep:
     """Watch motions without period longer where a gap begins or ceases to rattle: chaos may die, or part seldom."""
     motions, notes = list(sweep.lanes), list(sweep.notes)
@@ -313,7 +312,7 @@ def _watched_on(
             return replace(sweep, lanes=tuple(motions), notes=tuple(notes))
         # a register takes the time of its slowest lane, whether the others are filled or not
         chosen = sorted(open_, key=lambda k: apart[k])[: -(-near // WIDTH) * WIDTH]
-        for k, motion in _confirmed(line, {k: motions[k] for k in chosen}, finer).items():
+        for k, motion in _confirmed(line, {k: motions[k] for k in chosen}).items():
             motions[k] = motion
             if not motion.watched >= LONG:
                 notes.append(f"{sweep.met}, at {motion.value:.6g}: {_DIED.format(motion.waited)}")
@@ -322,7 +321,7 @@ def _watched_on(
 _DIED = "transient chaos, which died out after {} forcing periods"
 
 
-def _confirmed(line: ParameterLine, motions: Mapping[int, LaneMotion], finer: float = 1.0) -> dict[int, LaneMotion]:
+def _confirmed(line: ParameterLine, motions: Mapping[int, LaneMotion]) -> dict[int, LaneMotion]:
     """Watch motions without period for long."""
     starts = [
         Start(key, motion.value, line.system_at(motion.value), motion.state, is_warm=True, watch=LONG)
@@ -331,7 +330,7 @@ def _confirmed(line: ParameterLine, motions: Mapping[int, LaneMotion], finer: fl
     before = {key: motion.waited + motion.watched for key, motion in motions.items()}
     return {
         start.key: replace(motion, waited=before[start.key] + motion.waited)
-        for start, motion in settle_lanes(starts, finer=finer, slowest=[each.system for each in starts])
+        for start, motion in settle_lanes(starts, slowest=[start.system for start in starts])
     }
 
 
