@@ -235,12 +235,14 @@ def settle_lanes(
     slowest of some systems.
     """
     groups, failed = dict[int, deque[Start]](), list[Start]()
-    least = max((_steps(each, finer) for each in slowest), default=0)
-    known = dict[int, int]()
-    for start in starts:
-        key = id(start.system)
-        known[key] = known.get(key) or max(_steps(start.system, finer), least)
-        groups.setdefault(known[key], deque()).append(start)
+    starts = list(starts)
+    systems = [*slowest, *(start.system for start in starts)]
+    needed = np.array([coefficients_of(each) for each in systems])
+    needed = steps_of(layout_of(systems[0].structure), needed).tolist() if systems else []
+    every = [even(math.ceil(finer * each)) for each in needed]
+    least = max(every[: len(slowest)], default=0)
+    for start, own in zip(starts, every[len(slowest) :], strict=True):
+        groups.setdefault(max(own, least), deque()).append(start)
     for steps, waiting in sorted(groups.items()):
         taken = [waiting.popleft() for _ in range(min(width, len(waiting)))]
         lanes = _Settling(taken, taken[0].system, finer, steps)
@@ -259,12 +261,6 @@ def settle_lanes(
             lanes.hasten()
     if failed:
         yield from settle_lanes(failed, next_start, width=width, finer=_FINER, slowest=slowest)
-
-
-def _steps(system: System, finer: float) -> int:
-    """Return the equal steps of a period of a system."""
-    needed = steps_of(layout_of(system.structure), coefficients_of(system)[None])
-    return even(math.ceil(finer * float(needed[0])))
 
 
 def slow_places(system: System) -> list[int]:

@@ -549,7 +549,6 @@ class Code:
         pairs = [(writer.notes[one], writer.notes[other]) for one, other in writer.alike.items()]
         self.alike = np.array(pairs, dtype=int).reshape(-1, 2).T  # rows of notes that are others, and those
         self.begin = np.array([_BEGIN.get(kind, 0.0) for kind, _ in self.notes])
-        self.known_steps = dict[bytes, float]()  # that a period of systems needs, by their coefficients
         self._engine = engine_of(text)
         self.advance = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5, ctypes.c_int64)(
             self._engine.get_function_address("advance")
