@@ -232,7 +232,7 @@ def _narrowed(
         if not starts:
             return replace(sweep, ends=ends.found)
         systems = [start.system for start in starts]
-        settled = settle_lanes(starts, width=2 * WIDTH, finer=_FINER_ENDS, slowest=systems)
+        settled = settle_lanes(starts, finer=_FINER_ENDS, slowest=systems)
         motions += [motion for _, motion in settled]
         sweep = replace(sweep, lanes=tuple(sorted(motions, key=lambda motion: sign * motion.value)))
 
@@ -428,7 +428,7 @@ def started_piece(
         here = ParameterLine(system, parameter).system_at(value)
         states = random_states(here, motions[0].state, count, seed, value)
         starts += [Start((value, k), value, here, each, motions) for k, each in enumerate(states)]
-    ended = {start.key: motion for start, motion in settle_lanes(starts, width=2 * WIDTH)}
+    ended = {start.key: motion for start, motion in settle_lanes(starts)}
     found = []
     for motions in known:
         own = [ended[motions[0].value, k] for k in range(count)]
