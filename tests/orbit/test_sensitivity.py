@@ -6,6 +6,7 @@ import pytest
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.flow import flow_of
 from gapwalk.flow.motion import signal_of
+from gapwalk.model import Harmonic, System
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.orbit.find import carry, find_orbit
 from gapwalk.orbit.orbit import Orbit, sensitivity, signal_along
@@ -81,6 +82,17 @@ def test_the_derivative_of_a_linear_motion_is_known_in_closed_form() -> None:
     mean = -(np.linalg.inv(K) @ along @ np.linalg.inv(K) @ np.array([0.3, 0.0]))[0]
     found = sensitivity(orbit, ["stiffness.a.b"]).signal(signal_of(system, "a"), theta)
     np.testing.assert_allclose(found.by_parameters[:, 0], slope + mean, atol=1e-11)
+
+
+def test_a_badly_scaled_motion_has_a_derivative() -> None:
+    """Its velocities are 1e7 times its deflections: a small singular value is no multiplier of 1."""
+    stiffness, damping, force, frequency = 1.7e14, 2e6, 1e6, 1e7
+    load = Harmonic(force, {"x": 1.0})
+    fast = System(["x"], [stiffness], [damping], mass=[1.0], harmonics=[load], frequency=frequency)
+    amplitude = force / (stiffness - frequency**2 + 1j * frequency * damping)
+    slope = -(amplitude**2) / force  # by the stiffness
+    found = sensitivity(find_orbit(fast), ["stiffness.x.x"]).state[:, 0]
+    np.testing.assert_allclose(found, np.real([slope, 1j * frequency * slope]), rtol=1e-8)
 
 
 @pytest.mark.parametrize("system", [clutch(frequency=0.6), viscous_stop()], ids=["clutch", "viscous"])

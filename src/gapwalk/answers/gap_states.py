@@ -43,7 +43,7 @@ from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.laws import Law, Stages
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
-from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.find import find_orbit, orbit_near
 from gapwalk.orbit.orbit import Orbit, describe_switch, is_same
 from gapwalk.pieces import tell
 
@@ -277,11 +277,14 @@ class _SlowSweep:
             tail = states[-min(len(states), length // 2 + 3 * longest) :] / scales
             size = max(float(np.abs(tail).max()), np.finfo(float).tiny)
             period = int(judge_returns(tail[:, None] / size, longest).periods[0])
+            state, is_last = states[-1], length >= self.options.patience
+            if is_last and not period and (orbit := orbit_near(system, 1, state)):  # some modes outlast any patience
+                state, period = orbit.state, 1
             if period:
-                settled = settle(system, states[-1], SettleOptions(max_periods=8 * _FIRST, max_period=max(period, 1)))
+                settled = settle(system, state, SettleOptions(max_periods=8 * _FIRST, max_period=period))
                 if settled.orbit is not None:
                     return replace(settled, periods=settled.periods + length)
-            if length >= self.options.patience:
+            if is_last:
                 why = f"it did not become periodic within {length} forcing periods"
                 return Settled(system, states, length, False, None, float("inf"), (why,))
             length = min(length + length // 2, self.options.patience)

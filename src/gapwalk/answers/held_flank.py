@@ -58,7 +58,7 @@ _ROUGH, _ENOUGH, _EXACT = 1e-8, 1e-10, 1e-14  # residuals relative to the state:
 _NEAR, _ABOUT = 1e-9, 1e-4  # shares of the range to which ends are located that are exact, and the others
 _ROUNDING = 1e-12  # relative error of an end, beside the last step of Newton's method
 _TINY = 1e-300  # size of a motion that is none
-_TOUCHES, _CLOSE = 8, 1e-10  # the most steps of Newton's method towards a touch, and the relative change that ends them
+_SHRINKS, _CLOSE = 0.5, 1e-10  # ratio of the steps of Newton's method towards a touch; the relative step that ends them
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,8 +141,7 @@ class _Point:
     @cached_property
     def orbit(self) -> Orbit:
         """The orbit, without its multipliers."""
-        arc, unknown = flow_of(self.system).integrate(self.coefficients, self.state), np.full(len(self.state), 0j)
-        return Orbit(self.system, 1, self.state, unknown, tuple(arc.contacts), 0.0, arc.steps, slips=tuple(arc.slips))
+        return unpolished(self.system, 1, self.state)
 
     @cached_property
     def depths(self) -> dict[str, float]:
@@ -180,6 +179,13 @@ class _Point:
             stages.append(StageTerms(each.sign, depth, float(each.sign * depth > 0.0), each.innermost, numbers))
         whole, law = {name: given[at] for name, at in slots.numbers.items()}, slots.form.law
         return side * float(law.force(0.0, Stages(stages, modes=[1.0] * law.mode_count), whole))
+
+
+def unpolished(system: System, period: int, state: NDArray[np.float64]) -> Orbit:
+    """Return the motion of one period from a state as an orbit, without its multipliers."""
+    arc = flow_of(system).integrate(coefficients_of(system), state, 0.0, PERIOD * period)
+    events, unknown = tuple(arc.contacts), np.full(len(state), 0j)
+    return Orbit(system, period, state, unknown, events, 0.0, arc.steps, slips=tuple(arc.slips))
 
 
 class _Response:
@@ -362,23 +368,24 @@ def grazing_near(orbit: Orbit, parameter: str, switch: int, theta: float | None 
     It is that of the turning point at the angle `theta`; by default of the one nearest to the breakpoint.
     """
     names = parameter, moving_names(orbit.system, parameter)[0]
-    plane = ShotPlane(orbit.system, names, orbit.period, Shooting())
+    wide = ShotPlane(orbit.system, names, orbit.period, Shooting())
+    plane = replace(wide, names=names[:1])
     equation = GrazingEquation(plane, switch, 0.0, _EXACT)
     unknowns = equation.unknowns(orbit)
     scales = np.concatenate((plane.scales(orbit), [PERIOD, abs(orbit.system[parameter]) or 1.0]))
-    unknowns[-2] = unknowns[-2] if theta is None else theta
-    other = orbit.system[plane.names[1]]
-    for _ in range(_TOUCHES):
-        residual, matrix, place = equation.linearised(unknowns, other)
+    unknowns[-2], far = unknowns[-2] if theta is None else theta, math.inf
+    while True:
+        residual, matrix, place = equation.linearised(unknowns)
         before, step = unknowns, -scales * np.linalg.solve(matrix[:, : len(scales)] * scales, residual)
-        unknowns = before + step
-        if abs(float(step[-1])) <= _CLOSE * abs(float(unknowns[-1])):
+        unknowns, last, far = before + step, far, abs(float(step[-1]))
+        if far <= _CLOSE * abs(float(unknowns[-1])):
             break
-    else:
-        raise ConvergenceError(f"no touch was found near {parameter} = {orbit.system[parameter]:.6g}")
+        if not far <= _SHRINKS * last:
+            raise ConvergenceError(f"no touch was found near {parameter} = {orbit.system[parameter]:.6g}")
     value = float(unknowns[-1])
-    error = abs(float(step[-1])) + _ROUNDING * abs(value)
-    orbit = plane.orbit(before[:-2], float(before[-1]), other, Evaluation(place.residual, place.jacobian, None, place))
+    error = far + _ROUNDING * abs(value)
+    evaluation = Evaluation(place.residual, place.jacobian, None, place)
+    orbit = wide.orbit(before[:-2], float(before[-1]), orbit.system[names[1]], evaluation)
     at = BranchPoint(value, orbit, np.append(orbit.state, value), np.zeros(len(orbit.state) + 1), math.nan, math.nan)
     contact, sides = describe_switch(orbit, switch), orbit.instability
     special = SpecialPoint(Kind.GRAZING, at, sides, sides, error, contact, parameter=parameter)

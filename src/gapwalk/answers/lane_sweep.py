@@ -29,17 +29,16 @@ from gapwalk.answers.gap_states import (
     labels_along,
     usual_gaps,
 )
-from gapwalk.answers.held_flank import grazing_near
+from gapwalk.answers.held_flank import grazing_near, unpolished
 from gapwalk.attractors.lane_settling import LONG, TIMES, LaneMotion, Start, settle_lanes, slow_modes, slow_places
 from gapwalk.bifurcation.isolated.search_starts import generator, spread_starts, state_box
 from gapwalk.ensemble.batch_flow import state_at_rest
 from gapwalk.ensemble.lane_code import WIDTH
-from gapwalk.ensemble.lanes import prefers_lanes, turn_of
+from gapwalk.ensemble.lanes import prefers_lanes
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
-from gapwalk.orbit.find import find_orbit
 
 _NARROW = 5e-5  # width to which the ends of bands are narrowed down, as a share of the range
 _ROUGH = 0.13  # the same beside chaos, as a share of a step: its life there is the longer, the nearer it is to its end
@@ -49,7 +48,6 @@ _AT_ONCE = WIDTH // 2  # parts in a register, each in both directions
 _BETWEEN = WIDTH - 1  # values between two steps
 _FINER_ENDS = 3.0  # factor on the steps there: with half of that an end is .1 rpm off, without it a band too many
 _NARROWED, _BESIDE = 0.15, 0.05  # shares of a step: width from which an end is located, how far it may be beside it
-_SAME = 0.05  # distance of an orbit from the motion that was settled, of its ranges, up to which it is that motion
 _TOUCHES, _ONCE = 3, 1e-6  # touches of a gap that are tried; how far others may be, of the largest depth
 _FEW = 4  # changes of a gap, from either end of a sweep, that are narrowed down
 _FLIES, _SWINGS = 0.02, (0.02, 0.1)  # rates of random starts, of the speed: of loose parts, and behind a spring
@@ -233,7 +231,9 @@ def _narrowed(
             ]
         if not starts:
             return replace(sweep, ends=ends.found)
-        motions += [motion for _, motion in settle_lanes(starts, width=2 * WIDTH, finer=_FINER_ENDS)]
+        systems = [start.system for start in starts]
+        settled = settle_lanes(starts, finer=_FINER_ENDS, slowest=systems)
+        motions += [motion for _, motion in settled]
         sweep = replace(sweep, lanes=tuple(sorted(motions, key=lambda motion: sign * motion.value)))
 
 
@@ -270,12 +270,7 @@ class _Touches:
         if not motion.period:
             return None
         try:
-            orbit = find_orbit(self.line.system_at(motion.value), motion.period, motion.state)
-            spans = motion.extremes[2] - motion.extremes[0]
-            if (turn := turn_of(self.line.system.structure)) is not None:
-                spans[turn] = np.inf  # the rotation as a whole has no range
-            if not orbit.stable or np.any(np.abs(orbit.state - motion.state)[: len(spans)] > _SAME * spans):
-                return None
+            orbit = unpolished(self.line.system_at(motion.value), motion.period, motion.state)
             turns = {switch: orbit.turning_depths[switch] for switch in innermost(orbit.system, gap)}
             sizes = {switch: np.abs(depths).min() for switch, (_, depths) in turns.items() if len(depths)}
             if not sizes:
@@ -288,7 +283,7 @@ class _Touches:
                 assert end.special is not None
                 orbit = end.special.orbit
                 depths = sign * np.array(orbit.turning_depths[switch][1])
-                if depths.min() > -_ONCE * np.abs(depths).max():
+                if orbit.stable and depths.min() > -_ONCE * np.abs(depths).max():
                     return replace(end.with_movers(), special=None)
             return None
         except (ModelError, NumericalError, np.linalg.LinAlgError):
@@ -334,7 +329,8 @@ def _confirmed(line: ParameterLine, motions: Mapping[int, LaneMotion]) -> dict[i
     ]
     before = {key: motion.waited + motion.watched for key, motion in motions.items()}
     return {
-        start.key: replace(motion, waited=before[start.key] + motion.waited) for start, motion in settle_lanes(starts)
+        start.key: replace(motion, waited=before[start.key] + motion.waited)
+        for start, motion in settle_lanes(starts, slowest=[start.system for start in starts])
     }
 
 
@@ -432,7 +428,7 @@ def started_piece(
         here = ParameterLine(system, parameter).system_at(value)
         states = random_states(here, motions[0].state, count, seed, value)
         starts += [Start((value, k), value, here, each, motions) for k, each in enumerate(states)]
-    ended = {start.key: motion for start, motion in settle_lanes(starts, width=2 * WIDTH)}
+    ended = {start.key: motion for start, motion in settle_lanes(starts)}
     found = []
     for motions in known:
         own = [ended[motions[0].value, k] for k in range(count)]

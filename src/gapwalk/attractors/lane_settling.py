@@ -22,14 +22,12 @@ from numpy.typing import NDArray
 
 from gapwalk.ensemble.lane_code import OF_CONTACT, OF_COORDINATE, OF_SIGNAL, WIDTH
 from gapwalk.ensemble.lanes import Lanes, even, steps_of, turn_of
-from gapwalk.errors import NumericalError
 from gapwalk.flow.forces import accelerations, contact_deflections
 from gapwalk.flow.motion import acceleration_names, signal_factor
 from gapwalk.model.coefficients import ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
-from gapwalk.orbit.find import find_orbit
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.find import orbit_near
 
 LANE_ERROR = 1e-3
 """Error of a period by equal steps, relative to the size of the motion, where contacts open and close."""
@@ -237,12 +235,14 @@ def settle_lanes(
     slowest of some systems.
     """
     groups, failed = dict[int, deque[Start]](), list[Start]()
-    least = max((_steps(each, finer) for each in slowest), default=0)
-    known = dict[int, int]()
-    for start in starts:
-        key = id(start.system)
-        known[key] = known.get(key) or max(_steps(start.system, finer), least)
-        groups.setdefault(known[key], deque()).append(start)
+    starts = list(starts)
+    systems = [*slowest, *(start.system for start in starts)]
+    needed = np.array([coefficients_of(each) for each in systems])
+    needed = steps_of(layout_of(systems[0].structure), needed).tolist() if systems else []
+    every = [even(math.ceil(finer * each)) for each in needed]
+    least = max(every[: len(slowest)], default=0)
+    for start, own in zip(starts, every[len(slowest) :], strict=True):
+        groups.setdefault(max(own, least), deque()).append(start)
     for steps, waiting in sorted(groups.items()):
         taken = [waiting.popleft() for _ in range(min(width, len(waiting)))]
         lanes = _Settling(taken, taken[0].system, finer, steps)
@@ -261,12 +261,6 @@ def settle_lanes(
             lanes.hasten()
     if failed:
         yield from settle_lanes(failed, next_start, width=width, finer=_FINER, slowest=slowest)
-
-
-def _steps(system: System, finer: float) -> int:
-    """Return the equal steps of a period of a system."""
-    needed = steps_of(layout_of(system.structure), coefficients_of(system)[None])
-    return even(math.ceil(finer * float(needed[0])))
 
 
 def slow_places(system: System) -> list[int]:
@@ -510,22 +504,11 @@ class _Settling:
         if self.orbits[lane] is not None or np.ptp(self._closings(lane, start.watch), axis=0).any():
             return False
         self.orbits[lane] = ()
-        if (orbit := self._orbit(lane, start, 1, self._sections(lane, 1)[0])) is None:
+        if (orbit := orbit_near(start.system, 1, self._sections(lane, 1)[0])) is None:
             return False
         self._restart(lane, orbit.state)
         self.orbits[lane] = (orbit.state,)
         return True
-
-    def _orbit(self, lane: int, start: Start, period: int, state: NDArray[np.float64]) -> Orbit | None:
-        """Return the stable orbit of the exact flow near a state; None if there is none."""
-        notes = self._noted(lane, period)
-        scale = self._scale(notes[:, self.kinds["most"]].max(axis=0) - notes[:, self.kinds["least"]].min(axis=0))
-        try:
-            orbit = find_orbit(start.system, period, state)
-        except NumericalError:
-            return None
-        is_near = np.all(np.abs(orbit.state - state)[: len(scale)] <= _NEAR * scale)
-        return orbit if orbit.stable and is_near else None
 
     def _checked(self, lane: int, start: Start, motion: LaneMotion) -> LaneMotion:
         """Return a periodic motion with the closings of its orbit, if a gap is nearer to a change than steps tell."""
@@ -534,7 +517,7 @@ class _Settling:
         apart = np.min([np.abs(each - bound) for each in (low, high) for bound in self.clear[lane]], axis=0)
         if not motion.period or np.all(apart > 3.0 * LANE_ERROR * (high - low)):
             return motion
-        if (orbit := self._orbit(lane, start, motion.period, motion.state)) is None:
+        if (orbit := orbit_near(start.system, motion.period, motion.state)) is None:
             return motion
         sides, first = motion.sides.copy(), dict[tuple[int, float], int]()
         for switch, (contact, side, _) in enumerate(orbit.system.breakpoints):
@@ -556,7 +539,7 @@ class _Settling:
         return bool(np.all(apart <= _ENDED * np.maximum(spans[np.array(self.slow)[own]], _TINY)))
 
     def _arrives(self, lane: int, start: Start) -> LaneMotion | None:
-        """Return the known periodic motion that a motion approaches, near it in section and accelerations."""
+        """Return the known motion that a motion approaches, or repeats: beside it where friction may stick anywhere."""
         for motion in start.known:
             if not (q := motion.period):
                 if self._is_amid(lane, motion):
@@ -572,7 +555,13 @@ class _Settling:
             )
             shrinks = self.ages[lane] >= 2 * _APART and now <= min(_NEAR, _SHRINKS * before)
             energy = self._noted(lane, q)[:, self.kinds["energy"]].mean(axis=0)
-            if (shrinks or now <= _SAME) and np.all(np.abs(np.sqrt(energy) - motion.rms) <= _NEAR * motion.rms):
+            differs = np.abs(np.sqrt(energy) - motion.rms)
+            if (shrinks or now <= _SAME) and np.all(differs <= _NEAR * motion.rms):
+                return motion
+            closes = self._closings(lane, q).any(axis=0) == (motion.sides[self.staged].T.ravel() > 0.0)
+            steps = np.abs(strobes[q:] - strobes[:-q])[-_ENVELOPE:] / scale
+            repeats = len(steps) == _ENVELOPE and closes.all() and steps.max() <= _SAME
+            if repeats and np.all(differs <= _ALIKE * motion.rms):
                 return motion
         return None
 

@@ -159,14 +159,14 @@ class _Motion:
         self.a, self.before = ([self.sheet.read(pointer, row) for row in range(n)] for pointer in "AB")
         self.zero = Term(self.sheet, _splat(0.0))
         if moves:
-            half, old = 0.5 * self.sheet.read("C", 0), self.v
-            slopes = list(zip(self.a, self.before, strict=True))
-            third, twelfth = half * (1.0 / 6.0), half * (1.0 / 12.0)
-            ahead = [v + third * (4.0 * a - b) for v, (a, b) in zip(old, slopes, strict=True)]
-            self.q = [q + half * v for q, v in zip(self.q, ahead, strict=True)]
-            self.v = [v + half * 0.5 * (3.0 * a - b) for v, (a, b) in zip(old, slopes, strict=True)]
-            self.known = [v + twelfth * (8.0 * a - b) for v, (a, b) in zip(old, slopes, strict=True)]
-            self.share = 5.0 * twelfth  # of the acceleration at the end in the change of the velocity
+            # 2a - b, 3a - b and 4a - b by sums alone: products of all rows take longer than anything else
+            half = 0.5 * self.sheet.read("C", 0)
+            self.ahead = [a + (a - b) for a, b in zip(self.a, self.before, strict=True)]
+            triple = [a + twice for a, twice in zip(self.a, self.ahead, strict=True)]
+            means = [v + half * (1.0 / 6.0) * (a + each) for v, a, each in zip(self.v, self.a, triple, strict=True)]
+            self.q = [q + half * v for q, v in zip(self.q, means, strict=True)]
+            self.v = [v + half * 0.5 * each for v, each in zip(self.v, triple, strict=True)]
+            self.share = half * (5.0 / 12.0)  # in the velocity, of what the acceleration is beside `ahead`
 
     def number(self, slot: int) -> Any:
         """Return a coefficient; a plain number if it is always 0 or 1."""
@@ -376,8 +376,8 @@ class CodeWriter:
         forces, held = motion.forces()
         a = motion.accelerations(forces)
         stores = [("Y", row, each) for row, each in enumerate(motion.q)]
-        for row, (new, v) in enumerate(zip(a, motion.known, strict=True)):
-            stores += [("Y", n + row, v + motion.share * new), ("B", row, new)]
+        for row, (new, v) in enumerate(zip(a, motion.v, strict=True)):
+            stores += [("Y", n + row, v + motion.share * (new - motion.ahead[row])), ("B", row, new)]
         count = len(held) // 2
         stores += [("Y", 2 * n + k // 2 + (k % 2) * count, each) for k, each in enumerate(held)]
         if name == "noted":
@@ -549,7 +549,6 @@ class Code:
         pairs = [(writer.notes[one], writer.notes[other]) for one, other in writer.alike.items()]
         self.alike = np.array(pairs, dtype=int).reshape(-1, 2).T  # rows of notes that are others, and those
         self.begin = np.array([_BEGIN.get(kind, 0.0) for kind, _ in self.notes])
-        self.known_steps = dict[bytes, float]()  # that a period of systems needs, by their coefficients
         self._engine = engine_of(text)
         self.advance = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5, ctypes.c_int64)(
             self._engine.get_function_address("advance")

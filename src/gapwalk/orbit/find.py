@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.ensemble.batch_flow import state_at_rest
-from gapwalk.ensemble.lanes import Lanes, prefers_lanes
+from gapwalk.ensemble.lanes import Lanes, prefers_lanes, turn_of
 from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError, UnfitError
 from gapwalk.flow.contact_events import RestOnJumpError
 from gapwalk.flow.equations import magnitude, natural_length
@@ -45,6 +45,7 @@ _GROWS = 1e9  # factor from the smallest size of a transient beyond which it div
 _ASIDE = 1e-3  # of the natural length: beside a place where a formula has no value
 _BEYOND_EDGE = [1e-8 * 4.0**power for power in range(8)]  # lengths from where friction still slips to one side
 _SETTLED = 1e-4  # relative change over one orbit below which Newton's method starts
+_SAME = 0.1  # of the ranges of coordinates: equal steps keep a lightly damped motion moving by some percent
 
 
 def find_orbit(
@@ -111,6 +112,19 @@ def find_orbit(
     if not (isinstance(start, str) and start == "settle"):
         return _near(equation, initial_state(system, start, period), newton)
     return _found(equation, newton)
+
+
+def orbit_near(system: System, period: int, state: NDArray[np.float64], method: Method | None = None) -> Orbit | None:
+    """Return the stable orbit near a state of a motion that has nearly settled; None if there is none."""
+    try:
+        orbit = find_orbit(system, period, state, method=method, newton=_NEWTON)
+    except NumericalError:
+        return None
+    spans = np.ptp(orbit.extremes[:, :2], axis=1)
+    if (turn := turn_of(system.structure)) is not None:
+        spans[turn] = np.inf  # the rotation as a whole has no range
+    is_near = np.all(np.abs(orbit.state - state)[: len(spans)] <= _SAME * spans)
+    return orbit if is_near and orbit.stable else None
 
 
 def _near(equation: OrbitEquation, state: NDArray[np.float64], newton: Newton | None) -> Orbit:

@@ -33,7 +33,7 @@ from gapwalk.continuation.walk import End, EndReason, WalkState
 from gapwalk.errors import NumericalError, StoreError
 from gapwalk.interrupts import end_gently
 from gapwalk.model.system import System
-from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.find import find_orbit, orbit_near
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.parallel.workers import Workers
@@ -48,7 +48,6 @@ _SHORT = 1e-3  # of the range: the mean of some steps, below which a walk is giv
 _STEPS, _SPECIAL = 10, 1  # these steps, and special points before another within the same length
 _LOOK = 2  # further steps ahead of a walk at which it is seen what settles: as far as it may step
 _CALM = 4  # steps at which it parts rarely and alike, before it is walked again; more after each attempt
-_SAME_MOTION = 0.1  # distance of an orbit from the settled state, relative to its largest coordinate
 _ENDS = (EndReason.RANGE, EndReason.TABLE, EndReason.TURNED_BACK, EndReason.CLOSED, EndReason.JOINED)
 
 
@@ -163,14 +162,7 @@ class ResponseWork(Work):
         assert curve is not None
         if not curve.is_simple(bands, asked.period) and (again or band.period != asked.period):
             return None
-        system = self.system.at({asked.parameter: band.value})
-        try:
-            orbit = find_orbit(system, asked.period, band.state, method=self._method)
-        except NumericalError:
-            return None
-        n = system.size
-        apart = np.abs(orbit.state - band.state)[:n].max()
-        return orbit if apart <= _SAME_MOTION * np.ptp(band.extremes, axis=0).max() and orbit.stable else None
+        return orbit_near(self.system.at({asked.parameter: band.value}), asked.period, band.state, self._method)
 
     @property
     def _is_settling(self) -> bool:
