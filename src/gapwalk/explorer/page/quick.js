@@ -21,7 +21,7 @@ export class Quick {
       if (request.signal.aborted) return;
       for await (const news of stream("/api/edit/check", { file, text }, request.signal)) {
         if (request.signal.aborted) return;
-        if (news.title) await this.begin(news.title);
+        if (news.title?.axes) await this.begin(news.title);
         else if (news.x || news.end) this.add({ ...news, label: news.looks?.map((look) => LABELS.indexOf(look)) });
       }
     } catch (error) {
