@@ -56,9 +56,9 @@ _FLIES, _SWINGS = 0.02, (0.02, 0.1)  # rates of random starts, of the speed: of 
 _APART = 40  # random starts are at every fortieth of the range
 
 
-def is_many(system: System, gaps: Sequence[str]) -> bool:
+def is_many(system: System) -> bool:
     """Return True if the gaps of a system interact so often that its sweeps are made by equal steps."""
-    return len(gaps) > 1 and prefers_lanes(system)
+    return prefers_lanes(system) and len(usual_gaps(system)) > 1
 
 
 @dataclass(frozen=True, eq=False)
