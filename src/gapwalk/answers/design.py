@@ -723,7 +723,7 @@ def first_orbit(
     no flank pulls.
     """
     gaps = usual_gaps(system)
-    if is_many(system, gaps) and any(isinstance(goal, Quiet) for goal in goals):
+    if is_many(system) and any(isinstance(goal, Quiet) for goal in goals):
         rests = find_equilibria(system).equilibria
         sides = {each.name: each.side for each in rests[0].contacts if each.name in gaps} if rests else {}
         if sides and not any(form.law.rebounds for form in system.structure.contacts):

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.gap_states import SweepBy, usual_gaps
+from gapwalk.answers.gap_states import SweepBy
 from gapwalk.answers.lane_sweep import is_many
 from gapwalk.answers.speed_course import SpeedCourse
 from gapwalk.attractors.lane_settling import Start, settle_lanes
@@ -36,7 +36,7 @@ def is_by_steps(system: System, by: SweepBy) -> bool:
         refuse(system.structure.equations)
     if by is SweepBy.CURVES and is_dry:
         raise ModelError('the exact run-up cannot include dry friction; write by = "steps", or leave the friction out')
-    return by is SweepBy.STEPS or (by is SweepBy.CHOSEN and (is_dry or is_many(system, usual_gaps(system))))
+    return by is SweepBy.STEPS or (by is SweepBy.CHOSEN and (is_dry or is_many(system)))
 
 
 def start_by_steps(ramped: Ramped, system: System, phases: NDArray[np.float64]) -> NDArray[np.float64]:

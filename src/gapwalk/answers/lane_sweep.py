@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise, product
 from typing import NamedTuple
 
@@ -39,6 +40,7 @@ from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
+from gapwalk.pieces import done
 
 _NARROW = 5e-5  # width to which the ends of bands are narrowed down, as a share of the range
 _ROUGH = 0.13  # the same beside chaos, as a share of a step: its life there is the longer, the nearer it is to its end
@@ -54,9 +56,9 @@ _FLIES, _SWINGS = 0.02, (0.02, 0.1)  # rates of random starts, of the speed: of 
 _APART = 40  # random starts are at every fortieth of the range
 
 
-def is_many(system: System, gaps: Sequence[str]) -> bool:
+def is_many(system: System) -> bool:
     """Return True if the gaps of a system interact so often that its sweeps are made by equal steps."""
-    return len(gaps) > 1 and prefers_lanes(system)
+    return prefers_lanes(system) and len(usual_gaps(system)) > 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,6 +182,16 @@ def joined(
     if not whole:
         return sweep
     return _narrowed(system, sweep, gaps, other)
+
+
+def swept(system: System, parameter: str, within: tuple[float, float], steps: int) -> list[SettledSweep]:
+    """Sweep a system up and down, in pieces for any process; no ends of bands are narrowed down."""
+    known, sweep = dict[int, LanePiece](), partial(sweep_piece, system, parameter, within, steps)
+    for stage in range(stages_of(steps)):
+        pieces = pieces_of(steps, stage, known)
+        known.update(zip(pieces, done(sweep, list(pieces.values())), strict=True))
+    about = system, parameter, within, steps
+    return [joined(*about, way, list(known.values()), (), whole=False) for way in Direction]
 
 
 def _names(system: System) -> list[str]:

@@ -45,7 +45,7 @@ class SettledCurve:
     @classmethod
     def of(cls, system: System, parameter: str, ends: tuple[float, float]) -> SettledCurve | None:
         """Return the curve of a system whose gaps interact so often that it needs one; otherwise None."""
-        return cls(system, parameter, ends) if is_many(system, usual_gaps(system)) else None
+        return cls(system, parameter, ends) if is_many(system) else None
 
     def beyond(self, value: float) -> int:
         """Return the number of the first step beyond a value; one more than there are if it is the last."""

@@ -8,7 +8,7 @@ Method: docs/howto/studies.md
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,8 +19,16 @@ import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
-from gapwalk.answers.gap_states import GapState, GapVerdicts, gap_state, innermost, judge_gaps, watched
-from gapwalk.answers.lane_sweep import inside_of, random_states
+from gapwalk.answers.gap_states import (
+    GapState,
+    GapVerdicts,
+    gap_state,
+    innermost,
+    judge_gaps,
+    labels_along,
+    watched,
+)
+from gapwalk.answers.lane_sweep import inside_of, random_states, swept
 from gapwalk.attractors.settle import SettleOptions, settle
 from gapwalk.bifurcation.branch_start import start_branch
 from gapwalk.bifurcation.follow import BranchTracer
@@ -354,6 +362,8 @@ _FEW = 2  # starts at each pair of values then
 _CHECKED = 8  # quiet motions that are watched again by the exact flow
 _RETRIED = 16  # motions lost by the batch integrator that are followed again by the exact flow
 _NARROW = 2e-4  # by equal steps: width of the limit, relative to the range
+_STEPS = 320  # by equal steps: steps of the sweeps at the limit
+_BAND = 4.0  # steps about a motion that rattles along them, in which half of the next motions are tried
 _BEYOND = 1e-3  # distance beyond the threshold, in widths of the range, at which it is confirmed
 _NEAR = 0.1  # share of the range of the other parameter about the limit in which half of all motions are tried
 _SAME = 1e-8  # difference of two limits, relative to the range, below which they are one
@@ -377,6 +387,7 @@ class Hit(NamedTuple):
     other: float
     state: NDArray[np.float64]  #: shape (state_size,): Its state at theta = 0.
     gaps: tuple[str, ...] = ()  #: Those that rattle in it; empty if that is not known.
+    near: float = _NEAR  #: Distance at which others like it are sought, as a share of the range of the other parameter.
 
     def words(self, adverb: str = "") -> str:
         """Write what rattles in it: ``mesh1 and mesh2 still rattle``."""
@@ -453,6 +464,15 @@ class Request(NamedTuple):
     def rattling_by(self, codes: NDArray[np.int_]) -> tuple[str, ...]:
         """Return the gaps that rattle by their codes in a motion, shape (gaps,)."""
         return tuple(gap for gap, code in zip(self.gaps, codes.tolist(), strict=True) if code not in (-1, *_QUIET))
+
+    def rattling_along(self, value: float) -> Iterator[Hit]:
+        """Sweep slowly up and down, and yield the motions that rattle."""
+        for sweep in swept(self.at(value, self.span[0]), self.over, self.span, _STEPS):
+            known = [labels_along(sweep.lanes, sweep.contacts, gap) for gap in self.gaps]
+            for motion, labels in zip(sweep.lanes, zip(*known, strict=True), strict=True):
+                gaps = tuple(gap for gap, each in zip(self.gaps, labels, strict=True) if each.state.rattles)
+                if gaps:
+                    yield Hit(value, motion.value, motion.state, gaps, _BAND / _STEPS)
 
     def walked_into(self, value: float) -> Hit | None:
         """Return a motion that rattles on the branch over the other parameter, as at a resonance between tries."""
@@ -571,12 +591,13 @@ class ThresholdSearch:
         (hit, quiet), (low, high), notes = self._bracket, asked.span, list[str]()
         others, width = np.linspace(low, high, options.values), abs(asked.to[1] - asked.to[0])
         if hit is not None:  # half of the values near the last motion that rattles
-            window = _NEAR * (high - low)
+            window = hit.near * (high - low)
             near = np.linspace(max(low, hit.other - window), min(high, hit.other + window), options.values // 2)
-            others = np.unique(np.concatenate((others[::3], [hit.other], near[::2])))
+            others = np.unique(np.concatenate((others[::3], [hit.other], near[:: 1 if hit.near < _NEAR else 2])))
         inside = [] if hit is None else inside_of(hit.value, quiet, _NARROW * width)
         confirms = hit is not None and not inside
         values = np.linspace(*asked.to, _COARSE) if hit is None else np.array(inside or [quiet])
+        near_of = () if hit is None else (hit.near,)
         pairs, states = [], []
         for value, other in product(values.tolist(), others.tolist()):
             own = [state_at_rest(asked.system), *([hit.state] if hit is not None else [])]
@@ -590,9 +611,11 @@ class ThresholdSearch:
         lost = (found.codes < 0).any(axis=1)
         rattles = ~lost & ~np.isin(found.codes, _QUIET).all(axis=1)
         hits = [
-            Hit(pairs[k][1], pairs[k][0], found.states[k], asked.rattling_by(found.codes[k]))
+            Hit(pairs[k][1], pairs[k][0], found.states[k], asked.rattling_by(found.codes[k]), *near_of)
             for k in np.flatnonzero(rattles).tolist()
         ]
+        if confirms and not hits:
+            hits = list(asked.rattling_along(quiet))
         last = max(hits, key=lambda each: asked.way * each.value, default=None)
         beyond = [value for value in values.tolist() if last is None or asked.way * (value - last.value) > 0.0]
         quiet = min(beyond, key=lambda value: asked.way * value, default=quiet if not confirms else asked.to[1])
@@ -659,7 +682,8 @@ class ThresholdSearch:
         if self._by_lanes and hit is not None and not math.isnan(self.rounds[-1].quiet):
             between, at, error = (hit.value, quiet), hit.other, abs(quiet - hit.value)
             notes.append(
-                f"all motions were simulated by equal time steps, at {asked.options.values} values of {asked.over}"
+                f"all motions were simulated by equal time steps, at {asked.options.values} values of {asked.over}, "
+                f"and at the limit along it, up and down in steps of {self._step}: a narrower band may lie between two"
             )
         return Threshold(
             asked.system,
@@ -678,6 +702,13 @@ class ThresholdSearch:
             between,
             () if hit is None else hit.gaps,
         )
+
+    @property
+    def _step(self) -> str:
+        """The step of the sweeps at the limit, in words."""
+        units = self.request.system.units
+        unit = units.parameter(self.request.over) if units else ""
+        return f"{abs(self.request.span[1] - self.request.span[0]) / _STEPS:.3g} {unit}".rstrip()
 
     @property
     def _confirmation(self) -> Confirmation | None:

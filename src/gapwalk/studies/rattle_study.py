@@ -355,7 +355,7 @@ class RattleStudy(RangeStudy):
     def by_steps(self, system: System) -> bool:
         """Return True if motions are settled at each step of the sweeps, False if they are followed as curves."""
         by = self.sweep.by
-        return by is SweepBy.STEPS or (by is SweepBy.CHOSEN and is_many(system, self.gaps))
+        return by is SweepBy.STEPS or (by is SweepBy.CHOSEN and is_many(system))
 
     def total(self, job: Job) -> int:
         """Return the number of parts."""
