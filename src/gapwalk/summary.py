@@ -38,7 +38,8 @@ class Table:
     def filled(self) -> Table:
         """The table without columns whose cells are all empty."""
         places = [at for at in range(len(self.headings)) if any(row[at] for row in self.rows)]
-        return Table([self.headings[k] for k in places], [[row[k] for k in places] for row in self.rows], self.groups)
+        heads, rows = [self.headings[k] for k in places], [[row[k] for k in places] for row in self.rows]
+        return Table(heads, rows, self.groups, [each for each in self.spare if each in heads])
 
     @property
     def columns(self) -> Iterator[tuple[str, bool]]:

@@ -87,11 +87,20 @@ class Campbell(Shown):
         ]
         yield Table(["state", f"natural frequencies [{rate}] at {place}"], rows)
         if self.crossings:
+            states = [each.state for each in self.crossings]
+            ends = [k for k in range(len(states) - 1) if states[k + 1] != states[k]]
             cells = [
-                [each.state, f"{each.order:g}", str(each.mode), f"{each.frequency:.6g}", f"{each.value:.6g}"]
-                for each in self.crossings
+                [
+                    "" if k and k - 1 not in ends else each.state,
+                    f"{each.order:g}",
+                    str(each.mode),
+                    f"{each.frequency:.6g}",
+                    f"{each.value:.6g}",
+                ]
+                for k, each in enumerate(self.crossings)
             ]
-            yield Table(["state", ">order", ">mode", f">{rate}", f">{parameter_symbol(self.parameter, units)}"], cells)
+            heads = ["state", ">order", ">mode", f">{rate}", f">{parameter_symbol(self.parameter, units)}"]
+            yield Table(heads, cells, ends)
 
     def tables(self) -> Tables:
         """Return the crossings, and the frequencies of each mode over the speed."""

@@ -246,7 +246,7 @@ class RattleBands(Shown):
         if rows:
             yield ""
             headings = ("gap", "met", "", f">{symbol}", ">±", "end", "moved most by (% per %)", "gap closes on")
-            yield Table(headings, rows, groups).filled
+            yield Table(headings, rows, groups, [headings[k] for k in (6, 4, 7)]).filled
         for gap in self.gaps:
             yield from self._severity_parts(gap)
         if notes:
@@ -256,7 +256,7 @@ class RattleBands(Shown):
         """Return the tables of bands, of what moves their ends, and of severity."""
         along = self.parameter
         ends = dict.fromkeys(["from", "from.error", "to", "to.error"], along)
-        severity = {"value": along, "peak": ".force", "approach": "'", "power": "W", "rms": "''"}
+        severity = {"value": along, "peak": ".force", "approach": "'", "power": "W", "level": "dB", "per_second": "1/s"}
         return {
             "bands": TableRows(self._band_rows, units=ends),
             "movers": TableRows(self._mover_rows, units={"value": along}),
@@ -333,10 +333,11 @@ class RattleBands(Shown):
                     yield [band.gap, band.met, name, end.value, each.name, each.slope, each.error, each.share]
 
     def _severity_rows(self) -> Rows:
-        names = [field.name for field in fields(Severity)]
-        yield names
+        names, units = [field.name for field in fields(Severity)], self.system.units
+        yield [*names, *["acceleration_unit"] * bool(units)]
         for row in self.severities:
-            yield [str(getattr(row, name)) if name == "state" else getattr(row, name) for name in names]
+            own = [units.signal(row.part)[1]] if units else []
+            yield [*(str(getattr(row, name)) if name == "state" else getattr(row, name) for name in names), *own]
 
     def __repr__(self) -> str:
         return f"RattleBands({'; '.join(self.sentence(gap) for gap in self.gaps)})"
