@@ -48,9 +48,9 @@ def new_file(file: Path | None, table: Path | None) -> int:
 def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bool) -> int:
     """Print a summary of a model file; draw what is in it."""
     from gapwalk.cli.modes_command import train_lines
+    from gapwalk.model.doubts import doubts_of
     from gapwalk.model.model_file import curves_of, has_pace
     from gapwalk.model.model_source import read_source
-    from gapwalk.model.modes import dissipation_doubts
     from gapwalk.results.codec import plain
     from gapwalk.studies.runner import check_work
     from gapwalk.studies.set_values import parse_changes
@@ -84,12 +84,12 @@ def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bo
             }
             for study in studies
         ]
-        alone = {"ok": True, "title": model.title, "system": plain(system), "warnings": dissipation_doubts(system)}
+        alone = {"ok": True, "title": model.title, "system": plain(system), "warnings": doubts_of(system)}
         print_json(documents if len(documents) > 1 else documents[0] if documents else alone)
         return DONE
     system = studies[0].system if studies else system
     doubts = dict.fromkeys(doubt for study in studies for doubt in study.doubts)
-    doubts |= dict.fromkeys([] if studies else dissipation_doubts(system))
+    doubts |= dict.fromkeys([] if studies else doubts_of(system))
     lines = [
         heading,
         *train_lines(system),
@@ -100,7 +100,7 @@ def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bo
         *["  no study: `gapwalk modes` shows its modes; [study] says what to compute"] * (not studies),
         *dict.fromkeys(f"  {words}" for study in studies for words in study.unused_words),
         *(f"warning: {doubt}" for doubt in doubts),
-        "no errors apart from these warnings" if doubts else "no errors",
+        f"no errors, {len(doubts)} warning{'s' * (len(doubts) > 1)}" if doubts else "no errors",
     ]
     show(lines)
     if picture is not None:
