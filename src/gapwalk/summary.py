@@ -283,7 +283,7 @@ def _print_table(table: Table, screen: rich.console.Console) -> None:
         head, *less = [[row[place] for place in places] for row in (table.headings, *table.rows)]
         _print_table(Table(head, less, table.groups), screen)
         between = "; " if any(", " in name for name in left_out) else ", "
-        names = between.join(dict.fromkeys(name.removeprefix(">") for name in left_out))
+        names = between.join(dict.fromkeys(each.removeprefix(">") for each in table.headings if each in left_out))
         screen.print(wrapped(f"left out at {screen.width} columns: {names}", screen.width), soft_wrap=True)
         return
     if not widths:

@@ -24,7 +24,6 @@ from gapwalk.summary import Rows, SummaryParts, Table, TableRows, Tables, summar
 _LOOKS = ("first", "falling", "other", "fourth", "main")
 _ROOM = 1.2  # height of the lines, in the highest crossing
 _MARGIN = 1.1  # height of the picture, in that of the lines: room for the names of the orders
-_RIGID = 1e-6  # share of the highest frequency below which a mode is a motion without stiffness
 _SAME = 1e-9  # relative difference of frequencies of two states that are one
 _TOLERANCE = 1e-12  # of the speed of a crossing, relative
 
@@ -161,8 +160,8 @@ def _rate(system: System) -> float:
 
 def _frequencies(system: System, state: ModeState) -> NDArray[np.float64]:
     """Return the natural frequencies of what some spring holds."""
-    found = find_modes(system, state).frequencies * _rate(system)
-    return found[found > _RIGID * np.nanmax(found, initial=0.0)]
+    found = find_modes(system, state)
+    return found.frequencies[found.numbers > 0] * _rate(system)
 
 
 def _crossings(

@@ -206,7 +206,7 @@ class RattleBands(Shown):
         if about:
             parts.append(worst.motion or NOT_PERIODIC)
         where = "near" if about else "at"
-        text += f"; worst {where} {self._value(severity.value, 3 if about else 6)}: {', '.join(parts)}"
+        text += f"; worst {where} {self._value(severity.value)}: {', '.join(parts)}"
         return f"{text} ({worst.words})" if worst.starts else text
 
     def _moved(self, end: BandEnd, count: int) -> str:

@@ -122,15 +122,13 @@ def train_lines(system: System) -> list[str]:
     counts |= {"drag": len(form.links) - len(links)} if form.turning else {}
     plural = {"mesh of planets": "meshes of planets"}
     parts = ", ".join(f"{n} {word if n == 1 else plural.get(word, f'{word}s')}" for word, n in counts.items())
-    numbers, units = assembly.numbers(system.values), system.units
-    unbalanced = numbers.unbalanced if len(form.held) < 2 else 0.0
     if not form.is_free:
+        unbalanced = assembly.numbers(system.values).unbalanced if len(form.held) < 2 else 0.0
         lines = [f"  train: {parts}; connected to the ground"]
         if unbalanced:
-            size = f"{abs(unbalanced):.6g}{' N m' if units else ''}"
-            lines.append(
-                f"  the ground takes the mean torques, {size} at {form.inertias[0]}; or write {reaction_hint(assembly, system)}"
-            )
+            size = f"{abs(unbalanced):.6g}{' N m' if system.units else ''}"
+            hint = reaction_hint(assembly, system)
+            lines.append(f"  the ground takes the mean torques, {size} at {form.inertias[0]}; or write {hint}")
         return lines
     return [f"  train: {parts}; free to rotate as a whole; this rotation is removed"]
 
@@ -164,7 +162,7 @@ def _table(modes: Modes, system: System) -> Table:
             # without a blank between: a line is not broken there
             entries = [", ".join(f"{names[place]}:{entries[place]}" for place in most)]
         numbers = (frequency, frequency / (2 * math.pi), *(values[number] for values in resonances.values()), ratio)
-        rows.append([str(number + 1), *map(_number, numbers), *entries])
+        rows.append([str(modes.numbers[number] or "-"), *map(_number, numbers), *entries])
     spare = [f">{each}" for each in (_weakest_first(system, list(resonances)) if resonances else ())[:-1]]
     return Table([*headings, "moves most"] if is_wide else headings, rows, spare=spare)
 
@@ -230,12 +228,12 @@ def _rest_document(system: System, rest: Equilibrium) -> dict[str, Any]:
 
 
 def _modes_document(modes: Modes) -> list[dict[str, Any]]:
-    columns = (modes.frequencies, modes.damping_ratios, modes.shapes.T, modes.angles.T)
+    columns = (modes.numbers, modes.frequencies, modes.damping_ratios, modes.shapes.T, modes.angles.T)
     return [
         {
-            **{"frequency": frequency, "damping_ratio": ratio},
+            **{"number": number, "frequency": frequency, "damping_ratio": ratio},
             "shape": dict(zip(modes.coordinates, shape, strict=True)),
             "angles": dict(zip(modes.inertias, angles, strict=True)),
         }
-        for frequency, ratio, shape, angles in zip(*map(plain, columns), strict=True)
+        for number, frequency, ratio, shape, angles in zip(*map(plain, columns), strict=True)
     ]

@@ -420,7 +420,7 @@ def draw_modes(modes: Modes, figure: AnyFigure, system: System, *, title: str = 
         frequency = modes.frequencies[number]
         rate = f"{frequency / (2 * math.pi):.4g} Hz" if system.units else f"{frequency:.4g}"
         text = "no vibration" if math.isnan(frequency) else rate
-        ax.set_ylabel(f"{number + 1}\n{text}", rotation=0, ha="right", va="center")
+        ax.set_ylabel(f"{modes.numbers[number] or '-'}\n{text}", rotation=0, ha="right", va="center")
         ax.axhline(0.0, **AXIS.options())
         ax.set_ylim(-1.25, 1.25)
         ax.set_yticks([-1, 0, 1])
