@@ -237,6 +237,9 @@ def wrapped(text: str, width: int) -> str:
     """Return a text with lines of at most a width, broken between words alone and with its indents kept."""
     lines = []
     for line in text.split("\n"):
+        if line.startswith("    gapwalk "):  # a command, to be copied
+            lines.append(line)
+            continue
         indent = " " * (len(line) - len(line.lstrip()))
         lines += wrap(line, width, subsequent_indent=f"{indent}  ", break_long_words=False, break_on_hyphens=False) or [
             ""

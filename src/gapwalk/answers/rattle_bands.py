@@ -257,9 +257,10 @@ class RattleBands(Shown):
         along = self.parameter
         ends = dict.fromkeys(["from", "from.error", "to", "to.error"], along)
         severity = {"value": along, "peak": ".force", "approach": "'", "power": "W", "level": "dB", "per_second": "1/s"}
+        moved = any(end.movers for band in self.bands for end in (band.low, band.high))
         return {
             "bands": TableRows(self._band_rows, units=ends),
-            "movers": TableRows(self._mover_rows, units={"value": along}),
+            **({"movers": TableRows(self._mover_rows, units={"value": along})} if moved else {}),
             "severity": TableRows(self._severity_rows, units=severity),
         }
 
