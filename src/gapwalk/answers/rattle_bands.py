@@ -598,8 +598,8 @@ _SAMPLED = 64  # samples of a forcing period of a motion without period
 @pictured(RattleBands, size=(8.0, 9.0))
 def rattle_picture(found: RattleBands, gap: str | None = None) -> Picture:
     """Describe the bands of a gap, the worst if none is named, over the response, with severity and impacts below."""
-    worst = max(found.worst, key=lambda each: _rank(each.severity), default=None)
-    gap, units = chosen_gap(found.gaps, gap or (worst and worst.severity.gap)), found.system.units
+    worst = max((each.severity for each in found.worst), key=partial(_loudness, found), default=None)
+    gap, units = chosen_gap(found.gaps, gap or (worst and worst.gap)), found.system.units
     every = {each: moved_by(found.system, each)[0] for each in (gap, *found.gaps)}  # the chosen one is the first
     moved, others = every[gap], [each for each in every if each != gap and found.of(each)]
     curves = [
@@ -621,6 +621,14 @@ def rattle_picture(found: RattleBands, gap: str | None = None) -> Picture:
         height=1.25,
         reach={found.parameter: found.within, f"half.{moved}": (0.0, None)},
     )
+
+
+def _loudness(found: RattleBands, row: Severity) -> float:
+    """Return the number by which gaps are compared: accelerations in one unit, of angles if not all have a radius."""
+    units = found.system.units
+    if units and len({units.signal(each.severity.part)[1] for each in found.worst}) > 1 and _key([row]) == "rms":
+        return row.rms / units.signal(row.part)[0]
+    return _rank(row)
 
 
 def chosen_gap(gaps: Sequence[str], gap: str | None) -> str:
