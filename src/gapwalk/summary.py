@@ -38,7 +38,8 @@ class Table:
     def filled(self) -> Table:
         """The table without columns whose cells are all empty."""
         places = [at for at in range(len(self.headings)) if any(row[at] for row in self.rows)]
-        return Table([self.headings[k] for k in places], [[row[k] for k in places] for row in self.rows], self.groups)
+        heads, rows = [self.headings[k] for k in places], [[row[k] for k in places] for row in self.rows]
+        return Table(heads, rows, self.groups, [each for each in self.spare if each in heads])
 
     @property
     def columns(self) -> Iterator[tuple[str, bool]]:
@@ -236,6 +237,9 @@ def wrapped(text: str, width: int) -> str:
     """Return a text with lines of at most a width, broken between words alone and with its indents kept."""
     lines = []
     for line in text.split("\n"):
+        if line.startswith("    gapwalk "):  # a command, to be copied
+            lines.append(line)
+            continue
         indent = " " * (len(line) - len(line.lstrip()))
         lines += wrap(line, width, subsequent_indent=f"{indent}  ", break_long_words=False, break_on_hyphens=False) or [
             ""
@@ -282,7 +286,7 @@ def _print_table(table: Table, screen: rich.console.Console) -> None:
         head, *less = [[row[place] for place in places] for row in (table.headings, *table.rows)]
         _print_table(Table(head, less, table.groups), screen)
         between = "; " if any(", " in name for name in left_out) else ", "
-        names = between.join(dict.fromkeys(name.removeprefix(">") for name in left_out))
+        names = between.join(dict.fromkeys(each.removeprefix(">") for each in table.headings if each in left_out))
         screen.print(wrapped(f"left out at {screen.width} columns: {names}", screen.width), soft_wrap=True)
         return
     if not widths:

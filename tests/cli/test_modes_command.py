@@ -157,4 +157,4 @@ def test_a_terminal_of_eighty_columns_breaks_no_entry_of_a_mode(capsys) -> None:
     pairs = [word for word in wide if re.fullmatch(r"\w+:[+-][01]\.\d{3},?", word)]
     assert len(pairs) > 26
     assert [word for line in lines for word in line.split() if word in pairs] == pairs  # each name beside its number
-    assert "left out at 80 columns: speed [rpm], order 6" in "\n".join(lines)
+    assert "left out at 80 columns: speed [rpm], order 4; speed [rpm], order 6" in "\n".join(lines)

@@ -24,7 +24,6 @@ from gapwalk.summary import Rows, SummaryParts, Table, TableRows, Tables, summar
 _LOOKS = ("first", "falling", "other", "fourth", "main")
 _ROOM = 1.2  # height of the lines, in the highest crossing
 _MARGIN = 1.1  # height of the picture, in that of the lines: room for the names of the orders
-_RIGID = 1e-6  # share of the highest frequency below which a mode is a motion without stiffness
 _SAME = 1e-9  # relative difference of frequencies of two states that are one
 _TOLERANCE = 1e-12  # of the speed of a crossing, relative
 
@@ -87,11 +86,20 @@ class Campbell(Shown):
         ]
         yield Table(["state", f"natural frequencies [{rate}] at {place}"], rows)
         if self.crossings:
+            states = [each.state for each in self.crossings]
+            ends = [k for k in range(len(states) - 1) if states[k + 1] != states[k]]
             cells = [
-                [each.state, f"{each.order:g}", str(each.mode), f"{each.frequency:.6g}", f"{each.value:.6g}"]
-                for each in self.crossings
+                [
+                    "" if k and k - 1 not in ends else each.state,
+                    f"{each.order:g}",
+                    str(each.mode),
+                    f"{each.frequency:.6g}",
+                    f"{each.value:.6g}",
+                ]
+                for k, each in enumerate(self.crossings)
             ]
-            yield Table(["state", ">order", ">mode", f">{rate}", f">{parameter_symbol(self.parameter, units)}"], cells)
+            heads = ["state", ">order", ">mode", f">{rate}", f">{parameter_symbol(self.parameter, units)}"]
+            yield Table(heads, cells, ends)
 
     def tables(self) -> Tables:
         """Return the crossings, and the frequencies of each mode over the speed."""
@@ -152,8 +160,8 @@ def _rate(system: System) -> float:
 
 def _frequencies(system: System, state: ModeState) -> NDArray[np.float64]:
     """Return the natural frequencies of what some spring holds."""
-    found = find_modes(system, state).frequencies * _rate(system)
-    return found[found > _RIGID * np.nanmax(found, initial=0.0)]
+    found = find_modes(system, state)
+    return found.frequencies[found.numbers > 0] * _rate(system)
 
 
 def _crossings(

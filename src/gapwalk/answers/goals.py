@@ -621,9 +621,8 @@ class Resonance(Goal):
 
     def value(self, system: System) -> float:
         """Return the frequency or speed at which the order of the excitation is at the natural frequency."""
-        rates = find_modes(system, self._state(system)).frequencies
-        rates = rates[np.isfinite(rates)]
-        rates = rates[rates > 1e-6 * max(float(rates.max(initial=0.0)), np.finfo(float).tiny)]
+        modes = find_modes(system, self._state(system))
+        rates = modes.frequencies[modes.numbers > 0]
         if not 1 <= self.number <= len(rates):
             raise ModelError(f"a goal names resonance {self.number}, but the system has {len(rates)} only")
         order = self.order / float(system.turns or 1)

@@ -206,7 +206,7 @@ class RattleBands(Shown):
         if about:
             parts.append(worst.motion or NOT_PERIODIC)
         where = "near" if about else "at"
-        text += f"; worst {where} {self._value(severity.value, 3 if about else 6)}: {', '.join(parts)}"
+        text += f"; worst {where} {self._value(severity.value)}: {', '.join(parts)}"
         return f"{text} ({worst.words})" if worst.starts else text
 
     def _moved(self, end: BandEnd, count: int) -> str:
@@ -246,7 +246,7 @@ class RattleBands(Shown):
         if rows:
             yield ""
             headings = ("gap", "met", "", f">{symbol}", ">±", "end", "moved most by (% per %)", "gap closes on")
-            yield Table(headings, rows, groups).filled
+            yield Table(headings, rows, groups, [headings[k] for k in (6, 4, 7)]).filled
         for gap in self.gaps:
             yield from self._severity_parts(gap)
         if notes:
@@ -256,10 +256,11 @@ class RattleBands(Shown):
         """Return the tables of bands, of what moves their ends, and of severity."""
         along = self.parameter
         ends = dict.fromkeys(["from", "from.error", "to", "to.error"], along)
-        severity = {"value": along, "peak": ".force", "approach": "'", "power": "W", "rms": "''"}
+        severity = {"value": along, "peak": ".force", "approach": "'", "power": "W", "level": "dB", "per_second": "1/s"}
+        moved = any(end.movers for band in self.bands for end in (band.low, band.high))
         return {
             "bands": TableRows(self._band_rows, units=ends),
-            "movers": TableRows(self._mover_rows, units={"value": along}),
+            **({"movers": TableRows(self._mover_rows, units={"value": along})} if moved else {}),
             "severity": TableRows(self._severity_rows, units=severity),
         }
 
@@ -333,10 +334,11 @@ class RattleBands(Shown):
                     yield [band.gap, band.met, name, end.value, each.name, each.slope, each.error, each.share]
 
     def _severity_rows(self) -> Rows:
-        names = [field.name for field in fields(Severity)]
-        yield names
+        names, units = [field.name for field in fields(Severity)], self.system.units
+        yield [*names, *["acceleration_unit"] * bool(units)]
         for row in self.severities:
-            yield [str(getattr(row, name)) if name == "state" else getattr(row, name) for name in names]
+            own = [units.signal(row.part)[1]] if units else []
+            yield [*(str(getattr(row, name)) if name == "state" else getattr(row, name) for name in names), *own]
 
     def __repr__(self) -> str:
         return f"RattleBands({'; '.join(self.sentence(gap) for gap in self.gaps)})"
@@ -596,8 +598,8 @@ _SAMPLED = 64  # samples of a forcing period of a motion without period
 @pictured(RattleBands, size=(8.0, 9.0))
 def rattle_picture(found: RattleBands, gap: str | None = None) -> Picture:
     """Describe the bands of a gap, the worst if none is named, over the response, with severity and impacts below."""
-    worst = max(found.worst, key=lambda each: _rank(each.severity), default=None)
-    gap, units = chosen_gap(found.gaps, gap or (worst and worst.severity.gap)), found.system.units
+    worst = max((each.severity for each in found.worst), key=partial(_loudness, found), default=None)
+    gap, units = chosen_gap(found.gaps, gap or (worst and worst.gap)), found.system.units
     every = {each: moved_by(found.system, each)[0] for each in (gap, *found.gaps)}  # the chosen one is the first
     moved, others = every[gap], [each for each in every if each != gap and found.of(each)]
     curves = [
@@ -619,6 +621,14 @@ def rattle_picture(found: RattleBands, gap: str | None = None) -> Picture:
         height=1.25,
         reach={found.parameter: found.within, f"half.{moved}": (0.0, None)},
     )
+
+
+def _loudness(found: RattleBands, row: Severity) -> float:
+    """Return the number by which gaps are compared: accelerations in one unit, of angles if not all have a radius."""
+    units = found.system.units
+    if units and len({units.signal(each.severity.part)[1] for each in found.worst}) > 1 and _key([row]) == "rms":
+        return row.rms / units.signal(row.part)[0]
+    return _rank(row)
 
 
 def chosen_gap(gaps: Sequence[str], gap: str | None) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, fields, replace
 from itertools import pairwise
 
 import numpy as np
@@ -26,6 +26,7 @@ from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
 from gapwalk.orbit.energy import impact_losses
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.summary import Rows, SummaryText, Table
 
 _PERIODS = 256  # forcing periods over which a motion without period is evaluated
 
@@ -54,30 +55,45 @@ class Rattle:
         """The rattle index: the largest kurtosis of any coordinate's acceleration; nan where one has impulses."""
         return float(np.max([each.kurtosis for each in self.coordinates[: self.system.size]]))
 
-    def __repr__(self) -> str:
+    def summary(self) -> SummaryText:
+        """Return the tables of impacts, of forces and of accelerations."""
         units = self.system.units
         velocity = units.state("'") if units else ""
 
         def of(name: str, unit: str) -> str:
-            return f"{name} [{unit}]" if units else name
+            return f">{name} [{unit}]" if units else f">{name}"
 
         peak = of("peak force", "N m")
         speeds, losses = (of("velocity", velocity), of("fastest", velocity)), (of("loss", "J"), of("costliest", "J"))
         sides = [
-            (f"{s.contact} {s.side:+d}", s.impacts, s.velocity, s.fastest, s.peak, s.impulse, s.loss, s.costliest)
+            (s.contact, f"{s.side:+d}", s.impacts, s.velocity, s.fastest, s.peak, s.impulse, s.loss, s.costliest)
             for s in self.sides
         ]
         loads = [(c.contact, c.closed, c.peak, c.rms, c.power) for c in self.contacts]
-        own = self.coordinates[: self.system.size]
-        signals = [(f"{c.coordinate}''", c.rms, c.peak, c.crest, c.kurtosis) for c in own]
-        signals += [(c.coordinate, c.rms, c.peak, c.crest, c.kurtosis) for c in self.coordinates[len(own) :]]
-        sizes = of("rms", "rad/s^2"), of("peak", "rad/s^2")
+        signals = [(self._signal(k), c.rms, c.peak, c.crest, c.kurtosis) for k, c in enumerate(self.coordinates)]
+        named = [(f"{name} [{units.signal(name)[1]}]" if units else name, *row) for name, *row in signals]
+        heads = ("impacts", ">side", ">a period", *speeds, peak, of("impulse", "N m s"), *losses)
         tables = (
-            _table(("impacts", "a period", *speeds, peak, of("impulse", "N m s"), *losses), sides),
-            _table(("contact", "closed", peak, of("rms force", "N m"), of("power", "W")), loads),
-            _table(("signal", *sizes, "crest factor", "kurtosis"), signals),
+            _table(heads, sides, spare=[heads[k] for k in (8, 6, 3, 7, 4)]),
+            _table(("contact", ">closed", peak, of("rms force", "N m"), of("power", "W")), loads),
+            _table(("acceleration", ">rms", ">peak", ">crest factor", ">kurtosis"), named),
         )
-        return "\n\n".join(table for table in tables if table)
+        return SummaryText([part for table in tables if table.rows for part in ("", table)][1:])
+
+    def _signal(self, place: int) -> str:
+        """Return the name of an acceleration by its place among them."""
+        name = self.coordinates[place].coordinate
+        return f"{name}''" if place < self.system.size else name
+
+    def signal_rows(self) -> Rows:
+        """Return the rows of accelerations, each with its unit in a system that has units."""
+        units = self.system.units
+        yield (*(field.name for field in fields(Impulsiveness)), *(["unit"] if units else []))
+        for k, each in enumerate(self.coordinates):
+            yield (*astuple(each), *([units.signal(self._signal(k))[1]] if units else []))
+
+    def __repr__(self) -> str:
+        return str(self.summary())
 
 
 @dataclass(frozen=True, slots=True)
@@ -340,14 +356,9 @@ def _of_part(along: Quadrature, name: str, share: NDArray[np.float64]) -> Impuls
     return Impulsiveness(name, rms, peak, crest, kurtosis)
 
 
-def _table(head: tuple[str, ...], rows: list[tuple]) -> str:
-    """Format a text table: first column flush left, numbers flush right; nothing if it has no rows."""
-    if not rows:
-        return ""
-    cells = [head, *((row[0], *("-" if math.isnan(value) else f"{value:.4g}" for value in row[1:])) for row in rows)]
-    widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
-    lines = [
-        "  ".join([row[0].ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(row[1:], widths[1:], strict=True))])
-        for row in cells
+def _table(head: tuple[str, ...], rows: Sequence[tuple], spare: Sequence[str] = ()) -> Table:
+    """Return a table of texts and numbers."""
+    cells = [
+        [each if isinstance(each, str) else "-" if math.isnan(each) else f"{each:.4g}" for each in row] for row in rows
     ]
-    return "\n".join(line.rstrip() for line in lines)
+    return Table(head, cells, spare=spare)

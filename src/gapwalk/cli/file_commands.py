@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,13 +12,15 @@ from gapwalk.errors import ModelError
 from gapwalk.summary import Table
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from gapwalk.bifurcation.loci.gradient import Gradients
     from gapwalk.model.element_tables import MeasuredCurve
+    from gapwalk.model.model_source import Source
     from gapwalk.model.system import System
     from gapwalk.plot.style import SizeName
     from gapwalk.studies.result import Result
+    from gapwalk.studies.study_file import Study
 
 _PICTURES = ("png", "svg", "pdf")
 
@@ -48,9 +51,9 @@ def new_file(file: Path | None, table: Path | None) -> int:
 def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bool) -> int:
     """Print a summary of a model file; draw what is in it."""
     from gapwalk.cli.modes_command import train_lines
+    from gapwalk.model.doubts import doubts_of
     from gapwalk.model.model_file import curves_of, has_pace
     from gapwalk.model.model_source import read_source
-    from gapwalk.model.modes import dissipation_doubts
     from gapwalk.results.codec import plain
     from gapwalk.studies.runner import check_work
     from gapwalk.studies.set_values import parse_changes
@@ -84,28 +87,54 @@ def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bo
             }
             for study in studies
         ]
-        alone = {"ok": True, "title": model.title, "system": plain(system), "warnings": dissipation_doubts(system)}
+        alone = {"ok": True, "title": model.title, "system": plain(system), "warnings": doubts_of(system)}
         print_json(documents if len(documents) > 1 else documents[0] if documents else alone)
         return DONE
     system = studies[0].system if studies else system
     doubts = dict.fromkeys(doubt for study in studies for doubt in study.doubts)
-    doubts |= dict.fromkeys([] if studies else dissipation_doubts(system))
+    doubts |= dict.fromkeys([] if studies else doubts_of(system))
     lines = [
         heading,
         *train_lines(system),
         *(f"  {text}" for text in system.contents),
         *(f"  curve of {each.name}: {each.curve.words}" for each in curves),
         *(f"  {study.reduced.words}" for study in studies[:1] if study.reduced),
-        *(f"  study{f' {study.name}' if study.name else ''}: {study.options.plan_with_workers}" for study in studies),
+        *(f"  study{f' {study.name}' if study.name else ''}: {_plan(study, source, asked)}" for study in studies),
         *["  no study: `gapwalk modes` shows its modes; [study] says what to compute"] * (not studies),
         *dict.fromkeys(f"  {words}" for study in studies for words in study.unused_words),
         *(f"warning: {doubt}" for doubt in doubts),
-        "no errors apart from these warnings" if doubts else "no errors",
+        f"no errors, {len(doubts)} warning{'s' * (len(doubts) > 1)}" if doubts else "no errors",
     ]
     show(lines)
     if picture is not None:
         show_files([picture])
     return DONE
+
+
+_RANGE = re.compile(r"([\w.]+) from ([-+\d.e]+\d) to ([-+\d.e]*\d)")
+
+
+def _plan(study: Study, source: Source, asked: Mapping[str, object]) -> str:
+    """Return the plan of a study, ranges with their unit, and with what the file says in another one."""
+    tables, units = source.data.get("study", []), study.system.units
+    own = [each for each in (tables if isinstance(tables, list) else [tables]) if each.get("name", "") == study.name]
+    ranges = (
+        {}
+        if any(each.startswith("study.") for each in asked)
+        else {
+            part["parameter"]: f"{part['from']} to {part['to']}"
+            for table in own
+            for part in (table, *(each for each in table.values() if isinstance(each, dict)))
+            if all(isinstance(part.get(key), str) for key in ("parameter", "from", "to"))
+        }
+    )
+
+    def words(match: re.Match[str]) -> str:
+        unit = units.parameter(match[1]) if units and match[1] in study.system.parameters else ""
+        given = ranges.get(match[1], "")
+        return f"{match[0]} {unit}".rstrip() + f" ({given})" * bool(given and f" {unit} to " not in given)
+
+    return _RANGE.sub(words, study.options.plan_with_workers)
 
 
 def draw_model(system: System, curves: Sequence[MeasuredCurve], picture: Path, title: str) -> None:

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from gapwalk.cli.output import DONE, print_json, show, show_files
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import load_sizes
+from gapwalk.model.doubts import reaction_hint, train_doubts
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.equilibria import Equilibrium, Rest, find_equilibria
 from gapwalk.model.model_source import read_source
 from gapwalk.model.modes import Clearances, Modes, find_modes
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
-from gapwalk.model.words import parameter_symbol, value_words
+from gapwalk.model.words import parameter_symbol
 from gapwalk.results.codec import plain
 from gapwalk.studies.set_values import parse_changes
 from gapwalk.studies.study_file import check_system
@@ -51,7 +52,7 @@ def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bo
         return DONE
     lines = [*variation_lines(system), *_rest_lines(rest, system.units), *[f"  {reason}"] * bool(reason)]
     lines += [f"  {note}" for note in rest.notes]
-    show([title or str(file), *train_lines(system), *lines])
+    show([title or str(file), *train_lines(system), *lines, *(f"warning: {each}" for each in train_doubts(system))])
     for heading, modes in found:
         if not len(modes):
             show([f"\nNatural vibrations {heading}: none, because nothing can move"])
@@ -121,29 +122,15 @@ def train_lines(system: System) -> list[str]:
     counts |= {"drag": len(form.links) - len(links)} if form.turning else {}
     plural = {"mesh of planets": "meshes of planets"}
     parts = ", ".join(f"{n} {word if n == 1 else plural.get(word, f'{word}s')}" for word, n in counts.items())
-    numbers, units = assembly.numbers(system.values), system.units
-    unbalanced = numbers.unbalanced if len(form.held) < 2 else 0.0
-    taken = np.flatnonzero(numbers.torques[0] == 0.0)
-    hint = f'reaction = "{form.inertias[taken[-1] if len(taken) else -1]}"'
     if not form.is_free:
+        unbalanced = assembly.numbers(system.values).unbalanced if len(form.held) < 2 else 0.0
         lines = [f"  train: {parts}; connected to the ground"]
         if unbalanced:
-            size = f"{abs(unbalanced):.6g}{' N m' if units else ''}"
+            size = f"{abs(unbalanced):.6g}{' N m' if system.units else ''}"
+            hint = reaction_hint(assembly, system)
             lines.append(f"  the ground takes the mean torques, {size} at {form.inertias[0]}; or write {hint}")
         return lines
-    lines = [f"  train: {parts}; free to rotate as a whole; this rotation is removed"]
-    if unbalanced:
-        acceleration = unbalanced / float(np.sum(numbers.inertia * numbers.speeds**2))
-        size = f"{acceleration * units.angle:.6g} rad/s^2" if units else f"{acceleration:.6g}"
-        steady = assembly.balanced_at(system.values) if form.turning else None
-        found = (
-            "" if steady is None else f"; at {value_words(steady, system.structure.pace, units, 6)} drags balance them"
-        )
-        lines.append(
-            f"  mean torques do not balance: the train accelerates, {form.inertias[0]} by {size}{found}; {hint} "
-            "would balance them"
-        )
-    return lines
+    return [f"  train: {parts}; free to rotate as a whole; this rotation is removed"]
 
 
 def _rest_lines(rest: Rest, units: Units | None) -> list[str]:
@@ -175,7 +162,7 @@ def _table(modes: Modes, system: System) -> Table:
             # without a blank between: a line is not broken there
             entries = [", ".join(f"{names[place]}:{entries[place]}" for place in most)]
         numbers = (frequency, frequency / (2 * math.pi), *(values[number] for values in resonances.values()), ratio)
-        rows.append([str(number + 1), *map(_number, numbers), *entries])
+        rows.append([str(modes.numbers[number] or "-"), *map(_number, numbers), *entries])
     spare = [f">{each}" for each in (_weakest_first(system, list(resonances)) if resonances else ())[:-1]]
     return Table([*headings, "moves most"] if is_wide else headings, rows, spare=spare)
 
@@ -241,12 +228,12 @@ def _rest_document(system: System, rest: Equilibrium) -> dict[str, Any]:
 
 
 def _modes_document(modes: Modes) -> list[dict[str, Any]]:
-    columns = (modes.frequencies, modes.damping_ratios, modes.shapes.T, modes.angles.T)
+    columns = (modes.numbers, modes.frequencies, modes.damping_ratios, modes.shapes.T, modes.angles.T)
     return [
         {
-            **{"frequency": frequency, "damping_ratio": ratio},
+            **{"number": number, "frequency": frequency, "damping_ratio": ratio},
             "shape": dict(zip(modes.coordinates, shape, strict=True)),
             "angles": dict(zip(modes.inertias, angles, strict=True)),
         }
-        for frequency, ratio, shape, angles in zip(*map(plain, columns), strict=True)
+        for number, frequency, ratio, shape, angles in zip(*map(plain, columns), strict=True)
     ]

@@ -165,7 +165,10 @@ def write_products(result: Result, output: Path) -> list[Path]:
     pictures = [output.with_suffix(ending) for ending in (".png", ".svg")] if can_be_drawn else []
     if pictures:
         save(result, *pictures)
-    return [*pictures, *save_tables(result, output.with_suffix(""))]
+    tables = save_tables(result, output.with_suffix(""))
+    if (old := output.with_name(f"{output.stem}-movers.csv")) not in tables and "bands" in result.tables():
+        old.unlink(missing_ok=True)  # of an earlier result
+    return [*pictures, *tables]
 
 
 def _remove_earlier_products(result: Result, output: Path) -> None:

@@ -20,9 +20,9 @@ from gapwalk.explorer.live_process import KINDS
 from gapwalk.explorer.motion_panels import scenes_of
 from gapwalk.explorer.server_state import Session
 from gapwalk.explorer.workspace_folder import MODEL, Workspace
+from gapwalk.model.doubts import doubts_of
 from gapwalk.model.model_file import check_model
 from gapwalk.model.model_source import MAX_BYTES, Source, parse_source, value_spans
-from gapwalk.model.modes import dissipation_doubts
 from gapwalk.model.problems import ModelFileError, Problem
 from gapwalk.model.problems import Path as Place
 from gapwalk.model.system import System
@@ -54,7 +54,7 @@ def checked_text(text: str, name: str, root: str) -> dict[str, Any]:
     found |= {"numbers": list(numbers_of(source, system)), "lines": _lines(source), "system": system is not None}
     if model is not None:
         found |= {"title": model.title, "machine": scenes_of(model.system), "contents": list(model.system.contents)}
-        found["warnings"] = dissipation_doubts(model.system)
+        found["warnings"] = doubts_of(model.system)
     try:
         studies = check_studies(source)
     except ModelFileError as error:

@@ -524,7 +524,7 @@ def _contacts(sampled: Motion, signal: str) -> dict[str, Any]:
     system, forms = sampled.system, sampled.system.structure.contacts
     if not forms:
         return {"contacts": [], "shown": None}
-    shown = contact_to_show(system, signal, np.abs(sampled.forces).max(axis=0))
+    shown = contact_to_show(system, signal, np.abs(sampled.forces).max(axis=0), sampled.events)
     elements = [place for place, form in enumerate(forms) if is_element(form)]
     places = sorted({*range(len(forms))[:_CONTACTS], *elements[:_COORDINATES], shown})
     found = []

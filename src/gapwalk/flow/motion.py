@@ -9,6 +9,7 @@ the paper shows u3'' of three inertias. Absolute angles and speeds depend on the
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
@@ -732,18 +733,22 @@ def signal_of(system: System, given: str | Mapping[str, float] | Signal) -> Sign
     return given if isinstance(given, Signal) else Signal(terms)
 
 
-def contact_to_show(system: System, signal: str, forces: NDArray[np.float64]) -> int:
+def contact_to_show(
+    system: System, signal: str, forces: NDArray[np.float64], events: Iterable[ContactEvent] = ()
+) -> int:
     """Return the place of the contact whose force a picture shows by default."""
     # It is the one that the signal names. Otherwise it is a contact that touches, if possible one that acts on the
-    # signal's coordinate, and of these the one with the largest force.
+    # signal's coordinate, and of these the one that closes most often, then the one with the largest force.
     #
     # Shapes: `forces` (contacts,).
     base, coordinates, sizes = signal.rstrip("'"), system.coordinates, np.nan_to_num(forces)
 
-    def rank(place: int) -> tuple[bool, bool, bool, float]:
+    closings = Counter(system.structure.breakpoints[each.switch].contact for each in events if each.enters)
+
+    def rank(place: int) -> tuple[bool, bool, bool, int, float]:
         form, size = system.structure.contacts[place], float(sizes[place])
         own = base in coordinates and any(system.vector(each)[coordinates.index(base)] for each in form.vectors)
-        return base.partition(".")[0] == form.name, size > 0.0, own, size
+        return base.partition(".")[0] == form.name, size > 0.0, own, closings[place], size
 
     return max(range(len(sizes)), key=rank)
 

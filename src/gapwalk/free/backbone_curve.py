@@ -411,15 +411,14 @@ def _of_mode(system: System, mode: int, unit: float) -> tuple[NDArray[np.float64
         raise ModelError("the system has no stable equilibrium to vibrate about; give positions to release it from")
     rest = rests[0]
     modes = find_modes(system, rest)
-    if not 1 <= mode <= len(modes.frequencies):
-        raise ModelError(f"start is {mode}; the system has the modes 1 to {len(modes.frequencies)}")
-    frequency = float(modes.frequencies[mode - 1])
-    if not frequency > 0.0:
-        raise ModelError(
-            f"mode {mode} has no frequency about the equilibrium: it moves without stiffness; give positions to "
-            "release the system from, beyond a gap, as in backbone(system, [2.0, 0.0])"
-        )
-    shape = modes.shapes[:, mode - 1]
+    places = np.flatnonzero(modes.numbers == mode) if mode > 0 else ()
+    if not len(places):
+        count, more = modes.numbers.max(initial=0), ""
+        if count < len(modes):
+            more = "; what moves without stiffness has none: give positions to release the system from, beyond a gap, "
+            more += "as in backbone(system, [2.0, 0.0])"
+        raise ModelError(f"start is {mode}; the system has the modes 1 to {count}{more}")
+    frequency, shape = float(modes.frequencies[places[0]]), modes.shapes[:, places[0]]
     room = [
         abs(slope.sign * slope.clearance - at) / abs(swing)
         for form, spring in zip(system.structure.contacts, springs_of(system), strict=True)

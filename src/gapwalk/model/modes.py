@@ -190,6 +190,7 @@ def is_symmetric(matrix: Array) -> bool:
 
 
 _DEPENDENT = 1e-9  # share of a constraint below which it depends on others
+_RIGID = 1e-6  # share of the highest frequency below which a mode is a motion without stiffness
 _ZERO_RATE = 1e-12  # share of the largest rate of dissipation below which a negative one is rounding
 
 
@@ -240,6 +241,13 @@ class Modes(Shown):
     #: shape (inertias, modes): A mode in each column, by the inertias of a drive train; otherwise empty. A free train's
     #: have no momentum.
     angles: NDArray[np.float64]
+
+    @property
+    def numbers(self) -> NDArray[np.int64]:
+        """Number of each mode, 1 for the slowest vibration; 0 of a motion without stiffness, or that grows."""
+        rates = np.nan_to_num(self.frequencies)
+        vibrates = rates > _RIGID * max(float(rates.max(initial=0.0)), np.finfo(float).tiny)
+        return np.where(vibrates, np.cumsum(vibrates), 0)
 
     def __len__(self) -> int:
         return len(self.frequencies)

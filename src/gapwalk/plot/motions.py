@@ -55,6 +55,7 @@ from gapwalk.plot.style import (
     LISTED,
     SECOND,
     SEVERAL,
+    broken,
     dots,
     points,
     sheet_size,
@@ -65,6 +66,7 @@ from gapwalk.tori.torus import TURN, Torus, at_phases
 
 _SPECTRUM_DEPTH = 1e-4  # smallest line that is shown, relative to the largest
 _NAMED, _NOTABLE = 5, 0.03  # most lines with names, and their smallest height, relative to the largest
+_HIGHEST = 8  # lines, the highest, of which none is left out at the right
 _FEW = 33  # number of points of a section from which they are drawn as dots
 
 _LONG = 24  # forcing periods of a time history of a motion without period
@@ -112,7 +114,7 @@ def draw_history(
     ax.set_xlim(float(motion.theta[0]) / PERIOD, float(motion.theta[-1]) / PERIOD)
     ax.set_ylim(low - pad, high + pad)
     ax.set_xlabel("forcing periods")
-    ax.set_ylabel(signal_words(signal, motion.system.units))
+    ax.set_ylabel(broken(signal_words(signal, motion.system.units), 72.0 * ax.bbox.height / ax.figure.dpi))
     _draw_impulses(motion, signal, ax, alone=not values.any())
 
 
@@ -229,7 +231,8 @@ def draw_spectrum(found: Spectrum, ax: Axes, *, top: float | None = None, labels
     ax.set_ylim(floor, 4.0 * (largest or 1.0))
     ax.xaxis.set_major_locator(MultipleLocator(max(1.0, np.ceil(top / 8))))
     ax.set_xlabel(order_words(found.system.units))
-    ax.set_ylabel(f"amplitude of {signal_words(found.signal, found.system.units)}")
+    words = f"amplitude of {signal_words(found.signal, found.system.units)}"
+    ax.set_ylabel(broken(words, 72.0 * ax.bbox.height / ax.figure.dpi))
     named = [
         Label(line_words(peak.name), peak.order, peak.amplitude)
         for peak in found.peaks(_NAMED, _NOTABLE)
@@ -243,7 +246,9 @@ def draw_spectrum(found: Spectrum, ax: Axes, *, top: float | None = None, labels
 def _top(found: Spectrum, largest: float) -> float:
     notable = found.orders[found.amplitudes > 30 * _SPECTRUM_DEPTH * largest]
     unit = float(found.system.turns or 1)
-    return unit * float(np.ceil(min(max(float(notable.max(initial=0.0)) / unit, 2.0), 12.0) + 0.3))
+    strongest = max((each.order for each in found.peaks(_HIGHEST) if each.order in notable), default=0.0)
+    most = max(12.0, strongest / unit)
+    return unit * float(np.ceil(min(max(float(notable.max(initial=0.0)) / unit, 2.0), most) + 0.3))
 
 
 def _settled_size(motion: Settled | Attractor, *_: object, **__: object) -> Inches:
@@ -287,7 +292,8 @@ def draw_settled(
     draw_section(settled.section(phase), axes["section"], base)
     if contacts:
         turns = integrate(system, settled.state, period or _LONG, _SMOOTH)
-        shown = contact or contacts[contact_to_show(system, signal, np.abs(turns.forces).max(axis=0))].name
+        place = contact_to_show(system, signal, np.abs(turns.forces).max(axis=0), turns.events)
+        shown = contact or contacts[place].name
         _draw_loop(turns, shown, axes["loop"])
     return draw_spectrum(spectrum(settled, signal, options), axes["spectrum"])
 
@@ -420,7 +426,7 @@ def draw_modes(modes: Modes, figure: AnyFigure, system: System, *, title: str = 
         frequency = modes.frequencies[number]
         rate = f"{frequency / (2 * math.pi):.4g} Hz" if system.units else f"{frequency:.4g}"
         text = "no vibration" if math.isnan(frequency) else rate
-        ax.set_ylabel(f"{number + 1}\n{text}", rotation=0, ha="right", va="center")
+        ax.set_ylabel(f"{modes.numbers[number] or '-'}\n{text}", rotation=0, ha="right", va="center")
         ax.axhline(0.0, **AXIS.options())
         ax.set_ylim(-1.25, 1.25)
         ax.set_yticks([-1, 0, 1])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, ValidationInfo
 
 from gapwalk.attractors.lyapunov import LyapunovOptions
-from gapwalk.attractors.rattle import ContactLoad, Impulsiveness, Rattle, SideRattle, rattle
+from gapwalk.attractors.rattle import ContactLoad, Rattle, SideRattle, rattle
 from gapwalk.attractors.settle import (
     Attractor,
     AttractorKind,
@@ -132,7 +132,7 @@ class SettleFinding(Finding):
         yield Table(["line", f">{order}", ">amplitude"], lines[:_SHOWN])
         index = f"index {self.rattle.index:.4g} (kurtosis of the acceleration)"
         yield f"\nrattle: {'impulses on rigid stops' if math.isnan(self.rattle.index) else index}\n"
-        yield repr(self.rattle)
+        yield from self.rattle.summary()
         if self.energy is not None:
             yield ""
             yield from self.energy.summary()
@@ -177,7 +177,7 @@ class SettleFinding(Finding):
             "contacts": TableRows(
                 lambda: _rows(ContactLoad, rattle.contacts), units={"peak": ".force", "rms": ".force", "power": "W"}
             ),
-            "signals": TableRows(lambda: _rows(Impulsiveness, rattle.coordinates), units={"rms": "''", "peak": "''"}),
+            "signals": rattle.signal_rows,
             **{
                 name: TableRows(partial(_rows, EnergyItem, items), units={"energy": "J", "power": "W"})
                 for name, items in energies.items()

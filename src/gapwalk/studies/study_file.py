@@ -16,13 +16,13 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 
 from gapwalk.errors import GapwalkError, ModelError
+from gapwalk.model.doubts import doubts_of
 from gapwalk.model.drivetrain.nondimensional import NonDimensional, nondimensional
 from gapwalk.model.drivetrain.train_file import describes_train
 from gapwalk.model.drivetrain.train_sheet import train_of_sheet
 from gapwalk.model.measured.measured_table import read_named
 from gapwalk.model.model_file import Model, check_model, checked_model, has_pace, in_order, refusal, validate
 from gapwalk.model.model_source import Source, parse_source, read_source
-from gapwalk.model.modes import dissipation_doubts
 from gapwalk.model.problems import ModelFileError, Path, Problem, did_you_mean, given
 from gapwalk.model.schema import Part, Positive, Text
 from gapwalk.model.system import System
@@ -167,7 +167,7 @@ class Study:
     @property
     def doubts(self) -> list[str]:
         """Doubts about the damping of the system and about the measure that is shown, in sentences."""
-        return [*dissipation_doubts(self.system), *measure_doubts(self.system, self.options)]
+        return [*doubts_of(self.system), *measure_doubts(self.system, self.options)]
 
     @property
     def unused_words(self) -> list[str]:

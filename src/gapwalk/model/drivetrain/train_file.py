@@ -147,7 +147,7 @@ class GearBase(LinkBase):
     @field_validator("ratio")
     @classmethod
     def _is_known(cls, ratio: float | None, info: ValidationInfo[Names]) -> float | None:
-        if ratio is None and not isinstance(info.data.get("teeth"), list):
+        if ratio is None and not isinstance(info.data.get("teeth", []), list):  # teeth that are wrong are not there
             raise ValueError(
                 "is missing; it is the speed of the first inertia divided by that of the second. Or write the numbers "
                 "of teeth, as in teeth = [27, 41]"
