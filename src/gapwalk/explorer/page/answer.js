@@ -150,7 +150,9 @@ export class Answer {
     if (content.bars) place.append(bars(content.bars));
     if (content.shares) place.append(shares(content.shares));
     for (const chart of this.own("charts")) place.append(Object.assign(document.createElement("div"), { className: "free", chart }));
-    for (const part of content.parts) place.append(typeof part === "string" ? text("p", "line", part) : table(this.ownRows(part)));
+    let other = false; // a table of another contact follows its heading
+    const of = (part) => content.contacts.find((name) => part.startsWith(`${name}: `)) ?? this.contact;
+    for (const part of content.parts) if (!(other = typeof part === "string" ? of(part) !== this.contact : other)) place.append(typeof part === "string" ? text("p", "line", part) : table(this.ownRows(part)));
     for (const note of content.notes) place.append(text("p", "hint", `Note: ${note}`));
     for (const [number, words] of (content.pictures ?? []).entries()) place.append(this.picture(number, words));
     this.drawCharts();

@@ -63,7 +63,7 @@ diagram.sampled = (value) => {
   const place = `${$("x").value} = ${Number(value.toPrecision(7))}`;
   if ($("settle").disabled || page.about.problem) return tell({ message: `The motions at ${place} are not stored. Click Settle to compute this motion, from rest (some seconds).`, isHint: true });
   settle();
-  tell({ message: `The motions at ${place} are not stored: the one from rest is computed again, as by Settle (some seconds), and is then shown.`, isHint: true });
+  tell({ message: `The motions at ${place} are not stored: the one from rest, with the file as it is now, is computed (as by Settle: some seconds), and is then shown.`, isHint: true });
 };
 const extras = new Extras($("legend"), curves, diagram, answer, movers);
 const depth = new Depth({ page, curves, diagram, answer, tell, changed: changeAxes, choose: (found) => choice.choose(found) });
@@ -266,8 +266,8 @@ function drawDiagram() {
 /** Say of the shown answer that it is of an earlier model, and that another one is being computed. */
 function markAnswer() {
   const own = page.results.find(({ key }) => key === answer.key), isOld = Boolean(own) && isEarlier(own, page.about?.model);
-  const next = own && page.results.find(({ key, state, settled }) => key === page.wanted && key !== own.key && !settled && state in WORDS && WORDS[state].startsWith("is "));
-  answer.mark([isOld && `of an earlier model (${own.model})`, next && `below: an earlier answer; ${next.title} ${WORDS[next.state]}`].filter(Boolean).join("; "));
+  const next = own && page.results.find(({ key, state }) => key === page.computed && key !== own.key && ["running", "queued", "paused"].includes(state));
+  answer.mark([isOld && `of an earlier model (${own.model})`, next && `${next.title} ${WORDS[next.state]}, and will take its place`].filter(Boolean).join("; "));
 }
 
 /** Explain an empty diagram. */
@@ -404,8 +404,8 @@ async function act(action) {
   }
 }
 
-function compute(values = {}) {
-  return act({ do: "compute", study: $("study").value, values });
+async function compute(values = {}) {
+  page.computed = await act({ do: "compute", study: $("study").value, values });
 }
 
 /** The parameters along which the chosen study runs: their values follow from its range. */
