@@ -60,7 +60,7 @@ export class LiveChart {
     if (end !== undefined) {
       curve.whole = curve.x.length > 0;
       if (curve.whole) [this.before, this.moved] = [null, null];
-      this.note.textContent = end || this.words(curve);
+      this.note.textContent = end && (failed || !curve.whole) ? end : [end, this.words(curve)].filter(Boolean).join(". ");
     }
     this.note.classList.toggle("failed", Boolean(failed));
     this.draw();
