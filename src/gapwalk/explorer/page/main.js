@@ -61,9 +61,12 @@ diagram.sampled = (value) => {
   choice.clear();
   turnKnob($("x").value, value);
   const place = `${$("x").value} = ${Number(value.toPrecision(7))}`;
-  if ($("settle").disabled || page.about.problem) return tell({ message: `The motions at ${place} are not stored. Click Settle to compute this motion, from rest (some seconds).`, isHint: true });
+  if (page.sampling === place) return; // the second press of a double click
+  page.sampling = place;
+  setTimeout(() => { page.sampling = null; }, 1500);
+  if ($("settle").disabled || page.about.problem || !page.names.has($("x").value) || page.names.has($("y").value)) return tell({ message: `The motions at ${place} are not stored. Click Settle to compute this motion, from rest (some seconds).`, isHint: true });
   settle();
-  tell({ message: `The motions at ${place} are not stored: the one from rest, with the file as it is now, is computed (as by Settle: some seconds), and is then shown.`, isHint: true });
+  tell({ message: `The motions at ${place} are not stored: the one from rest, with the values on the left, is computed (as by Settle: some seconds), and is then shown.`, isHint: true });
 };
 const extras = new Extras($("legend"), curves, diagram, answer, movers);
 const depth = new Depth({ page, curves, diagram, answer, tell, changed: changeAxes, choose: (found) => choice.choose(found) });

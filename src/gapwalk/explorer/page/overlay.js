@@ -30,9 +30,7 @@ export function onAxes(answer, x, y) {
 }
 
 /** The range of the other axis over which a shade was studied; undefined if it holds for all of that axis. */
-function across({ within }, upright) {
-  return within[upright ? "y" : "x"];
-}
+const across = ({ within }, upright) => within[upright ? "y" : "x"];
 
 /** Draw shades, cells and lines on a canvas; px and py are the pixels of values, and box [left, top, right, bottom]. */
 export function paintBehind(draw, over, px, py, [left, top, right, bottom], color) {
