@@ -88,6 +88,7 @@ def test_no_threshold_is_an_answer_too(gear: gw.System, to: tuple[float, float],
     assert found.limit is None
     assert math.isnan(found.value)
     assert says in found.notes[0]
+    assert ("teeth still rattles at" in found.sentence) is (says != "nothing rattles")
     assert "something" not in found.notes[0]
     with pytest.raises(gw.errors.ModelError, match="no threshold"):
         found.gradient()

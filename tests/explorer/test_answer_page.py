@@ -241,6 +241,9 @@ def test_the_limit_of_a_threshold_says_what_moves_it(page, records) -> None:
     (from_, to) = page.evaluate("(({from, to}) => [from, to])(gapwalk.diagram.arrows[0])")
     assert from_ == pytest.approx([records["threshold"].at, records["threshold"].value], rel=1e-12)
     assert to[0] == from_[0] != to[1]
+    shaded = "import('/static/overlay.js').then((m) => m.shapesOf(gapwalk.diagram.over, () => '')[0])"
+    ends = page.evaluate(f"{shaded}.then(({{ x0, x1 }}) => [x0, x1])")  # nothing is known beyond the studied range
+    assert ends == pytest.approx([records["threshold"].low, records["threshold"].high])
 
 
 def test_panels_below_follow_the_diagram(page) -> None:

@@ -304,7 +304,10 @@ class Threshold(Shown):
             left = rattle_words(self.last, "still ")
             return f"{gaps} {verb} not rattle over {over} at {first} {way} ({left} at {last}, {place})"
         if self.limit is None:
-            return f"{gaps}: no threshold of {range_words((self.begin, self.end), self.parameter, units)} over {over}"
+            left = rattle_words(self.last, "still ")
+            end = f": {left} at {value_words(self.end, self.parameter, units, 6)}"
+            none = f"{gaps}: no threshold of {range_words((self.begin, self.end), self.parameter, units)} over {over}"
+            return none + end * any(note.startswith(left) for note in self.notes)
         several, contact = len(self.gaps) > 1, self.limit.contact.rpartition(" ")[0]
         limit = f"{self.limit.kind.value}{f' of {contact}' * (several and bool(contact))}"
         last = f"; before it {rattle_words(self.last)}" if several and self.last and not contact else ""

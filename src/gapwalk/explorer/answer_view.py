@@ -45,6 +45,7 @@ from gapwalk.picture_parts import (
 from gapwalk.plot.picture import lay_out, picture_of, png_bytes, sheet_bytes
 from gapwalk.plot.style import in_style
 from gapwalk.studies.branch_family import Family, SpecialPointPath
+from gapwalk.studies.options import ParameterRange
 from gapwalk.studies.run_up_study import RunUpStudy
 from gapwalk.studies.study_kind import Finding
 from gapwalk.studies.sweep_study import Sweep, Way
@@ -418,7 +419,8 @@ class AnswerView:
         self.record: Any = found if self.finding is None else self.finding.record
         described = description_of(type(self.record))
         options = {} if described is None else _asked(self.finding, described)
-        self.picture = Picture(None) if described is None else described.describe(self.record, **options)
+        planned = _planned(self.finding)
+        self.picture = planned if described is None else described.describe(self.record, **options)
 
     def curves(self) -> list[tuple[str, Branch | Locus]]:
         """Return its branches and loci with their names; branches come first."""
@@ -517,6 +519,16 @@ class AnswerView:
         of = self.finding or self.record
         parts = () if self.record is None else of.summary() if hasattr(of, "summary") else (repr(of),)
         return [part.strip("\n") if isinstance(part, str) else part for part in parts]
+
+
+def _planned(finding: Finding | None) -> Picture:
+    """Return a picture with nothing but the axes of what a study asks for, if it is over two ranges of parameters."""
+    asked = getattr(finding, "asked", None)
+    over = getattr(asked, "over", None)
+    if asked is None or not isinstance(over, ParameterRange):
+        return Picture(None)
+    within = {over.parameter: over.ends, asked.parameter: tuple(sorted((asked.begin, asked.end)))}
+    return Picture(None, (over.parameter, asked.parameter), parts=lambda: Parts(within=within))
 
 
 def _asked(finding: Finding | None, described: Description) -> Json:

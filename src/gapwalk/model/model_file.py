@@ -324,6 +324,8 @@ def _problem(model: type[Part], error: Any, source: Source, at: Path, explained:
     else:
         allowed = _ALLOWED[kind].format(**error.get("ctx", {})) if kind in _ALLOWED else error["msg"]
         message = f"is {given(value)}; it must be {allowed}"
+        if kind == "model_type" and owner and " as in " in (hint := _fields(owner).get(str(path[-1]), "")):
+            message += f"; {hint}"
         if kind == "greater_than_equal" and path[-1:] == ("clearance",):
             message += f": {WITHIN}"
         is_quoted_number = kind in ("float_type", "int_type") and isinstance(value, str) and _is_number(value)

@@ -348,8 +348,12 @@ def _draw_over(picture: Picture, parts: Parts, ax: Axes, axes: tuple[str, str], 
     """Draw shades and lines over the whole width or height of a panel."""
     for each in parts.shades:
         if each.of in ("", picture.of) and each.over in axes:
-            span = ax.axvspan if each.over == axes[0] else ax.axhspan
-            span(each.low, each.high, color=TINTS[each.tint], linewidth=0, zorder=0)
+            is_upright = each.over == axes[0]
+            look: Any = {"color": TINTS[each.tint], "linewidth": 0, "zorder": 0}
+            if (studied := parts.within.get(axes[is_upright])) is None:
+                (ax.axvspan if is_upright else ax.axhspan)(each.low, each.high, **look)
+            else:  # beyond that range nothing is known
+                (ax.fill_betweenx if is_upright else ax.fill_between)(studied, each.low, each.high, **look)
             entries.setdefault(each.text, TINTS[each.tint])
     for each in parts.lines:
         if each.of in ("", picture.of) and each.over in axes:

@@ -136,7 +136,7 @@ class LiveResponse(LiveAnswer):
             elif shown := point.shown(system, self.measure):
                 yield Seen([point.value], [shown[_LEVEL.get(self.measure.partition(".")[0], 1)]], [_SETTLED], [])
             if time.process_time() > until:
-                self.end = f"stopped after {LONGEST:g} s of work; Compute walks all of it"
+                self.end = f"stopped after {LONGEST:g} s of work, before the end of the range"
                 break
         yield Seen([], [], [], self._seen(self.points).marks if self.corrector else [])
 

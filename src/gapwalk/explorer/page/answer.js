@@ -9,11 +9,12 @@ const LONG = 24; // letters of a cell from which it takes several lines
 const $ = (id) => document.getElementById(id);
 
 export class Answer {
-  /** `changed` is called when the diagram must be drawn again; `chosen` with an end, when it is clicked. */
-  constructor({ changed, chosen }) {
+  /** `changed` is called when the diagram must be drawn again; `chosen` with an end, `sampled` with a value, when it is clicked. */
+  constructor({ changed, chosen, sampled = () => {} }) {
     Object.assign(this, { changed, chosen, key: null, content: null, version: -1, heard: null }); // heard: as in heard.js
     $("answer-contact").addEventListener("change", () => this.turn());
     $("answer-close").addEventListener("click", () => { this.clear(); this.changed(); });
+    $("below").addEventListener("click", ({ target: { dataset: { at } } }) => { if (at) sampled(Number(at)); });
     $("answer-details").addEventListener("toggle", () => this.drawCharts());
     new ResizeObserver(() => this.drawCharts()).observe($("answer-numbers"));
     new ResizeObserver(() => this.offerWhole()).observe($("answer-text"));
@@ -43,6 +44,12 @@ export class Answer {
     $("answer-text").replaceChildren(...[...own, ...sentences.filter((text) => text !== own[0])].map((words) => text("span", "", `${words}${complete ? "" : " (incomplete)"}`)));
     $("answer-text").classList.remove("whole");
     this.offerWhole();
+  }
+
+  /** Mark it as one of before, in words; empty if it is not. */
+  mark(words) {
+    Object.assign($("answer-note"), { hidden: !words, textContent: words });
+    $("answer").classList.toggle("earlier", Boolean(words));
   }
 
   /** A text that is cut, with an ellipsis, can be shown whole. */
@@ -143,10 +150,26 @@ export class Answer {
     if (content.bars) place.append(bars(content.bars));
     if (content.shares) place.append(shares(content.shares));
     for (const chart of this.own("charts")) place.append(Object.assign(document.createElement("div"), { className: "free", chart }));
-    for (const part of content.parts) place.append(typeof part === "string" ? text("p", "line", part) : table(part));
+    let other = false; // a table of another contact follows its heading
+    const of = (part) => content.contacts.find((name) => part.startsWith(`${name}: `)) ?? this.contact;
+    for (const part of content.parts) if (!(other = typeof part === "string" ? of(part) !== this.contact : other)) place.append(typeof part === "string" ? text("p", "line", part) : table(this.ownRows(part)));
     for (const note of content.notes) place.append(text("p", "hint", `Note: ${note}`));
     for (const [number, words] of (content.pictures ?? []).entries()) place.append(this.picture(number, words));
     this.drawCharts();
+  }
+
+  /** A table of bands: the rows of the chosen contact, those of equal bands once. */
+  ownRows(part) {
+    if (part.head[0][0] !== "gap" || part.head[1][0] !== "met" || this.content.contacts.length < 2) return part;
+    const bands = part.groups.map((last, k) => part.rows.slice(k ? part.groups[k - 1] + 1 : 0, last + 1)).filter(([[gap]]) => gap === this.contact);
+    const alike = new Map();
+    for (const [[gap, met, ...first], ...others] of bands) {
+      const key = JSON.stringify([first, others]), known = alike.get(key);
+      if (known) known[0][1] += `, ${met}`;
+      else alike.set(key, [[gap, met, ...first], ...others]);
+    }
+    const kept = [...alike.values()];
+    return { ...part, rows: kept.flat(), groups: kept.map((_, k) => kept.slice(0, k + 1).flat().length - 1) };
   }
 
   /** A picture of the answer, which is asked for when it is opened; the first one is open. */

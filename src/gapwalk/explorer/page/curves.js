@@ -135,7 +135,7 @@ export class Curves {
       const query = { file, result: result.key, ...axes };
       if (result.settled) {
         wanted.push(get("/api/curve", query).then(({ settled }) => {
-          if (generation === this.generation && settled) this.settled.set(result.key, { place: settled, title: result.title });
+          if (generation === this.generation && settled) this.settled.set(result.key, { place: settled, title: result.title, result: result.key });
         }));
       }
       for (const key of [...this.all.keys()]) if (this.all.get(key).result === result.key && this.all.get(key).branch >= result.branches.length) this.all.delete(key);

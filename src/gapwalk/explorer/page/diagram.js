@@ -261,7 +261,7 @@ export class Diagram {
     return {
       type: "scatter", mode: "markers", name: "settled", x: found.map((s) => s.place[0]), y: found.map((s) => s.place[1]),
       text: found.map((s) => escaped(s.title)), hovertemplate: "%{text}<extra></extra>",
-      marker: { symbol: "x", size: 10, color: color("--chosen"), line: { width: 1, color: color("--card") } },
+      marker: { symbol: "x", size: 10, opacity: found.map(({ earlier }) => (earlier ? this.lines.pale : 1)), color: color("--chosen"), line: { width: 1, color: color("--card") } },
     };
   }
 

@@ -19,7 +19,7 @@ export class Editor {
     this.drafts = new Map(); // texts that were left without being saved, by the names of their files
     this.text = new ModelText($("edit-text"), { changed: (why) => this.later(why), moved: (line) => this.sliders?.mark(line) });
     this.sliders = new Sliders($("edit-values"), $("edit-filter"), { replace: (...change) => this.replace(...change) });
-    this.chart = new LiveChart($("edit-response"), $("edit-response-note"), "A quick walk to one hundredth, with its special points; Compute locates them.");
+    this.chart = new LiveChart($("edit-response"), $("edit-response-note"), (curve) => this.drawn(curve));
     const locus = new LiveChart($("edit-locus"), $("edit-locus-note"), "Followed exactly, with its points of codimension two as stars.");
     const shares = new LiveShares($("edit-shares"), $("edit-shares-note"), { field: $("edit-at"), box: $("edit-shares-box") });
     this.live = { response: this.chart, locus, shares };
@@ -108,6 +108,14 @@ export class Editor {
   /** The kinds of live answers that are shown; that a text has no locus is known only after its check. */
   get kinds() {
     return Object.keys(this.live).filter((kind) => kind === "response" || $(`edit-${kind}-more`).open);
+  }
+
+  /** What the chart of the response shows, and what Compute does. */
+  drawn({ looks }) {
+    const settled = looks.filter((look) => look === "settled").length, runs = `Compute runs: ${this.found?.plans[0] ?? "the study"}.`;
+    if (!settled) return `A quick walk to one hundredth, with its special points. ${runs}`;
+    const walked = settled < looks.length ? " where no periodic motion could be followed; the rest is a quick walk to one hundredth" : "";
+    return `Grey: settled motions, simulated at steps of the range${walked}. ${runs}`;
   }
 
   endChoice() {

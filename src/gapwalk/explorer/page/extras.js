@@ -29,7 +29,7 @@ export class Extras {
 
   /** Say in the legend what pale curves are; each has the reason in `why`. */
   showPale() {
-    const pale = this.curves.drawn().filter((curve) => curve.earlier), entry = this.legend.querySelector(".of-earlier");
+    const pale = [...this.curves.drawn(), ...this.curves.settled.values()].filter((curve) => curve.earlier), entry = this.legend.querySelector(".of-earlier");
     entry.hidden = !pale.length;
     entry.lastElementChild.textContent = [...new Set(pale.map(({ why }) => why))].join(", ");
   }

@@ -8,8 +8,9 @@ const LOOKS = { fold: "above", flip: "below", "neimark-sacker": "pair", grazing:
 const MARGINS = { left: 52, right: 24 };
 
 export class LiveChart {
+  /** `words`: what is shown, once it is whole; or a function that says so of a curve. */
   constructor(place, note, words) {
-    Object.assign(this, { place, note, words, curve: null, before: null, at: null });
+    Object.assign(this, { place, note, words: typeof words === "string" ? () => words : words, curve: null, before: null, at: null });
     new ResizeObserver(() => this.draw()).observe(place);
   }
 
@@ -59,7 +60,7 @@ export class LiveChart {
     if (end !== undefined) {
       curve.whole = curve.x.length > 0;
       if (curve.whole) [this.before, this.moved] = [null, null];
-      this.note.textContent = end || this.words;
+      this.note.textContent = end && (failed || !curve.whole) ? end : [end, this.words(curve)].filter(Boolean).join(". ");
     }
     this.note.classList.toggle("failed", Boolean(failed));
     this.draw();

@@ -32,7 +32,7 @@ export class Looks {
     const drawn = this.drawn(results), last = drawn.filter(({ branches, settled }) => branches.length || settled).at(-1);
     const older = $("ghosts-older").checked, of = new Map(drawn.map((result) => [result.key, result]));
     let turned = false;
-    for (const curve of this.curves.all.values()) {
+    for (const curve of [...this.curves.all.values(), ...this.curves.settled.values()]) {
       const result = of.get(curve.result);
       if (!result) continue;
       const isBefore = Boolean(result.branches[curve.branch]?.earlier), isOld = isEarlier(result, model);
@@ -46,7 +46,7 @@ export class Looks {
 
   /** Say in the legend which result has which colour, and show the slider where something is pale. */
   show(drawn) {
-    const there = new Set([...this.curves.all.values()].map(({ result }) => result)), all = [...this.curves.all.values()];
+    const there = new Set([...this.curves.all.values()].map(({ result }) => result)), all = [...this.curves.all.values(), ...this.curves.settled.values()];
     $("ghosts").hidden = there.size < 2 && !all.some(({ earlier }) => earlier);
     for (const old of $("legend").querySelectorAll(".of-result")) old.remove();
     for (const { key, title, colour } of drawn) {

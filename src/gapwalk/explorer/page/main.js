@@ -17,7 +17,7 @@ import { Movers } from "./movers.js";
 import { Next } from "./next.js";
 import { Parameters } from "./parameters.js";
 import { Quick } from "./quick.js";
-import { ResultList, showDeleted } from "./results.js";
+import { isEarlier, ResultList, showDeleted, WORDS } from "./results.js";
 import { RunUpControls } from "./runup.js";
 import { CurveTable } from "./table.js";
 import { Undo } from "./undo.js";
@@ -33,7 +33,7 @@ const parameters = new Parameters($("parameters"), $("filter"));
 const keyboard = new Keyboard($("diagram"), curves, (found) => choice.choose(found), {
   w: walk, b: switchBranch, t: settle, l: followLocus, o: search, "+": () => diagram.zoom(0.5), "-": () => diagram.zoom(2), 0: () => diagram.fit(),
 });
-const answer = new Answer({ changed: drawDiagram, chosen: chooseEnd });
+const answer = new Answer({ changed: drawDiagram, chosen: chooseEnd, sampled: (value) => diagram.sampled(value) });
 answer.heard = new Heard({ diagram, tell, changed: drawDiagram, saved: (query) => download("/api/wav", query).catch(tell) });
 const runUp = new RunUpControls(page, { act, tell, start: () => page.chosen?.start ?? null, values: () => parameters.changes });
 const movers = new Movers({ changed: () => extras.drawArrows(), turn: turnKnob });
@@ -60,7 +60,13 @@ diagram.settledAt = (index) => {
 diagram.sampled = (value) => {
   choice.clear();
   turnKnob($("x").value, value);
-  tell({ message: `The motions at ${$("x").value} = ${Number(value.toPrecision(7))} were settled by equal steps, and are not stored. Press Settle: it computes the motion there, from rest.`, isHint: true });
+  const place = `${$("x").value} = ${Number(value.toPrecision(7))}`;
+  if (page.sampling === place) return; // the second press of a double click
+  page.sampling = place;
+  setTimeout(() => { page.sampling = null; }, 1500);
+  if ($("settle").disabled || page.about.problem || !page.names.has($("x").value) || page.names.has($("y").value)) return tell({ message: `The motions at ${place} are not stored. Click Settle to compute this motion, from rest (some seconds).`, isHint: true });
+  settle();
+  tell({ message: `The motions at ${place} are not stored: the one from rest, with the values on the left, is computed (as by Settle: some seconds), and is then shown.`, isHint: true });
 };
 const extras = new Extras($("legend"), curves, diagram, answer, movers);
 const depth = new Depth({ page, curves, diagram, answer, tell, changed: changeAxes, choose: (found) => choice.choose(found) });
@@ -205,6 +211,7 @@ async function show(results, deleted = page.deleted ?? []) {
   await updated;
   enable();
   await showAnswers().catch(tell);
+  markAnswer();
 }
 
 /** Fetch curves, over the axes of now, until there is nothing new. */
@@ -237,7 +244,10 @@ async function showAnswers() {
   const shown = over.find(({ key, version }) => key === answer.key && version !== answer.version);
   const settled = page.results.find(({ key, settled, state }) => key === page.wanted && settled && state === "done");
   if (wanted || settled) page.wanted = null;
-  if (settled) return choice.choose({ settled: settled.key }); // it opens with its motion
+  if (settled) {
+    if ($("error").classList.contains("hint-only")) hideError(); // that it is computed
+    return choice.choose({ settled: settled.key }); // it opens with its motion
+  }
   if (wanted ?? shown) await showResult(wanted ?? shown);
   else if (answer.key !== null && !page.results.some(({ key }) => key === answer.key)) answer.clear();
 }
@@ -256,6 +266,13 @@ function drawDiagram() {
   document.body.dataset.branches = curves.all.size;
 }
 
+/** Say of the shown answer that it is of an earlier model, and that another one is being computed. */
+function markAnswer() {
+  const own = page.results.find(({ key }) => key === answer.key), isOld = Boolean(own) && isEarlier(own, page.about?.model);
+  const next = own && page.results.find(({ key, state }) => key === page.computed && key !== own.key && ["running", "queued", "paused"].includes(state));
+  answer.mark([isOld && `of an earlier model (${own.model})`, next && `${next.title} ${WORDS[next.state]}, and will take its place`].filter(Boolean).join("; "));
+}
+
 /** Explain an empty diagram. */
 function showEmpty() {
   const lacks = answer.lacks(...Object.values(axes()));
@@ -270,6 +287,8 @@ function whyEmpty() {
   if (answer.content) return ["Of settled motions, only amplitude, maximum, minimum and mean of the coordinates are stored: choose one of them, or a parameter."];
   const [refused] = over.every(({ state }) => state === "failed") ? over.slice(-1) : [];
   if (refused) return [bold(refused.title), ` has failed: ${refused.message}. `, pressed("Settle", "settle"), " shows the motion of the file at its values, be it periodic or not.", curves.quick ? " Pale: the quick response." : ""];
+  const busy = page.results.find(({ state }) => ["running", "queued", "paused"].includes(state));
+  if (busy && !over.length) return [bold(busy.title), ` ${WORDS[busy.state]}. `, curves.quick ? "Pale: a quick response, to one hundredth." : ""];
   const stored = storedBeside(), first = stored.length ? ["Stored results of this file: ", ...stored.flatMap(openLink), ". "] : ["Nothing is computed yet. "];
   if (curves.quick) return [...first, "Pale: a quick response, to one hundredth. ", pressed("Compute", "compute"), ` ${willDo()}.`, quick.note ? ` (${quick.note})` : ""];
   if (!over.length) return [...first, bold("Compute"), ` ${willDo()}.`, stored.length ? "" : quick.words];
@@ -372,7 +391,9 @@ function enable() {
   const usable = page.about && !page.about.problem;
   $("search").disabled = !usable || (start && !over);
   $("compute").disabled = $("compute-values").disabled = !usable;
-  if (!chosen) $("chosen").textContent = "Choose a point of a branch: click it, or move to it with the arrow keys.";
+  if (chosen) return;
+  $("chosen").textContent = "Choose a point of a branch: click it, or move to it with the arrow keys.";
+  $("walk-from").textContent = ""; // that of the point before
 }
 
 async function act(action) {
@@ -386,8 +407,8 @@ async function act(action) {
   }
 }
 
-function compute(values = {}) {
-  return act({ do: "compute", study: $("study").value, values });
+async function compute(values = {}) {
+  page.computed = await act({ do: "compute", study: $("study").value, values });
 }
 
 /** The parameters along which the chosen study runs: their values follow from its range. */
@@ -574,6 +595,7 @@ async function showAnswer(result, isOverOwn = true) {
   for (const [id, name] of [["x", x], ["y", y]]) if (![...$(id).options].some(({ value }) => value === name)) $(id).append(new Option(name));
   await showAxes(x, y);
   answer.turnTo(y);
+  markAnswer();
   diagram.range = null;
   drawDiagram();
   showEmpty();

@@ -29,13 +29,17 @@ export function onAxes(answer, x, y) {
   };
 }
 
+/** The range of the other axis over which a shade was studied; undefined if it holds for all of that axis. */
+const across = ({ within }, upright) => within[upright ? "y" : "x"];
+
 /** Draw shades, cells and lines on a canvas; px and py are the pixels of values, and box [left, top, right, bottom]. */
 export function paintBehind(draw, over, px, py, [left, top, right, bottom], color) {
   if (over.cells) paintCells(draw, over.cells, px, py, color);
   for (const { low, high, tint, upright } of over.shades) {
     draw.fillStyle = color(TINTS[tint]);
-    if (upright) draw.fillRect(px(low), top, px(high) - px(low), bottom - top);
-    else draw.fillRect(left, py(high), right - left, py(low) - py(high));
+    const [first, last] = across(over, upright)?.map(upright ? py : px) ?? (upright ? [bottom, top] : [left, right]);
+    if (upright) draw.fillRect(px(low), last, px(high) - px(low), first - last);
+    else draw.fillRect(first, py(high), last - first, py(low) - py(high));
   }
   draw.strokeStyle = color("--stop");
   for (const { at, exact, upright } of over.lines) {
@@ -67,9 +71,10 @@ function cellColor({ tint, wild, color: own }, color) {
 
 /** The shades and lines as shapes of Plotly, for a file. */
 export function shapesOf(over, color) {
-  const along = (upright, low, high) => (upright ? { x0: low, x1: high, y0: 0, y1: 1, xref: "x", yref: "paper" } : { x0: 0, x1: 1, y0: low, y1: high, xref: "paper", yref: "y" });
+  const along = (upright, low, high, [first, last] = [0, 1], ref = "paper") => (upright ? { x0: low, x1: high, y0: first, y1: last, xref: "x", yref: ref } : { x0: first, x1: last, y0: low, y1: high, xref: ref, yref: "y" });
+  const shaded = ({ low, high, upright }) => along(upright, low, high, ...(across(over, upright) ? [across(over, upright), upright ? "y" : "x"] : []));
   return [
-    ...over.shades.map(({ low, high, tint, upright }) => ({ type: "rect", layer: "below", fillcolor: color(TINTS[tint]), line: { width: 0 }, ...along(upright, low, high) })),
+    ...over.shades.map((shade) => ({ type: "rect", layer: "below", fillcolor: color(TINTS[shade.tint]), line: { width: 0 }, ...shaded(shade) })),
     ...over.lines.map(({ at, exact, upright }) => ({ type: "line", layer: "below", line: { color: color("--stop"), width: 1, dash: exact ? "solid" : "dot" }, ...along(upright, at, at) })),
   ];
 }

@@ -2,7 +2,7 @@
 
 import { element, inside as within, short, ticks, zoom } from "./chart.js";
 
-const TOP = 6, BOTTOM = 34, LOW = 20; // below a panel with and without the name of its axis
+const TOP = 18, BOTTOM = 34, LOW = 20; // below a panel with and without the name of its axis
 let count = 0;
 
 /**
@@ -35,7 +35,7 @@ export function drawPanel(place, { title, across, series, fitted = false }, { ra
   for (const each of series) inside.append(...drawn(each, px, py, py(0)));
   svg.append(inside, element("rect", { class: "frame", x: left, y: TOP, width: width - left - right, height: bottom - TOP }));
   if (named) svg.append(element("text", { class: "title", x: (left + width - right) / 2, y: height - 4, "text-anchor": "middle" }, across));
-  svg.append(element("text", { class: "title haloed", x: left + 6, y: TOP + 11 }, title));
+  svg.append(element("text", { class: "title", x: left, y: TOP - 5 }, title));
   place.replaceChildren(svg);
 }
 
@@ -54,8 +54,8 @@ function drawn({ x, y, mark, look }, px, py, zero) {
   const shapes = { dots: () => "", crosses: (a, b) => `M${a - 3} ${b - 3}L${a + 3} ${b + 3}M${a - 3} ${b + 3}L${a + 3} ${b - 3}`, stars: star };
   return x.flatMap((v, i) => {
     if (v === null || y[i] === null) return [];
-    const [a, b] = [px(v), py(y[i])];
-    return [mark === "dots" ? element("circle", { class: `series dots ${look}`, cx: a.toFixed(1), cy: b.toFixed(1), r: x.length > 300 ? 1.2 : 2.2 }) : element("path", { class: `series ${mark} ${look}`, d: shapes[mark](a, b) })];
+    const [a, b] = [px(v), py(y[i])], data = { "data-at": v };
+    return [mark === "dots" ? element("circle", { class: `series dots ${look}`, cx: a.toFixed(1), cy: b.toFixed(1), r: x.length > 300 ? 1.2 : 2.2, ...data }) : element("path", { class: `series ${mark} ${look}`, d: shapes[mark](a, b), ...data })];
   });
 }
 
@@ -71,7 +71,7 @@ function extent(series, axis, fitted = false) {
   let low = Infinity, high = -Infinity;
   for (const each of series) for (const v of each[axis]) if (v !== null) { low = Math.min(low, v); high = Math.max(high, v); }
   if (!(low <= high)) return [0, 1];
-  if (axis === "y" && low >= 0 && !fitted) return [0, high * 1.3 || 1]; // with room for the title
+  if (axis === "y" && low >= 0 && !fitted) return [0, high * 1.1 || 1];
   const pad = 0.05 * (high - low || Math.abs(high) || 1);
-  return [low - pad, high + (axis === "y" ? 6 : 1) * pad];
+  return [low - pad, high + pad];
 }

@@ -1,6 +1,6 @@
 // The list of results: what each one is, how it is drawn, its buttons, and its files.
 
-const WORDS = { queued: "waits", running: "is being computed", paused: "is paused", done: "", stopped: "was stopped", failed: "failed" };
+export const WORDS = { queued: "waits", running: "is being computed", paused: "is paused", done: "", stopped: "was stopped", failed: "failed" };
 const OVER = ["done", "stopped", "failed"];
 const SAVES = [
   ["table", "CSV", "Save the points as a table"],
