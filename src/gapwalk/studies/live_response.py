@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import pairwise
 from typing import Self, cast
 
 import numpy as np
@@ -114,7 +115,11 @@ class LiveResponse(LiveAnswer):
         points = moved(Corrector(equation, self.corrector.scales), list(thinned(self.points)))
         if len(points) > _KEPT * min(len(self.points), MOVED):  # the next ones are moved from here
             self.points = tuple(points)
-        return self._seen(points) if len(points) > 1 else None
+        if len(points) < 2:
+            return None
+        seen = self._seen(points)  # between distant points of different stability, where it changes is not known
+        looks = [first if first == last else "neutral" for first, last in pairwise(seen.looks)]
+        return seen._replace(looks=[*looks, seen.looks[-1]])
 
     def rest(self, system: System) -> Iterator[Seen]:
         """Yield the points of a quick walk, which replaces the last one."""
