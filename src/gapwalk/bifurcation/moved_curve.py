@@ -14,6 +14,7 @@ from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.corrector import Corrector, hermite
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.errors import NumericalError
+from gapwalk.flow.event_rule import jumping_switches
 
 MOVED = 120
 """Points of a moved curve: a picture that is as wide as a page shows no more bends."""
@@ -69,22 +70,25 @@ def marks(points: Sequence[BranchPoint], scale: float) -> Iterator[Mark]:
     for first, last in pairwise(points):
         along = [float(each.tangent[-1]) for each in (first, last)]
         labels = {each.instability.label for each in (first, last)}
+        grazes = dict(_grazes(first, last))
+        for depths in grazes.values():
+            yield _mark(Kind.GRAZING, first, last, depths, scale)
+        if jumping_switches(last.orbit.system) & {*grazes}:  # whatever else changes there changes by the graze
+            continue
         if along[0] * along[1] < 0.0:
             yield _mark(Kind.FOLD, first, last, along, scale)
         for kind in {_CRITICAL[label] for label in labels & {*_CRITICAL}} if len(labels) > 1 else ():
             values = [kind.function(each) for each in (first, last)]
             if values[0] * values[1] < 0.0:
                 yield _mark(kind, first, last, values, scale)
-        for depths in _grazes(first, last):
-            yield _mark(Kind.GRAZING, first, last, depths, scale)
 
 
-def _grazes(first: BranchPoint, last: BranchPoint) -> Iterator[list[float]]:
-    """Yield the depths at two points of each contact that touches another number of times at the second."""
+def _grazes(first: BranchPoint, last: BranchPoint) -> Iterator[tuple[int, list[float]]]:
+    """Yield the number of each contact, and its depths at two points, that touches another number of times at the second."""
     for switch in np.flatnonzero(np.not_equal(first.orbit.closings, last.orbit.closings)).tolist():
         depths = [min(each.orbit.turning_depths[switch].values, key=abs, default=0.0) for each in (first, last)]
         if depths[0] * depths[1] < 0.0:
-            yield depths
+            yield switch, depths
 
 
 def codim2_marks(kind: Kind, corrector: Corrector, points: Sequence[BranchPoint]) -> Iterator[tuple[str, float, float]]:
@@ -93,7 +97,7 @@ def codim2_marks(kind: Kind, corrector: Corrector, points: Sequence[BranchPoint]
         tests = [(each, test_function(kind, each, corrector, first)) for each in tested(kind)]
         found = [(each, [function(first), function(last)]) for each, function in tests]
         grazes = () if isinstance(corrector.equation, GrazingEquation) else _grazes(first, last)
-        for what, (a, b) in (*found, *((Codim2.GRAZING, depths) for depths in grazes)):
+        for what, (a, b) in (*found, *((Codim2.GRAZING, depths) for _, depths in grazes)):
             if a * b < 0.0:
                 x = hermite(first, last, a / (a - b))[-2:] * corrector.scales[-2:]
                 yield what.value, float(x[0]), float(x[1])

@@ -47,6 +47,7 @@ class Asked:
 
 
 _GRACE = 2.0  # seconds in which the process must notice that a request is given up; shares of some systems take minutes
+_QUIET = 0.4  # seconds without a newer request after which the next kind is computed whole
 
 Known = dict[str, LiveAnswer]
 """The last answer of each kind."""
@@ -135,11 +136,14 @@ def work(line: Any) -> None:
             while line.poll():
                 asked = line.recv()
             if not isinstance(asked, Asked):
+                line.send((asked, None))
                 continue
+            line.send((asked.number - 1, None))  # those before are left
             for news in answers(asked, known):
                 if news:
                     line.send((asked.number, news))
-                if line.poll():
+                is_next_long = "end" in news and news["of"] != asked.kinds[-1]  # shares are not given up midway
+                if line.poll(_QUIET if is_next_long else 0.0):
                     break
             line.send((asked.number, None))
 
@@ -194,7 +198,7 @@ class LiveAnswers:
                 del self._waiting[number]
                 self._asked = None
                 if not is_done:
-                    self._send(None)  # nobody waits for the rest
+                    self._send(number)  # nobody waits for the rest
                     threading.Timer(_GRACE, self._give_up, [number]).start()
 
     def _give_up(self, number: int) -> None:
@@ -214,7 +218,7 @@ class LiveAnswers:
                 process.join()
                 line.close()
 
-    def _send(self, asked: Asked | None) -> None:
+    def _send(self, asked: Asked | int) -> None:
         with suppress(OSError, AttributeError):  # it has died, and `_read` has said so; or another one begins
             self._line.send(asked)
 

@@ -22,6 +22,7 @@ from gapwalk.explorer.progress_stream import Events, Progress
 from gapwalk.explorer.request_tasks import prepare, resumed
 from gapwalk.explorer.workspace_folder import Workspace
 from gapwalk.flow.motion import signal_names
+from gapwalk.flow.ramp import ramp_problems
 from gapwalk.model.system import System
 from gapwalk.model.words import signal_words
 from gapwalk.studies.options import RangeStudy
@@ -247,6 +248,7 @@ class Session:
             "range": [options.begin, options.end] if isinstance(options, RangeStudy) else [],
             "values": dict(system.parameters) if len(system.parameters) <= 1000 else {},
             "loci": locus_lines(),
+            "run_up": next(ramp_problems(system), ""),
             "machine": scenes_of(system),
             "studies": [_study(each, system) for each in exploration.studies],
             "results": listed(exploration),

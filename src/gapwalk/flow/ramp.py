@@ -16,6 +16,7 @@ mean slips of drags grow with the speed, and their torques with the first and se
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -45,7 +46,7 @@ class Ramped:
     system: System  #: The system; its own speed does not matter.
 
     def __post_init__(self) -> None:
-        for problem in _problems(self.system):
+        for problem in ramp_problems(self.system):
             raise ModelError(f"a run-up of this system is not possible: {problem}")
         assembly = self.system.structure.assembly
         if isinstance(assembly, TrainAssembly) and assembly.form.has_turn:
@@ -174,7 +175,7 @@ class Ramped:
         return self.flow.sample(np.concatenate((given.ravel(), [growth, square])), state, thetas)
 
 
-def _problems(system: System):
+def ramp_problems(system: System) -> Iterator[str]:
     """Yield the reasons why a system cannot run up, one sentence each."""
     structure, layout = system.structure, layout_of(system.structure)
     numbers = coefficients_of(system)

@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import pairwise
 from typing import Self, cast
 
 import numpy as np
@@ -23,12 +24,13 @@ from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation import directions, start_branch
 from gapwalk.bifurcation.band import Band
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.follow import follow
+from gapwalk.bifurcation.follow import BranchTracer, follow
 from gapwalk.bifurcation.moved_curve import MOVED, marks, moved, thinned
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.continuation.walk import EndReason, Walk, WalkOptions
 from gapwalk.errors import ConvergenceError, GapwalkError, ModelError, NumericalError
+from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.model.equilibria import find_equilibria
 from gapwalk.model.measures import full_measure
 from gapwalk.model.system import System
@@ -113,7 +115,11 @@ class LiveResponse(LiveAnswer):
         points = moved(Corrector(equation, self.corrector.scales), list(thinned(self.points)))
         if len(points) > _KEPT * min(len(self.points), MOVED):  # the next ones are moved from here
             self.points = tuple(points)
-        return self._seen(points) if len(points) > 1 else None
+        if len(points) < 2:
+            return None
+        seen = self._seen(points)  # between distant points of different stability, where it changes is not known
+        looks = [first if first == last else "neutral" for first, last in pairwise(seen.looks)]
+        return seen._replace(looks=[*looks, seen.looks[-1]])
 
     def rest(self, system: System) -> Iterator[Seen]:
         """Yield the points of a quick walk, which replaces the last one."""
@@ -165,11 +171,16 @@ class LiveResponse(LiveAnswer):
             return
         (direction,) = directions(*self.within)
         beginning = start_branch(start, self.parameter, self.within[1], direction, method)
-        walk = Walk(beginning.first, beginning.within, beginning.corrector, STEPS)
+        walk: Walk | BranchTracer = Walk(beginning.first, beginning.within, beginning.corrector, STEPS)
+        if isinstance(method, Shooting) and jumping_switches(system):  # such a graze ends a walk that does not know it
+            walk = BranchTracer(beginning, STEPS, judges=False)
         furthest, behind = beginning.first, 0
         self.corrector, self.points = beginning.corrector, (beginning.first,)
         yield furthest
-        for point in walk:
+        for step in walk:
+            point = step[0] if isinstance(step, tuple) else step
+            if isinstance(walk, BranchTracer) and walk.beginning.corrector is not self.corrector:  # it is in more segments
+                self.corrector, self.points = walk.beginning.corrector, ()
             self.points += (point,)
             yield point
             is_further = direction * (point.value - furthest.value) > 0.0

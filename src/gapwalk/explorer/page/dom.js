@@ -10,6 +10,11 @@ export function unitOf(words) {
   return / \[[^\]]*\]$/.exec(words)?.[0] ?? "";
 }
 
+/** A name that is broken at its dots and underscores where it is too long for a line. */
+export function breakable(words) {
+  return words.split(/(?<=[._])/).flatMap((part) => [part, document.createElement("wbr")]);
+}
+
 /** The title of the axis of a signal, with its unit, as the list of signals has it. */
 export function signalWords(name) {
   return [...document.getElementById("signal").options].find(({ value }) => value === name)?.text ?? name;

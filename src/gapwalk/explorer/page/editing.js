@@ -11,8 +11,12 @@ export function editing(page, { open, compute, redraw, tell }) {
   /** Show the results of the chosen file again. */
   const closed = () => {
     const name = $("file").value;
-    if (!name) $("empty").replaceChildren("There is no model yet. ", Object.assign(document.createElement("b"), { textContent: "Edit model" }), " begins one.");
-    else if (page.about?.file !== name) open(name).catch(tell);
+    document.body.classList.toggle("without-file", !name);
+    if (!name) {
+      const begin = Object.assign(document.createElement("button"), { type: "button", textContent: "New model" });
+      begin.addEventListener("click", () => editor.choose().catch(tell));
+      $("empty").replaceChildren("There is no model file in this folder yet. ", begin);
+    } else if (page.about?.file !== name) open(name).catch(tell);
     else redraw();
   };
   /** Show a file that was saved; `isComputed`: begin its study at once. */
@@ -20,6 +24,7 @@ export function editing(page, { open, compute, redraw, tell }) {
     const { files } = await get("/api/files");
     fill($("file"), files.map((each) => [each, each]));
     $("file").value = name;
+    document.body.classList.remove("without-file");
     if (!isComputed) return;
     await open(name);
     await compute();
@@ -28,6 +33,7 @@ export function editing(page, { open, compute, redraw, tell }) {
   $("edit-open").addEventListener("click", () => {
     if (editor.isOpen) return editor.close();
     const name = $("file").value;
+    $("error").hidden = true; // it is about the results
     (name.endsWith(".toml") ? editor.open(name) : editor.choose()).catch(tell);
   });
   return editor;

@@ -244,7 +244,10 @@ export class Editor {
     this.sliders.disable(!numbers);
     if (machine) this.machine.rest(machine);
     $("edit-machine-figure").classList.toggle("stale", !machine);
-    if (problems.length) this.chart.note.textContent = "It is walked again once the text has no errors.";
+    for (const each of problems.length ? Object.values(this.live) : []) {
+      each.place.classList.add("stale");
+      each.note.textContent = `${each.place.childElementCount ? "Of an earlier text; it" : "It"} is computed again once the text has no errors.`;
+    }
     $("edit-plan").textContent = [...found.plans, ...found.warnings.map((each) => `Warning: ${each}.`)].join("\n");
     this.tell();
     document.body.dataset.checked = Number(document.body.dataset.checked ?? 0) + 1;

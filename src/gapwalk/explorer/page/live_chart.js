@@ -5,20 +5,26 @@ import { shares } from "./answer.js";
 import { drawPanel } from "./panels.js";
 
 const LOOKS = { fold: "above", flip: "below", "neimark-sacker": "pair", grazing: "neutral", settled: "neutral" }; // of loci, and of what settles
+const LINES = { stable: "solid", below: "dashed", above: "dotted", pair: "dash-dotted", neutral: "grey" };
+const MEANINGS = { below: "unstable, beyond −1", above: "unstable, beyond +1", pair: "unstable, complex pair", neutral: "neutral or not known" };
+const REST = 1000; // milliseconds without a change after which the next one is another change
 const MARGINS = { left: 52, right: 24 };
 
 export class LiveChart {
   /** `words`: what is shown, once it is whole; or a function that says so of a curve. */
   constructor(place, note, words) {
-    Object.assign(this, { place, note, words: typeof words === "string" ? () => words : words, curve: null, before: null, at: null });
+    const said = typeof words === "string" ? () => words : words;
+    Object.assign(this, { place, note, words: said, curve: null, last: null, before: null, begun: 0, at: null });
+    this.legend = Object.assign(document.createElement("p"), { className: "hint" });
+    place.after(this.legend);
     new ResizeObserver(() => this.draw()).observe(place);
   }
 
   /** Forget what is shown. */
   clear(words = "") {
-    [this.curve, this.before] = [null, null];
+    [this.curve, this.last, this.before, this.moved] = [null, null, null, null];
     this.place.replaceChildren();
-    this.note.textContent = words;
+    [this.legend.textContent, this.note.textContent] = ["", words];
   }
 
   /** Take news: a title, the points of the curve before that were moved, or new points. */
@@ -30,9 +36,11 @@ export class LiveChart {
 
   /** A new curve begins: it takes the place of the old one once it has points. */
   begin({ across, up, range }) {
-    if (this.curve?.whole) this.before = this.curve;
-    const same = this.before?.across === across && this.before?.up === up;
-    if (!same) this.before = null;
+    const isNext = performance.now() > this.begun + REST; // while a slider moves, the one before it moved stays
+    if (this.curve?.whole) [this.last, this.before] = [this.curve, isNext ? this.curve : this.before ?? this.curve];
+    this.begun = performance.now();
+    if (this.last?.across !== across || this.last?.up !== up) [this.last, this.before] = [null, null];
+    if (!this.last) this.place.classList.add("stale");
     this.curve = { across, up, range, x: [], y: [], looks: [], marks: [], whole: false };
     this.moved = null;
     this.note.textContent = "walking…";
@@ -59,7 +67,7 @@ export class LiveChart {
     curve.marks.push(...marks);
     if (end !== undefined) {
       curve.whole = curve.x.length > 0;
-      if (curve.whole) [this.before, this.moved] = [null, null];
+      if (curve.whole) this.moved = null;
       this.note.textContent = end && (failed || !curve.whole) ? end : [end, this.words(curve)].filter(Boolean).join(". ");
     }
     this.note.classList.toggle("failed", Boolean(failed));
@@ -75,12 +83,14 @@ export class LiveChart {
   }
 
   draw() {
-    const shown = this.moved ?? (this.curve?.x.length ? this.curve : this.before);
+    const shown = this.moved ?? (this.curve?.x.length ? this.curve : this.last);
     if (!shown) return;
+    this.place.classList.toggle("stale", false);
     const { across, up, range } = shown, [low, high] = [Math.min(...range), Math.max(...range)];
-    const series = [...(this.before && !this.moved && this.before !== shown ? pieces(this.before, "ghost") : []), ...pieces(shown), ...special(shown)];
+    const ghosts = this.before && this.before !== shown ? pieces(this.before, "ghost") : [], series = [...ghosts, ...pieces(shown), ...special(shown)];
     drawPanel(this.place, { title: up, across, series }, { range: [low, high], ...MARGINS, lines: this.at === null ? [] : [{ at: this.at, exact: true }], height: Math.max(150, Math.min(340, 0.38 * this.place.clientWidth)) });
     this.place.dataset.points = shown.x.length;
+    this.legend.textContent = legend(shown, ghosts.length > 0);
   }
 }
 
@@ -92,6 +102,14 @@ function special({ marks = [] }) {
   };
   const others = marks.map(([kind]) => kind).filter((kind) => !["fold", "grazing", "flip", "neimark-sacker"].includes(kind));
   return [found("dots", ["fold", "grazing"]), found("crosses", ["flip", "neimark-sacker"]), found("stars", others)].filter(({ x }) => x.length);
+}
+
+/** What the marks and lines of a curve are, of those that are drawn. */
+function legend({ marks, looks }, hasGhost) {
+  const of = (mark, kinds) => [mark, kinds.filter((each) => marks.some(([kind]) => kind === each)).join(" or ")];
+  const lines = [...new Set(looks)].filter((look) => look !== null).map((look) => [LINES[LOOKS[look] ?? look], MEANINGS[look] ?? look]);
+  const all = [...lines, of("dot", ["fold", "grazing"]), of("cross", ["flip", "neimark-sacker"]), ["pale", hasGhost ? "before the change" : ""]];
+  return all.filter(([, words]) => words).map((each) => each.join(": ")).join("; ");
 }
 
 /** The pieces of a curve of one kind of stability, each up to the first point of the next. */

@@ -391,6 +391,9 @@ function enable() {
   const usable = page.about && !page.about.problem;
   $("search").disabled = !usable || (start && !over);
   $("compute").disabled = $("compute-values").disabled = !usable;
+  const refused = page.about?.run_up ?? "", button = $("run-up-open");
+  button.dataset.title ??= button.title;
+  for (const each of [button, $("run-up")]) Object.assign(each, { disabled: !page.about || Boolean(refused), title: refused ? `No run-up of this system: ${refused}.` : button.dataset.title });
   if (chosen) return;
   $("chosen").textContent = "Choose a point of a branch: click it, or move to it with the arrow keys.";
   $("walk-from").textContent = ""; // that of the point before

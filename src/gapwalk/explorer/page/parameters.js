@@ -1,6 +1,6 @@
 // The values of the system: a slider and a field for each named parameter.
 
-import { unitOf } from "./dom.js";
+import { breakable, unitOf } from "./dom.js";
 
 export class Parameters {
   constructor(list, filter) {
@@ -100,7 +100,8 @@ export class Parameters {
   row({ name, value, words }) {
     const row = Object.assign(document.createElement("div"), { className: "parameter", title: words });
     row.dataset.name = name;
-    const label = Object.assign(document.createElement("span"), { textContent: name === "frequency" ? words.replace("excitation ", "") : `${name}${unitOf(words)}` });
+    const label = document.createElement("span");
+    label.append(...breakable(name === "frequency" ? words.replace("excitation ", "") : `${name}${unitOf(words)}`));
     const field = Object.assign(document.createElement("input"), { type: "number", step: "any" });
     const slider = Object.assign(document.createElement("input"), { type: "range" });
     field.setAttribute("aria-label", words);

@@ -1,6 +1,6 @@
 // The numbers of a model text that are parameters: a slider and a field for each, which change its digits in the text.
 
-import { unitOf } from "./dom.js";
+import { breakable, unitOf } from "./dom.js";
 
 const FEW = 8; // rows up to which nothing need be found among them
 
@@ -22,7 +22,8 @@ export class Sliders {
       if (this.list.children[place] !== row) this.list.insertBefore(row, this.list.children[place] ?? null);
       const before = found.number;
       found.number = number;
-      found.label.textContent = /^frequency$|^speed$/.test(number.name) ? number.words : `${number.name}${unitOf(number.words)}`;
+      found.label.replaceChildren(...breakable(/^frequency$|^speed$/.test(number.name) ? number.words : `${number.name}${unitOf(number.words)}`));
+      found.home ??= number.value;
       row.title = number.words;
       found.field.setAttribute("aria-label", number.words);
       found.slider.setAttribute("aria-label", `${number.words}, slider`);
@@ -54,15 +55,16 @@ export class Sliders {
     if (top < list.scrollTop || top + first.offsetHeight > list.scrollTop + list.clientHeight) list.scrollTop = top - 8;
   }
 
-  set({ field, slider, number: { value } }) {
+  set({ field, slider, home, number: { value } }) {
     if (document.activeElement !== field || Number(field.value) !== value) field.value = value;
     if (document.activeElement === slider && Number(slider.value) === value) return; // it is being moved
-    this.reach(slider, value);
+    this.reach(slider, value, home);
   }
 
-  reach(slider, value) {
-    const reach = Math.abs(value) || 1;
-    Object.assign(slider, { min: value - reach, max: value + reach, step: reach / 200 });
+  /** Centre the range of a slider at a value, and widen it up to the value that the file had. */
+  reach(slider, value, home) {
+    const step = (Math.abs(value) || 1) / 200, to = (way) => step * Math.max(200, Math.ceil(way / step));
+    Object.assign(slider, { min: value - to(value - home), max: value + to(home - value), step });
     slider.value = value;
   }
 
@@ -74,7 +76,7 @@ export class Sliders {
     const slider = Object.assign(document.createElement("input"), { type: "range" });
     slider.addEventListener("input", () => this.write(name, Number(Number(slider.value).toPrecision(4)), field));
     // not at each "change": an arrow key makes one, and a step must stay the same
-    for (const end of ["blur", "pointerup"]) slider.addEventListener(end, () => this.reach(slider, Number(field.value)));
+    for (const end of ["blur", "pointerup"]) slider.addEventListener(end, () => this.reach(slider, Number(field.value), this.rows.get(name).home));
     field.addEventListener("input", () => { if (Number.isFinite(field.valueAsNumber)) this.write(name, field.valueAsNumber, slider); });
     row.append(label, field, slider);
     return { row, label, field, slider, number: null };
