@@ -222,14 +222,19 @@ def is_element(form: ContactForm) -> bool:
 
 
 def sampled_with_corners(orbit: Orbit, count: int) -> Motion:
-    """Sample one period, evenly but also just before and after each event, where forces and rates may jump."""
-    if not orbit.is_exact or not is_dry(orbit.system.structure):
+    """Sample one period, evenly but also at each event, where forces have corners; before and after it if they jump."""
+    if not orbit.is_exact:
         return orbit.motion(count)
-    end = PERIOD * orbit.period
-    events = np.array(sorted({event.theta for event in (*orbit.slips, *orbit.events)})[:_EVENTS])
-    even = end * np.arange(count * orbit.period + 1) / (count * orbit.period)
-    theta = np.unique(np.concatenate((even, events - _BESIDE, events + _BESIDE)))
-    return sample(orbit.system, orbit.state, theta[(theta >= 0.0) & (theta <= end)])
+    even = PERIOD * np.arange(count * orbit.period + 1) / count
+    events = sorted({event.theta for event in (*orbit.slips, *orbit.events)})[:_EVENTS]
+    restarts = () if is_dry(orbit.system.structure) else orbit.known_states
+    return sample(orbit.system, orbit.state, _with_events(orbit.system, even, events), restarts)
+
+
+def _with_events(system: System, even: NDArray[np.float64], events: Iterable[float]) -> NDArray[np.float64]:
+    at = np.array(list(events))
+    theta = np.unique(np.concatenate((even, at - _BESIDE, at + _BESIDE) if is_dry(system.structure) else (even, at)))
+    return theta[(theta >= even[0]) & (theta <= even[-1])]
 
 
 def phases_of(sampled: Motion) -> StickSlip | None:
@@ -491,7 +496,11 @@ def check_signal(system: System, name: str) -> str:
 
 def _sampled(motion: Orbit | Settled, most: int) -> Motion:
     if isinstance(motion, Settled):
-        return motion.motion(_PERIODS, samples=128) if motion.orbit is None else _sampled(motion.orbit, most)
+        if motion.orbit is not None:
+            return _sampled(motion.orbit, most)
+        even = motion.motion(_PERIODS, samples=128)
+        events = (event.theta for event in even.events)
+        return sample(motion.system, motion.state, _with_events(motion.system, even.theta, events))
     return sampled_with_corners(motion, max(32, min(motion.samples, most // motion.period)))
 
 
