@@ -67,7 +67,7 @@ export function chart(place, { curves = [], dots = [], bars = null, across = [],
   const py = (v) => bottom - ((v - y0) / (y1 - y0)) * (bottom - TOP);
   const svg = element("svg", { viewBox: `0 0 ${width} ${height}`, class: "chart", role: "img", "aria-label": label ?? `${y} over ${x}` });
   for (const [from, to] of shades) svg.append(element("rect", { class: "rest", x: px(from), width: Math.max(0, px(to) - px(from)), y: TOP, height: bottom - TOP }));
-  for (const tick of ticks(x0, x1, 5)) {
+  for (const tick of spaced(x0, x1, width - left - RIGHT)) {
     svg.append(element("line", { class: "grid", x1: px(tick), x2: px(tick), y1: TOP, y2: height - BOTTOM }));
     svg.append(element("text", { x: inside(px(tick), short(tick), width), y: height - BOTTOM + 12, "text-anchor": "middle" }, short(tick)));
   }
@@ -133,6 +133,14 @@ export function ticks(low, high, count) {
   const found = [];
   for (let k = Math.ceil(low / step); k * step <= high + step * 1e-9; k++) found.push(Number((k * step).toPrecision(12)));
   return found;
+}
+
+/** As many ticks, at most about five, as have room for their numbers beside each other. */
+function spaced(low, high, room) {
+  for (let count = 5; ; count--) {
+    const found = ticks(low, high, count), step = ((found[1] - found[0]) / (high - low)) * room;
+    if (count === 1 || !(step < DIGIT * Math.max(...found.map((tick) => short(tick).length)) + 8)) return found;
+  }
 }
 
 export function short(value, range = Infinity) {
