@@ -44,7 +44,7 @@ from gapwalk.flow.motion import (
 )
 from gapwalk.model.contact import ContactForm
 from gapwalk.model.system import System
-from gapwalk.model.words import order_words, parameter_symbol, parameter_words, signal_words, with_error
+from gapwalk.model.words import order_words, parameter_symbol, parameter_words, signal_words, value_words, with_error
 from gapwalk.orbit.energy import Energy, EnergyItem, energy
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.machine.elements import Mover
@@ -176,8 +176,7 @@ def special_words(line: Line) -> list[dict[str, Any]]:
 
 def _words_of_codim2(special: Codim2Point, names: tuple[str, str]) -> dict[str, Any]:
     units, style = special.orbit.system.units, CODIM2[special.kind]
-    own = [units.parameter(name) if units else "" for name in names]
-    at = (f"{value:.9g} {unit}".rstrip() for value, unit in zip(special.values, own, strict=True))
+    at = (value_words(value, name, units, 9) for value, name in zip(special.values, names, strict=True))
     lines = [f"at {', '.join(at)}", special.contact]
     return {"kind": f"codim2 {special.kind.value}", "text": style.legend, "label": style.label, "lines": lines}
 
@@ -509,7 +508,15 @@ def _text(motion: Orbit | Settled) -> str:
         return "; ".join(motion.evidence) if motion.orbit is None else _text(motion.orbit)
     pattern = motion.pattern
     meaning = " (closings in a period on the + and - side)" if re.search(r"\d[+-]", pattern) else ""
-    return f"period {motion.period}, {motion.instability.words}, contacts {pattern}{meaning}"
+    stability = _STABILITY_WORDS.get(motion.instability.label, motion.instability.label)
+    return f"period {motion.period}, {stability}, contacts {pattern}{meaning}"
+
+
+_STABILITY_WORDS = {
+    "above": "unstable (a multiplier beyond +1)",
+    "below": "unstable (a multiplier beyond -1)",
+    "pair": "unstable (a complex pair of multipliers outside the unit circle)",
+}
 
 
 def _struck(sampled: Motion, names: Iterable[str]) -> dict[str, list[list[float]]]:
