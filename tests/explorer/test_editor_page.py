@@ -133,7 +133,7 @@ def test_shares_and_a_locus_move_with_a_slider_and_are_whole_at_rest(stop, folde
     until(stop, "gapwalk.editor.kinds.length === 3")
     stop.click("#edit-response", position={"x": 200, "y": 60})  # chooses where starts are sorted
     whole = "gapwalk.editor.live.locus.curve?.whole && document.querySelector('#edit-shares-note').textContent"
-    whole = f"{whole}.includes('labels at borders are exact') && {WALKED}"
+    whole = f"{whole}.includes('with 95 % confidence') && {WALKED}"
     until(stop, f"gapwalk.editor.at !== null && {whole}")
     assert stop.locator("#edit-shares .bars rect").count() >= 1
     assert float(stop.input_value("#edit-at")) == stop.evaluate("gapwalk.editor.at")

@@ -152,6 +152,10 @@ def test_a_motion_without_period_is_shown_too(client, do, session) -> None:
     assert motion["period"] is None
     assert motion["multipliers"] == []
     assert motion["theta"][-1] == 24.0
+    (contact,) = motion["contacts"]
+    d, f = (np.array(contact[name]) for name in ("deflection", "force"))
+    chord = (f[1:] + f[:-1])[np.abs(d[1:] + d[:-1]) < 1.9 * max(contact["stops"])]  # half way between two samples
+    assert np.abs(chord).max() < 1e-9  # inside the gap
     assert len({round(q, 3) for q in details["section"]["q"]}) > 100
     # it has no place on the diagram, and no branch to walk
     assert settled["saves"] == ["table", "script", "result"]

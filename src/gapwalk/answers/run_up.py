@@ -367,7 +367,7 @@ class RunUp(Shown):
         units, pace = self.system.units, self.system.structure.pace
         symbol = parameter_symbol(pace, units)
         yield (
-            f"run-up over {symbol} from {self.course.speed[0]:.6g} to {self.course.speed[-1]:.6g} in "
+            f"run-up over {symbol} {self.course.words} in "
             f"{self.course.duration:.6g}{' s' if units else ''}: "
             f"{(self.theta[-1] - self.theta[0]) / PERIOD:.4g} forcing periods, "
             + ("by equal steps" if self.by_steps else f"{len(self.events)} contact events")
@@ -379,9 +379,10 @@ class RunUp(Shown):
             for each in self.peaks
         ]  # fmt: skip
         if rows:
-            yield Table(
-                ["contact", ">peak force", f">{parameter_words(pace, units)}", ">time", ">impacts", ">fastest"], rows
-            )
+            rate = unit_of(self.system, f"{self.peaks[0].contact}'")
+            force, time, fastest = (f" [{unit}]" if units else "" for unit in ("N m", "s", rate))
+            heads = [f">peak force{force}", f">{parameter_words(pace, units)}", f">time{time}", ">impacts"]
+            yield Table(["contact", *heads, f">fastest{fastest}"], rows)
 
     @property
     def sentences(self) -> tuple[str, ...]:

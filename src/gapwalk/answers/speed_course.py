@@ -71,6 +71,15 @@ class SpeedCourse:
             array.setflags(write=False)
             object.__setattr__(self, name, array)
 
+    @property
+    def words(self) -> str:
+        """The first speed, the extremes on the way, and the last speed, in words."""
+        speeds = self.speed.tolist()
+        first, last = speeds[0], speeds[-1]
+        turns = sorted({max(speeds), min(speeds)} - {first, last}, key=speeds.index)
+        way = [*(f"to {speed:g} and" for speed in turns), "back" if first == last else "", f"to {last:g}"]
+        return " ".join(filter(None, (f"from {first:g}", *way)))
+
     @classmethod
     def ramp(cls, start: float, stop: float, rate: float, hold: float = 0.0) -> SpeedCourse:
         """Return a ramp from one speed to another at a positive rate, after which the last speed is held for a time.

@@ -782,7 +782,7 @@ class _Transient:
         self.states = np.array(strobes)
         apart = float(np.max(motion.error / np.maximum(motion.rms, np.finfo(float).tiny)))
         how = f"it does not repeat within 8 forcing periods; from {motion.watched} simulated periods, root mean "
-        return self._record(True, None, apart, how + f"squares of accelerations are known to a share of {apart:.1g}")
+        return self._record(True, None, apart, how + f"squares of accelerations are known to {100 * apart:.1g} %")
 
     def _advance(self, count: int) -> None:
         if count > 0:

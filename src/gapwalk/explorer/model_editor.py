@@ -19,7 +19,7 @@ from gapwalk.explorer.diagram_lines import quantity_words
 from gapwalk.explorer.live_process import KINDS
 from gapwalk.explorer.motion_panels import scenes_of
 from gapwalk.explorer.server_state import Session
-from gapwalk.explorer.workspace_folder import MODEL, Workspace
+from gapwalk.explorer.workspace_folder import MODEL, Workspace, plan_words
 from gapwalk.model.doubts import doubts_of
 from gapwalk.model.model_file import check_model
 from gapwalk.model.model_source import MAX_BYTES, Source, parse_source, value_spans
@@ -59,7 +59,7 @@ def checked_text(text: str, name: str, root: str) -> dict[str, Any]:
         studies = check_studies(source)
     except ModelFileError as error:
         return {**found, "problems": _told(error.problems)}
-    found["plans"] = [": ".join(filter(None, (each.name, each.options.plan))) for each in studies]
+    found["plans"] = [": ".join(filter(None, (each.name, plan_words(each)))) for each in studies]
     found["locus"] = any(isinstance(each.options, LocusStudyOptions) for each in studies)
     doubts = (doubt for each in studies for doubt in each.doubts)
     found["warnings"] = list(dict.fromkeys((*found["warnings"], *doubts)))

@@ -44,7 +44,7 @@ from gapwalk.flow.motion import (
 )
 from gapwalk.model.contact import ContactForm
 from gapwalk.model.system import System
-from gapwalk.model.words import order_words, parameter_symbol, parameter_words, signal_words, with_error
+from gapwalk.model.words import order_words, parameter_symbol, parameter_words, signal_words, value_words, with_error
 from gapwalk.orbit.energy import Energy, EnergyItem, energy
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.machine.elements import Mover
@@ -176,8 +176,7 @@ def special_words(line: Line) -> list[dict[str, Any]]:
 
 def _words_of_codim2(special: Codim2Point, names: tuple[str, str]) -> dict[str, Any]:
     units, style = special.orbit.system.units, CODIM2[special.kind]
-    own = [units.parameter(name) if units else "" for name in names]
-    at = (f"{value:.9g} {unit}".rstrip() for value, unit in zip(special.values, own, strict=True))
+    at = (value_words(value, name, units, 9) for value, name in zip(special.values, names, strict=True))
     lines = [f"at {', '.join(at)}", special.contact]
     return {"kind": f"codim2 {special.kind.value}", "text": style.legend, "label": style.label, "lines": lines}
 
@@ -222,14 +221,19 @@ def is_element(form: ContactForm) -> bool:
 
 
 def sampled_with_corners(orbit: Orbit, count: int) -> Motion:
-    """Sample one period, evenly but also just before and after each event, where forces and rates may jump."""
-    if not orbit.is_exact or not is_dry(orbit.system.structure):
+    """Sample one period, evenly but also at each event, where forces have corners; before and after it if they jump."""
+    if not orbit.is_exact:
         return orbit.motion(count)
-    end = PERIOD * orbit.period
-    events = np.array(sorted({event.theta for event in (*orbit.slips, *orbit.events)})[:_EVENTS])
-    even = end * np.arange(count * orbit.period + 1) / (count * orbit.period)
-    theta = np.unique(np.concatenate((even, events - _BESIDE, events + _BESIDE)))
-    return sample(orbit.system, orbit.state, theta[(theta >= 0.0) & (theta <= end)])
+    even = PERIOD * np.arange(count * orbit.period + 1) / count
+    events = sorted({event.theta for event in (*orbit.slips, *orbit.events)})[:_EVENTS]
+    restarts = () if is_dry(orbit.system.structure) else orbit.known_states
+    return sample(orbit.system, orbit.state, _with_events(orbit.system, even, events), restarts)
+
+
+def _with_events(system: System, even: NDArray[np.float64], events: Iterable[float]) -> NDArray[np.float64]:
+    at = np.array(list(events))
+    theta = np.unique(np.concatenate((even, at - _BESIDE, at + _BESIDE) if is_dry(system.structure) else (even, at)))
+    return theta[(theta >= even[0]) & (theta <= even[-1])]
 
 
 def phases_of(sampled: Motion) -> StickSlip | None:
@@ -491,7 +495,11 @@ def check_signal(system: System, name: str) -> str:
 
 def _sampled(motion: Orbit | Settled, most: int) -> Motion:
     if isinstance(motion, Settled):
-        return motion.motion(_PERIODS, samples=128) if motion.orbit is None else _sampled(motion.orbit, most)
+        if motion.orbit is not None:
+            return _sampled(motion.orbit, most)
+        even = motion.motion(_PERIODS, samples=128)
+        events = (event.theta for event in even.events)
+        return sample(motion.system, motion.state, _with_events(motion.system, even.theta, events))
     return sampled_with_corners(motion, max(32, min(motion.samples, most // motion.period)))
 
 
@@ -500,7 +508,15 @@ def _text(motion: Orbit | Settled) -> str:
         return "; ".join(motion.evidence) if motion.orbit is None else _text(motion.orbit)
     pattern = motion.pattern
     meaning = " (closings in a period on the + and - side)" if re.search(r"\d[+-]", pattern) else ""
-    return f"period {motion.period}, {motion.instability.words}, contacts {pattern}{meaning}"
+    stability = _STABILITY_WORDS.get(motion.instability.label, motion.instability.label)
+    return f"period {motion.period}, {stability}, contacts {pattern}{meaning}"
+
+
+_STABILITY_WORDS = {
+    "above": "unstable (a multiplier beyond +1)",
+    "below": "unstable (a multiplier beyond -1)",
+    "pair": "unstable (a complex pair of multipliers outside the unit circle)",
+}
 
 
 def _struck(sampled: Motion, names: Iterable[str]) -> dict[str, list[list[float]]]:

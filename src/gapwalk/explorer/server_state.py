@@ -20,7 +20,7 @@ from gapwalk.explorer.opened_file import Entry, Exploration, State, change_look,
 from gapwalk.explorer.page_requests import read_action
 from gapwalk.explorer.progress_stream import Events, Progress
 from gapwalk.explorer.request_tasks import prepare, resumed
-from gapwalk.explorer.workspace_folder import Workspace
+from gapwalk.explorer.workspace_folder import Workspace, plan_words, walks_of
 from gapwalk.flow.motion import signal_names
 from gapwalk.flow.ramp import ramp_problems
 from gapwalk.model.system import System
@@ -250,7 +250,7 @@ class Session:
             "loci": locus_lines(),
             "run_up": next(ramp_problems(system), ""),
             "machine": scenes_of(system),
-            "studies": [_study(each, system) for each in exploration.studies],
+            "studies": [_study(each) for each in exploration.studies],
             "results": listed(exploration),
             "deleted": deleted(exploration),
         }
@@ -263,14 +263,9 @@ class Session:
         self.flows.close()
 
 
-def _study(study: Study, system: System) -> dict[str, Any]:
+def _study(study: Study) -> dict[str, Any]:
     """Describe a study of the file for the page; a page cannot set the parameters along which it runs."""
-    others = (getattr(study.options, name, None) for name in ("second", "over"))
-    walks = [getattr(study.options, "parameter", None), *(getattr(each, "parameter", None) for each in others)]
-    along = [name for name in walks if name]
-    units = {name: system.units.parameter(name) for name in along} if system.units is not None else {}
-    note = ", ".join(f"{name} in {unit}" for name, unit in units.items() if unit)
-    return {"name": study.name, "plan": study.options.plan + f" ({note})" * bool(note), "walks": along}
+    return {"name": study.name, "plan": plan_words(study), "walks": walks_of(study)}
 
 
 def _parameters(system: System) -> list[dict[str, Any]]:

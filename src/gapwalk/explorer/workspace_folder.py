@@ -44,6 +44,21 @@ def name_words(system: System, parameter: str) -> str:
     return parameter_symbol(parameter, system.units).partition(" [")[0]
 
 
+def walks_of(study: Study) -> list[str]:
+    """Return the parameters along which a study runs."""
+    others = (getattr(study.options, name, None) for name in ("second", "over"))
+    walks = [getattr(study.options, "parameter", None), *(getattr(each, "parameter", None) for each in others)]
+    return [name for name in walks if name]
+
+
+def plan_words(study: Study) -> str:
+    """Return the plan of a study, with the units of the parameters along which it runs."""
+    units = study.system.units
+    notes = [] if units is None else [(name, units.parameter(name)) for name in walks_of(study)]
+    note = ", ".join(f"{name} in {unit}" for name, unit in notes if unit)
+    return study.options.plan + f" ({note})" * bool(note)
+
+
 def study_title(study: Study, values: Mapping[str, float]) -> str:
     """Return the title of a study of the file, computed with changed values."""
     options, system = study.options, study.system
@@ -88,7 +103,7 @@ def verdict(motion: Orbit | Settled, finding: SettleFinding | None = None) -> st
     if attractor.rotation is not None:
         words += f", rotation number {attractor.rotation.number:.6g}"
     if attractor.kind is AttractorKind.CHAOTIC and attractor.lyapunov is not None:
-        words += f", largest exponent {attractor.lyapunov.exponents[0]:.3g}"
+        words += f", largest exponent {attractor.lyapunov.per_period[0]:.3g} per forcing period"
     return words
 
 

@@ -440,9 +440,8 @@ class RunUpStudy(StudyKind):
     @property
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
-        first = self.courses[0].speed
         many = f", {self.count} of them" if self.count > 1 else ""
-        return f"run-up from {first[0]:g} to {first[-1]:g}{many}"
+        return f"run-up {self.courses[0].words}{many}"
 
     def first_system(self, system: System) -> System:
         """Return the system at the first speed."""

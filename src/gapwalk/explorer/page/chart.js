@@ -61,17 +61,17 @@ export function chart(place, { curves = [], dots = [], bars = null, across = [],
     [x0, x1, y0, y1] = [-reach * Math.max(1, ratio), reach * Math.max(1, ratio), -reach / Math.min(1, ratio), reach / Math.min(1, ratio)];
   }
   // numbers keep off the title, which stands on its end beside them
-  const left = Math.max(LEFT, 21 + DIGIT * Math.max(...ticks(y0, y1, 5).map((tick) => named(tick).length)));
+  const left = Math.max(LEFT, 21 + DIGIT * Math.max(...ticks(y0, y1, bottom - TOP < 60 ? 3 : 5).map((tick) => named(tick).length)));
   const px = (v) => left + ((v - x0) / (x1 - x0)) * (width - left - RIGHT);
   px.low = left;
   const py = (v) => bottom - ((v - y0) / (y1 - y0)) * (bottom - TOP);
   const svg = element("svg", { viewBox: `0 0 ${width} ${height}`, class: "chart", role: "img", "aria-label": label ?? `${y} over ${x}` });
   for (const [from, to] of shades) svg.append(element("rect", { class: "rest", x: px(from), width: Math.max(0, px(to) - px(from)), y: TOP, height: bottom - TOP }));
-  for (const tick of ticks(x0, x1, 5)) {
+  for (const tick of spaced(x0, x1, width - left - RIGHT)) {
     svg.append(element("line", { class: "grid", x1: px(tick), x2: px(tick), y1: TOP, y2: height - BOTTOM }));
     svg.append(element("text", { x: inside(px(tick), short(tick), width), y: height - BOTTOM + 12, "text-anchor": "middle" }, short(tick)));
   }
-  for (const tick of ticks(y0, y1, 5)) {
+  for (const tick of ticks(y0, y1, bottom - TOP < 60 ? 3 : 5)) {
     svg.append(element("line", { class: "grid", x1: left, x2: width - RIGHT, y1: py(tick), y2: py(tick) }));
     svg.append(element("text", { x: left - 4, y: Math.min(py(tick) + 3.5, height - BOTTOM), "text-anchor": "end" }, named(tick)));
   }
@@ -132,6 +132,17 @@ export function ticks(low, high, count) {
   const step = [1, 2, 5, 10].find((s) => s * size >= raw) * size;
   const found = [];
   for (let k = Math.ceil(low / step); k * step <= high + step * 1e-9; k++) found.push(Number((k * step).toPrecision(12)));
+  return found;
+}
+
+/** As many ticks, at most about five, as have room for their numbers beside each other; two in any case. */
+function spaced(low, high, room) {
+  let found = ticks(low, high, 5);
+  const isTight = () => ((found[1] - found[0]) / (high - low)) * room < DIGIT * Math.max(...found.map((tick) => short(tick).length)) + 3;
+  for (let count = 4; count > 1 && isTight(); count--) {
+    const fewer = ticks(low, high, count);
+    if (fewer.length > 1) found = fewer;
+  }
   return found;
 }
 

@@ -9,6 +9,7 @@ export class Choice {
   /** `changed` is called after each choice, and `shown` with the motion of the chosen point once it is there. */
   constructor(page, { curves, diagram, keyboard, motion }, { changed = () => {}, shown = () => {} } = {}) {
     Object.assign(this, { page, curves, diagram, keyboard, motion, changed, shown });
+    $("motion-go").addEventListener("click", () => $("motion").scrollIntoView());
   }
 
   /** Choose a point: { curve, index }, or { settled: result }. */
@@ -24,6 +25,8 @@ export class Choice {
       this.keyboard.select(found.curve, found.index);
       this.diagram.choose(found.curve, found.index);
     }
+    $("motion-go").hidden = false;
+    $("motion-title").title = $("chosen").title = found.curve ? nameWords(found.curve.name) : "";
     this.changed();
     const { chosen } = page;
     this.motion.show({ file: page.about.file, ...chosen.start }, chosen.title, chosen.verdict).then((motion) => {
@@ -34,6 +37,7 @@ export class Choice {
   /** Choose nothing. */
   clear() {
     this.motion.clear();
+    $("motion-go").hidden = true;
     this.page.chosen = null;
     this.diagram.mark = null;
     this.changed();
@@ -46,6 +50,12 @@ export class Choice {
     const settled = this.curves.settled.get(chosen?.start.result)?.place ?? null;
     this.diagram.mark = index < 0 ? settled : [curve.x[index], curve.y[index]];
   }
+}
+
+/** What the name of a branch says, as P2-1. */
+function nameWords(name) {
+  const [, period, number] = /^P(\d+)-(\d+)/.exec(name) ?? [];
+  return period ? `P${period}-${number}: branch ${number} of the motions that repeat after ${period} forcing period${period === "1" ? "" : "s"}` : "";
 }
 
 /**

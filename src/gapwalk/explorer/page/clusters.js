@@ -7,9 +7,11 @@ import { zoom } from "./chart.js";
 const FIRST = ["fold", "flip", "neimark-sacker", "branch-point", "held-stop"];
 const SINGLE = 11, MIXED = 17, CLUSTERS = 23; // pixels between the middles of marks that do not hide each other
 const LEAST = 3; // points of a cluster: two beside each other can be told apart
+const TICK = 5; // half the height of a tick
 const HALF = 7.5; // half the width of the largest symbol
 const ROOM = 1; // pixels between a label and what is beside it
-const PLACES = [["top center", 0, -1], ["bottom center", 0, 1], ["middle right", 1, 0], ["middle left", -1, 0]];
+const PLACES = [["top center", 0, -1], ["bottom center", 0, 1], ["middle right", 1, 0], ["middle left", -1, 0],
+  ["top right", 1, -1], ["bottom right", 1, 1], ["bottom left", -1, 1], ["top left", -1, -1]];
 export const RADIUS = 10; // pixels of the mark of a cluster
 
 /**
@@ -128,11 +130,13 @@ function labelled(single, covered, width, height, crossed) {
     ...single.filter(({ point }) => point.kind !== "grazing").map(({ point, at }) => Object.assign(square(at, HALF), { point })), ...covered,
   ];
   const free = (box, own) => box[0] >= 0 && box[1] >= 0 && box[2] <= width && box[3] <= height && !taken.some((other) => other.point !== own && box[0] < other[2] && other[0] < box[2] && box[1] < other[3] && other[1] < box[3]);
+  const ticks = single.filter(({ point }) => point.kind === "grazing").map(({ at }) => square(at, TICK));
+  const struck = (box) => ticks.filter((tick) => box[0] < tick[2] && tick[0] < box[2] && box[1] < tick[3] && tick[1] < box[3]).length;
   return single.map(({ point, at }) => {
     let best = null;
     for (const [position, across, down] of point.label ? PLACES : []) {
       const box = boxOf(point.label, point.size, at, across, down);
-      const cost = free(box, point) ? crossed(box) : Infinity;
+      const cost = free(box, point) ? crossed(box) + 9 * struck(box) : Infinity;
       if (cost < (best?.cost ?? Infinity)) best = { cost, box, position };
       if (cost === 0) break;
     }

@@ -41,6 +41,13 @@ const SIGNS = {
   grazing: "M6 1V11", "held-stop": "M6 6H1M6 6L9.5 1.5M6 6L9.5 10.5", "crossing-sliding": "M2.5 2.5L9.5 9.5M2.5 9.5L9.5 2.5", "switching-sliding": "M6 6V1M6 6L2 10M6 6L10 10",
   "grazing-sliding": "M6 6V11M6 6L2 2M6 6L10 2", "adding-sliding": "M6 1.5V10.5M1.5 6H10.5", "slip-onset": "M6 1.5L10 3.8V8.2L6 10.5L2 8.2V3.8Z",
 };
+// points of codimension two; others are grey dots
+const CODIM2 = {
+  cusp: "M6 1.5L11 10.5H1Z", "1:1": "M1.5 1.5H10.5V10.5H1.5Z", "1:2": "M1.5 1.5H10.5V10.5H1.5ZM5.5 6H6.5", "1:3": "M6 1L11 4.6L9 10.5H3L1 4.6Z", "1:4": "M6 .8L10.5 3.4V8.6L6 11.2L1.5 8.6V3.4Z",
+  "fold-flip": "M6 1L11 6L6 11L1 6Z", "generalised-flip": "M6 10.5L11 1.5H1Z", "degenerate-grazing": "M6 .5L9 6L6 11.5L3 6Z",
+  "fold-neimark-sacker": "M4.3 1H7.7V4.3H11V7.7H7.7V11H4.3V7.7H1V4.3H4.3Z", "flip-neimark-sacker": "M3 1L6 4L9 1L11 3L8 6L11 9L9 11L6 8L3 11L1 9L4 6L1 3Z",
+};
+const DOT = "M6 3A3 3 0 1 1 5.99 3Z";
 const FILLED = new Set(["fold", "flip", "neimark-sacker", "branch-point"]);
 const TOGETHER = "M6 .8A5.2 5.2 0 1 1 5.99 .8Z";
 
@@ -66,6 +73,8 @@ export function showLegend(legend, curves, clusters = []) {
   for (const [kind, sign] of Object.entries(SIGNS)) {
     if (points.has(kind)) add(sign, FILLED.has(kind) ? `filled of-${kind}` : ["grazing", "held-stop"].includes(kind) ? "of-stop" : "of-sliding", points.get(kind));
   }
+  const plane = new Map(all.flatMap(({ special }) => special).filter(({ kind }) => kind.startsWith("codim2 ")).map(({ kind, text, label }) => [label && !text.includes(`(${label})`) && !text.startsWith(label) ? `${text} (${label})` : text, CODIM2[kind.slice(7)]]));
+  for (const [words, sign] of plane) add(sign ?? DOT, sign ? "filled of-cluster" : "filled of-grey", words);
   if (clusters.length) add(TOGETHER, "filled of-cluster", "number of special points: click to open");
 }
 
@@ -148,7 +157,7 @@ export class Curves {
         wanted.push(get("/api/curve", { ...query, branch: number, from }).then((packed) => {
           if (generation !== this.generation || packed.gone) return;
           const found = unpack(packed);
-          this.all.set(key, { ...(grows ? merge(old, found) : found), key, result: result.key, branch: number });
+          this.all.set(key, { ...(grows ? merge(old, found) : found), key, result: result.key, branch: number, counts: axes.y.startsWith("impacts.") });
         }));
       });
     }
@@ -180,11 +189,12 @@ export class Curves {
  */
 export function thinned(curves, kinds, window, scaleX, scaleY) {
   const lines = Array.from({ length: kinds }, () => [[], []]);
-  for (const { x, y, label } of curves) {
+  for (const { x, y, label, node, counts } of curves) {
+    const jumps = (i) => counts && (node[i] < 0 || node[i - 1] < 0) && Math.abs(y[i] - y[i - 1]) > 0.05 * Math.max(y[i], y[i - 1]);
     let start = 0;
     for (let i = 1; i <= x.length; i++) {
-      if (i < x.length && label[i] === label[start] && Number.isFinite(y[start]) && Number.isFinite(y[i])) continue;
-      const end = i < x.length && Number.isFinite(y[i]) ? i : i - 1; // not all quantities are finite everywhere
+      if (i < x.length && !jumps(i) && label[i] === label[start] && Number.isFinite(y[start]) && Number.isFinite(y[i])) continue;
+      const end = i < x.length && !jumps(i) && Number.isFinite(y[i]) ? i : i - 1; // not all quantities are finite everywhere
       if (end > start && Number.isFinite(y[start])) piece(x, y, start, end, lines[label[start]], window, scaleX, scaleY);
       start = i;
     }

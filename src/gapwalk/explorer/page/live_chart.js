@@ -151,7 +151,7 @@ export class LiveShares {
     const found = moved?.bars ?? bars;
     if (found?.length) this.place.replaceChildren(shares(found, 1));
     const [count] = moved?.starts ?? starts ?? [];
-    if (count) this.note.textContent = moved ? `moving… ${count} starts, sorted by the motions of before` : `${count} random starts; labels at borders are exact, lines are confidence limits.`;
+    if (count) this.note.textContent = moved ? `moving… ${count} starts, sorted by the motions of before` : `${count} random starts, those between two motions computed exactly. Thin lines: with 95 % confidence, the true share is between their ends.`;
     if (end) this.note.textContent = end;
     this.note.classList.toggle("failed", Boolean(failed));
     if (end !== undefined) this.place.dataset.whole = Number(this.place.dataset.whole ?? 0) + 1;

@@ -189,6 +189,7 @@ function showStatus(job, reached) {
   clearInterval(page.ticking);
   words.textContent = job ? reached : "";
   $("status").title = job?.title ?? "";
+  Object.assign($("status-stop"), { hidden: !job, title: `Stop ${job?.title}; what it has found is stored`, onclick: () => actOn("stop", job) });
   const tick = () => {
     const seconds = Math.floor((performance.now() - page.since) / 1000);
     clock.textContent = job ? `${Math.floor(seconds / 60)}:${String(seconds % 60).padStart(2, "0")}` : "";
@@ -205,7 +206,7 @@ async function show(results, deleted = page.deleted ?? []) {
   showDeleted($("deleted"), deleted, restore, clean);
   const busy = results.filter((r) => ["running", "queued", "paused"].includes(r.state));
   const [first] = busy, points = first?.branches.reduce((s, b) => s + b.points, 0);
-  showStatus(first, !points && first?.done[1] ? `${first.done.join(" of ")} parts, ${Math.floor(100 * first.share)} %` : `${points} points`);
+  showStatus(first, !points && first?.done[1] ? `${Math.floor(100 * first.share)} % of the work` : `${points} points`);
   page.again = true;
   if (!page.updating) updated = update();
   await updated;
@@ -498,6 +499,7 @@ function openLocus() {
   $("locus-part").open = true;
   $("locus-part").scrollIntoView({ block: "nearest" });
   $("locus-parameter").focus();
+  tell({ message: "On the left, choose the second parameter and its range; then Follow locus traces the point in the plane of both.", isHint: true });
 }
 
 /** A button of a result. */

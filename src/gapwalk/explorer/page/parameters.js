@@ -83,7 +83,8 @@ export class Parameters {
 
   /** Mark a row whose value is not that of the file. */
   mark(name) {
-    const { row, words } = this.rows.get(name), other = this.value(name) !== this.file.get(name);
+    const { row, field, words } = this.rows.get(name), other = this.value(name) !== this.file.get(name);
+    field.title = field.value; // it may have more digits than there is room for
     row.classList.toggle("changed", other);
     row.title = other ? `${words}; ${this.file.get(name)} in the file` : words;
   }

@@ -57,6 +57,7 @@ async function begin() {
     table.draw();
     $("note").textContent = `${diagram.settledLines(index).join("; ")}.`;
   };
+  diagram.sampled = (value) => tell({ message: `The motions at ${$("x").value} = ${Number(value.toPrecision(7))} were settled by equal steps. This file holds their measures, which are drawn, but not the motions. To see them, open the model with gapwalk explore and press Settle at this value.`, isHint: true });
   const next = new Next({ hear: () => motion.hear(), pin: () => motion.pin() }, tell);
   page.choice = new Choice(page, { curves, diagram, keyboard, motion }, {
     changed: () => { page.settled = null; next.expect(page.chosen); movers.expect(page.chosen); table.draw(); if (page.chosen) answer.makeRoom(); },
@@ -105,6 +106,7 @@ function chooseStored({ curve, index }) {
 
 function tell(error) {
   $("error").hidden = false;
+  $("error").classList.toggle("hint-only", Boolean(error.isHint));
   $("error").querySelector("p").textContent = error.message;
 }
 
