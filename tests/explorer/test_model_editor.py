@@ -4,6 +4,7 @@ import asyncio
 import io
 import json
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -166,6 +167,9 @@ def test_the_points_of_the_last_walk_are_moved_to_other_numbers_at_once() -> Non
     assert not [each for each in response(BACK, last) if "moved" in each]
     found = list(response(wide, last))
     (news,), rest = (each["moved"] for each in found if "moved" in each), found[-1]["marks"]
+    changes = [pair for pair in pairwise(news["looks"]) if pair[0] != pair[1]]
+    assert changes
+    assert all("neutral" in pair for pair in changes)  # where stability changes between two points is not known
     free = [(x, y) for x, y in zip(news["x"], news["y"], strict=True) if y < 0.95]
     assert len(free) > 10
     for x, y in free:  # where nothing touches the stop
@@ -251,6 +255,12 @@ def test_beginnings_have_a_response_without_a_compiled_flow(name, monkeypatch) -
     assert len(points) > 15
     assert set(first) == {"across", "up", "axes", "range"}
     assert isinstance(last["end"], str)
+
+
+def test_the_response_of_a_rigid_stop_goes_on_beyond_grazes() -> None:
+    *_, before, last = response(BACK.replace("stiffness = 20.0", 'stiffness = "rigid", restitution = 0.75'))
+    assert last["end"] == ""
+    assert before["x"] == pytest.approx(3.5)
 
 
 @pytest.mark.parametrize("name", ["den_hartog", "belt"])

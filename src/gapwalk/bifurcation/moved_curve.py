@@ -84,7 +84,7 @@ def marks(points: Sequence[BranchPoint], scale: float) -> Iterator[Mark]:
 
 
 def _grazes(first: BranchPoint, last: BranchPoint) -> Iterator[tuple[int, list[float]]]:
-    """Yield the number of each contact, and its depths at two points, that touches another number of times at the second."""
+    """Yield number and depths, at two points, of each contact that touches another number of times at the second."""
     for switch in np.flatnonzero(np.not_equal(first.orbit.closings, last.orbit.closings)).tolist():
         depths = [min(each.orbit.turning_depths[switch].values, key=abs, default=0.0) for each in (first, last)]
         if depths[0] * depths[1] < 0.0:

@@ -23,6 +23,7 @@ from gapwalk.explorer.diagram_lines import measure_name
 from gapwalk.explorer.progress_stream import SECONDS
 from gapwalk.model.model_source import parse_source
 from gapwalk.model.system import System
+from gapwalk.model.words import measure_words
 from gapwalk.parallel.processes import undisturbed
 from gapwalk.studies.live_answer import LiveAnswer, Seen
 from gapwalk.studies.live_locus import LiveLocus
@@ -115,7 +116,13 @@ def _guarded(kind: str, news: Iterator[dict[str, Any]]) -> Iterator[dict[str, An
 def _plain(seen: Any) -> dict[str, list[Any]]:
     """Return what the page draws as JSON values."""
     if isinstance(seen, BasinShares):
-        return {"bars": share_bars(seen), "starts": [len(seen.labels)]}
+        bars = share_bars(seen)
+        coordinate = seen.system.coordinates[0]
+        words = measure_words(f"half.{coordinate}", seen.system.units).replace(" (half the peak to peak)", "")
+        for bar, attractor in zip(bars, seen.attractors, strict=False):  # which of those of one kind it is
+            if attractor.orbit is not None:
+                bar["name"] += f", {words} {attractor.orbit.measure(f'half.{coordinate}'):.3g}"
+        return {"bars": bars, "starts": [len(seen.labels)]}
     assert isinstance(seen, Seen)
     found = {"x": seen.x, "y": seen.y, "looks": seen.looks, "marks": seen.marks}
     return {name: [_finite(each) for each in values] for name, values in found.items() if values}

@@ -181,11 +181,15 @@ def _syntax_problem(message: str, text: str) -> tuple[str, int | None]:
     if match[1] is None:
         return f"{reason} at the end of the file", len(lines)
     number = int(match[1])
-    shown = lines[number - 1].strip()[:60] if number <= len(lines) else ""
+    line = lines[number - 1].strip() if number <= len(lines) else ""
+    shown = line[:60] + "..." * (len(line) > 60)
     if twice := re.match(r"Cannot declare \('(\w+)',\) twice", reason):
         key = twice[1]
         own = ", and give each a name" if key == "study" else ""
         return f"[{key}] is here a second time; if there are several, write [[{key}]] for each{own}", number
+    quotes = re.sub(r'\\.|\'[^\']*\'|"""', "", line).count('"')
+    if quotes % 2 and "'''" not in line:
+        return f'a quotation mark " is missing: {shown}', number
     hint = next((f" ({hint})" for slip, hint in _SLIPS if re.search(slip, shown)), "")
     return f"{reason}, column {match[2]}: {shown}{hint}", number
 

@@ -179,7 +179,7 @@ class LiveResponse(LiveAnswer):
         yield furthest
         for step in walk:
             point = step[0] if isinstance(step, tuple) else step
-            if isinstance(walk, BranchTracer) and walk.beginning.corrector is not self.corrector:  # it is in more segments
+            if isinstance(walk, BranchTracer) and walk.beginning.corrector is not self.corrector:  # more segments
                 self.corrector, self.points = walk.beginning.corrector, ()
             self.points += (point,)
             yield point

@@ -6,7 +6,7 @@ import { drawPanel } from "./panels.js";
 
 const LOOKS = { fold: "above", flip: "below", "neimark-sacker": "pair", grazing: "neutral", settled: "neutral" }; // of loci, and of what settles
 const LINES = { stable: "solid", below: "dashed", above: "dotted", pair: "dash-dotted", neutral: "grey" };
-const MEANINGS = { below: "unstable, beyond −1", above: "unstable, beyond +1", pair: "unstable, complex pair", neutral: "neutral or not known" };
+const MEANINGS = { below: "unstable, beyond −1", above: "unstable, beyond +1", pair: "unstable, complex pair", neutral: "neutral or unknown" };
 const REST = 1000; // milliseconds without a change after which the next one is another change
 const MARGINS = { left: 52, right: 24 };
 
@@ -108,7 +108,7 @@ function special({ marks = [] }) {
 function legend({ marks, looks }, hasGhost) {
   const of = (mark, kinds) => [mark, kinds.filter((each) => marks.some(([kind]) => kind === each)).join(" or ")];
   const lines = [...new Set(looks)].filter((look) => look !== null).map((look) => [LINES[LOOKS[look] ?? look], MEANINGS[look] ?? look]);
-  const all = [...lines, of("dot", ["fold", "grazing"]), of("cross", ["flip", "neimark-sacker"]), ["pale", hasGhost ? "before the change" : ""]];
+  const all = [...lines, of("dot", ["fold", "grazing"]), of("cross", ["flip", "neimark-sacker"]), ["pale", hasGhost ? "before" : ""]];
   return all.filter(([, words]) => words).map((each) => each.join(": ")).join("; ");
 }
 
