@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, MutableSequence, Sequence
+from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any, TypeVar
 
@@ -19,6 +20,26 @@ place = 0
 def tell(share: float) -> None:
     """Note which share of a long piece of work is done in this process, for who watches the progress."""
     shares[place] = min(max(share, 0.0), 1.0)
+
+
+_stage: ContextVar[tuple[float, float] | None] = ContextVar("stage", default=None)
+
+
+@contextmanager
+def stage(low: float, high: float) -> Iterator[None]:
+    """Let `tell_stage` tell within two shares of a long piece of work."""
+    token = _stage.set((low, high))
+    try:
+        yield
+        tell(high)
+    finally:
+        _stage.reset(token)
+
+
+def tell_stage(share: float) -> None:
+    """Note which share of the stage around is done; of work without stages others tell."""
+    if (ends := _stage.get()) is not None:
+        tell(ends[0] + (ends[1] - ends[0]) * share)
 
 
 class Here:

@@ -41,6 +41,14 @@ def test_the_modes_of_train_a_in_each_state(found) -> None:
         np.testing.assert_allclose(modes[: len(values)], np.array(values)[:, None] * np.ones(4), rtol=1e-4)
 
 
+def test_modes_are_numbered_alike_everywhere() -> None:
+    """The goal of a design, the crossings and the command of modes begin with the slowest vibration."""
+    modes = gw.find_modes(train_a(), "closed")
+    assert modes.numbers.tolist()[:3] == [0, 1, 2]
+    speed = gw.ask.Resonance(2, above=1.0, order=2.0, at="closed").value(train_a())
+    assert speed == pytest.approx(modes.frequencies[2] / math.tau / 2.0 * 60.0)
+
+
 def test_the_crossings_of_train_a(found) -> None:
     places = {(each.state, each.order, each.mode): each.value for each in found.crossings}
     slips, sticks = list(REFERENCE)[:2]

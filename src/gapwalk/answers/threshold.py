@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
 from typing import Annotated, NamedTuple
@@ -252,6 +252,9 @@ class Threshold(Shown):
     between: tuple[float, ...] = ()
     #: The gaps that rattle at the last value at which a motion was seen to rattle, before the threshold.
     last: tuple[str, ...] = ()
+    #: shape (points, 3): By equal steps: values of `over` and of `parameter` at which motions were tried, and 1 where
+    #: one rattles, else 0.
+    points: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
 
     @property
     def value(self) -> float:
@@ -553,6 +556,8 @@ class Round:
     notes: tuple[str, ...]  #: Remarks, in sentences.
     quiet: float = math.nan  #: By equal steps: the value nearest to the hit at which nothing rattles.
     confirms: bool = False  #: True if it tries that value from random starts.
+    #: shape (points, 3): As of `Threshold`.
+    points: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
 
 
 class ThresholdSearch:
@@ -628,7 +633,9 @@ class ThresholdSearch:
             notes, quiet = [self._widen(last)], math.nan
         counts = len(states), len(states) // (len(values) * len(others)), len(hits), 0, int(lost.sum()), found.waited
         tried = Confirmation(float(values[-1]), *counts, 0, found.error)
-        self.rounds.append(Round(tried, last, (), tuple(notes), quiet, confirms))
+        places, which = np.unique(np.array(pairs)[~lost], axis=0, return_inverse=True)
+        points = np.column_stack((places, np.bincount(which.ravel(), rattles[~lost]) > 0))
+        self.rounds.append(Round(tried, last, (), tuple(notes), quiet, confirms, points))
         return self.rounds[-1]
 
     def _widen(self, hit: Hit) -> str:
@@ -704,6 +711,7 @@ class ThresholdSearch:
             tuple(notes),
             between,
             () if hit is None else hit.gaps,
+            np.vstack([each.points for each in self.rounds]),
         )
 
     @property
@@ -844,9 +852,11 @@ def threshold_picture(found: Threshold) -> Picture:
         curves_of_loci(found.loci, "{}: rattle begins or ceases"),
         partial(_parts_of_picture, found),
         sentences=[found.sentence],
-        heading=[found.sentence],
+        heading=[found.sentence, *(found.notes if found.between else ())],
         script="record.loci",
-        empty="" if found.loci else ". ".join((*found.notes, *found.failures)) or "nothing was followed",
+        empty=""
+        if found.loci or found.between
+        else ". ".join((*found.notes, *found.failures)) or "nothing was followed",
     )
 
 
@@ -855,9 +865,15 @@ def _parts_of_picture(found: Threshold) -> Parts:
     within = {found.over: (found.low, found.high), found.parameter: tuple(sorted((found.begin, found.end)))}
     if found.between:
         low, high = sorted((found.value, found.end))
+        axes, (x, y, rattles) = (found.over, found.parameter), found.points.T
+        looks = (
+            ("dots", rattles == 0.0, "other", "tried: quiet"),
+            ("crosses", rattles > 0.0, "main", "tried: rattles"),
+        )
         return Parts(
             layers=[
-                Series([found.at], [found.between[0]], "stars", "worst", "rattles", axes=(found.over, found.parameter))
+                *(Series(x[own], y[own], mark, look, text, axes=axes) for mark, own, look, text in looks if own.any()),
+                Series([found.at], [found.between[0]], "stars", "worst", "the last that rattles", axes=axes),
             ],
             shades=[Shade(found.parameter, low, high, "quiet", "nothing rattles")],
             lines=[Line(found.parameter, found.value)],

@@ -29,6 +29,7 @@ from gapwalk.model.bounds import Bounded, Fraction
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
 from gapwalk.orbit.sticking import collapses
+from gapwalk.pieces import tell_stage
 
 _BLOCKS = 16  # the fewest blocks from which an error is estimated
 _PARTS = 4  # parts of the sequence whose weighted averages are compared
@@ -224,6 +225,7 @@ class _Stretching:
             self._state, self._frame = state, frame
             self._logs.append(logs.sum(axis=0))
             self._strobes.append(state)
+            tell_stage(len(self._logs) / length)
 
     def _is_blurred(self, logs: NDArray[np.float64]) -> bool:
         """Return True if a stretching is lost to rounding; one that is nothing but rounding is an exact collapse."""

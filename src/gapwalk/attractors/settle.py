@@ -42,6 +42,7 @@ from gapwalk.orbit.orbit import Orbit, stroboscopic, true_period
 from gapwalk.orbit.orbit_equation import Newton
 from gapwalk.orbit.shooting import ShootingEquation
 from gapwalk.orbit.sticking import kept_words, released, transition_of
+from gapwalk.pieces import tell_stage
 
 # Regions around a stable orbit from which every motion converges to it, so that it need not be followed to its end.
 #
@@ -794,6 +795,7 @@ class _Transient:
             # motions restart where the slow rotation of a train ends, at the same phase
             self.states = np.vstack((self.states, more)) if away < _STEADY else ahead[None]
             self.periods += count
+            tell_stage(self.periods / self.options.max_periods)
 
     def _look(self) -> Approach | None:
         """Search for orbits of the promising periods, always including period 1; test stable orbits first."""

@@ -33,6 +33,7 @@ from gapwalk.model.system import System, pace_text
 from gapwalk.model.units import Units
 from gapwalk.notebook import Pictured
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.pieces import tell_stage
 from gapwalk.summary import Described, Rows, TableRows, Tables
 
 _FIRST, _FINEST = 128, 16_384  # samples per forcing period at the start and at the end of the refinement
@@ -251,7 +252,9 @@ def _refined(
 ) -> tuple[NDArray[np.complex128], float]:
     """Double the sampling until aliasing is small; return the lines of a signal and a bound on the aliasing."""
     samples = 2 * _FIRST
+    rounds = math.log2(min(_FINEST, (1 << 22) / length) / _FIRST)
     while True:
+        tell_stage((math.log2(samples / _FIRST) - 1.0) / max(rounds, 1.0))
         motion = sampled(samples)
         values, impulses = motion.signal(signal)[:-1], motion.impulses(signal)
         coarse, lines = (_lines(each, impulses, length, window) for each in (values[::2], values))

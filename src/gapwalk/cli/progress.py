@@ -178,7 +178,7 @@ class _Reached:
             return self.place or self._plan
         if pace.done == pace.total:
             return f"{pace.total} of {pace.total}  100 %  the result is put together and checked"
-        told = f"{self.place or f'{pace.done} of {pace.total}  '}{100 * self._most:.0f} %"
+        told = f"{self.place or f'{pace.done} of {pace.total}  ' * (pace.total > 1)}{100 * self._most:.0f} %"
         told += f"  about {duration(left)} left" * (left >= 0.5 and self._most >= 0.01)
         return f"{told}  {self.best}".rstrip()
 

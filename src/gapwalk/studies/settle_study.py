@@ -33,6 +33,7 @@ from gapwalk.model.system import System
 from gapwalk.model.words import line_words, pace_words, signal_words
 from gapwalk.orbit.energy import Energy, EnergyItem, energy
 from gapwalk.orbit.orbit import Orbit, describe_switch
+from gapwalk.pieces import stage
 from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies.study_kind import OPEN, Finding, Found, Job, Rows, StudyKind, plain_numbers
@@ -245,10 +246,13 @@ class SettleStudyOptions(SettleOptions, StudyKind):
 
     def do(self, job: Job) -> Generator[Found]:
         """Compute the settled motion, as one part."""
-        settled = settle(job.system, self.start, self)
-        attractor = identify(settled, ClassifyOptions(self, self.lyapunov))
+        with stage(0.0, 0.1):
+            settled = settle(job.system, self.start, self)
+        with stage(0.1, 0.3):
+            attractor = identify(settled, ClassifyOptions(self, self.lyapunov))
         motion = motion_of(attractor, settled)
-        lines = tuple(spectrum(motion, self.signal).peaks(_LINES))
+        with stage(0.3, 0.9):
+            lines = tuple(spectrum(motion, self.signal).peaks(_LINES))
         loads = rattle(motion, _FEW) if prefers_lanes(job.system) else rattle(motion)
         found = motion.section(self.phase).states, loads, lines, _energy_of(motion)
         yield job.end(SettleFinding(self, attractor, motion, *found))._replace(news=())

@@ -12,7 +12,7 @@ from gapwalk.cli.modes_command import train_lines
 from gapwalk.errors import ModelError
 from gapwalk.flow.ramp import Ramped
 from gapwalk.model.coefficients import ParameterLine, coefficients_of, static_load
-from gapwalk.model.doubts import train_doubts
+from gapwalk.model.doubts import doubts_of, train_doubts
 
 RATIO = 2.5
 
@@ -79,6 +79,7 @@ def test_without_a_reaction_the_train_accelerates_by_all_of_them() -> None:
     system = geared(all_kinds(), reaction=None).system()
     on_a, on_b = constant_torques(1.4)
     (told,) = train_doubts(system)
+    assert doubts_of(system)[-1] == told  # which check, run and show repeat
     expected = (on_a + on_b / RATIO) / (0.1 + 0.3 / RATIO**2 + 2.0 / RATIO**2)
     assert float(re.search(r"a by ([-\d.e]+)", told)[1]) == pytest.approx(expected, rel=1e-5)
     assert 'reaction = "c" would balance them' in told
