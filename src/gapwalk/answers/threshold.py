@@ -633,8 +633,9 @@ class ThresholdSearch:
             notes, quiet = [self._widen(last)], math.nan
         counts = len(states), len(states) // (len(values) * len(others)), len(hits), 0, int(lost.sum()), found.waited
         tried = Confirmation(float(values[-1]), *counts, 0, found.error)
-        places, which = np.unique(np.array(pairs)[~lost], axis=0, return_inverse=True)
-        points = np.column_stack((places, np.bincount(which.ravel(), rattles[~lost]) > 0))
+        where, which = np.unique(np.array(pairs, dtype=float)[~lost], axis=0, return_inverse=True)
+        seen = np.minimum(np.bincount(which.ravel(), rattles[~lost].astype(float)), 1.0)
+        points = np.column_stack((where, seen))
         self.rounds.append(Round(tried, last, (), tuple(notes), quiet, confirms, points))
         return self.rounds[-1]
 

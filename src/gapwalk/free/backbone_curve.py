@@ -411,7 +411,7 @@ def _of_mode(system: System, mode: int, unit: float) -> tuple[NDArray[np.float64
         raise ModelError("the system has no stable equilibrium to vibrate about; give positions to release it from")
     rest = rests[0]
     modes = find_modes(system, rest)
-    places = np.flatnonzero(modes.numbers == mode) if mode > 0 else ()
+    places = np.flatnonzero(modes.numbers == mode) if mode > 0 else np.zeros(0, int)
     if not len(places):
         count, more = modes.numbers.max(initial=0), ""
         if count < len(modes):
