@@ -616,7 +616,7 @@ class ThresholdSearch:
             states += own
         places = [slice(first, first + _TOGETHER) for first in range(0, len(pairs), _TOGETHER)]
         found = _joined(done(asked.judged, [(np.array(pairs[place]), np.array(states[place])) for place in places]))
-        lost = (found.codes < 0).any(axis=1)
+        lost = np.asarray((found.codes < 0).any(axis=1))
         rattles = ~lost & ~np.isin(found.codes, _QUIET).all(axis=1)
         hits = [
             Hit(pairs[k][1], pairs[k][0], found.states[k], asked.rattling_by(found.codes[k]), *near_of)
