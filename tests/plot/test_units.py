@@ -73,7 +73,7 @@ def test_a_settled_motion_is_told_at_its_speed() -> None:
     settled = gw.settle(gw.read_study(EXAMPLE, name="load").system, speed=2500.0)
     figure = draw(settled, "gearbox''").figure
     assert figure.get_suptitle() == "Motion of period 1 at speed = 2500 rpm"
-    labels = {ax.get_ylabel() for ax in figure.axes}
+    labels = {" ".join(ax.get_ylabel().split()) for ax in figure.axes}
     assert {"gearbox'' [rad/s^2]", "amplitude of gearbox'' [rad/s^2]"} <= labels
     assert {"clutch' [deg/s]", "force of clutch [N m]"} <= labels
     plt.close("all")
