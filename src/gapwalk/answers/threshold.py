@@ -589,7 +589,11 @@ class ThresholdSearch:
         way = self.request.way
         hits = [each.hit for each in self.rounds if each.hit is not None]
         hit = max(hits, key=lambda each: way * each.value, default=None)
-        quiet = [each.quiet for each in self.rounds if hit is None or way * (each.quiet - hit.value) > 0.0]
+        # where sweeps at the limit met rattle between the values that had been tried, what was quiet before may rattle
+        told = [k for k, each in enumerate(self.rounds) if each.hit is not None and each.confirms]
+        misled = told[-1] if told and hit is not None and hit.near < _NEAR else 0
+        since = self.rounds[misled:]
+        quiet = [each.quiet for each in since if hit is None or way * (each.quiet - hit.value) > 0.0]
         return hit, min(quiet, key=lambda value: way * value, default=math.nan)
 
     def _advance_by_lanes(self) -> Round:
@@ -601,7 +605,8 @@ class ThresholdSearch:
         if hit is not None:  # half of the values near the last motion that rattles
             window = hit.near * (high - low)
             near = np.linspace(max(low, hit.other - window), min(high, hit.other + window), options.values // 2)
-            others = np.unique(np.concatenate((others[::3], [hit.other], near[:: 1 if hit.near < _NEAR else 2])))
+            few, most = (6, 1) if hit.near < _NEAR else (3, 2)
+            others = np.unique(np.concatenate((others[::few], [hit.other], near[::most])))
         inside = [] if hit is None else inside_of(hit.value, quiet, _NARROW * width)
         confirms = hit is not None and not inside
         values = np.linspace(*asked.to, _COARSE) if hit is None else np.array(inside or [quiet])
