@@ -117,7 +117,10 @@ def _verify(ledger: Ledger, what: Verifiable, report: Advance | None) -> None:
             ledger.note("the branches of a family are verified, but not the connections between its members")
         case Threshold():
             if not what.loci:
-                raise ModelError(f"there is no locus to verify: {what.sentence}")
+                words = f"; the study rattle checks it, with --set {what.parameter}={what.value:.6g}" * bool(
+                    what.between
+                )
+                raise ModelError(f"there is no locus to verify{words}: {what.sentence}")
             verify_loci(ledger, [(f"L{k}", locus) for k, locus in enumerate(what.loci, start=1)], report)
             ledger.note("the loci of the threshold are verified, not the motions that were tried beyond it")
         case Rests():
