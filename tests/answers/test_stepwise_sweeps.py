@@ -23,6 +23,7 @@ from gapwalk.answers.lane_sweep import (
     sweep_piece,
 )
 from gapwalk.answers.rattle_bands import RattleBands
+from gapwalk.answers.threshold import Request, ThresholdOptions
 from gapwalk.attractors.lane_settling import LaneMotion, Start, settle_lanes, slow_modes
 from gapwalk.ensemble.batch_flow import state_at_rest
 from gapwalk.model.model_source import parse_source
@@ -56,6 +57,16 @@ def test_ends_of_bands_are_those_of_exact_curves(gap: str) -> None:
     assert is_many(SMALL)
     for met in ("rising", "falling"):
         assert ends_of(by_steps(), gap, met) == pytest.approx([RANGE[0], ENDS[gap]], abs=1e-4)
+
+
+def test_sweeps_at_a_threshold_meet_the_motions_that_rattle_up_to_the_exact_end() -> None:
+    clearance = SMALL["idle.clearance"]
+    to = (clearance, 2.0 * clearance)
+    asked = Request(SMALL, ("idle",), "idle.clearance", to, "speed", RANGE, ThresholdOptions())
+    hits = list(asked.rattling_along(clearance))
+    assert {hit.gaps for hit in hits} == {("idle",)}
+    step = (RANGE[1] - RANGE[0]) / 320
+    assert ENDS["idle"] - step <= max(hit.other for hit in hits) <= ENDS["idle"]
 
 
 def test_what_moves_an_end_beside_impacts_is_the_difference_of_two_ends() -> None:
