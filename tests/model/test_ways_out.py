@@ -33,7 +33,7 @@ def settled(force, frequency: float, periods: int = 60) -> np.ndarray:
 
 
 def test_a_gap_beside_the_zero_position_is_counted_from_its_middle() -> None:
-    with pytest.raises(ModelFileError, match="take the stiffness matrix times this position from the mean load"):
+    with pytest.raises(ModelFileError, match="subtract the stiffness matrix times this position from the mean load"):
         plain('[[contact]]\nname = "c"\ndeflection = { x = 1.0 }\nside = "positive"\nclearance = -0.15\nstiffness = 50')
     with pytest.raises(ModelError, match=r"for one from 0\.15 to 0\.35 write clearance"):
         gw.System(["x"], [[1.0]], contacts=[gw.Contact("c", {"x": 1.0}, [gw.Stage(-0.15, 50.0)])])

@@ -62,7 +62,7 @@ class Method(Bounded):
 
     @classmethod
     def resolving(cls, orbit: Orbit, count: int) -> Method:
-        """Return the method of this class whose equation for an orbit has a given number of unknowns."""
+        """Return the method of this class that fits an orbit whose equation has `count` unknowns."""
         return cls()
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> OrbitEquation:

@@ -400,7 +400,7 @@ class Orbit(LateFields, Shown):
         return Method.named(self.found_by)
 
     def posed_in(self, count: int) -> Method:
-        """Return the method with the options with which its equation for this orbit has a given number of unknowns."""
+        """Return the orbit's method, with options that give its equation a number of unknowns."""
         return self.method.resolving(self, count)
 
     @cached_property
@@ -562,7 +562,7 @@ class Orbit(LateFields, Shown):
 
     @cached_property
     def eigenvectors(self) -> NDArray[np.complex128]:
-        """Eigenvectors of the `jacobian` in its columns, of length 1, in the order of `multipliers`."""
+        """Eigenvectors of the `jacobian` as columns, of length 1, in the order of `multipliers`."""
         values, vectors = np.linalg.eig(self.jacobian)
         left, order = [*range(len(values))], list[int]()
         for each in self.multipliers.tolist():

@@ -337,7 +337,7 @@ class StudyKind:
 
     @classmethod
     def progress_words(cls, count: int, *news: Any) -> str:
-        """Return the progress of a call in a few words, from its latest reports."""
+        """Put the latest report of the study's Python function into a few words."""
         return str(news[-1])
 
 

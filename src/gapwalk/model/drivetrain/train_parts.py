@@ -668,7 +668,7 @@ class Drag(Springless):
         return tuple(name for name in wanted if name in self.numbers)
 
     def contacts(self, gapless: bool = False, angle: float = 1.0, slips: Slips | None = None) -> tuple[Contact, ...]:
-        """Return its torque without the linear and the constant part as a contact; see `Link.contacts`."""
+        """Return its torque, except the parts in `own`, as a contact; see `Link.contacts`."""
         slips = slips or Slips()
         text = self.formula_text(angle, slips.way)
         if not text:
