@@ -145,6 +145,11 @@ async function open(file, where = new URLSearchParams()) {
   if (!about.results.length && !about.problem && file.endsWith(".toml")) quick.show(file);
 }
 
+/** Open a file; one that cannot be opened leaves an empty page with the reason. */
+function openOrTell(file, where) {
+  return open(file, where).catch((error) => { drawDiagram(); list.show([], ""); tell(error); });
+}
+
 /** Show the quick response over its own axes. */
 async function showQuickAxes(names) {
   if (names.every((name, k) => [...$(["x", "y"][k]).options].some(({ value }) => value === name))) await showAxes(...names);
@@ -277,7 +282,7 @@ function markAnswer() {
 /** Explain an empty diagram. */
 function showEmpty() {
   const lacks = answer.lacks(...Object.values(axes()));
-  $("empty").hidden = !lacks && (curves.all.size + curves.settled.size > 0 || Boolean(answer.content));
+  $("empty").hidden = !page.about || !lacks && (curves.all.size + curves.settled.size > 0 || Boolean(answer.content));
   $("empty").classList.toggle("above", Boolean(curves.quick) || lacks);
   if (!$("empty").hidden) $("empty").replaceChildren(...whyEmpty());
 }
@@ -627,9 +632,9 @@ window.addEventListener("hashchange", () => {
   const { file, where } = addressed();
   if (![...$("file").options].some(({ value }) => value === file)) return;
   $("file").value = file;
-  open(file, where).catch(tell);
+  openOrTell(file, where);
 });
-$("file").addEventListener("change", () => open($("file").value).catch((error) => { drawDiagram(); list.show([], ""); tell(error); }));
+$("file").addEventListener("change", () => openOrTell($("file").value));
 $("x").addEventListener("change", changeAxes);
 $("y").addEventListener("change", changeAxes);
 $("study").addEventListener("change", showPlan);
