@@ -157,6 +157,8 @@ def test_texts_on_the_page_do_not_meet_and_can_be_read(page, width, height, sche
 
 
 def test_it_moves_by_itself_unless_one_wants_no_motion_and_asks_for_frames_only_while_it_does(page) -> None:
+    moving(page)
+    page.wait_for_timeout(200)  # for frames of what was shown
     page.evaluate(
         """() => {
             window.frames_ = 0;
@@ -177,11 +179,11 @@ def test_it_moves_by_itself_unless_one_wants_no_motion_and_asks_for_frames_only_
     asked = page.evaluate("frames_")
     page.wait_for_timeout(100)
     assert page.evaluate("frames_") == asked
-    moving = new_page(page.context.browser, reduced_motion="no-preference")
-    moving.goto(page.url)
-    until(moving, READY)
-    assert moving.evaluate("gapwalk.motion.machine.playing")
-    moving.context.close()
+    other = new_page(page.context.browser, reduced_motion="no-preference")
+    other.goto(page.url)
+    until(other, READY)
+    assert other.evaluate("gapwalk.motion.machine.playing")
+    other.context.close()
     page.reload()
     until(page, READY)
 
