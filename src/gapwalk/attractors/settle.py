@@ -783,8 +783,8 @@ class _Transient:
         self.states = np.array(strobes)
         apart = float(np.max(motion.error / np.maximum(motion.rms, np.finfo(float).tiny)))
         how = (
-            f"it does not repeat within 8 forcing periods; from {motion.watched} simulated periods, root mean squares of "
-            f"accelerations are known to {100 * apart:.1g} %; a transient that outlasts them is not excluded"
+            f"it does not repeat within 8 forcing periods; from {motion.watched} simulated periods, root mean squares "
+            f"of accelerations are known to {100 * apart:.1g} %; a transient that outlasts them is not excluded"
         )
         return self._record(True, None, apart, how)
 
