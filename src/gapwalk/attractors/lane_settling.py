@@ -54,6 +54,7 @@ _ENDED = 2e-3  # distance of slow coordinates from where they end, relative to t
 _STILL = 1e-7  # change of an extreme, relative to the width of its gap, that counts as none
 _FINER = 4.0  # factor on the steps of motions that failed, or whose labels the error of the steps leaves open
 _WITHIN = 0.03  # the same error of an extreme that few periods of a motion without period reach, relative to its range
+_LOOK = 256  # periods of a motion without period over which that is decided
 _CEASED = 7.0  # -log of the probability with which a gap that parts at random does so early in a watch only
 _LEAVES = 2048  # the most periods in which a motion without period that drifts may become another
 _DRIFTS = 0.4  # steps between batches, squared, of their squared spread: less is seen once in 1,000 times without drift
@@ -544,7 +545,7 @@ class _Settling:
 
     def _by_finer_steps(self, start: Start, motion: LaneMotion) -> LaneMotion:
         """Return what finer steps make of a motion."""
-        again = start._replace(state=motion.state, known=(), is_warm=True, watch=max(motion.watched, _WATCHED))
+        again = start._replace(state=motion.state, known=(), is_warm=True, watch=max(motion.watched, _LOOK))
         ((_, finer),) = settle_lanes([again], finer=_FINER)
         before = motion.waited + motion.watched
         return motion if finer.diverged else replace(finer, waited=before + finer.waited)
