@@ -334,6 +334,7 @@ def test_a_label_beside_a_graze_is_that_of_the_exact_orbit() -> None:
     assert rates.sum() == 1.0
 
 
+@pytest.mark.slow
 def test_a_label_within_the_error_of_the_steps_is_that_of_finer_steps() -> None:
     # in chaos by the steps themselves, the mesh parts in 2 of 64 periods by 1.6 % of its range
     system = trains()["twenty inertias"][0].at(speed=1043.707183914069)
