@@ -18,6 +18,7 @@ from gapwalk.answers.lane_sweep import (
     joined,
     known_at,
     lasting,
+    observed,
     other_sweeps,
     started_piece,
     sweep_piece,
@@ -243,6 +244,13 @@ def test_a_periodic_motion_that_does_not_part_is_quiet() -> None:
         (3, "end of the range"),
     ]
     assert seldom([sweep], "mesh") is None
+
+
+def test_it_is_said_for_how_long_motions_without_period_were_watched() -> None:
+    assert observed([sweep_of(motion(1, 0, 3.0), motion(2, 0, 0.0, 512), motion(3, 1, 0.0, 1))]) == (
+        "motions without period were watched for 66 to 512 forcing periods: a longer transient is not excluded"
+    )
+    assert observed([sweep_of(motion(1, 1, 3.0, 1))]) is None
 
 
 @pytest.mark.parametrize(("damping", "watched", "periods"), [(0.01, 512, "40"), (0.004, 512, "99"), (0.004, 64, "")])

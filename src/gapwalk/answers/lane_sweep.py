@@ -385,6 +385,16 @@ def lasting(system: System, sweeps: Sequence[SettledSweep]) -> str | None:
     )
 
 
+def observed(sweeps: Sequence[SettledSweep]) -> str | None:
+    """Say for how long motions without period were watched; None if there are none."""
+    every = (motion for sweep in sweeps for motion in sweep.lanes)
+    watched = sorted({motion.watched for motion in every if not (motion.period or motion.diverged)})
+    if not watched:
+        return None
+    many = f"{watched[0]}" if len(watched) == 1 else f"{watched[0]} to {watched[-1]}"
+    return f"motions without period were watched for {many} forcing periods: a longer transient is not excluded"
+
+
 def start_values(within: tuple[float, float], steps: int, asked: int | None) -> list[float]:
     """Return the values at which motions are sought from random starts: steps of the sweeps."""
     count = _APART if asked is None else asked

@@ -560,6 +560,8 @@ def worst_of(
     share, motion = math.nan, regime_word(Regime.PERIODIC, worst.period) if worst.period else NOT_PERIODIC
     lanes = (motion for sweep in sweeps if sweep.met == worst.met for motion in sweep.lanes)
     settled = next((motion for motion in lanes if motion.value == worst.value), None)
+    if settled is not None and not worst.period:
+        motion = f"{NOT_PERIODIC} in {settled.watched} forcing periods"
     if starts and settled is not None:
         if (place := (worst.met, worst.value)) not in shares:
             (started,) = started_piece(system, parameter, starts, seed, [(settled,)])

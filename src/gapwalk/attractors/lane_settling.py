@@ -52,7 +52,10 @@ _NEAR = 0.1  # distance from a known motion, relative to its ranges and accelera
 _SETTLED = 0.005  # what may be left of the mean square of an acceleration, relative to it
 _ENDED = 2e-3  # distance of slow coordinates from where they end, relative to their range
 _STILL = 1e-7  # change of an extreme, relative to the width of its gap, that counts as none
-_FINER = 4.0  # factor on the steps of motions that failed
+_FINER = 4.0  # factor on the steps of motions that failed, or whose labels the error of the steps leaves open
+_WITHIN = 0.03  # the same error of an extreme that few periods of a motion without period reach, relative to its range
+_LOOK = 256  # periods of a motion without period over which that is decided
+_CEASED = 7.0  # -log of the probability with which a gap that parts at random does so early in a watch only
 _LEAVES = 2048  # the most periods in which a motion without period that drifts may become another
 _DRIFTS = 0.4  # steps between batches, squared, of their squared spread: less is seen once in 1,000 times without drift
 _CLEAR = 0.2  # the same difference, of that after fewer periods
@@ -146,6 +149,13 @@ def drifts(energy: NDArray[np.float64]) -> bool:
     means = energy.reshape(_BATCHES, -1, energy.shape[1]).mean(axis=1)
     steps, spread = ((each**2).sum(axis=0) for each in (np.diff(means, axis=0), means - means.mean(axis=0)))
     return bool(np.any(steps < _DRIFTS * spread))
+
+
+def has_ceased(closings: NDArray[np.float64]) -> bool:
+    """Return True if some gap closed in early periods only, and too often for chance: a transient was watched."""
+    closes, watched = closings > 0.0, len(closings)
+    last = watched - np.argmax(closes[::-1], axis=0)
+    return bool(np.any(closes.sum(axis=0) * np.log(watched / last) > _CEASED))
 
 
 class Start(NamedTuple):
@@ -486,6 +496,7 @@ class _Settling:
         # what closes alike in all periods, and yet does not repeat, leaves a motion that is unstable
         leaves = watched >= LONG and not np.ptp(self._closings(lane, watched), axis=0).any()
         leaves = leaves or drifts(self._noted(lane, watched)[:, self.kinds["energy"]])
+        leaves = leaves or has_ceased(self._closings(lane, watched))
         if leaves and self.waits[lane] + age < _LEAVES:
             self.starts[lane] = start._replace(watch=min(2 * watched, LONG))
             self._restart(lane, self._sections(lane, 1)[0])
@@ -511,14 +522,17 @@ class _Settling:
         return True
 
     def _checked(self, lane: int, start: Start, motion: LaneMotion) -> LaneMotion:
-        """Return a periodic motion with the closings of its orbit, if a gap is nearer to a change than steps tell."""
-        notes = self._noted(lane, motion.watched)
+        """Return a motion with a gap nearer to a change than steps tell as its orbit is, or else as finer steps do."""
+        notes, finer = self._noted(lane, motion.watched), self.lanes.finer
         low, high = notes[:, self.kinds["low"]].min(axis=0), notes[:, self.kinds["high"]].max(axis=0)
         apart = np.min([np.abs(each - bound) for each in (low, high) for bound in self.clear[lane]], axis=0)
-        if not motion.period or np.all(apart > 3.0 * LANE_ERROR * (high - low)):
+        often = motion.parted[self.staged] / motion.watched
+        is_rare = (often > 0.0) & (often < 0.5) & (not motion.period)
+        if np.all(apart > np.where(is_rare, _WITHIN, 3.0 * LANE_ERROR) / finer * (high - low)):
             return motion
-        if (orbit := orbit_near(start.system, motion.period, motion.state)) is None:
-            return motion
+        orbit = orbit_near(start.system, motion.period, motion.state) if motion.period else None
+        if orbit is None:
+            return motion if finer > 1.0 else self._by_finer_steps(start, motion)
         sides, first = motion.sides.copy(), dict[tuple[int, float], int]()
         for switch, (contact, side, _) in enumerate(orbit.system.breakpoints):
             first.setdefault((contact, side), switch)
@@ -528,6 +542,13 @@ class _Settling:
         return replace(
             motion, sides=sides, parted=np.where(closes, np.maximum(motion.parted, 1.0), 0.0 * motion.parted)
         )
+
+    def _by_finer_steps(self, start: Start, motion: LaneMotion) -> LaneMotion:
+        """Return what finer steps make of a motion."""
+        again = start._replace(state=motion.state, known=(), is_warm=True, watch=max(motion.watched, _LOOK))
+        ((_, finer),) = settle_lanes([again], finer=_FINER)
+        before = motion.waited + motion.watched
+        return motion if finer.diverged else replace(finer, waited=before + finer.waited)
 
     def _is_there(self, lane: int, end: NDArray[np.float64]) -> bool:
         """Return True if the slow modes are where they end: one that oscillates slowly hardly changes as it turns."""

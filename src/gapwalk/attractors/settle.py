@@ -782,8 +782,11 @@ class _Transient:
             strobes.append(lanes.states[0])
         self.states = np.array(strobes)
         apart = float(np.max(motion.error / np.maximum(motion.rms, np.finfo(float).tiny)))
-        how = f"it does not repeat within 8 forcing periods; from {motion.watched} simulated periods, root mean "
-        return self._record(True, None, apart, how + f"squares of accelerations are known to {100 * apart:.1g} %")
+        how = (
+            f"it does not repeat within 8 forcing periods; from {motion.watched} simulated periods, root mean squares "
+            f"of accelerations are known to {100 * apart:.1g} %; a transient that outlasts them is not excluded"
+        )
+        return self._record(True, None, apart, how)
 
     def _advance(self, count: int) -> None:
         if count > 0:

@@ -32,6 +32,7 @@ from gapwalk.answers.lane_sweep import (
     joined,
     known_at,
     lasting,
+    observed,
     other_sweeps,
     pieces_of,
     stages_of,
@@ -407,7 +408,7 @@ class RattleStudy(RangeStudy):
         given = starts, self.seed, sweeps, dict[tuple[str, float], float]()
         worst = (worst_of(job.system, self.parameter, severities, gap, *given) for gap in self.gaps)
         notes = [*(note for sweep in sweeps for note in sweep.notes), *others.notes]
-        told = *(seldom(sweeps, gap) for gap in self.gaps), lasting(job.system, sweeps)
+        told = *(seldom(sweeps, gap) for gap in self.gaps), observed(sweeps), lasting(job.system, sweeps)
         notes += [note for note in told if note is not None]
         if sampled := sum(sample.motion.orbit is None for sweep in sweeps for sample in sweep.samples):
             step = abs((self.end - self.begin) / self.sweep.steps)
