@@ -23,6 +23,7 @@ from gapwalk.answers.lane_sweep import (
     sweep_piece,
 )
 from gapwalk.answers.rattle_bands import RattleBands
+from gapwalk.answers.lane_threshold import rattling_along
 from gapwalk.answers.threshold import Request, ThresholdOptions
 from gapwalk.attractors.lane_settling import LaneMotion, Start, settle_lanes, slow_modes
 from gapwalk.ensemble.batch_flow import state_at_rest
@@ -63,7 +64,7 @@ def test_sweeps_at_a_threshold_meet_the_motions_that_rattle_up_to_the_exact_end(
     clearance = SMALL["idle.clearance"]
     to = (clearance, 2.0 * clearance)
     asked = Request(SMALL, ("idle",), "idle.clearance", to, "speed", RANGE, ThresholdOptions())
-    hits = list(asked.rattling_along(clearance))
+    hits = list(rattling_along(asked, clearance))
     assert {hit.gaps for hit in hits} == {("idle",)}
     step = (RANGE[1] - RANGE[0]) / 320
     assert ENDS["idle"] - step <= max(hit.other for hit in hits) <= ENDS["idle"]

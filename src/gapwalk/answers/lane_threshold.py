@@ -1,0 +1,191 @@
+"""Search for a threshold by equal steps, where no two neighbouring values have the same sequence of contacts.
+
+There is no border that could be followed. Slow sweeps at a value at which something rattles say where it does. There
+and between these places the value is raised until nothing rattles, beginning with the motion that did, and ever nearer
+to the place where rattle lasts longest. At the end the whole range is tried, from random starts and by sweeps.
+
+Method: docs/howto/studies.md
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import product
+
+import numpy as np
+
+from gapwalk.answers.gap_states import labels_along, lane_states
+from gapwalk.answers.lane_sweep import random_states, swept
+from gapwalk.answers.threshold import Confirmation, Hit, Request, Round, Threshold, ThresholdSearch
+from gapwalk.attractors.lane_settling import LANE_ERROR, LaneMotion, Start, settle_lanes
+from gapwalk.ensemble.batch_flow import state_at_rest
+from gapwalk.ensemble.lane_code import WIDTH
+from gapwalk.pieces import done, tell
+
+_NARROW = 2e-4  # width of the limit, relative to the range
+_GROWS = 4.0  # factor on the steps in which a value is raised, the first of which are as narrow
+_STEPS = 320  # steps of the sweeps
+_FINEST = 1.5e-5  # distance of places, as a share of their range, between which no other is tried
+_BAND = 4.0 / _STEPS  # share of their range about the last motion that rattles, in which most random starts are
+
+
+def rattling_along(asked: Request, value: float) -> Iterator[Hit]:
+    """Sweep slowly up and down, and yield the motions that rattle."""
+    for sweep in swept(asked.at(value, asked.span[0]), asked.over, asked.span, _STEPS):
+        known = [labels_along(sweep.lanes, sweep.contacts, gap) for gap in asked.gaps]
+        for motion, labels in zip(sweep.lanes, zip(*known, strict=True), strict=True):
+            gaps = tuple(gap for gap, each in zip(asked.gaps, labels, strict=True) if each.state.rattles)
+            if gaps:
+                yield Hit(value, motion.value, motion.state, gaps, 1.0 / _STEPS)
+
+
+def raised(asked: Request, piece: Sequence[Hit]) -> list[Hit]:
+    """Raise the value at some places until nothing rattles there; return the motions, quiet ones without gaps.
+
+    Each place begins with a motion that rattles there or beside it. What one place reaches, the others need not try.
+    """
+    narrow = _NARROW * (asked.to[1] - asked.to[0])
+    names = [form.name for form in asked.system.structure.equations.contacts]
+    best, tried, seeds = piece[0].value, list[Hit](), list(piece)
+    ends, steps = [asked.to[1]] * len(seeds), [1.0] * len(seeds)
+
+    def ahead(k: int) -> list[Start]:
+        if (room := (ends[k] - best) / narrow) <= 1.0:
+            return []
+        value = best + min(steps[k], 0.5 * room) * narrow
+        return [Start(k, value, asked.at(value, seeds[k].other), seeds[k].state)]
+
+    def judge(start: Start, motion: LaneMotion) -> Start | None:
+        nonlocal best
+        k, labels = start.key, [] if motion.diverged else lane_states(motion, names, asked.gaps)
+        gaps = tuple(gap for gap, label in zip(asked.gaps, labels, strict=False) if label.rattles)
+        tried.append(seeds[k]._replace(value=start.value, state=motion.state, gaps=gaps))
+        if gaps:
+            seeds[k], steps[k] = tried[-1], _GROWS * steps[k]
+            best += max((start.value - best) / narrow, 0.0) * narrow
+        else:
+            ends[k] = start.value
+        return next(iter(ahead(k)), None)
+
+    firsts = [start for k in range(len(seeds)) for start in ahead(k)]
+    for _ in settle_lanes(firsts, judge, slowest=[start.system for start in firsts]):
+        pass
+    return tried
+
+
+class LaneThresholdSearch(ThresholdSearch):
+    """Search for a threshold by equal steps: first everywhere, then where it rattles and everywhere in turn."""
+
+    @property
+    def is_over(self) -> bool:
+        """True if no further round would change the threshold."""
+        last = self.rounds[-1] if self.rounds else None
+        return last is not None and (math.isnan(last.quiet) or (last.confirms and last.hit is None))
+
+    def advance(self) -> Round:
+        """Raise the value from what rattles farthest until nothing does, or try it in the whole range."""
+        self.rounds.append(self._raise() if len(self.rounds) % 2 else self._try())
+        tell(0.0)
+        return self.rounds[-1]
+
+    def _raise(self) -> Round:
+        asked, band, tried = self.request, self.rounds[-1].band, list[Hit]()
+        while max(each.near for each in band) > _FINEST:
+            seeds = self._between(band)
+            pieces = [seeds[first : first + WIDTH] for first in range(0, len(seeds), WIDTH)]
+            tried += (new := [each for some in done(partial(raised, asked), pieces) for each in some])
+            own = [each for each in seeds if each.other in {each.other for each in band}]
+            band = self._farthest([*own, *(each for each in new if each.gaps)])
+        value = band[0].value + _NARROW * (asked.to[1] - asked.to[0])
+        value = asked.way * min(asked.way * value, asked.way * asked.to[1])
+        rattle = [each for each in tried if each.gaps]
+        counts = Confirmation(value, len(tried), 1, len(rattle), 0, 0, 0, 0, LANE_ERROR)
+        return Round(counts, band[0], (), (), value, False, band, _points(tried))
+
+    def _try(self) -> Round:
+        asked, hit = self.request, self._hit
+        rest, confirms = state_at_rest(asked.system), hit is not None
+        values = asked.coarse.tolist() if hit is None else [self.rounds[-1].quiet]
+        others = dict.fromkeys(np.linspace(*asked.span, asked.options.values).tolist(), 1.0 / _STEPS)
+        if hit is not None:
+            (low, high), count = asked.span, asked.options.values // 2
+            near = np.linspace(max(low, hit.other - _BAND * (high - low)), min(high, hit.other + _BAND * (high - low)), count)
+            others = dict.fromkeys([*others][::3], 3.0 / (asked.options.values - 1))
+            others |= dict.fromkeys(near.tolist(), 2.0 * _BAND / (count - 1)) | {hit.other: hit.near}
+        pairs, states = list[tuple[float, float]](), []
+        for other, value in product(sorted(others), values):  # those with about the same steps side by side
+            own = [rest, *([] if hit is None else [hit.state])]
+            if hit is not None:
+                more = max(asked.options.starts - len(own), 1)
+                own += [*random_states(asked.at(value, other), rest, more, asked.options.seed, other)]
+            pairs += [(other, value)] * len(own)
+            states += own
+        found = self._judged(np.array(pairs), np.array(states))
+        lost = (found.codes < 0).any(axis=1)
+        tried = [
+            Hit(value, other, found.states[k], asked.rattling_by(found.codes[k]), others[other])
+            for k, (other, value) in enumerate(pairs)
+            if not lost[k]
+        ]
+        hits = [each for each in tried if each.gaps]
+        counts = len(states), len(states) // (len(others) * len(values)), len(hits), 0, int(lost.sum()), found.waited
+        last = self._farthest(hits)
+        if (not confirms and not (last and last[0].value == asked.to[1])) or (confirms and not hits):
+            hits += rattling_along(asked, last[0].value if last else values[0])
+        band, notes = self._farthest(hits), list[str]()
+        beyond = [value for value in values if not band or asked.way * (value - band[0].value) > 0.0]
+        quiet = beyond[0] if beyond else asked.to[1]
+        if not band and not confirms:
+            notes, quiet = ["nothing rattles in the whole range"], math.nan
+        elif band and band[0].value == asked.to[1]:
+            notes, quiet = [self._widen(band[0])], math.nan
+        tried_there = Confirmation(values[-1], *counts, 0, found.error)
+        return Round(tried_there, band[0] if band else None, (), tuple(notes), quiet, confirms, band, _points([*tried, *hits]))
+
+    def _farthest(self, hits: Sequence[Hit]) -> tuple[Hit, ...]:
+        """Return those of the value that lies farthest towards the quiet side."""
+        farthest = max((self.request.way * each.value for each in hits), default=0.0)
+        return tuple(each for each in hits if self.request.way * each.value == farthest)
+
+    def _between(self, band: Sequence[Hit]) -> list[Hit]:
+        """Return places at and between some motions that rattle: a few of many, and at least once between two."""
+        low, high = self.request.span
+        known = sorted({round((each.other - low) / (high - low), 12): each for each in band}.items())
+        stride, last = -(-len(known) // WIDTH), -1.0
+        found = dict[float, Hit]()
+        for k, (share, each) in enumerate(known):
+            if k % stride == 0 or share - last > 1.5 * each.near:  # the first of a narrow band beside a wide one
+                found[share] = each._replace(near=stride * each.near)
+            last = share
+        while True:
+            halves = [(share, each._replace(near=0.5 * each.near)) for share, each in found.items()]
+            finer = {round(share + side * each.near, 12): each for side in (-1, 1) for share, each in halves}
+            found = {share: each for share, each in (finer | dict(halves)).items() if 0.0 <= share <= 1.0}
+            if len(found) >= WIDTH - 1:
+                return [each._replace(other=low + share * (high - low)) for share, each in sorted(found.items())]
+
+    def found(self) -> Threshold:
+        """Return the threshold after the rounds that are done."""
+        asked, found, hit, last = self.request, super().found(), self._hit, self.rounds[-1]
+        found = replace(found, confirmation=last.tried if last.confirms else None)
+        if hit is None or math.isnan(last.quiet):
+            return found
+        unit = asked.system.units.parameter(asked.over) if asked.system.units else ""
+        step = f"{abs(asked.span[1] - asked.span[0]) / _STEPS:.3g} {unit}".rstrip()
+        note = (
+            f"all motions were simulated by equal time steps, at {asked.options.values} values of {asked.over}, "
+            f"and at the limit along it, up and down in steps of {step}: a narrower band may lie between two"
+        )
+        between, error = (hit.value, last.quiet), abs(last.quiet - hit.value)
+        return replace(found, between=between, at=hit.other, uncertainty=error, notes=(*found.notes, note))
+
+
+def _points(motions: Sequence[Hit]) -> np.ndarray:
+    """Return where motions were tried, and whether one rattles there, as of `Threshold`."""
+    seen = dict[tuple[float, float], float]()
+    for each in motions:
+        seen[each.other, each.value] = max(seen.get((each.other, each.value), 0.0), float(bool(each.gaps)))
+    return np.array([(*pair, rattles) for pair, rattles in seen.items()]).reshape(-1, 3)
