@@ -26,7 +26,7 @@ from gapwalk.ensemble.lane_code import WIDTH
 from gapwalk.pieces import done, tell
 
 _NARROW = 2e-4  # width of the limit, relative to the range
-_GROWS = 4.0  # factor on the steps in which a value is raised, the first of which are as narrow
+_FIRST, _GROWS = 16.0, 4.0  # steps in which a value is raised first, as multiples of that; factor from one to the next
 _STEPS = 320  # steps of the sweeps
 _FINEST = 1.5e-5  # distance of places, as a share of their range, between which no other is tried
 _BAND = 4.0 / _STEPS  # share of their range about the last motion that rattles, in which most random starts are
@@ -34,7 +34,7 @@ _BAND = 4.0 / _STEPS  # share of their range about the last motion that rattles,
 
 def rattling_along(asked: Request, value: float) -> Iterator[Hit]:
     """Sweep slowly up and down, and yield the motions that rattle."""
-    for sweep in swept(asked.at(value, asked.span[0]), asked.over, asked.span, _STEPS):
+    for sweep in swept(asked.at(value, asked.span[0]), asked.over, asked.span, _STEPS, asked.gaps):
         known = [labels_along(sweep.lanes, sweep.contacts, gap) for gap in asked.gaps]
         for motion, labels in zip(sweep.lanes, zip(*known, strict=True), strict=True):
             gaps = tuple(gap for gap, each in zip(asked.gaps, labels, strict=True) if each.state.rattles)
@@ -42,21 +42,23 @@ def rattling_along(asked: Request, value: float) -> Iterator[Hit]:
                 yield Hit(value, motion.value, motion.state, gaps, 1.0 / _STEPS)
 
 
-def raised(asked: Request, piece: Sequence[Hit]) -> list[Hit]:
-    """Raise the value at some places until nothing rattles there; return the motions, quiet ones without gaps.
+def raised(asked: Request, least: float, piece: Sequence[Hit]) -> list[Hit]:
+    """Raise the value at some places in steps until nothing rattles; return the motions, quiet ones without gaps.
 
-    Each place begins with a motion that rattles there or beside it. What one place reaches, the others need not try.
+    Each place begins with a motion that rattles there or beside it, and ends with that from rest while steps are wide.
+    What one place reaches, the others need not try.
     """
-    narrow = _NARROW * (asked.to[1] - asked.to[0])
-    names = [form.name for form in asked.system.structure.equations.contacts]
-    best, tried, seeds = piece[0].value, list[Hit](), list(piece)
-    ends, steps = [asked.to[1]] * len(seeds), [1.0] * len(seeds)
+    names, rest = [form.name for form in asked.system.structure.equations.contacts], state_at_rest(asked.system)
+    best, tried, seeds, is_wide = piece[0].value, list[Hit](), list(piece), least > _NARROW * abs(asked.to[1] - asked.to[0])
+    ends, steps, rested = [asked.to[1]] * len(seeds), [1.0] * len(seeds), [not is_wide] * len(seeds)
 
-    def ahead(k: int) -> list[Start]:
-        if (room := (ends[k] - best) / narrow) <= 1.0:
-            return []
-        value = best + min(steps[k], 0.5 * room) * narrow
-        return [Start(k, value, asked.at(value, seeds[k].other), seeds[k].state)]
+    def ahead(k: int) -> Start | None:
+        if (ends[k] - best) / step <= 1.0:
+            if rested[k] or (asked.to[1] - best) / step <= 1.0:
+                return None
+            rested[k], ends[k], steps[k], seeds[k] = True, asked.to[1], 1.0, seeds[k]._replace(state=rest)
+        value = best + min(steps[k], 0.5 * (ends[k] - best) / step) * step
+        return Start(k, value, asked.at(value, seeds[k].other), seeds[k].state)
 
     def judge(start: Start, motion: LaneMotion) -> Start | None:
         nonlocal best
@@ -64,14 +66,15 @@ def raised(asked: Request, piece: Sequence[Hit]) -> list[Hit]:
         gaps = tuple(gap for gap, label in zip(asked.gaps, labels, strict=False) if label.rattles)
         tried.append(seeds[k]._replace(value=start.value, state=motion.state, gaps=gaps))
         if gaps:
-            seeds[k], steps[k] = tried[-1], _GROWS * steps[k]
-            best += max((start.value - best) / narrow, 0.0) * narrow
+            seeds[k], steps[k], rested[k] = tried[-1], _GROWS * steps[k], not is_wide
+            best = max(best, start.value, key=lambda value: asked.way * value)
         else:
             ends[k] = start.value
-        return next(iter(ahead(k)), None)
+        return ahead(k)
 
-    firsts = [start for k in range(len(seeds)) for start in ahead(k)]
-    for _ in settle_lanes(firsts, judge, slowest=[start.system for start in firsts]):
+    step = asked.way * least
+    firsts = [start for k in range(len(seeds)) if (start := ahead(k)) is not None]
+    for _ in settle_lanes(firsts, judge, slowest=[start.system for start in firsts], gaps=asked.gaps):
         pass
     return tried
 
@@ -92,17 +95,22 @@ class LaneThresholdSearch(ThresholdSearch):
         return self.rounds[-1]
 
     def _raise(self) -> Round:
+        """Raise the value from the motions that rattle farthest, at places and in steps that come ever closer."""
         asked, band, tried = self.request, self.rounds[-1].band, list[Hit]()
-        while max(each.near for each in band) > _FINEST:
+        narrow = _NARROW * abs(asked.to[1] - asked.to[0])
+        step = _FIRST * narrow
+        while True:
             seeds = self._between(band)
             pieces = [seeds[first : first + WIDTH] for first in range(0, len(seeds), WIDTH)]
-            tried += (new := [each for some in done(partial(raised, asked), pieces) for each in some])
-            own = [each for each in seeds if each.other in {each.other for each in band}]
-            band = self._farthest([*own, *(each for each in new if each.gaps)])
-        value = band[0].value + _NARROW * (asked.to[1] - asked.to[0])
-        value = asked.way * min(asked.way * value, asked.way * asked.to[1])
-        rattle = [each for each in tried if each.gaps]
-        counts = Confirmation(value, len(tried), 1, len(rattle), 0, 0, 0, 0, LANE_ERROR)
+            tried += (new := [each for some in done(partial(raised, asked, step), pieces) for each in some])
+            known = {each.other for each in band}
+            band = self._farthest([*(each for each in seeds if each.other in known), *(each for each in new if each.gaps)])
+            if step == narrow and max(each.near for each in band) <= _FINEST:
+                break
+            step = max(step / _GROWS, narrow)
+        value = asked.way * min(asked.way * band[0].value + narrow, asked.way * asked.to[1])
+        rattling = sum(bool(each.gaps) for each in tried)
+        counts = Confirmation(value, len(tried), 1, rattling, 0, 0, 0, 0, LANE_ERROR)
         return Round(counts, band[0], (), (), value, False, band, _points(tried))
 
     def _try(self) -> Round:

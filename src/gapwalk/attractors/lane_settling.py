@@ -227,12 +227,13 @@ def settle_lanes(
     width: int = WIDTH,
     finer: float = 1.0,
     slowest: Sequence[System] = (),
+    gaps: Sequence[str] = (),
 ) -> Iterator[tuple[Start, LaneMotion]]:
     """Follow motions of systems of one structure until they have settled; yield each once it is decided.
 
     `next_start` returns what the lane of a settled motion does next, such as the next step of a sweep. Lanes of equal
     steps share a register, so that no motion depends on its company: those that its system needs, or those of the
-    slowest of some systems.
+    slowest of some systems. What some gaps do, or all, is checked by exact orbits where steps leave doubts.
     """
     groups, failed = dict[int, deque[Start]](), list[Start]()
     starts = list(starts)
@@ -245,7 +246,7 @@ def settle_lanes(
         groups.setdefault(max(own, least), deque()).append(start)
     for steps, waiting in sorted(groups.items()):
         taken = [waiting.popleft() for _ in range(min(width, len(waiting)))]
-        lanes = _Settling(taken, taken[0].system, finer, steps)
+        lanes = _Settling(taken, taken[0].system, finer, steps, gaps)
         while any(start is not None for start in lanes.starts):
             lanes.advance()
             for lane, motion in lanes.decided():
@@ -260,7 +261,7 @@ def settle_lanes(
                 lanes.take(lane, following or (waiting.popleft() if waiting else None))
             lanes.hasten()
     if failed:
-        yield from settle_lanes(failed, next_start, width=width, finer=_FINER, slowest=slowest)
+        yield from settle_lanes(failed, next_start, width=width, finer=_FINER, slowest=slowest, gaps=gaps)
 
 
 def slow_places(system: System) -> list[int]:
@@ -277,11 +278,13 @@ def slow_places(system: System) -> list[int]:
 class _Settling:
     """Lanes, each with the motion that it follows."""
 
-    def __init__(self, starts: list[Start], system: System, finer: float, steps: int) -> None:
+    def __init__(self, starts: list[Start], system: System, finer: float, steps: int, gaps: Sequence[str]) -> None:
         self.starts: list[Start | None] = list(starts)
         structure = system.structure
         self.layout = layout_of(structure)
         self.staged = [k for k, slots in enumerate(self.layout.contacts) if slots.stages]
+        named = [not gaps or self.layout.contacts[k].form.name in gaps for k in self.staged]
+        self.checked = np.flatnonzero(named)  # of those with stages
         coefficients = np.array([coefficients_of(start.system) for start in starts])
         states = np.array([start.state for start in starts])
         self.rows_of = dict[bytes, NDArray[np.float64]]()
@@ -515,7 +518,7 @@ class _Settling:
         notes = self._noted(lane, motion.watched)
         low, high = notes[:, self.kinds["low"]].min(axis=0), notes[:, self.kinds["high"]].max(axis=0)
         apart = np.min([np.abs(each - bound) for each in (low, high) for bound in self.clear[lane]], axis=0)
-        if not motion.period or np.all(apart > 3.0 * LANE_ERROR * (high - low)):
+        if not motion.period or np.all((apart > 3.0 * LANE_ERROR * (high - low))[self.checked]):
             return motion
         if (orbit := orbit_near(start.system, motion.period, motion.state)) is None:
             return motion
