@@ -22,8 +22,8 @@ from gapwalk.answers.lane_sweep import (
     started_piece,
     sweep_piece,
 )
-from gapwalk.answers.rattle_bands import RattleBands
 from gapwalk.answers.lane_threshold import rattling_along
+from gapwalk.answers.rattle_bands import RattleBands
 from gapwalk.answers.threshold import Request, ThresholdOptions
 from gapwalk.attractors.lane_settling import LaneMotion, Start, settle_lanes, slow_modes
 from gapwalk.ensemble.batch_flow import state_at_rest

@@ -113,15 +113,7 @@ def stages(steps: int, known: Mapping[int, LanePiece]) -> Iterator[dict[int, Pie
         yield pieces_of(steps, stage, known)
 
 
-def sweep_piece(
-    system: System,
-    parameter: str,
-    within: tuple[float, float],
-    steps: int,
-    piece: Piece,
-    *,
-    gaps: Sequence[str] = (),
-) -> LanePiece:
+def sweep_piece(system: System, parameter: str, within: tuple[float, float], steps: int, piece: Piece) -> LanePiece:
     """Sweep on, from the motions of the piece before, or from those that rest leads to at the edges of the parts."""
     values, bounds = np.linspace(*within, steps + 1).tolist(), bounds_of(steps)
     line, systems = ParameterLine(system, parameter), dict[int, System]()
@@ -135,7 +127,7 @@ def sweep_piece(
     ends = [at(place) for place in (edges[0], edges[-1])]
     if piece.before is None:
         rests = [Start(place, values[place], at(place), state_at_rest(at(place))) for place in edges]
-        begun = {start.key: motion for start, motion in settle_lanes(rests, slowest=ends, gaps=gaps)}
+        begun = {start.key: motion for start, motion in settle_lanes(rests, slowest=ends)}
         ways = product(piece.parts, Direction)
         return LanePiece(tuple(LanePart(k, way, (begun[bounds[k][way is Direction.DOWN]],)) for k, way in ways))
     known = {(part.number, part.direction): list(part.motions) for part in piece.before.parts}
@@ -158,7 +150,7 @@ def sweep_piece(
 
     # a lane that is ahead goes on until the slowest has made its steps: an idle one costs as much
     firsts = [ahead(*way) for way in known]
-    for _ in settle_lanes([each for each in firsts if each], step, slowest=ends, gaps=gaps):
+    for _ in settle_lanes([each for each in firsts if each], step, slowest=ends):
         if all(len(found[way]) > _STEPS or ahead(*way) is None for way in known):
             break
     return LanePiece(tuple(LanePart(part, way, tuple(motions)) for (part, way), motions in found.items()))
@@ -198,11 +190,9 @@ def joined(
     return _narrowed(system, sweep, gaps, other)
 
 
-def swept(
-    system: System, parameter: str, within: tuple[float, float], steps: int, gaps: Sequence[str]
-) -> list[SettledSweep]:
-    """Sweep a system up and down for some gaps, in pieces for any process; no ends of bands are narrowed down."""
-    known, sweep = dict[int, LanePiece](), partial(sweep_piece, system, parameter, within, steps, gaps=gaps)
+def swept(system: System, parameter: str, within: tuple[float, float], steps: int) -> list[SettledSweep]:
+    """Sweep a system up and down, in pieces for any process; no ends of bands are narrowed down."""
+    known, sweep = dict[int, LanePiece](), partial(sweep_piece, system, parameter, within, steps)
     for pieces in stages(steps, known):
         known.update(zip(pieces, done(sweep, list(pieces.values())), strict=True))
     about = system, parameter, within, steps

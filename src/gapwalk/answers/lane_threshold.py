@@ -34,7 +34,7 @@ _BAND = 4.0 / _STEPS  # share of their range about the last motion that rattles,
 
 def rattling_along(asked: Request, value: float) -> Iterator[Hit]:
     """Sweep slowly up and down, and yield the motions that rattle."""
-    for sweep in swept(asked.at(value, asked.span[0]), asked.over, asked.span, _STEPS, asked.gaps):
+    for sweep in swept(asked.at(value, asked.span[0]), asked.over, asked.span, _STEPS):
         known = [labels_along(sweep.lanes, sweep.contacts, gap) for gap in asked.gaps]
         for motion, labels in zip(sweep.lanes, zip(*known, strict=True), strict=True):
             gaps = tuple(gap for gap, each in zip(asked.gaps, labels, strict=True) if each.state.rattles)
@@ -42,14 +42,14 @@ def rattling_along(asked: Request, value: float) -> Iterator[Hit]:
                 yield Hit(value, motion.value, motion.state, gaps, 1.0 / _STEPS)
 
 
-def raised(asked: Request, least: float, piece: Sequence[Hit]) -> list[Hit]:
+def raised(asked: Request, step: float, is_wide: bool, piece: Sequence[Hit]) -> list[Hit]:
     """Raise the value at some places in steps until nothing rattles; return the motions, quiet ones without gaps.
 
     Each place begins with a motion that rattles there or beside it, and ends with that from rest while steps are wide.
     What one place reaches, the others need not try.
     """
     names, rest = [form.name for form in asked.system.structure.equations.contacts], state_at_rest(asked.system)
-    best, tried, seeds, is_wide = piece[0].value, list[Hit](), list(piece), least > _NARROW * abs(asked.to[1] - asked.to[0])
+    best, tried, seeds = piece[0].value, list[Hit](), list(piece)
     ends, steps, rested = [asked.to[1]] * len(seeds), [1.0] * len(seeds), [not is_wide] * len(seeds)
 
     def ahead(k: int) -> Start | None:
@@ -72,7 +72,6 @@ def raised(asked: Request, least: float, piece: Sequence[Hit]) -> list[Hit]:
             ends[k] = start.value
         return ahead(k)
 
-    step = asked.way * least
     firsts = [start for k in range(len(seeds)) if (start := ahead(k)) is not None]
     for _ in settle_lanes(firsts, judge, slowest=[start.system for start in firsts], gaps=asked.gaps):
         pass
@@ -95,63 +94,65 @@ class LaneThresholdSearch(ThresholdSearch):
         return self.rounds[-1]
 
     def _raise(self) -> Round:
-        """Raise the value from the motions that rattle farthest, at places and in steps that come ever closer."""
-        asked, band, tried = self.request, self.rounds[-1].band, list[Hit]()
-        narrow = _NARROW * abs(asked.to[1] - asked.to[0])
-        step = _FIRST * narrow
+        asked, band, tried, wide = self.request, self.rounds[-1].band, list[Hit](), _FIRST
         while True:
             seeds = self._between(band)
-            pieces = [seeds[first : first + WIDTH] for first in range(0, len(seeds), WIDTH)]
-            tried += (new := [each for some in done(partial(raised, asked, step), pieces) for each in some])
-            known = {each.other for each in band}
-            band = self._farthest([*(each for each in seeds if each.other in known), *(each for each in new if each.gaps)])
-            if step == narrow and max(each.near for each in band) <= _FINEST:
+            work = partial(raised, asked, wide * self._narrow, wide > 1.0)
+            parts = done(work, [seeds[first : first + WIDTH] for first in range(0, len(seeds), WIDTH)])
+            tried += (new := [each for part in parts for each in part])
+            near = max(each.near for each in seeds)
+            band = self._farthest([*(each._replace(near=near) for each in band), *(each for each in new if each.gaps)])
+            if wide == 1.0 and near <= _FINEST:
                 break
-            step = max(step / _GROWS, narrow)
-        value = asked.way * min(asked.way * band[0].value + narrow, asked.way * asked.to[1])
-        rattling = sum(bool(each.gaps) for each in tried)
-        counts = Confirmation(value, len(tried), 1, rattling, 0, 0, 0, 0, LANE_ERROR)
-        return Round(counts, band[0], (), (), value, False, band, _points(tried))
+            wide = max(wide / _GROWS, 1.0)
+        quiet = asked.way * min(asked.way * (band[0].value + self._narrow), asked.way * asked.to[1])
+        counts = len(tried), 1, sum(bool(each.gaps) for each in tried)
+        return Round(
+            Confirmation(quiet, *counts, 0, 0, 0, 0, LANE_ERROR), band[0], (), (), quiet, False, band, _points(tried)
+        )
+
+    @property
+    def _narrow(self) -> float:
+        """Width of the limit, towards the quiet side."""
+        return _NARROW * (self.request.to[1] - self.request.to[0])
 
     def _try(self) -> Round:
-        asked, hit = self.request, self._hit
-        rest, confirms = state_at_rest(asked.system), hit is not None
-        values = asked.coarse.tolist() if hit is None else [self.rounds[-1].quiet]
-        others = dict.fromkeys(np.linspace(*asked.span, asked.options.values).tolist(), 1.0 / _STEPS)
+        asked, hit, rest = self.request, self._hit, state_at_rest(self.request.system)
+        (low, high), count = asked.span, asked.options.values
+        places, values = dict.fromkeys(np.linspace(low, high, count).tolist(), 1.0 / _STEPS), asked.coarse.tolist()
         if hit is not None:
-            (low, high), count = asked.span, asked.options.values // 2
-            near = np.linspace(max(low, hit.other - _BAND * (high - low)), min(high, hit.other + _BAND * (high - low)), count)
-            others = dict.fromkeys([*others][::3], 3.0 / (asked.options.values - 1))
-            others |= dict.fromkeys(near.tolist(), 2.0 * _BAND / (count - 1)) | {hit.other: hit.near}
+            near = np.clip(hit.other + (high - low) * np.linspace(-_BAND, _BAND, count // 2), low, high).tolist()
+            places = dict.fromkeys([*places][::3], 3.0 / (count - 1)) | dict.fromkeys(near, 4.0 * _BAND / count)
+            places, values = places | {hit.other: hit.near}, [self.rounds[-1].quiet]
         pairs, states = list[tuple[float, float]](), []
-        for other, value in product(sorted(others), values):  # those with about the same steps side by side
-            own = [rest, *([] if hit is None else [hit.state])]
+        for other, value in product(sorted(places), values):  # those with about the same steps side by side
+            own = [rest]
             if hit is not None:
-                more = max(asked.options.starts - len(own), 1)
-                own += [*random_states(asked.at(value, other), rest, more, asked.options.seed, other)]
+                more = max(asked.options.starts - 2, 1)
+                own += [hit.state, *random_states(asked.at(value, other), rest, more, asked.options.seed, other)]
             pairs += [(other, value)] * len(own)
             states += own
         found = self._judged(np.array(pairs), np.array(states))
-        lost = (found.codes < 0).any(axis=1)
+        lost = np.asarray((found.codes < 0).any(axis=1)).tolist()
         tried = [
-            Hit(value, other, found.states[k], asked.rattling_by(found.codes[k]), others[other])
+            Hit(value, other, found.states[k], asked.rattling_by(found.codes[k]), places[other])
             for k, (other, value) in enumerate(pairs)
             if not lost[k]
         ]
         hits = [each for each in tried if each.gaps]
-        counts = len(states), len(states) // (len(others) * len(values)), len(hits), 0, int(lost.sum()), found.waited
+        counts = len(states), len(states) // (len(places) * len(values)), len(hits), 0, sum(lost), found.waited, 0
         last = self._farthest(hits)
-        if (not confirms and not (last and last[0].value == asked.to[1])) or (confirms and not hits):
+        if not last or (hit is None and last[0].value != asked.to[1]):
             hits += rattling_along(asked, last[0].value if last else values[0])
-        band, notes = self._farthest(hits), list[str]()
+        band, notes = self._farthest(hits), ()
         beyond = [value for value in values if not band or asked.way * (value - band[0].value) > 0.0]
         quiet = beyond[0] if beyond else asked.to[1]
-        if not band and not confirms:
-            notes, quiet = ["nothing rattles in the whole range"], math.nan
+        if not band and hit is None:
+            notes, quiet = ("nothing rattles in the whole range",), math.nan
         elif band and band[0].value == asked.to[1]:
-            notes, quiet = [self._widen(band[0])], math.nan
-        tried_there = Confirmation(values[-1], *counts, 0, found.error)
-        return Round(tried_there, band[0] if band else None, (), tuple(notes), quiet, confirms, band, _points([*tried, *hits]))
+            notes, quiet = (self._widen(band[0]),), math.nan
+        points, counted = _points([*tried, *hits]), Confirmation(values[-1], *counts, found.error)
+        return Round(counted, band[0] if band else None, (), notes, quiet, hit is not None, band, points)
 
     def _farthest(self, hits: Sequence[Hit]) -> tuple[Hit, ...]:
         """Return those of the value that lies farthest towards the quiet side."""
@@ -162,12 +163,8 @@ class LaneThresholdSearch(ThresholdSearch):
         """Return places at and between some motions that rattle: a few of many, and at least once between two."""
         low, high = self.request.span
         known = sorted({round((each.other - low) / (high - low), 12): each for each in band}.items())
-        stride, last = -(-len(known) // WIDTH), -1.0
-        found = dict[float, Hit]()
-        for k, (share, each) in enumerate(known):
-            if k % stride == 0 or share - last > 1.5 * each.near:  # the first of a narrow band beside a wide one
-                found[share] = each._replace(near=stride * each.near)
-            last = share
+        stride = -(-len(known) // WIDTH)
+        found = {share: each._replace(near=stride * each.near) for share, each in known[::stride]}
         while True:
             halves = [(share, each._replace(near=0.5 * each.near)) for share, each in found.items()]
             finer = {round(share + side * each.near, 12): each for side in (-1, 1) for share, each in halves}
@@ -193,7 +190,5 @@ class LaneThresholdSearch(ThresholdSearch):
 
 def _points(motions: Sequence[Hit]) -> np.ndarray:
     """Return where motions were tried, and whether one rattles there, as of `Threshold`."""
-    seen = dict[tuple[float, float], float]()
-    for each in motions:
-        seen[each.other, each.value] = max(seen.get((each.other, each.value), 0.0), float(bool(each.gaps)))
-    return np.array([(*pair, rattles) for pair, rattles in seen.items()]).reshape(-1, 3)
+    seen = {(each.other, each.value): bool(each.gaps) for each in sorted(motions, key=lambda each: bool(each.gaps))}
+    return np.array([(*pair, rattles) for pair, rattles in seen.items()], dtype=float).reshape(-1, 3)

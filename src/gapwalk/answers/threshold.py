@@ -707,9 +707,7 @@ class ThresholdSearch:
             return tried._replace(motions=tried.motions + 1, rattling=1), hit
         return tried, max(hits, key=lambda each: asked.way * each.value, default=None)
 
-    def _judged(
-        self, pairs: NDArray[np.float64], states: NDArray[np.float64], size: int = _TOGETHER
-    ) -> GapVerdicts:
+    def _judged(self, pairs: NDArray[np.float64], states: NDArray[np.float64], size: int = _TOGETHER) -> GapVerdicts:
         """Follow motions until they have settled, in pieces of some size, and judge their gaps."""
         parts = [(pairs[first : first + size], states[first : first + size]) for first in range(0, len(pairs), size)]
         judged = list[GapVerdicts]()

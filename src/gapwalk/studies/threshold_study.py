@@ -98,9 +98,7 @@ class ThresholdStudy(RangeStudy):
     def _search(self, system: System, rounds: list[Round]) -> ThresholdSearch:
         gaps, to = chosen_gaps(system, self.gaps), (self.begin, self.end)
         kind = LaneThresholdSearch if prefers_lanes(system) else ThresholdSearch
-        search = kind(
-            Request(system, gaps, self.parameter, to, self.over.parameter, self.over.ends, self.options)
-        )
+        search = kind(Request(system, gaps, self.parameter, to, self.over.parameter, self.over.ends, self.options))
         search.rounds = rounds
         return search
 
