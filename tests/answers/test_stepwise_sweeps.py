@@ -70,6 +70,18 @@ def test_sweeps_at_a_threshold_meet_the_motions_that_rattle_up_to_the_exact_end(
     assert ENDS["idle"] - step <= max(hit.other for hit in hits) <= ENDS["idle"]
 
 
+def test_a_threshold_by_steps_is_where_the_exact_end_comes_into_the_range() -> None:
+    drag, quiet = SMALL["churn.linear"], {"speed": (ENDS["idle"], 1000.0)}
+    few: dict[str, Any] = {"values": 8, "starts": 4, "workers": 1}
+    found = gw.ask.threshold(SMALL, "churn.linear", (0.9 * drag, 1.2 * drag), quiet, "idle", **few)
+    last, first = found.between
+    assert last < drag < first
+    assert first - last == pytest.approx(2e-4 * 0.3 * drag, rel=1e-9)
+    assert found.at == ENDS["idle"]
+    assert found.confirmation is not None
+    assert not found.confirmation.rattling
+
+
 def test_what_moves_an_end_beside_impacts_is_the_difference_of_two_ends() -> None:
     (band,), sweep = by_steps().of("mesh", "rising"), by_steps().sweeps[0]
     end, place = band.high, sweep.contacts.index("idle")

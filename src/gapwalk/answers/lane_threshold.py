@@ -39,7 +39,7 @@ def rattling_along(asked: Request, value: float) -> Iterator[Hit]:
         for motion, labels in zip(sweep.lanes, zip(*known, strict=True), strict=True):
             gaps = tuple(gap for gap, each in zip(asked.gaps, labels, strict=True) if each.state.rattles)
             if gaps:
-                yield Hit(value, motion.value, motion.state, gaps, 1.0 / _STEPS)
+                yield Hit(value, motion.value, motion.state, gaps)
 
 
 def raised(asked: Request, step: float, is_wide: bool, piece: Sequence[Hit]) -> list[Hit]:
@@ -94,38 +94,27 @@ class LaneThresholdSearch(ThresholdSearch):
         return self.rounds[-1]
 
     def _raise(self) -> Round:
-        asked, band, tried, wide = self.request, self.rounds[-1].band, list[Hit](), _FIRST
-        while True:
-            seeds = self._between(band)
-            work = partial(raised, asked, wide * self._narrow, wide > 1.0)
-            parts = done(work, [seeds[first : first + WIDTH] for first in range(0, len(seeds), WIDTH)])
-            tried += (new := [each for part in parts for each in part])
-            near = max(each.near for each in seeds)
-            band = self._farthest([*(each._replace(near=near) for each in band), *(each for each in new if each.gaps)])
-            if wide == 1.0 and near <= _FINEST:
-                break
-            wide = max(wide / _GROWS, 1.0)
-        quiet = asked.way * min(asked.way * (band[0].value + self._narrow), asked.way * asked.to[1])
-        counts = len(tried), 1, sum(bool(each.gaps) for each in tried)
-        return Round(
-            Confirmation(quiet, *counts, 0, 0, 0, 0, LANE_ERROR), band[0], (), (), quiet, False, band, _points(tried)
-        )
-
-    @property
-    def _narrow(self) -> float:
-        """Width of the limit, towards the quiet side."""
-        return _NARROW * (self.request.to[1] - self.request.to[0])
+        asked, band, tried = self.request, self.rounds[-1].band, list[Hit]()
+        narrow, near, wide = _NARROW * (asked.to[1] - asked.to[0]), 1.0 / _STEPS, _FIRST
+        while near > _FINEST:
+            seeds, near = self._between(band, near)
+            pieces = [seeds[first : first + WIDTH] for first in range(0, len(seeds), WIDTH)]
+            new = [each for part in done(partial(raised, asked, wide * narrow, wide > 1.0), pieces) for each in part]
+            band, wide = self._farthest([*band, *(each for each in new if each.gaps)]), max(wide / _GROWS, 1.0)
+            tried += new
+        quiet = asked.way * min(asked.way * (band[0].value + narrow), asked.way * asked.to[1])
+        counts = Confirmation(quiet, len(tried), 1, sum(bool(each.gaps) for each in tried), 0, 0, 0, 0, LANE_ERROR)
+        return Round(counts, band[0], (), (), quiet, False, band, _points(tried))
 
     def _try(self) -> Round:
         asked, hit, rest = self.request, self._hit, state_at_rest(self.request.system)
-        (low, high), count = asked.span, asked.options.values
-        places, values = dict.fromkeys(np.linspace(low, high, count).tolist(), 1.0 / _STEPS), asked.coarse.tolist()
+        low, high = asked.span
+        places, values = np.linspace(low, high, asked.options.values), asked.coarse.tolist()
         if hit is not None:
-            near = np.clip(hit.other + (high - low) * np.linspace(-_BAND, _BAND, count // 2), low, high).tolist()
-            places = dict.fromkeys([*places][::3], 3.0 / (count - 1)) | dict.fromkeys(near, 4.0 * _BAND / count)
-            places, values = places | {hit.other: hit.near}, [self.rounds[-1].quiet]
+            near = np.clip(hit.other + (high - low) * np.linspace(-_BAND, _BAND, len(places) // 2), low, high)
+            places, values = np.unique([*places[::3], *near, hit.other]), [self.rounds[-1].quiet]
         pairs, states = list[tuple[float, float]](), []
-        for other, value in product(sorted(places), values):  # those with about the same steps side by side
+        for other, value in product(places.tolist(), values):  # those with about the same steps side by side
             own = [rest]
             if hit is not None:
                 more = max(asked.options.starts - 2, 1)
@@ -135,7 +124,7 @@ class LaneThresholdSearch(ThresholdSearch):
         found = self._judged(np.array(pairs), np.array(states))
         lost = np.asarray((found.codes < 0).any(axis=1)).tolist()
         tried = [
-            Hit(value, other, found.states[k], asked.rattling_by(found.codes[k]), places[other])
+            Hit(value, other, found.states[k], asked.rattling_by(found.codes[k]))
             for k, (other, value) in enumerate(pairs)
             if not lost[k]
         ]
@@ -159,18 +148,18 @@ class LaneThresholdSearch(ThresholdSearch):
         farthest = max((self.request.way * each.value for each in hits), default=0.0)
         return tuple(each for each in hits if self.request.way * each.value == farthest)
 
-    def _between(self, band: Sequence[Hit]) -> list[Hit]:
-        """Return places at and between some motions that rattle: a few of many, and at least once between two."""
+    def _between(self, band: Sequence[Hit], near: float) -> tuple[list[Hit], float]:
+        """Return places at and between some motions that rattle, a few of many, and their distances as a share."""
         low, high = self.request.span
         known = sorted({round((each.other - low) / (high - low), 12): each for each in band}.items())
         stride = -(-len(known) // WIDTH)
-        found = {share: each._replace(near=stride * each.near) for share, each in known[::stride]}
+        found, near = dict(known[::stride]), near * stride
         while True:
-            halves = [(share, each._replace(near=0.5 * each.near)) for share, each in found.items()]
-            finer = {round(share + side * each.near, 12): each for side in (-1, 1) for share, each in halves}
-            found = {share: each for share, each in (finer | dict(halves)).items() if 0.0 <= share <= 1.0}
+            near *= 0.5
+            finer = {round(share + side * near, 12): each for side in (-1, 1) for share, each in found.items()}
+            found = {share: each for share, each in (finer | found).items() if 0.0 <= share <= 1.0}
             if len(found) >= WIDTH - 1:
-                return [each._replace(other=low + share * (high - low)) for share, each in sorted(found.items())]
+                return [each._replace(other=low + share * (high - low)) for share, each in sorted(found.items())], near
 
     def found(self) -> Threshold:
         """Return the threshold after the rounds that are done."""

@@ -387,7 +387,6 @@ class Hit(NamedTuple):
     other: float
     state: NDArray[np.float64]  #: shape (state_size,): Its state at theta = 0.
     gaps: tuple[str, ...] = ()  #: Those that rattle in it; empty if that is not known.
-    near: float = 0.0  #: Distance to the next that were tried, as a share of the range of the other parameter.
 
     def words(self, adverb: str = "") -> str:
         """Write what rattles in it: ``mesh1 and mesh2 still rattle``."""
