@@ -94,8 +94,10 @@ class LaneThresholdSearch(ThresholdSearch):
         return self.rounds[-1]
 
     def _raise(self) -> Round:
-        asked, band, tried = self.request, self.rounds[-1].band, list[Hit]()
-        narrow, near, wide = _NARROW * (asked.to[1] - asked.to[0]), 1.0 / _STEPS, _FIRST
+        asked, tried, known = self.request, list[Hit](), {each.other: each for each in self.rounds[-1].band}
+        stride = -(-len(known) // WIDTH)  # of many places only some begin
+        band = tuple(known[other] for other in sorted(known)[::stride])
+        narrow, near, wide = _NARROW * (asked.to[1] - asked.to[0]), stride / _STEPS, _FIRST
         while near > _FINEST:
             seeds, near = self._between(band, near)
             pieces = [seeds[first : first + WIDTH] for first in range(0, len(seeds), WIDTH)]
@@ -113,12 +115,10 @@ class LaneThresholdSearch(ThresholdSearch):
         if hit is not None:
             near = np.clip(hit.other + (high - low) * np.linspace(-_BAND, _BAND, len(places) // 2), low, high)
             places, values = np.unique([*places[::3], *near, hit.other]), [self.rounds[-1].quiet]
-        pairs, states = list[tuple[float, float]](), []
+        few, pairs, states = (max(asked.options.starts - 2, 1), asked.options.seed), list[tuple[float, float]](), []
         for other, value in product(places.tolist(), values):  # those with about the same steps side by side
-            own = [rest]
-            if hit is not None:
-                more = max(asked.options.starts - 2, 1)
-                own += [hit.state, *random_states(asked.at(value, other), rest, more, asked.options.seed, other)]
+            more = [] if hit is None else [hit.state, *random_states(asked.at(value, other), rest, *few, other)]
+            own = [rest, *more]
             pairs += [(other, value)] * len(own)
             states += own
         found = self._judged(np.array(pairs), np.array(states))
@@ -129,7 +129,6 @@ class LaneThresholdSearch(ThresholdSearch):
             if not lost[k]
         ]
         hits = [each for each in tried if each.gaps]
-        counts = len(states), len(states) // (len(places) * len(values)), len(hits), 0, sum(lost), found.waited, 0
         last = self._farthest(hits)
         if not last or (hit is None and last[0].value != asked.to[1]):
             hits += rattling_along(asked, last[0].value if last else values[0])
@@ -140,7 +139,8 @@ class LaneThresholdSearch(ThresholdSearch):
             notes, quiet = ("nothing rattles in the whole range",), math.nan
         elif band and band[0].value == asked.to[1]:
             notes, quiet = (self._widen(band[0]),), math.nan
-        points, counted = _points([*tried, *hits]), Confirmation(values[-1], *counts, found.error)
+        counts = len(states), len(states) // (len(places) * len(values)), len(hits), 0, sum(lost), found.waited, 0
+        counted, points = Confirmation(values[-1], *counts, found.error), _points([*tried, *hits])
         return Round(counted, band[0] if band else None, (), notes, quiet, hit is not None, band, points)
 
     def _farthest(self, hits: Sequence[Hit]) -> tuple[Hit, ...]:
@@ -149,11 +149,9 @@ class LaneThresholdSearch(ThresholdSearch):
         return tuple(each for each in hits if self.request.way * each.value == farthest)
 
     def _between(self, band: Sequence[Hit], near: float) -> tuple[list[Hit], float]:
-        """Return places at and between some motions that rattle, a few of many, and their distances as a share."""
+        """Return places at and between some motions that rattle, and their distances, as those given, as a share."""
         low, high = self.request.span
-        known = sorted({round((each.other - low) / (high - low), 12): each for each in band}.items())
-        stride = -(-len(known) // WIDTH)
-        found, near = dict(known[::stride]), near * stride
+        found = {round((each.other - low) / (high - low), 12): each for each in band}
         while True:
             near *= 0.5
             finer = {round(share + side * near, 12): each for side in (-1, 1) for share, each in found.items()}

@@ -283,8 +283,7 @@ class _Settling:
         structure = system.structure
         self.layout = layout_of(structure)
         self.staged = [k for k, slots in enumerate(self.layout.contacts) if slots.stages]
-        named = [not gaps or self.layout.contacts[k].form.name in gaps for k in self.staged]
-        self.checked = np.flatnonzero(named)  # of those with stages
+        self.asked = np.array([not gaps or self.layout.contacts[k].form.name in gaps for k in self.staged], dtype=bool)
         coefficients = np.array([coefficients_of(start.system) for start in starts])
         states = np.array([start.state for start in starts])
         self.rows_of = dict[bytes, NDArray[np.float64]]()
@@ -518,7 +517,7 @@ class _Settling:
         notes = self._noted(lane, motion.watched)
         low, high = notes[:, self.kinds["low"]].min(axis=0), notes[:, self.kinds["high"]].max(axis=0)
         apart = np.min([np.abs(each - bound) for each in (low, high) for bound in self.clear[lane]], axis=0)
-        if not motion.period or np.all((apart > 3.0 * LANE_ERROR * (high - low))[self.checked]):
+        if not motion.period or np.all((apart > 3.0 * LANE_ERROR * (high - low))[self.asked]):
             return motion
         if (orbit := orbit_near(start.system, motion.period, motion.state)) is None:
             return motion
