@@ -99,10 +99,12 @@ class LaneThresholdSearch(ThresholdSearch):
         band = tuple(known[other] for other in sorted(known)[::stride])
         narrow, near, wide = _NARROW * (asked.to[1] - asked.to[0]), stride / _STEPS, _FIRST
         while near > _FINEST:
-            seeds, near = self._between(band, near)
+            seeds, finer = self._between(band, near)
             pieces = [seeds[first : first + WIDTH] for first in range(0, len(seeds), WIDTH)]
             new = [each for part in done(partial(raised, asked, wide * narrow, wide > 1.0), pieces) for each in part]
-            band, wide = self._farthest([*band, *(each for each in new if each.gaps)]), max(wide / _GROWS, 1.0)
+            before, band = band[0].value, self._farthest([*band, *(each for each in new if each.gaps)])
+            near = finer if wide > 1.0 or band[0].value == before else near
+            wide = max(wide / _GROWS, 1.0)
             tried += new
         quiet = asked.way * min(asked.way * (band[0].value + narrow), asked.way * asked.to[1])
         counts = Confirmation(quiet, len(tried), 1, sum(bool(each.gaps) for each in tried), 0, 0, 0, 0, LANE_ERROR)
