@@ -23,6 +23,7 @@ from gapwalk.answers.lane_sweep import (
     started_piece,
     sweep_piece,
 )
+from gapwalk.answers.lane_threshold import rattling_along
 from gapwalk.answers.rattle_bands import RattleBands
 from gapwalk.answers.threshold import Request, ThresholdOptions
 from gapwalk.attractors.lane_settling import LaneMotion, Start, settle_lanes, slow_modes
@@ -64,10 +65,22 @@ def test_sweeps_at_a_threshold_meet_the_motions_that_rattle_up_to_the_exact_end(
     clearance = SMALL["idle.clearance"]
     to = (clearance, 2.0 * clearance)
     asked = Request(SMALL, ("idle",), "idle.clearance", to, "speed", RANGE, ThresholdOptions())
-    hits = list(asked.rattling_along(clearance))
+    hits = list(rattling_along(asked, clearance))
     assert {hit.gaps for hit in hits} == {("idle",)}
     step = (RANGE[1] - RANGE[0]) / 320
     assert ENDS["idle"] - step <= max(hit.other for hit in hits) <= ENDS["idle"]
+
+
+def test_a_threshold_by_steps_is_where_the_exact_end_comes_into_the_range() -> None:
+    drag, quiet = SMALL["churn.linear"], {"speed": (ENDS["idle"], 1000.0)}
+    few: dict[str, Any] = {"values": 8, "starts": 4, "workers": 1}
+    found = gw.ask.threshold(SMALL, "churn.linear", (0.9 * drag, 1.2 * drag), quiet, "idle", **few)
+    last, first = found.between
+    assert last < drag < first
+    assert first - last == pytest.approx(2e-4 * 0.3 * drag, rel=1e-9)
+    assert found.at == ENDS["idle"]
+    assert found.confirmation is not None
+    assert not found.confirmation.rattling
 
 
 def test_what_moves_an_end_beside_impacts_is_the_difference_of_two_ends() -> None:

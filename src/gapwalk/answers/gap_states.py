@@ -479,7 +479,7 @@ def _judge_by_lanes(
     count, waited = len(states), 0
     codes, periods = np.full((count, len(gaps)), -1), np.zeros(count, dtype=int)
     (peaks, rms), ends = np.full((2, count, len(gaps)), np.nan), np.full(states.shape, np.nan)
-    for start, motion in settle_lanes(starts_at(system, states, values), width=_ABREAST):
+    for start, motion in settle_lanes(starts_at(system, states, values), width=_ABREAST, gaps=gaps):
         waited = max(waited, motion.waited)
         if not motion.diverged:
             k = start.key

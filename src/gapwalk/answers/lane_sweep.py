@@ -11,7 +11,7 @@ Method: docs/numerics/notes/ensembles.md
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise, product
@@ -107,6 +107,12 @@ def pieces_of(steps: int, stage: int, known: Mapping[int, LanePiece]) -> dict[in
     }
 
 
+def stages(steps: int, known: Mapping[int, LanePiece]) -> Iterator[dict[int, Piece]]:
+    """Yield the pieces of each stage; those of one are known before those of the next are asked for."""
+    for stage in range(stages_of(steps)):
+        yield pieces_of(steps, stage, known)
+
+
 def sweep_piece(system: System, parameter: str, within: tuple[float, float], steps: int, piece: Piece) -> LanePiece:
     """Sweep on, from the motions of the piece before, or from those that rest leads to at the edges of the parts."""
     values, bounds = np.linspace(*within, steps + 1).tolist(), bounds_of(steps)
@@ -187,8 +193,7 @@ def joined(
 def swept(system: System, parameter: str, within: tuple[float, float], steps: int) -> list[SettledSweep]:
     """Sweep a system up and down, in pieces for any process; no ends of bands are narrowed down."""
     known, sweep = dict[int, LanePiece](), partial(sweep_piece, system, parameter, within, steps)
-    for stage in range(stages_of(steps)):
-        pieces = pieces_of(steps, stage, known)
+    for pieces in stages(steps, known):
         known.update(zip(pieces, done(sweep, list(pieces.values())), strict=True))
     about = system, parameter, within, steps
     return [joined(*about, way, list(known.values()), (), whole=False) for way in Direction]

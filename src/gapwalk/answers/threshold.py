@@ -8,11 +8,10 @@ Method: docs/howto/studies.md
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import product
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -25,10 +24,8 @@ from gapwalk.answers.gap_states import (
     gap_state,
     innermost,
     judge_gaps,
-    labels_along,
     watched,
 )
-from gapwalk.answers.lane_sweep import inside_of, random_states, swept
 from gapwalk.attractors.settle import SettleOptions, settle
 from gapwalk.bifurcation.branch_start import start_branch
 from gapwalk.bifurcation.follow import BranchTracer
@@ -367,9 +364,6 @@ _COARSE = 9  # values of the parameter at which motions are tried first
 _FEW = 2  # starts at each pair of values then
 _CHECKED = 8  # quiet motions that are watched again by the exact flow
 _RETRIED = 16  # motions lost by the batch integrator that are followed again by the exact flow
-_NARROW = 2e-4  # by equal steps: width of the limit, relative to the range
-_STEPS = 320  # by equal steps: steps of the sweeps at the limit
-_BAND = 4.0  # steps about a motion that rattles along them, in which half of the next motions are tried
 _BEYOND = 1e-3  # distance beyond the threshold, in widths of the range, at which it is confirmed
 _NEAR = 0.1  # share of the range of the other parameter about the limit in which half of all motions are tried
 _SAME = 1e-8  # difference of two limits, relative to the range, below which they are one
@@ -393,7 +387,6 @@ class Hit(NamedTuple):
     other: float
     state: NDArray[np.float64]  #: shape (state_size,): Its state at theta = 0.
     gaps: tuple[str, ...] = ()  #: Those that rattle in it; empty if that is not known.
-    near: float = _NEAR  #: Distance at which others like it are sought, as a share of the range of the other parameter.
 
     def words(self, adverb: str = "") -> str:
         """Write what rattles in it: ``mesh1 and mesh2 still rattle``."""
@@ -420,6 +413,11 @@ class Request(NamedTuple):
     def way(self) -> int:
         """1 if the quiet side is that of larger values."""
         return 1 if self.to[1] > self.to[0] else -1
+
+    @property
+    def coarse(self) -> NDArray[np.float64]:
+        """Values of the parameter at which motions are tried first."""
+        return np.linspace(*self.to, _COARSE)
 
     def at(self, value: float, other: float) -> System:
         """Return the system at values of both parameters."""
@@ -470,15 +468,6 @@ class Request(NamedTuple):
     def rattling_by(self, codes: NDArray[np.int_]) -> tuple[str, ...]:
         """Return the gaps that rattle by their codes in a motion, shape (gaps,)."""
         return tuple(gap for gap, code in zip(self.gaps, codes.tolist(), strict=True) if code not in (-1, *_QUIET))
-
-    def rattling_along(self, value: float) -> Iterator[Hit]:
-        """Sweep slowly up and down, and yield the motions that rattle."""
-        for sweep in swept(self.at(value, self.span[0]), self.over, self.span, _STEPS):
-            known = [labels_along(sweep.lanes, sweep.contacts, gap) for gap in self.gaps]
-            for motion, labels in zip(sweep.lanes, zip(*known, strict=True), strict=True):
-                gaps = tuple(gap for gap, each in zip(self.gaps, labels, strict=True) if each.state.rattles)
-                if gaps:
-                    yield Hit(value, motion.value, motion.state, gaps, _BAND / _STEPS)
 
     def walked_into(self, value: float) -> Hit | None:
         """Return a motion that rattles on the branch over the other parameter, as at a resonance between tries."""
@@ -556,6 +545,7 @@ class Round:
     notes: tuple[str, ...]  #: Remarks, in sentences.
     quiet: float = math.nan  #: By equal steps: the value nearest to the hit at which nothing rattles.
     confirms: bool = False  #: True if it tries that value from random starts.
+    band: tuple[Hit, ...] = ()  #: By equal steps: all that rattle at the value of the hit.
     #: shape (points, 3): As of `Threshold`.
     points: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
 
@@ -575,74 +565,13 @@ class ThresholdSearch:
         if not self.rounds:
             return False
         last = self.rounds[-1]
-        if self._by_lanes:
-            return (last.confirms and last.hit is None) or math.isnan(last.quiet)
         return last.hit is None or self._best() is None or not last.extrema
 
     @property
-    def _by_lanes(self) -> bool:
-        return prefers_lanes(self.request.system)
-
-    @property
-    def _bracket(self) -> tuple[Hit | None, float]:
-        """The motion that rattles farthest towards the quiet side, and the nearest value at which nothing rattles."""
-        way = self.request.way
+    def _hit(self) -> Hit | None:
+        """The motion that rattles farthest towards the quiet side."""
         hits = [each.hit for each in self.rounds if each.hit is not None]
-        hit = max(hits, key=lambda each: way * each.value, default=None)
-        # where sweeps at the limit met rattle between the values that had been tried, what was quiet before may rattle
-        told = [k for k, each in enumerate(self.rounds) if each.hit is not None and each.confirms]
-        misled = told[-1] if told and hit is not None and hit.near < _NEAR else 0
-        since = self.rounds[misled:]
-        quiet = [each.quiet for each in since if hit is None or way * (each.quiet - hit.value) > 0.0]
-        return hit, min(quiet, key=lambda value: way * value, default=math.nan)
-
-    def _advance_by_lanes(self) -> Round:
-        """Halve the range between the last value that rattles and the first that does not; then confirm that one."""
-        # No two neighbouring values have the same sequence of contacts: there is no border that could be followed.
-        asked, options = self.request, self.request.options
-        (hit, quiet), (low, high), notes = self._bracket, asked.span, list[str]()
-        others, width = np.linspace(low, high, options.values), abs(asked.to[1] - asked.to[0])
-        if hit is not None:  # half of the values near the last motion that rattles
-            window = hit.near * (high - low)
-            near = np.linspace(max(low, hit.other - window), min(high, hit.other + window), options.values // 2)
-            few, most = (6, 1) if hit.near < _NEAR else (3, 2)
-            others = np.unique(np.concatenate((others[::few], [hit.other], near[::most])))
-        inside = [] if hit is None else inside_of(hit.value, quiet, _NARROW * width)
-        confirms = hit is not None and not inside
-        values = np.linspace(*asked.to, _COARSE) if hit is None else np.array(inside or [quiet])
-        near_of = () if hit is None else (hit.near,)
-        pairs, states = [], []
-        for value, other in product(values.tolist(), others.tolist()):
-            own = [state_at_rest(asked.system), *([hit.state] if hit is not None else [])]
-            if confirms:
-                more = max(options.starts - len(own), 1)
-                own += [*random_states(asked.at(value, other), own[0], more, options.seed, other)]
-            pairs += [(other, value)] * len(own)
-            states += own
-        places = [slice(first, first + _TOGETHER) for first in range(0, len(pairs), _TOGETHER)]
-        found = _joined(done(asked.judged, [(np.array(pairs[place]), np.array(states[place])) for place in places]))
-        lost = np.asarray((found.codes < 0).any(axis=1))
-        rattles = ~lost & ~np.isin(found.codes, _QUIET).all(axis=1)
-        hits = [
-            Hit(pairs[k][1], pairs[k][0], found.states[k], asked.rattling_by(found.codes[k]), *near_of)
-            for k in np.flatnonzero(rattles).tolist()
-        ]
-        if confirms and not hits:
-            hits = list(asked.rattling_along(quiet))
-        last = max(hits, key=lambda each: asked.way * each.value, default=None)
-        beyond = [value for value in values.tolist() if last is None or asked.way * (value - last.value) > 0.0]
-        quiet = min(beyond, key=lambda value: asked.way * value, default=quiet if not confirms else asked.to[1])
-        if hit is None and last is None:
-            notes, quiet = ["nothing rattles in the whole range"], math.nan
-        elif last is not None and last.value == asked.to[1]:
-            notes, quiet = [self._widen(last)], math.nan
-        counts = len(states), len(states) // (len(values) * len(others)), len(hits), 0, int(lost.sum()), found.waited
-        tried = Confirmation(float(values[-1]), *counts, 0, found.error)
-        where, which = np.unique(np.array(pairs, dtype=float)[~lost], axis=0, return_inverse=True)
-        seen = np.minimum(np.bincount(which.ravel(), rattles[~lost].astype(float)), 1.0)
-        points = np.column_stack((where, seen))
-        self.rounds.append(Round(tried, last, (), tuple(notes), quiet, confirms, points))
-        return self.rounds[-1]
+        return max(hits, key=lambda each: self.request.way * each.value, default=None)
 
     def _widen(self, hit: Hit) -> str:
         asked = self.request
@@ -653,12 +582,9 @@ class ThresholdSearch:
 
     def advance(self) -> Round:
         """Do the next round, and return it."""
-        if self._by_lanes:
-            return self._advance_by_lanes()
         asked, options, best = self.request, self.request.options, self._best()
         if best is None:
-            values = np.linspace(*asked.to, _COARSE)
-            tried, hit = self._tried(values, np.linspace(*asked.span, max(8, options.values // 2)), _FEW)
+            tried, hit = self._tried(asked.coarse, np.linspace(*asked.span, max(8, options.values // 2)), _FEW)
         else:
             beyond = best.value + asked.way * _BEYOND * abs(asked.to[1] - asked.to[0])
             if asked.way * (beyond - asked.to[1]) > 0.0:
@@ -693,14 +619,7 @@ class ThresholdSearch:
         extrema = sorted(self._extrema, key=lambda each: asked.way * each.value)
         limit = None if best is None else best.special
         at, error, is_edge = (math.nan, float("inf"), False) if best is None else (best.at, best.error, best.is_edge)
-        between, notes = (), [note for each in self.rounds for note in each.notes]
-        hit, quiet = self._bracket
-        if self._by_lanes and hit is not None and not math.isnan(self.rounds[-1].quiet):
-            between, at, error = (hit.value, quiet), hit.other, abs(quiet - hit.value)
-            notes.append(
-                f"all motions were simulated by equal time steps, at {asked.options.values} values of {asked.over}, "
-                f"and at the limit along it, up and down in steps of {self._step}: a narrower band may lie between two"
-            )
+        hit, notes = self._hit, [note for each in self.rounds for note in each.notes]
         return Threshold(
             asked.system,
             asked.gaps,
@@ -715,24 +634,15 @@ class ThresholdSearch:
             tuple(each.locus for each in extrema),
             self._confirmation,
             tuple(notes),
-            between,
+            (),
             () if hit is None else hit.gaps,
             np.vstack([each.points for each in self.rounds]),
         )
 
     @property
-    def _step(self) -> str:
-        """The step of the sweeps at the limit, in words."""
-        units = self.request.system.units
-        unit = units.parameter(self.request.over) if units else ""
-        return f"{abs(self.request.span[1] - self.request.span[0]) / _STEPS:.3g} {unit}".rstrip()
-
-    @property
     def _confirmation(self) -> Confirmation | None:
         """Motions beyond the limit; or those that rattle, if their border could not be followed."""
         last = self.rounds[-1]
-        if self._by_lanes:
-            return last.tried if last.confirms else None
         is_inside = last.hit is not None and last.hit.value != self.request.to[1]
         return last.tried if len(self.rounds) > 1 or is_inside else None
 
@@ -767,14 +677,7 @@ class ThresholdSearch:
         some = [state_at_rest(asked.system), *spread_starts(ends, box, starts - 1, options.seed, 0.0), *carried]
         grid = np.array(np.meshgrid(others, values, indexing="ij")).reshape(2, -1).T  # equal speeds side by side
         pairs, states = np.repeat(grid, len(some), axis=0), np.tile(some, (len(grid), 1))
-        size = max(1, _TOGETHER // len(some)) * len(some)
-        places = [slice(first, first + size) for first in range(0, len(pairs), size)]
-        parts = [(pairs[place], states[place]) for place in places]
-        judged = list[GapVerdicts]()
-        for k, part in workers_around().each(asked.judged, parts):
-            judged.append(part)
-            tell((k + 0.5) / len(parts))  # what follows takes less, and tells nothing
-        found = _joined(judged)
+        found = self._judged(pairs, states, max(1, _TOGETHER // len(some)) * len(some))
         is_lost = np.asarray((found.codes < 0).any(axis=1))
         is_quiet = np.isin(found.codes, _QUIET).all(axis=1)
 
@@ -802,6 +705,15 @@ class ThresholdSearch:
         if not hits and (hit := asked.walked_into(float(values[0]))) is not None:
             return tried._replace(motions=tried.motions + 1, rattling=1), hit
         return tried, max(hits, key=lambda each: asked.way * each.value, default=None)
+
+    def _judged(self, pairs: NDArray[np.float64], states: NDArray[np.float64], size: int = _TOGETHER) -> GapVerdicts:
+        """Follow motions until they have settled, in pieces of some size, and judge their gaps."""
+        parts = [(pairs[first : first + size], states[first : first + size]) for first in range(0, len(pairs), size)]
+        judged = list[GapVerdicts]()
+        for k, part in workers_around().each(self.request.judged, parts):
+            judged.append(part)
+            tell((k + 0.5) / len(parts))  # what follows takes less, and tells nothing
+        return _joined(judged)
 
     def _confirmed(self, suspects: list[tuple[Hit, bool]]) -> list[Hit]:
         """Return motions that seem to rattle, from the first on that does so by the exact flow."""

@@ -237,12 +237,13 @@ def settle_lanes(
     width: int = WIDTH,
     finer: float = 1.0,
     slowest: Sequence[System] = (),
+    gaps: Sequence[str] = (),
 ) -> Iterator[tuple[Start, LaneMotion]]:
     """Follow motions of systems of one structure until they have settled; yield each once it is decided.
 
     `next_start` returns what the lane of a settled motion does next, such as the next step of a sweep. Lanes of equal
     steps share a register, so that no motion depends on its company: those that its system needs, or those of the
-    slowest of some systems.
+    slowest of some systems. What some gaps do, or all, is checked by exact orbits where steps leave doubts.
     """
     groups, failed = dict[int, deque[Start]](), list[Start]()
     starts = list(starts)
@@ -255,7 +256,7 @@ def settle_lanes(
         groups.setdefault(max(own, least), deque()).append(start)
     for steps, waiting in sorted(groups.items()):
         taken = [waiting.popleft() for _ in range(min(width, len(waiting)))]
-        lanes = _Settling(taken, taken[0].system, finer, steps)
+        lanes = _Settling(taken, taken[0].system, finer, steps, gaps)
         while any(start is not None for start in lanes.starts):
             lanes.advance()
             for lane, motion in lanes.decided():
@@ -270,7 +271,7 @@ def settle_lanes(
                 lanes.take(lane, following or (waiting.popleft() if waiting else None))
             lanes.hasten()
     if failed:
-        yield from settle_lanes(failed, next_start, width=width, finer=_FINER, slowest=slowest)
+        yield from settle_lanes(failed, next_start, width=width, finer=_FINER, slowest=slowest, gaps=gaps)
 
 
 def slow_places(system: System) -> list[int]:
@@ -287,11 +288,13 @@ def slow_places(system: System) -> list[int]:
 class _Settling:
     """Lanes, each with the motion that it follows."""
 
-    def __init__(self, starts: list[Start], system: System, finer: float, steps: int) -> None:
+    def __init__(self, starts: list[Start], system: System, finer: float, steps: int, gaps: Sequence[str]) -> None:
         self.starts: list[Start | None] = list(starts)
+        self.gaps = gaps
         structure = system.structure
         self.layout = layout_of(structure)
         self.staged = [k for k, slots in enumerate(self.layout.contacts) if slots.stages]
+        self.asked = np.array([not gaps or self.layout.contacts[k].form.name in gaps for k in self.staged], dtype=bool)
         coefficients = np.array([coefficients_of(start.system) for start in starts])
         states = np.array([start.state for start in starts])
         self.rows_of = dict[bytes, NDArray[np.float64]]()
@@ -528,7 +531,8 @@ class _Settling:
         apart = np.min([np.abs(each - bound) for each in (low, high) for bound in self.clear[lane]], axis=0)
         often = motion.parted[self.staged] / motion.watched
         is_rare = (often > 0.0) & (often < 0.5) & (not motion.period)
-        if np.all(apart > np.where(is_rare, _WITHIN, 3.0 * LANE_ERROR) / finer * (high - low)):
+        within = np.where(is_rare, _WITHIN, 3.0 * LANE_ERROR) / finer * (high - low)
+        if np.all((apart > within)[self.asked]):
             return motion
         orbit = orbit_near(start.system, motion.period, motion.state) if motion.period else None
         if orbit is None:
@@ -546,7 +550,7 @@ class _Settling:
     def _by_finer_steps(self, start: Start, motion: LaneMotion) -> LaneMotion:
         """Return what finer steps make of a motion."""
         again = start._replace(state=motion.state, known=(), is_warm=True, watch=max(motion.watched, _LOOK))
-        ((_, finer),) = settle_lanes([again], finer=_FINER)
+        ((_, finer),) = settle_lanes([again], finer=_FINER, gaps=self.gaps)
         before = motion.waited + motion.watched
         return motion if finer.diverged else replace(finer, waited=before + finer.waited)
 

@@ -35,6 +35,7 @@ from gapwalk.answers.lane_sweep import (
     observed,
     other_sweeps,
     pieces_of,
+    stages,
     stages_of,
     start_values,
     started_piece,
@@ -339,8 +340,7 @@ class RattleStudy(RangeStudy):
         """Sweep up and down, look for what no sweep meets, and find the bands."""
         if self.by_steps(job.system):
             about = job.system, self.parameter, self.ends, self.sweep.steps
-            for stage in range(stages_of(self.sweep.steps)):
-                pieces = pieces_of(self.sweep.steps, stage, job.known[PIECE])
+            for pieces in stages(self.sweep.steps, job.known[PIECE]):
                 yield from job.each(PIECE, partial(sweep_piece, *about), pieces)
             quiet = job.system, self.parameter, self.ends, self.gaps
             yield from job.once(QUIET, lambda: quiet_ranges(*quiet))

@@ -9,7 +9,9 @@ from typing import Annotated, Any, ClassVar
 from pydantic import AfterValidator, Field
 
 from gapwalk.answers.gap_states import chosen_gaps
+from gapwalk.answers.lane_threshold import LaneThresholdSearch
 from gapwalk.answers.threshold import Request, Round, Threshold, ThresholdOptions, ThresholdSearch
+from gapwalk.ensemble.lanes import prefers_lanes
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Counted
 from gapwalk.model.system import System
@@ -95,9 +97,8 @@ class ThresholdStudy(RangeStudy):
 
     def _search(self, system: System, rounds: list[Round]) -> ThresholdSearch:
         gaps, to = chosen_gaps(system, self.gaps), (self.begin, self.end)
-        search = ThresholdSearch(
-            Request(system, gaps, self.parameter, to, self.over.parameter, self.over.ends, self.options)
-        )
+        kind = LaneThresholdSearch if prefers_lanes(system) else ThresholdSearch
+        search = kind(Request(system, gaps, self.parameter, to, self.over.parameter, self.over.ends, self.options))
         search.rounds = rounds
         return search
 
