@@ -28,6 +28,8 @@ from gapwalk.summary import printable
 
 _FIRST, _AGAIN = 1.0, 10.0  # without a terminal: seconds until the first line, and between the following lines
 
+_LEAST = 5e-5  # share of the work from which on it is told
+
 Words = Callable[..., tuple[Any, ...]]
 """Function that returns the arguments of `ProgressLine.update` for what is reported."""
 
@@ -174,12 +176,12 @@ class _Reached:
             self._most, self._since, self._left = pace.share, now, pace.left or 0.0
         self._line.complete(self._most)
         left = self._left - (now - self._since)
-        if self._most < 0.005:
+        if self._most < _LEAST:
             return self.place or self._plan
         if pace.done == pace.total:
             return f"{pace.total} of {pace.total}  100 %  the result is put together and checked"
-        told = f"{self.place or f'{pace.done} of {pace.total}  ' * (pace.total > 1)}{100 * self._most:.0f} %"
-        told += f"  about {duration(left)} left" * (left >= 0.5 and self._most >= 0.01)
+        told = f"{self.place or f'{pace.done} of {pace.total}  ' * (pace.total > 1)}{100 * self._most:.{self._most < 0.01:d}f} %"
+        told += f"  about {duration(left)} left" * (left >= 0.5 and (self._most >= 0.01 or now - self._begun > _AGAIN))
         return f"{told}  {self.best}".rstrip()
 
 
