@@ -28,8 +28,6 @@ from gapwalk.summary import printable
 
 _FIRST, _AGAIN = 1.0, 10.0  # without a terminal: seconds until the first line, and between the following lines
 
-_LEAST = 5e-5  # share of the work from which on it is told
-
 Words = Callable[..., tuple[Any, ...]]
 """Function that returns the arguments of `ProgressLine.update` for what is reported."""
 
@@ -176,7 +174,7 @@ class _Reached:
             self._most, self._since, self._left = pace.share, now, pace.left or 0.0
         self._line.complete(self._most)
         left = self._left - (now - self._since)
-        if self._most < _LEAST:
+        if not self._most:
             return self.place or self._plan
         if pace.done == pace.total:
             return f"{pace.total} of {pace.total}  100 %  the result is put together and checked"
