@@ -175,7 +175,7 @@ class _Reached:
         self._line.complete(self._most)
         left = self._left - (now - self._since)
         if not self._most:
-            return self.place or self._plan
+            return self.place or (f"{self._plan}  0 %" if self._begun else self._plan)
         if pace.done == pace.total:
             return f"{pace.total} of {pace.total}  100 %  the result is put together and checked"
         told = f"{self.place or f'{pace.done} of {pace.total}  ' * (pace.total > 1)}{100 * self._most:.{self._most < 0.01:d}f} %"
