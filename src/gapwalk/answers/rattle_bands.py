@@ -72,6 +72,7 @@ NOT_PERIODIC = "not periodic"
 _RANKED = {"approach": "fastest impacts", "rms": "largest acceleration", "peak": "largest force"}
 _COLUMNS = {"approach": 12, "peak": 11}  # their columns, which are not left out
 _SHOWN = 3  # movers of an end in the summary
+_MILDER = 0.9  # ratio of the ranks of a milder motion and the worst, up to which it is told
 _LIKE = 0.98  # ratio of two accelerations above which they are those of one motion
 _OFTEN = 0.2  # share of periods in which a gap parts, up to which that is seldom
 _LISTED = 12  # rows of severity in the summary
@@ -207,7 +208,32 @@ class RattleBands(Shown):
             parts.append(worst.motion or NOT_PERIODIC)
         where = "near" if about else "at"
         text += f"; worst {where} {self._value(severity.value)}: {', '.join(parts)}"
-        return f"{text} ({worst.words})" if worst.starts else text
+        return f"{text}{f' ({worst.words})' * (worst.starts > 0)}{self._beside(severity)}"
+
+    def _beside(self, worst: Severity) -> str:
+        """Say which milder motion other sweeps meet at the value of the worst motion; empty if none does."""
+        rows: dict[str, list[Severity]] = {}
+        for row in self.severities:
+            if row.gap == worst.gap and row.met != worst.met:
+                rows.setdefault(row.met, []).append(row)
+        met = [(name, [each.value for each in own], own) for name, own in rows.items()]
+        near = [
+            (_rank(row), name, row)
+            for name, values, own in met
+            if min(values) <= worst.value <= max(values)
+            for row in [min(own, key=lambda each: abs(each.value - worst.value))]
+            if abs(row.value - worst.value) <= _APART * (self.within[1] - self.within[0])
+        ]
+        rank, name, row = min(near, default=(math.inf, "", worst), key=lambda each: each[0])
+        if rank > _MILDER * _rank(worst):
+            return ""
+        found = f"; a milder motion exists there too (met {name})"
+        if not row.state.rattles:
+            return found.replace("milder motion", f"motion in which {row.gap} is {row.state}")
+        key, units = _key([row]), self.system.units
+        unit = units.signal({"rms": row.part, "peak": f"{row.gap}.force"}.get(key, "'"))[1] if units else ""
+        what = {"rms": "rms acceleration", "peak": "peak force", "approach": "impacts at"}[key]
+        return f"{found}: {what} about {_plain(rank, 3)} {unit}".rstrip()
 
     def _moved(self, end: BandEnd, count: int) -> str:
         """Write the parameters that move an end most, with their percent per percent."""
