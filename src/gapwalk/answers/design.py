@@ -146,14 +146,14 @@ class _Asked(NamedTuple):
 
     u: NDArray[np.float64]
     ways: tuple[str, ...]
-    leads: dict[Structure, Orbit]
+    leads: tuple[Orbit, ...]
 
 
 class _Judged(NamedTuple):
-    """A design: its relative changes, the first orbits of its responses by their structures, and all margins."""
+    """A design: its relative changes, the first orbit of the response for each goal, and all margins."""
 
     u: NDArray[np.float64]
-    leads: dict[Structure, Orbit]
+    leads: tuple[Orbit, ...]
     needs: list[Need]
 
     @property
@@ -286,10 +286,11 @@ class DesignProblem:
         """Return the response of a design for each goal; goals that are judged on one system share it."""
         found: dict[Structure, LocalResponse] = {}
         posed = [self._posed(goal, asked.ways) for goal in self.goals]
-        for system in posed:
+        for place, system in enumerate(posed):
             if system.structure not in found:
-                lead = asked.leads.get(system.structure) or self._first(system)
-                found[system.structure] = self.response(asked.u, lead)
+                lead = asked.leads[place] if asked.leads else self._first(system)
+                # without what it has cached, which depends on the process that has found it
+                found[system.structure] = self.response(asked.u, replace(lead))
         return [found[system.structure] for system in posed]
 
     def _posed(self, goal: Goal, ways: tuple[str, ...]) -> System:
@@ -374,7 +375,7 @@ def _least(found: Sequence[Route]) -> float:
 
 
 def _judged(u: NDArray[np.float64], responses: Sequence[LocalResponse], needs: list[Need]) -> _Judged:
-    return _Judged(u, {each.system.structure: each.lead for each in responses}, needs)
+    return _Judged(u, tuple(each.lead for each in responses), needs)
 
 
 class _Search:
@@ -385,7 +386,7 @@ class _Search:
         self.weights, self.bounds = problem.weights, problem.bounds
         self.trace: list[tuple[int, _Judged]] = []  # the steps so far, and the design that was best then
         self.begun = problem.starts()[start - 1] if start else np.zeros(len(problem.changes))
-        self._run, self._end = self.run(self.begun), _Judged(self.begun, {}, [])
+        self._run, self._end = self.run(self.begun), _Judged(self.begun, (), [])
         self.asked: _Asked | None = next(self._run)
 
     @property
@@ -428,7 +429,7 @@ class _Search:
 
     def run(self, u: NDArray[np.float64]) -> Generator[_Asked, _Judged | str, _Judged | str]:
         """Ask for one design after another; return the best, or why the first could not be judged."""
-        now, radius, penalty = (yield _Asked(u, self.ways, {})), _TRUST, _PENALTY
+        now, radius, penalty = (yield _Asked(u, self.ways, ())), _TRUST, _PENALTY
         if isinstance(now, str):
             return now
         while self.steps < self.problem.options.steps and radius > _NARROWEST:
@@ -452,7 +453,7 @@ class _Search:
                 radius = 0.4 * size
             if gained > _ACCEPTED * predicted:
                 now = trial
-            self.trace.append((self.steps, _Judged(now.u, {}, now.needs)))
+            self.trace.append((self.steps, _Judged(now.u, (), now.needs)))
         return now
 
     def merit(self, u: NDArray[np.float64], missing: float, penalty: float) -> float:

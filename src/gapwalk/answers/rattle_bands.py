@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from gapwalk.answers.gap_states import (
     RANGE,
+    SELDOM,
     BandEnd,
     Direction,
     GapSpan,
@@ -31,6 +32,7 @@ from gapwalk.answers.gap_states import (
     lane_states,
     spans_of,
     state_of,
+    unsure,
 )
 from gapwalk.answers.lane_sweep import started_piece
 from gapwalk.answers.shown_measure import moved_by
@@ -184,6 +186,9 @@ class RattleBands(Shown):
         left = len(bands) - len(widest)
         more = f", and in {left} narrower band{'s' * (left > 1)}" if left else ""
         text = f"{gap} rattles {ranges}{more}"
+        if any(end.kind == SELDOM for band in widest for end in (band.low, band.high)):
+            periods = min(motion.watched for motion in unsure(self.sweeps, gap))
+            text += f" (beyond, it did not separate in {periods} observed forcing periods, but may do so more rarely)"
         worst = next((each for each in self.worst if each.severity.gap == gap), None)
         if worst is None:
             return text
@@ -265,6 +270,7 @@ class RattleBands(Shown):
             for name, end in (("from", band.low), ("to", band.high)):
                 movers = self._moved(end, _SHOWN)
                 error = f"{end.error:{'.0e' if end.error < 1.0 else '.3g'}}" if end.error else ""
+                error = f">= {error}" if end.kind == SELDOM else error
                 what = ", ".join(band.states) if name == "from" else ""
                 head = (band.gap, band.met) if name == "from" else ("", "")
                 rows.append((*head, name, f"{end.value:.8g}", error, end.kind, movers, what))
@@ -371,7 +377,9 @@ class RattleBands(Shown):
 
 
 def _end_words(end: BandEnd, text: str) -> str:
-    """Write an end of a band: with its error where that exceeds the rounding of its text."""
+    """Write an end of a band: with its error where that exceeds the rounding of its text, and is more than a step."""
+    if end.kind == SELDOM:
+        return f"about {text}"
     is_vague = end.error > max(abs(float(text) - end.value), 5e-7 * abs(end.value))
     return with_error(end.value, end.error) if is_vague else text
 

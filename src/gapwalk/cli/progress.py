@@ -178,7 +178,8 @@ class _Reached:
             return self.place or (f"{self._plan}  0 %" if self._begun else self._plan)
         if pace.done == pace.total:
             return f"{pace.total} of {pace.total}  100 %  the result is put together and checked"
-        told = f"{self.place or f'{pace.done} of {pace.total}  ' * (pace.total > 1)}{100 * self._most:.{self._most < 0.01:d}f} %"
+        parts, digits = f"{pace.done} of {pace.total}  " * (pace.total > 1), int(self._most < 0.01)
+        told = f"{self.place or parts}{100 * self._most:.{digits}f} %"
         told += f"  about {duration(left)} left" * (left >= 0.5 and (self._most >= 0.01 or now - self._begun > _AGAIN))
         return f"{told}  {self.best}".rstrip()
 
