@@ -14,6 +14,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
+from gapwalk.explorer import model_editor
 from gapwalk.explorer.motion_panels import Flows, Quantities, SupersededError
 from gapwalk.explorer.opened_file import Exploration, listed
 from gapwalk.explorer.progress_stream import Events
@@ -423,6 +424,6 @@ def test_a_broken_model_is_told_whole_and_its_results_are_there(client, do, sess
 def _of_a_new_server(session, model: str) -> dict:
     other = Session(session.workspace.root)
     try:
-        return other.about(model)
+        return model_editor.about(other, model)
     finally:
         other.close()
