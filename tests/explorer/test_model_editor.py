@@ -304,6 +304,28 @@ def test_a_walk_that_nobody_waits_for_is_given_up_and_the_next_one_comes_at_once
 
 
 @pytest.mark.slow
+def test_a_change_ends_the_computation_of_exact_shares_at_once() -> None:
+    live = LiveAnswers()
+    many = STOP + '\n[[study]]\nname = "many"\nkind = "shares"\nparameter = "frequency"\nfrom = 0.7\nto = 1.9\n'
+    many = many.replace("[study]", '[[study]]\nname = "first"') + "starts = 100000\nbox = { x = [-2, 2] }\n"
+
+    async def both() -> object:
+        abandoned = live.of(many, "", "", ("shares",))
+        while "coarse" not in await anext(abandoned):
+            pass
+        process = live._process
+        await asyncio.sleep(1.0)
+        await abandoned.aclose()
+        assert [news async for news in live.of(STOP, "", "")][-1]["end"] == ""
+        return process
+
+    try:
+        assert run_apart(both()) is live._process  # which keeps what it knows
+    finally:
+        live.close()
+
+
+@pytest.mark.slow
 def test_long_work_that_nobody_waits_for_is_ended_and_the_next_text_is_answered() -> None:
     live = LiveAnswers()
     train = example("train")  # whose motions settle after minutes
