@@ -306,8 +306,10 @@ def test_a_walk_that_nobody_waits_for_is_given_up_and_the_next_one_comes_at_once
 @pytest.mark.slow
 def test_a_change_ends_the_computation_of_exact_shares_at_once() -> None:
     live = LiveAnswers()
-    many = STOP + '\n[[study]]\nname = "many"\nkind = "shares"\nparameter = "frequency"\nfrom = 0.7\nto = 1.9\n'
-    many = many.replace("[study]", '[[study]]\nname = "first"') + "starts = 100000\nbox = { x = [-2, 2] }\n"
+    many = STOP.replace("[study]", '[[study]]\nname = "first"') + (
+        '\n[[study]]\nname = "many"\nkind = "shares"\nparameter = "frequency"\nfrom = 0.7\nto = 1.9\n'
+        "starts = 100000\nbox = { x = [-2, 2] }\n"
+    )
 
     async def both() -> object:
         abandoned = live.of(many, "", "", ("shares",))
