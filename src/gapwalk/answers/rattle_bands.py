@@ -213,7 +213,8 @@ class RattleBands(Shown):
             parts.append(worst.motion or NOT_PERIODIC)
         where = "near" if about else "at"
         text += f"; worst {where} {self._value(severity.value)}: {', '.join(parts)}"
-        return f"{text}{f' ({worst.words})' * (worst.starts > 0)}{self._beside(severity)}"
+        text += f" ({worst.words})" if worst.starts else ""
+        return text + self._beside(severity)
 
     def _beside(self, worst: Severity) -> str:
         """Say which milder motion other sweeps meet at the value of the worst motion; empty if none does."""
