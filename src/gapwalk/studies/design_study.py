@@ -285,6 +285,8 @@ class DesignStudy(RangeStudy):
 
     def total(self, job: Job) -> int:
         """Return the number of designs to be tried and proved; of a search that goes on, as many as of others."""
+        if self.is_complete(job):
+            return self.done(job) + _PROOF
         ended, ways = job.all(ROUTE), len(self._problem(job).ways())
         usual = max(1, round(mean([route.steps for route in ended]))) if ended else _USUAL
         left = ways + min(ways, 2) * self.finding.starts - len(ended)
