@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
 import shlex
 import shutil
@@ -20,6 +21,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from unittest.mock import patch
 
 from gapwalk.cli import main
 
@@ -154,7 +156,8 @@ def answer(words: str) -> str:
 def _run(command: str) -> str:
     """Run a command of gapwalk in the folder of the project; return what it prints."""
     printed, told = io.StringIO(), io.StringIO()
-    with contextlib.chdir(ROOT), contextlib.redirect_stdout(printed), contextlib.redirect_stderr(told):
+    wide = patch.dict(os.environ, COLUMNS="1000")  # answers are quoted unfolded
+    with wide, contextlib.chdir(ROOT), contextlib.redirect_stdout(printed), contextlib.redirect_stderr(told):
         code = main(shlex.split(command))
     if code:
         raise SystemExit(f"gapwalk {command}: {told.getvalue()}")

@@ -216,13 +216,15 @@ def test_a_stopped_design_continues_to_the_same(tmp_path, quiet):
 
     def stop(part, _):
         seen.append(part)
-        raise KeyboardInterrupt
+        if len(seen) == 2:
+            raise KeyboardInterrupt
 
     how = {**quick(), "output": output}
     with pytest.raises(Interrupted) as stopped_at:
         gw.ask.design(stopped(), changes, goal, "frequency", (0.7, 1.5), report=stop, **how)
-    assert not stopped_at.value.found.complete
-    again = gw.ask.design(stopped(), changes, goal, "frequency", (0.7, 1.5), **how)
+    assert stopped_at.value.found is None  # two designs were tried, and are stored: no search has ended
+    again = gw.ask.design(stopped(), changes, goal, "frequency", (0.7, 1.5), report=lambda *_: seen.append(0), **how)
+    assert len(seen) == sum(route.steps for route in quiet.routes) + len(quiet.routes) + 1
     assert again.routes == quiet.routes
     assert again.system == quiet.system
     assert gw.open_result(output).changes == quiet.changes

@@ -101,6 +101,7 @@ def test_severity_and_the_worst_motion(bands):
     (worst,) = bands.worst
     assert worst.severity.peak == max(row.peak for row in bands.severities)
     assert 0.0 < worst.share < 1.0  # the quiet motion coexists just before the jump
+    assert bands.sentence("stop").endswith("; a motion in which stop is open exists there too (met falling)")
     assert worst.severity.impacts == 1.0
     assert worst.severity.level == pytest.approx(20.0 * math.log10(worst.severity.rms))
     rows = list(bands.tables()["severity"]())

@@ -24,7 +24,7 @@ from gapwalk.answers.lane_sweep import (
     sweep_piece,
 )
 from gapwalk.answers.lane_threshold import rattling_along
-from gapwalk.answers.rattle_bands import RattleBands
+from gapwalk.answers.rattle_bands import RattleBands, bands_of_sweeps
 from gapwalk.answers.threshold import Request, ThresholdOptions
 from gapwalk.attractors.lane_settling import LaneMotion, Start, settle_lanes, slow_modes
 from gapwalk.ensemble.batch_flow import state_at_rest
@@ -237,6 +237,11 @@ def test_a_gap_that_parts_seldom_in_chaos_has_one_band_and_an_end_of_that_kind()
     rattles, seldom_parts = spans_of(sweep, "mesh")
     assert (rattles.low.value, rattles.high.value, rattles.high.kind) == (1, 3.5, "seldom parts beyond")
     assert (rattles.state.rattles, seldom_parts.state.rattles) == (True, False)
+    found = RattleBands(SMALL, "speed", (1, 5), ("mesh",), 1.0, (sweep,), bands_of_sweeps([sweep], ["mesh"]), (), ())
+    assert found.sentence("mesh") == (
+        "mesh rattles from the beginning of the range, 1 rpm, to about 3.5 rpm (beyond, it did not separate in 66 "
+        "observed forcing periods, but may do so more rarely)"
+    )
     assert seldom([sweep], "mesh") == (
         "mesh did not separate at 2 values from 4 to 5, where the motion has no period, within 66 forcing periods or "
         "more: with 95 % confidence it separates in less than one of 22 periods"

@@ -53,6 +53,7 @@ gaps = ["stop"]
 def said(tmp_path, monkeypatch, capsys):
     """Return a function that writes a model file, runs a command on it, and returns its exit code and its lines."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "1000")
 
     def call(text: str, *words: str) -> tuple[int, list[str]]:
         Path("m.toml").write_text(text, encoding="utf-8")

@@ -158,7 +158,8 @@ def loop(clutch, undisturbed) -> str:
     return "x.gapwalk"
 
 
-def test_show_has_the_tree_and_on_request_the_special_points(loop, capsys) -> None:
+def test_show_has_the_tree_and_on_request_the_special_points(loop, capsys, monkeypatch) -> None:
+    monkeypatch.setenv("COLUMNS", "1000")
     assert main(["show", loop]) == 0
     text = capsys.readouterr().out
     assert "x.gapwalk: complete" in text

@@ -186,7 +186,7 @@ def test_a_time_left_that_has_passed_is_not_told_any_more(monkeypatch) -> None:
     monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now[0]))
     reached = module._Reached(SimpleNamespace(complete=lambda share: None), "nine parts")
     reached.begin(Pace(done=0, total=9), float)
-    assert str(reached) == "nine parts"
+    assert str(reached) == "nine parts  0 %"
     reached.note(Pace(done=3, total=9, seconds=1.0))
     assert str(reached) == "3 of 9  33 %  about 2 s left"
     now[0] += 1.0

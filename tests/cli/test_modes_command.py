@@ -1,5 +1,6 @@
 """``gapwalk modes``: rest and natural vibrations in words, in JSON, and as a picture."""
 
+import io
 import json
 import os
 import re
@@ -92,8 +93,16 @@ def test_check_says_what_a_train_is_made_of(capsys) -> None:
     assert "6 inertias, 3 shafts, 2 gears" in capsys.readouterr().out
 
 
-def test_a_table_in_a_file_has_each_row_in_one_line(capsys) -> None:
-    show([Table(["a wide column"] * 12, [[f"value {number:09.3f}" for number in range(12)]])])
+def test_a_table_in_a_file_is_100_columns_wide_or_as_wide_as_is_asked_for(capsys, monkeypatch) -> None:
+    table = Table(["a wide column"] * 12, [[f"value {number:09.3f}" for number in range(12)]])
+    monkeypatch.delenv("COLUMNS", raising=False)
+    monkeypatch.setattr("sys.stderr", io.StringIO())  # no terminal, wherever the tests run
+    show([table])
+    text = capsys.readouterr().out
+    assert max(map(len, text.splitlines())) <= 100
+    assert re.findall(r"\d+\.\d+", text) == [f"{number:09.3f}" for number in range(12)]
+    monkeypatch.setenv("COLUMNS", "1000")
+    show([table])
     (row,) = [line for line in capsys.readouterr().out.splitlines() if "value" in line]
     assert row.count("value") == 12
     assert len(row) > 120

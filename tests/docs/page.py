@@ -5,12 +5,14 @@ from __future__ import annotations
 import contextlib
 import doctest
 import io
+import os
 import re
 import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from gapwalk.cli import main
 
@@ -54,7 +56,8 @@ def _run_commands(block: Block, page: Path) -> None:
         words = shlex.split(command)
         assert words[0] == "gapwalk", f"{page.name}:{block.line}: {command!r} is no command of gapwalk"
         printed, told = io.StringIO(), io.StringIO()
-        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(told):
+        wide = patch.dict(os.environ, COLUMNS="1000")  # pages quote tables unfolded
+        with wide, contextlib.redirect_stdout(printed), contextlib.redirect_stderr(told):
             code = main(words[1:])  # not as a process of its own: that would load and compile everything once more
         assert code == 0, f"{page.name}:{block.line}: {command}\n{told.getvalue()}"
         if wanted.strip():

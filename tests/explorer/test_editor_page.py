@@ -111,6 +111,8 @@ def test_a_slider_changes_the_digits_alone_and_the_curve_follows(stop) -> None:
         stop.keyboard.press("ArrowRight")
     until(stop, f"{WALKED} && Math.abs({size} / {before} - 1) > 0.01")
     assert stop.evaluate("Number(gapwalk.editor.chart.place.dataset.moved)") > 0  # pictures while it moved
+    move = "(({ chart }) => { chart.move({}); chart.moved = null; return chart.note.textContent; })(gapwalk.editor)"
+    assert "Coarse until it rests" in stop.evaluate(move)
     assert lines(stop, "clearance") == ["clearance = 1.2  # of the stop"]
     assert focused(stop) == ""  # it stays at the slider, which has no id
     assert stop.evaluate(f'document.activeElement === document.querySelector("{slider}")')

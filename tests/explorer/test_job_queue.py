@@ -155,8 +155,8 @@ def test_a_design_says_what_it_does_and_the_best_so_far() -> None:
     for done, route in enumerate((Route((), 0, (), 0.3, 0.1, 3, "mesh"), Route((), 1, (), 0.4, 0.0, 3)), start=1):
         news(route, Pace(done, 4))
     news.close()
-    assert told[0].words == "search 1 of 3"
-    assert told[-1].words == "search 3 of 3; best so far: norm of the relative changes 0.4"
+    assert told[0].words == "search 1"
+    assert told[-1].words == "search 3; best so far: norm of the relative changes 0.4"
     assert [told[-1].done, told[-1].share] == [2, 0.5]
 
 

@@ -166,7 +166,8 @@ def test_the_points_of_the_last_walk_are_moved_to_other_numbers_at_once() -> Non
     last, wide = Known(), BACK.replace("amplitude = 0.3", "amplitude = 0.31")
     assert not [each for each in response(BACK, last) if "moved" in each]
     found = list(response(wide, last))
-    (news,), rest = (each["moved"] for each in found if "moved" in each), found[-1]["marks"]
+    (news,) = (each["moved"] for each in found if "moved" in each)
+    rest = next(each["marks"] for each in found if "marks" in each)
     changes = [pair for pair in pairwise(news["looks"]) if pair[0] != pair[1]]
     assert changes
     assert all("neutral" in pair for pair in changes)  # where stability changes between two points is not known
@@ -300,6 +301,30 @@ def test_a_walk_that_nobody_waits_for_is_given_up_and_the_next_one_comes_at_once
     finally:
         live.close()
     assert not process.is_alive()
+
+
+@pytest.mark.slow
+def test_a_change_ends_the_computation_of_exact_shares_at_once() -> None:
+    live = LiveAnswers()
+    many = STOP.replace("[study]", '[[study]]\nname = "first"') + (
+        '\n[[study]]\nname = "many"\nkind = "shares"\nparameter = "frequency"\nfrom = 0.7\nto = 1.9\n'
+        "starts = 100000\nbox = { x = [-2, 2] }\n"
+    )
+
+    async def both() -> object:
+        abandoned = live.of(many, "", "", ("shares",))
+        while "coarse" not in await anext(abandoned):
+            pass
+        process = live._process
+        await asyncio.sleep(1.0)
+        await abandoned.aclose()
+        assert [news async for news in live.of(STOP, "", "")][-1]["end"] == ""
+        return process
+
+    try:
+        assert run_apart(both()) is live._process  # which keeps what it knows
+    finally:
+        live.close()
 
 
 @pytest.mark.slow

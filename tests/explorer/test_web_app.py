@@ -14,7 +14,8 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.explorer.motion_panels import Flows, Quantities, SupersededError
+from gapwalk.explorer import model_editor
+from gapwalk.explorer.motion_panels import Flows, Quantities, SupersededError, gradient_content
 from gapwalk.explorer.opened_file import Exploration, listed
 from gapwalk.explorer.progress_stream import Events
 from gapwalk.explorer.server_state import Session
@@ -423,6 +424,27 @@ def test_a_broken_model_is_told_whole_and_its_results_are_there(client, do, sess
 def _of_a_new_server(session, model: str) -> dict:
     other = Session(session.workspace.root)
     try:
-        return other.about(model)
+        return model_editor.about(other, model)
     finally:
         other.close()
+
+
+def test_values_have_the_units_of_the_file(session, client) -> None:
+    text = (CLUTCH.parent / "idle.toml").read_text(encoding="utf-8").replace('"8 N m"', '"8000 mN m"')
+    (session.workspace.root / "units.toml").write_text(text, encoding="utf-8")
+    rows = {each["name"]: each for each in about(client, "units.toml")["parameters"]}
+    (name,) = [name for name, each in rows.items() if each.get("written", "").endswith(" [mN m]")]
+    assert (rows[name]["value"], rows[name]["size"]) == (8.0, pytest.approx(1e-3, rel=1e-15))
+    assert rows[name]["words"].endswith(" [N m]")  # of the axes, as in results
+
+
+def test_the_orders_of_one_load_move_a_point_together() -> None:
+    """A linear oscillator touches where all loads over the clearance have some size: their shares are opposite."""
+    stop = gw.Contact("stop", {"x": 1.0}, (gw.Stage(1.0, 1.0, side=gw.Side.POSITIVE),))
+    loads = [gw.Harmonic(0.3, {"x": 1.0}, name="first"), gw.Harmonic(0.1, {"x": 1.0}, order=2, name="second")]
+    system = gw.System(["x"], [[1.0]], [[0.1]], contacts=[stop], harmonics=loads, frequency=0.6)
+    branch = gw.follow(gw.find_orbit(system), "frequency", 1.0)
+    content = gradient_content(branch.special("grazing")[0].gradient())
+    rows = {each["name"]: each for each in content["rows"]}
+    assert rows["load on x"]["share"] == pytest.approx(-rows["stop.clearance"]["share"], rel=1e-6)
+    assert rows["load on x"]["move"] == pytest.approx(rows["load on x"]["share"] * content["at"], rel=1e-12)

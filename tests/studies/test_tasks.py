@@ -27,7 +27,7 @@ MODELS = {**jobs.MODELS, "rattle map": MAP, "design": DESIGN}
 SENT = {
     "threshold": {"judged": 4, "rattles_exactly": 8, "border": 2, "extremum": 1},
     "run-up": {"_runs": 2},
-    "design": {"searched": 4, "search_chunk": 1},
+    "design": {"judged": 4, "search_chunk": 1},
     "backbone": {"_followed": 2},
     "self-excited": {"_line_from": 1, "cycle_from": 1},
     "rattle map": {"_judge_piece": 1, "_changes_from": 8, "_locus_of": 1, "_look": 4},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, NamedTuple
@@ -33,7 +33,7 @@ from gapwalk.notebook import Shown
 from gapwalk.orbit.find import carry, find_orbit
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.picture_parts import Bar, Line, NamedCurve, Parts, Picture, Shade, pictured
-from gapwalk.pieces import tell, workers_around
+from gapwalk.pieces import stage, workers_around
 from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
 
 # The least change of some parameters that reaches all goals, found by gradients and proved on the new response.
@@ -48,9 +48,8 @@ _TRUST, _WIDEST = 0.1, 0.5  # radius of the trust region, in relative changes
 _DONE = 1e-6  # relative changes, and missing margins relative to the safety margin, that no longer count
 _NARROWEST = 1e-5  # radius at which a search is stuck
 _HOPELESS = 1.5  # ratio to the least change known at which a search that still misses goals is given up
-# designs that a search still tries, as a rule; largest step of a response without gaps; steps of `SettledCurve` between
-# two values at which a new train is settled
-_MORE, _SMOOTH, _WATCHED = 4, 0.2, 8
+# largest step of a response without gaps; steps of `SettledCurve` between two values at which a new train is settled
+_SMOOTH, _WATCHED = 0.2, 8
 _ACCEPTED, _GOOD = 0.05, 0.7  # shares of the predicted decrease
 
 
@@ -134,30 +133,27 @@ class LeastChangeOptions(Bounded):
     walk: WalkOptions = COARSE  #: Options of the walks.
 
 
-class Searched(NamedTuple):
-    """A route that was searched for with some least change known, and where it would have been given up for another."""
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """A design that a search has tried: its margins, or why it could not be judged."""
 
-    route: Route
-    is_given_up: bool  #: True if it was given up.
-    begun: float  #: Size of the first change.
-    #: Size and missing margin after each step, and the route if it was given up there.
-    steps: tuple[tuple[float, float, Route], ...]
+    needs: tuple[Need, ...] = ()  #: Its margins.
+    failure: str = ""  #: Why it could not be judged; otherwise empty.
 
-    def for_known(self, known: float) -> Route | None:
-        """Return the route with another least change known; None if it must be searched for again."""
-        is_near = self.begun < known  # a further start begins beyond, and comes nearer first
-        for size, missing, given_up in self.steps:
-            if is_near and missing > 0.0 and size > _HOPELESS * known:
-                return given_up
-            is_near = is_near or size < known
-        return None if self.is_given_up else self.route
+
+class _Asked(NamedTuple):
+    """A design that is to be judged: its relative changes, the ways of the goals, and the leads of the one before."""
+
+    u: NDArray[np.float64]
+    ways: tuple[str, ...]
+    leads: tuple[Orbit, ...]
 
 
 class _Judged(NamedTuple):
-    """A design: its relative changes, the first orbits of its responses by their structures, and all margins."""
+    """A design: its relative changes, the first orbit of the response for each goal, and all margins."""
 
     u: NDArray[np.float64]
-    leads: dict[Structure, Orbit]
+    leads: tuple[Orbit, ...]
     needs: list[Need]
 
     @property
@@ -269,46 +265,103 @@ class DesignProblem:
 
     def route(self, ways: tuple[str, ...], start: int, known: float = math.inf) -> Route:
         """Search for the least change in one way."""
-        return self.searched((ways, start, known)).route
+        begun = _Search(self, ways, start)
+        while (route := begun.ended(known)) is None:
+            begun.take(self.judged(begun.ahead))
+        return route
 
-    def searched(self, piece: tuple[tuple[str, ...], int, float]) -> Searched:
-        """Search for the least change in one way; a piece of work for any process."""
-        ways, start, known = piece
-        u = self.starts()[start - 1] if start else np.zeros(len(self.changes))
-        search, begun = _Search(self, ways, known), self.size(u)
-
-        def told(steps: int, found: _Judged, *, is_given_up: bool) -> Route:
-            worst = min(found.needs, key=lambda need: need.margin, default=None)
-            words = worst.words if worst is not None else ""
-            if is_given_up:
-                words += f"; given up: its change is more than {_HOPELESS:g} times the smallest known"
-            is_missing = found.missing > max(_DONE * self.options.margin, EXACT)
-            missing = found.missing if is_missing else 0.0
-            return Route(ways, start, self._values(found.u), self.size(found.u), missing, steps, words)
-
+    def judged(self, asked: _Asked) -> _Judged | str:
+        """Walk the responses of a design and judge them, or return why that failed; a piece of work for any process."""
+        many, needs = len(self.goals), list[Need]()
         try:
-            found = search.run(u)
-            route = told(search.steps, found, is_given_up=search.is_given_up)
+            responses = self._responses(asked)
+            for k, (goal, way, response) in enumerate(zip(self.goals, asked.ways, responses, strict=True)):
+                with stage(k / many, (k + 1) / many):
+                    needs += goal.needs(response, way, self.options.margin)
         except (NumericalError, ModelError) as error:
-            route = Route(ways, start, self._values(u), begun, math.inf, search.steps, str(error))
-        steps = [(self.size(now.u), now.missing, told(steps, now, is_given_up=True)) for steps, now in search.trace]
-        return Searched(route, search.is_given_up, begun, tuple(steps))
+            return str(error)
+        return _judged(asked.u, responses, needs)
 
-    def routes(self, found: Sequence[Route] = ()) -> Iterator[Route]:
-        """Yield the routes after those that were found."""
-        queue = _RouteQueue(self, list(found))
-        for number, searched in workers_around().each(self.searched, queue):
-            ways, start, known = queue[number]
-            route = searched.for_known(known)
-            queue.found.append(route or self.route(ways, start, known))
-            yield queue.found[-1]
+    def _responses(self, asked: _Asked) -> list[LocalResponse]:
+        """Return the response of a design for each goal; goals that are judged on one system share it."""
+        found: dict[Structure, LocalResponse] = {}
+        posed = [self._posed(goal, asked.ways) for goal in self.goals]
+        for place, system in enumerate(posed):
+            if system.structure not in found:
+                lead = asked.leads[place] if asked.leads else self._first(system)
+                # without what it has cached, which depends on the process that has found it
+                found[system.structure] = self.response(asked.u, replace(lead))
+        return [found[system.structure] for system in posed]
+
+    def _posed(self, goal: Goal, ways: tuple[str, ...]) -> System:
+        """Return the system on whose response a goal is judged."""
+        # Where gaps are to be quiet over the band of the goal, it is the one whose gaps keep their states: the motion
+        # that is looked for is the same, and it is judged without the rattle that the design is to remove.
+        system = self.lead.system
+        for other, way in zip(self.goals, ways, strict=True):
+            if other is goal or _covers(other.band, goal.band):
+                system = other.posed(system, way)
+        return system
+
+    def _first(self, posed: System) -> Orbit:
+        """Return the orbit at the beginning of the range of the present design, with the structure of another system.
+
+        Newton's method from the present orbit finds it at once where that motion is already as the goal wants it.
+        """
+        lead = self.lead
+        if posed.structure == lead.system.structure:
+            return lead
+        try:
+            return find_orbit(posed, lead.period, lead.state)
+        except NumericalError:
+            return find_orbit(posed, lead.period)
+
+    def count(self, found: Sequence[Route]) -> int:
+        """Return the number of routes: all ways from the present design, then the two best from further starts."""
+        many = len(self.ways())
+        return many + min(many, 2) * self.options.starts * (len(found) >= many)
+
+    def routes(
+        self, routes: Sequence[Route] = (), tried: Mapping[int, Tried] | None = None
+    ) -> Iterator[Route | tuple[int, Tried]]:
+        """Yield each design that is tried, with its number, and each route, after those that were found before."""
+        found, begun, workers = list(routes), dict[int, _Search](), workers_around()
+        while (first := len(found)) < self.count(found):
+            for number in range(first, self.count(found)):
+                if number not in begun:
+                    begun[number] = self._begun(number, found, tried or {})
+            if route := begun[first].ended(_least(found)):
+                found.append(route)
+                yield route
+                continue
+            now = [(number, each) for number, each in sorted(begun.items()) if number >= first and each.asked]
+            now = now[: getattr(workers, "count", 1)]
+            for index, judged in workers.each(self.judged, [each.ahead for _, each in now]):
+                number, asking = now[index]
+                place = number * self.options.steps + asking.steps
+                asking.take(judged)
+                yield place, Tried(failure=judged) if isinstance(judged, str) else Tried(tuple(judged.needs))
+
+    def _begun(self, number: int, found: Sequence[Route], tried: Mapping[int, Tried]) -> _Search:
+        """Return a search, after the designs that it has tried before."""
+        ways, start = self.ways(), 0
+        if number >= len(ways):
+            best = sorted(found[: len(ways)], key=lambda route: (route.missing, route.change))[:2]
+            start, which = divmod(number - len(ways), len(best))
+            begun = _Search(self, best[which].ways, start + 1)
+        else:
+            begun = _Search(self, ways[number], 0)
+        while (asked := begun.asked) and (known := tried.get(number * self.options.steps + begun.steps)):
+            begun.take(known.failure or _judged(asked.u, self._responses(asked), [*known.needs]))
+        return begun
 
     def relative(self, values: Sequence[float]) -> NDArray[np.float64]:
         """Return the relative changes of some values of the parameters."""
         now = np.array([self.lead.system[name] for name in self.names])
         return (np.array(values) - now) / self.scales
 
-    def _values(self, u: NDArray[np.float64]) -> tuple[float, ...]:
+    def values(self, u: NDArray[np.float64]) -> tuple[float, ...]:
+        """Return the values of the parameters with some relative changes."""
         system = self.system_at(u)
         return tuple(system[name] for name in self.names)
 
@@ -317,42 +370,68 @@ def _covers(band: tuple[float, float] | None, other: tuple[float, float] | None)
     return band is not None and other is not None and band[0] <= other[0] and other[1] <= band[1]
 
 
-class _RouteQueue(Sequence[tuple[tuple[str, ...], int, float]]):
-    """Ways, start, and the least change known, of the routes after those that were found; some are known later."""
+def _least(found: Sequence[Route]) -> float:
+    return min((route.change for route in found if route.is_reached), default=math.inf)
 
-    def __init__(self, problem: DesignProblem, found: list[Route]) -> None:
-        self.found, self._first, self._ways = found, len(found), problem.ways()
-        self._starts = problem.options.starts
 
-    def __len__(self) -> int:
-        many = len(self._ways)
-        if len(self.found) >= many:
-            many += min(many, 2) * self._starts
-        return many - self._first
-
-    def __getitem__(self, number: Any) -> Any:
-        # First come all ways from the present design, then the two best of them from further starts.
-        place, many = self._first + number, len(self._ways)
-        known = min((route.change for route in self.found[:place] if route.is_reached), default=math.inf)
-        if place < many:
-            return self._ways[place], 0, known
-        best = sorted(self.found[:many], key=lambda route: (route.missing, route.change))[:2]
-        start, which = divmod(place - many, len(best))
-        return best[which].ways, start + 1, known
+def _judged(u: NDArray[np.float64], responses: Sequence[LocalResponse], needs: list[Need]) -> _Judged:
+    return _Judged(u, tuple(each.lead for each in responses), needs)
 
 
 class _Search:
-    """Sequential quadratic programming for one way of reaching the goals."""
+    """Sequential quadratic programming for one way of reaching the goals: it asks for one judged design at a time."""
 
-    def __init__(self, problem: DesignProblem, ways: tuple[str, ...], known: float = math.inf) -> None:
-        self.problem, self.ways, self.known, self.steps, self.is_given_up = problem, ways, known, 0, False
+    def __init__(self, problem: DesignProblem, ways: tuple[str, ...], start: int) -> None:
+        self.problem, self.ways, self.start, self.steps = problem, ways, start, 0
         self.weights, self.bounds = problem.weights, problem.bounds
         self.trace: list[tuple[int, _Judged]] = []  # the steps so far, and the design that was best then
+        self.begun = problem.starts()[start - 1] if start else np.zeros(len(problem.changes))
+        self._run, self._end = self.run(self.begun), _Judged(self.begun, (), [])
+        self.asked: _Asked | None = next(self._run)
 
-    def run(self, u: NDArray[np.float64]) -> _Judged:
-        """Return the best design that was found."""
-        now, radius, penalty = self.judged(u, {}), _TRUST, _PENALTY
-        is_near = self.problem.size(u) < self.known  # a further start begins beyond, and comes nearer first
+    @property
+    def ahead(self) -> _Asked:
+        """The design that it asks for."""
+        assert self.asked is not None
+        return self.asked
+
+    def take(self, judged: _Judged | str) -> None:
+        """Go on with the design that was asked for, or with why it could not be judged."""
+        self.steps += 1
+        try:
+            self.asked = self._run.send(judged)
+        except StopIteration as end:
+            self.asked, self._end = None, end.value
+
+    def ended(self, known: float) -> Route | None:
+        """Return the route with some least change known; None while it goes on."""
+        is_near = self.problem.size(self.begun) < known  # a further start begins beyond, and comes nearer first
+        for steps, now in self.trace:
+            size = self.problem.size(now.u)
+            if is_near and now.missing > 0.0 and size > _HOPELESS * known:
+                reason = f"; given up: its change is more than {_HOPELESS:g} times the smallest known"
+                return self._told(now, steps, reason)
+            is_near = is_near or size < known
+        if self.asked is not None:
+            return None
+        if isinstance(self._end, str):
+            return self._route(self.begun, math.inf, self.steps, self._end)
+        return self._told(self._end, self.steps)
+
+    def _told(self, found: _Judged, steps: int, more: str = "") -> Route:
+        worst = min(found.needs, key=lambda need: need.margin, default=None)
+        is_missing = found.missing > max(_DONE * self.problem.options.margin, EXACT)
+        words = (worst.words if worst is not None else "") + more
+        return self._route(found.u, found.missing if is_missing else 0.0, steps, words)
+
+    def _route(self, u: NDArray[np.float64], missing: float, steps: int, words: str) -> Route:
+        return Route(self.ways, self.start, self.problem.values(u), self.problem.size(u), missing, steps, words)
+
+    def run(self, u: NDArray[np.float64]) -> Generator[_Asked, _Judged | str, _Judged | str]:
+        """Ask for one design after another; return the best, or why the first could not be judged."""
+        now, radius, penalty = (yield _Asked(u, self.ways, ())), _TRUST, _PENALTY
+        if isinstance(now, str):
+            return now
         while self.steps < self.problem.options.steps and radius > _NARROWEST:
             step, slack = self.quadratic(now, radius, penalty)
             size = float(np.abs(step).max())
@@ -363,9 +442,8 @@ class _Search:
             predicted = self.merit(now.u, now.missing, penalty) - self.merit(now.u + step, slack, penalty)
             if size <= _DONE or predicted <= 1e-9 * self.merit(now.u, now.missing, penalty):
                 break
-            try:
-                trial = self.judged(now.u + step, now.leads)
-            except NumericalError:
+            trial = yield _Asked(now.u + step, self.ways, now.leads)
+            if isinstance(trial, str):
                 radius = 0.3 * size
                 continue
             gained = self.merit(now.u, now.missing, penalty) - self.merit(trial.u, trial.missing, penalty)
@@ -375,49 +453,8 @@ class _Search:
                 radius = 0.4 * size
             if gained > _ACCEPTED * predicted:
                 now = trial
-            self.trace.append((self.steps, _Judged(now.u, {}, now.needs)))
-            if is_near and now.missing > 0.0 and self.problem.size(now.u) > _HOPELESS * self.known:
-                self.is_given_up = True
-                break
-            is_near = is_near or self.problem.size(now.u) < self.known
+            self.trace.append((self.steps, _Judged(now.u, (), now.needs)))
         return now
-
-    def judged(self, u: NDArray[np.float64], leads: dict[Structure, Orbit]) -> _Judged:
-        """Walk the responses of a design, one for each system that the goals are judged on, and judge them."""
-        tell(self.steps / (self.steps + _MORE))
-        self.steps += 1
-        problem, needs = self.problem, list[Need]()
-        responses: dict[Structure, LocalResponse] = {}
-        for goal, way in zip(problem.goals, self.ways, strict=True):
-            posed = self.posed(goal)
-            structure = posed.structure
-            if structure not in responses:
-                responses[structure] = problem.response(u, leads.get(structure) or self.first(posed))
-            needs += goal.needs(responses[structure], way, problem.options.margin)
-        return _Judged(u, {structure: each.lead for structure, each in responses.items()}, needs)
-
-    def posed(self, goal: Goal) -> System:
-        """Return the system on whose response a goal is judged."""
-        # Where gaps are to be quiet over the band of the goal, it is the one whose gaps keep their states: the motion
-        # that is looked for is the same, and it is judged without the rattle that the design is to remove.
-        system = self.problem.lead.system
-        for other, way in zip(self.problem.goals, self.ways, strict=True):
-            if other is goal or _covers(other.band, goal.band):
-                system = other.posed(system, way)
-        return system
-
-    def first(self, posed: System) -> Orbit:
-        """Return the orbit at the beginning of the range of the present design, with the structure of another system.
-
-        Newton's method from the present orbit finds it at once where that motion is already as the goal wants it.
-        """
-        lead = self.problem.lead
-        if posed.structure == lead.system.structure:
-            return lead
-        try:
-            return find_orbit(posed, lead.period, lead.state)
-        except NumericalError:
-            return find_orbit(posed, lead.period)
 
     def merit(self, u: NDArray[np.float64], missing: float, penalty: float) -> float:
         """Return the measure that each step decreases."""

@@ -608,7 +608,7 @@ class BandEnd:
     #: ``end of the range``; ``between samples`` if motions without a branch lie on either side; ``seldom parts
     #: beyond`` where the next motion has no period, and the gap did not part as long as it was watched.
     kind: str
-    error: float = 0.0  #: Estimated error of the value.
+    error: float = 0.0  #: Estimated error of the value; with ``seldom parts beyond``, that of the step alone.
     special: SpecialPoint | None = None  #: The special point; None if there is none.
     movers: tuple[Mover, ...] = ()  #: Parameters that move it, those that move it most first.
 
@@ -735,15 +735,20 @@ def _spans_of_lanes(sweep: SettledSweep, gap: str) -> list[GapSpan]:
     return [GapSpan(low, high, state) for (low, high), state in zip(pairwise(ends), kept, strict=True)]
 
 
-def seldom(sweeps: Sequence[SettledSweep], gap: str) -> str | None:
-    """Say how seldom a gap parts where it nearly did, in motions without period; None if there are none."""
-    found = [
+def unsure(sweeps: Sequence[SettledSweep], gap: str) -> list[LaneMotion]:
+    """Return the motions without period in which a gap nearly parted, and did not as long as they were watched."""
+    return [
         motion
         for sweep in sweeps
         if sweep.lanes
         for motion, label in zip(sweep.lanes, labels_along(sweep.lanes, sweep.contacts, gap), strict=True)
         if label.seldom
     ]
+
+
+def seldom(sweeps: Sequence[SettledSweep], gap: str) -> str | None:
+    """Say how seldom a gap parts where it nearly did, in motions without period; None if there are none."""
+    found = unsure(sweeps, gap)
     if not found:
         return None
     low, high = (pick(motion.value for motion in found) for pick in (min, max))

@@ -33,6 +33,7 @@ from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
 from gapwalk.model.words import between_words
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.pieces import tell_stage
 
 # One response over a range of a parameter, and how its points move when other parameters change.
 #
@@ -72,7 +73,12 @@ class LocalResponse:
     @cached_property
     def walked(self) -> Branch:
         """The branch as far as it was walked."""
-        return follow(self.lead, self.parameter, self.end, walk=self.walk)
+        begin = self.system[self.parameter]
+
+        def told(point: BranchPoint, _: object) -> None:
+            tell_stage((point.value - begin) / (self.end - begin))
+
+        return follow(self.lead, self.parameter, self.end, walk=self.walk, report=told)
 
     @cached_property
     def branch(self) -> Branch:

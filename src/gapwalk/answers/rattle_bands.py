@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from gapwalk.answers.gap_states import (
     RANGE,
+    SELDOM,
     BandEnd,
     Direction,
     GapSpan,
@@ -31,6 +32,7 @@ from gapwalk.answers.gap_states import (
     lane_states,
     spans_of,
     state_of,
+    unsure,
 )
 from gapwalk.answers.lane_sweep import started_piece
 from gapwalk.answers.shown_measure import moved_by
@@ -72,6 +74,7 @@ NOT_PERIODIC = "not periodic"
 _RANKED = {"approach": "fastest impacts", "rms": "largest acceleration", "peak": "largest force"}
 _COLUMNS = {"approach": 12, "peak": 11}  # their columns, which are not left out
 _SHOWN = 3  # movers of an end in the summary
+_MILDER = 0.9  # ratio of the ranks of a milder motion and the worst, up to which it is reported
 _LIKE = 0.98  # ratio of two accelerations above which they are those of one motion
 _OFTEN = 0.2  # share of periods in which a gap parts, up to which that is seldom
 _LISTED = 12  # rows of severity in the summary
@@ -183,6 +186,9 @@ class RattleBands(Shown):
         left = len(bands) - len(widest)
         more = f", and in {left} narrower band{'s' * (left > 1)}" if left else ""
         text = f"{gap} rattles {ranges}{more}"
+        if any(end.kind == SELDOM for band in widest for end in (band.low, band.high)):
+            periods = min(motion.watched for motion in unsure(self.sweeps, gap))
+            text += f" (beyond, it did not separate in {periods} observed forcing periods, but may do so more rarely)"
         worst = next((each for each in self.worst if each.severity.gap == gap), None)
         if worst is None:
             return text
@@ -207,7 +213,33 @@ class RattleBands(Shown):
             parts.append(worst.motion or NOT_PERIODIC)
         where = "near" if about else "at"
         text += f"; worst {where} {self._value(severity.value)}: {', '.join(parts)}"
-        return f"{text} ({worst.words})" if worst.starts else text
+        text += f" ({worst.words})" if worst.starts else ""
+        return text + self._beside(severity)
+
+    def _beside(self, worst: Severity) -> str:
+        """Say which milder motion other sweeps meet at the value of the worst motion; empty if none does."""
+        rows: dict[str, list[Severity]] = {}
+        for row in self.severities:
+            if row.gap == worst.gap and row.met != worst.met:
+                rows.setdefault(row.met, []).append(row)
+        met = [(name, [each.value for each in own], own) for name, own in rows.items()]
+        near = [
+            (_rank(row), name, row)
+            for name, values, own in met
+            if min(values) <= worst.value <= max(values)
+            for row in [min(own, key=lambda each: abs(each.value - worst.value))]
+            if abs(row.value - worst.value) <= _APART * (self.within[1] - self.within[0])
+        ]
+        rank, name, row = min(near, default=(math.inf, "", worst), key=lambda each: each[0])
+        if rank > _MILDER * _rank(worst):
+            return ""
+        found = f"; a milder motion exists there too (met {name})"
+        if not row.state.rattles:
+            return found.replace("milder motion", f"motion in which {row.gap} is {row.state}")
+        key, units = _key([row]), self.system.units
+        unit = units.signal({"rms": row.part, "peak": f"{row.gap}.force"}.get(key, "'"))[1] if units else ""
+        what = {"rms": "rms acceleration", "peak": "peak force", "approach": "impacts at"}[key]
+        return f"{found}: {what} about {_plain(rank, 3)} {unit}".rstrip()
 
     def _moved(self, end: BandEnd, count: int) -> str:
         """Write the parameters that move an end most, with their percent per percent."""
@@ -239,6 +271,7 @@ class RattleBands(Shown):
             for name, end in (("from", band.low), ("to", band.high)):
                 movers = self._moved(end, _SHOWN)
                 error = f"{end.error:{'.0e' if end.error < 1.0 else '.3g'}}" if end.error else ""
+                error = f">= {error}" if end.kind == SELDOM else error
                 what = ", ".join(band.states) if name == "from" else ""
                 head = (band.gap, band.met) if name == "from" else ("", "")
                 rows.append((*head, name, f"{end.value:.8g}", error, end.kind, movers, what))
@@ -345,7 +378,9 @@ class RattleBands(Shown):
 
 
 def _end_words(end: BandEnd, text: str) -> str:
-    """Write an end of a band: with its error where that exceeds the rounding of its text."""
+    """Write an end of a band: with its error where that exceeds the rounding of its text, and is more than a step."""
+    if end.kind == SELDOM:
+        return f"about {text}"
     is_vague = end.error > max(abs(float(text) - end.value), 5e-7 * abs(end.value))
     return with_error(end.value, end.error) if is_vague else text
 

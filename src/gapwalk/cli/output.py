@@ -19,7 +19,7 @@ from gapwalk.summary import SummaryParts, printable, render
 DONE, BUG, BAD_INPUT, FAILED, DIFFERENT, BROKEN, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 4, 5, 130, 143
 is_quiet = False
 """Only errors, and JSON, are printed; set by `guard` for each command."""
-_WIDTH = 1000  # of text to a file or a pipe, where tables are not folded
+_WIDTH, _LOGGED = 100, 1000  # of text to a pipe where no terminal and no COLUMNS tells it; of a message to a log
 
 
 class _Screen(Console):
@@ -29,9 +29,10 @@ class _Screen(Console):
 
 
 def console(*, stderr: bool = False) -> Console:
-    """Create a console that prints text unchanged, without markup."""
-    stream = sys.stderr if stderr else sys.stdout
-    width = None if stream.isatty() else _WIDTH
+    """Create a console that prints text unchanged, without markup; into a pipe as wide as on the terminal beside it."""
+    is_known = (sys.stderr if stderr else sys.stdout).isatty()
+    is_known |= not stderr and ("COLUMNS" in os.environ or sys.stderr.isatty())
+    width = None if is_known else _LOGGED if stderr else _WIDTH
     quiet = is_quiet and not stderr
     return _Screen(stderr=stderr, markup=False, emoji=False, highlight=False, width=width, quiet=quiet)
 

@@ -174,12 +174,13 @@ class _Reached:
             self._most, self._since, self._left = pace.share, now, pace.left or 0.0
         self._line.complete(self._most)
         left = self._left - (now - self._since)
-        if self._most < 0.005:
-            return self.place or self._plan
+        if not self._most:
+            return self.place or (f"{self._plan}  0 %" if self._begun else self._plan)
         if pace.done == pace.total:
             return f"{pace.total} of {pace.total}  100 %  the result is put together and checked"
-        told = f"{self.place or f'{pace.done} of {pace.total}  ' * (pace.total > 1)}{100 * self._most:.0f} %"
-        told += f"  about {duration(left)} left" * (left >= 0.5 and self._most >= 0.01)
+        parts, digits = f"{pace.done} of {pace.total}  " * (pace.total > 1), int(self._most < 0.01)
+        told = f"{self.place or parts}{100 * self._most:.{digits}f} %"
+        told += f"  about {duration(left)} left" * (left >= 0.5 and (self._most >= 0.01 or now - self._begun > _AGAIN))
         return f"{told}  {self.best}".rstrip()
 
 

@@ -5,6 +5,7 @@ Of each kind there is first a coarse picture at once, from what the last one has
 
 from __future__ import annotations
 
+import _thread
 import asyncio
 import math
 import signal
@@ -14,6 +15,7 @@ from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
+from queue import SimpleQueue
 from typing import Any
 
 from gapwalk.attractors.basins import BasinShares
@@ -132,27 +134,73 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+class _Requests:
+    """The requests that come while the process computes; a newer one ends what cannot look for it, as Ctrl-C would."""
+
+    def __init__(self, line: Any) -> None:
+        self._line, self._all, self._newer = line, SimpleQueue[Any](), threading.Event()
+        self.ends_work = False
+        signal.signal(signal.SIGINT, self._end)
+        threading.Thread(target=self._read, name="gapwalk-live-requests", daemon=True).start()
+
+    def next(self) -> Any:
+        """Wait for a request, and return the newest; None once the server has ended, whose end of the pipe closes."""
+        found = self._all.get()
+        self._newer.clear()
+        while not self._all.empty():
+            found = self._all.get()
+        return found
+
+    def is_newer(self, seconds: float) -> bool:
+        """Return True as soon as there is a newer request, False if none comes within a time."""
+        return self._newer.wait(seconds)
+
+    def _read(self) -> None:
+        asked: Any = 0
+        while asked is not None:
+            try:
+                asked = self._line.recv()
+            except (EOFError, OSError):
+                asked = None
+            self._all.put(asked)
+            self._newer.set()
+            if self.ends_work:
+                _thread.interrupt_main()
+
+    def _end(self, *_: object) -> None:
+        if self.ends_work and self._newer.is_set():
+            self.ends_work = False
+            raise KeyboardInterrupt
+
+
 def work(line: Any) -> None:
     """Answer what is asked for, one after the other: the main function of the process."""
-    # It looks for a newer request after each point, and ends with its server, whose end of the pipe then closes.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     known: Known = {}
-    with suppress(EOFError, OSError):
-        while True:
-            asked = line.recv()
-            while line.poll():
-                asked = line.recv()
+    requests = _Requests(line)
+    with suppress(OSError):
+        while (asked := requests.next()) is not None:
             if not isinstance(asked, Asked):
                 line.send((asked, None))
                 continue
             line.send((asked.number - 1, None))  # those before are left
-            for news in answers(asked, known):
-                if news:
-                    line.send((asked.number, news))
-                is_next_long = "end" in news and news["of"] != asked.kinds[-1]  # shares are not given up midway
-                if line.poll(_QUIET if is_next_long else 0.0):
-                    break
+            with suppress(KeyboardInterrupt):
+                try:
+                    _answer(line, asked, known, requests)
+                finally:
+                    requests.ends_work = False
             line.send((asked.number, None))
+
+
+def _answer(line: Any, asked: Asked, known: Known, requests: _Requests) -> None:
+    """Answer a request until there is a newer one: it is looked for after each point, and ends the work on shares."""
+    for news in answers(asked, known):
+        requests.ends_work = False
+        if news:
+            line.send((asked.number, news))
+        is_next_long = "end" in news and news["of"] != asked.kinds[-1]
+        if requests.is_newer(_QUIET if is_next_long else 0.0):
+            return
+        requests.ends_work = asked.kinds[-1] == LiveShares.key and (is_next_long or "coarse" in news)
 
 
 class LiveAnswers:

@@ -22,7 +22,7 @@ from gapwalk.explorer.server_state import Session
 from gapwalk.explorer.workspace_folder import MODEL, Workspace, plan_words
 from gapwalk.model.doubts import doubts_of
 from gapwalk.model.model_file import check_model
-from gapwalk.model.model_source import MAX_BYTES, Source, parse_source, value_spans
+from gapwalk.model.model_source import MAX_BYTES, Source, parse_source, read_source, value_spans
 from gapwalk.model.problems import ModelFileError, Problem
 from gapwalk.model.problems import Path as Place
 from gapwalk.model.system import System
@@ -83,7 +83,7 @@ def numbers_of(source: Source, system: System | None) -> Iterator[dict[str, Any]
             continue
         words = name if system is None else quantity_words([name], system)[0]["words"]
         if unit := rest.strip():  # as it is written, which may be another one than that of results
-            words = f"{_UNIT.sub('', words)} [{unit}]"
+            words = _in_unit(words, unit)
         yield {
             "name": name,
             "words": words,
@@ -93,6 +93,27 @@ def numbers_of(source: Source, system: System | None) -> Iterator[dict[str, Any]
             "begin": begin + match.start(),
             "end": begin + match.end(),
         }
+
+
+def _in_unit(words: str, unit: str) -> str:
+    """Return the title of a quantity with another unit."""
+    return f"{_UNIT.sub('', words)} [{unit}]"
+
+
+def about(session: Session, name: str) -> dict[str, Any]:
+    """Return what `Session.about` does, and of parameters with another unit in the file their title and its size."""
+    found, exploration = session.about(name), session.reopen(name)
+    system = exploration.studies[0].system
+    if system.units is None or exploration.file.suffix != MODEL or found["problem"]:
+        return found
+    numbers = numbers_of(read_source(exploration.file, str(session.workspace.root)), system)
+    written = {each["name"]: each["unit"] for each in numbers}
+    for each in found["parameters"]:
+        parameter, unit = each["name"], written.get(each["name"])
+        if unit and unit != system.units.parameter(parameter):
+            size = system.units.read(parameter, f"1 {unit}")
+            each |= {"written": _in_unit(each["words"], unit), "size": size}
+    return found
 
 
 def _parameter_name(path: Place, data: Mapping[str, Any], names: Mapping[str, float] | None) -> str:

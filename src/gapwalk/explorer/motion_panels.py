@@ -24,7 +24,7 @@ from gapwalk.attractors.section import points_of, strobe
 from gapwalk.attractors.settle import Settled
 from gapwalk.attractors.spectrum import spectrum
 from gapwalk.bifurcation.loci import Codim2Point, LocusPoint
-from gapwalk.bifurcation.loci.gradient import Gradient, gradient, moving_names
+from gapwalk.bifurcation.loci.gradient import Gradient, gradient, main_movers, moving_names
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, at_once, words_of
 from gapwalk.continuation.curve_points import BranchPoint
 from gapwalk.ensemble.batch_flow import state_at_rest
@@ -389,24 +389,38 @@ def gradient_content(found: Gradient) -> dict[str, Any]:
     shares, values = found.elasticities, found.values
     doubts = np.abs(found.errors * values / special.value)
     largest = float(np.nanmax(np.abs(shares), initial=0.0))
+    places, moves = {name: k for k, name in enumerate(found.names)}, (found.slopes * values).tolist()
+    listed = main_movers(special.orbit.system, dict(zip(found.names, moves, strict=True)))[:_MOST]
+
+    def row(name: str, move: float) -> dict[str, Any]:
+        k = places.get(name)
+        if k is None:  # the orders of one torque together, which nothing turns
+            share = _plain(move / special.value if special.value else math.nan)
+            return {
+                "name": name,
+                "words": f"{name}, all its orders",
+                "unit": "",
+                "value": None,
+                "move": move,
+                "share": share,
+            }
+        is_moved = abs(shares[k]) > _NOTHING * largest
+        return {
+            "name": name,
+            "words": parameter_words(name, units),
+            "unit": units.parameter(name) if units else "",
+            "value": float(values[k]),
+            "slope": _plain(found.slopes[k] if is_moved else 0.0),
+            "share": _plain(shares[k] if is_moved else 0.0),
+            "doubtful": bool(doubts[k] > _FAINT * largest),
+        }
+
     return {
         "parameter": parameter,
         "symbol": parameter_symbol(parameter),
         "unit": units.parameter(parameter) if units else "",
         "at": special.value,
-        "rows": [
-            {
-                "name": found.names[k],
-                "words": parameter_words(found.names[k], units),
-                "unit": units.parameter(found.names[k]) if units else "",
-                "value": float(values[k]),
-                "slope": _plain(found.slopes[k] if abs(shares[k]) > _NOTHING * largest else 0.0),
-                "share": _plain(shares[k] if abs(shares[k]) > _NOTHING * largest else 0.0),
-                "doubtful": bool(doubts[k] > _FAINT * largest),
-            }
-            for k in found.distinct[:_MOST]
-            if not _DIRECTION.search(found.names[k])
-        ],
+        "rows": [row(name, move) for name, move in listed if not _DIRECTION.search(name)],
     }
 
 

@@ -36,7 +36,7 @@ from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.explorer.answer_view import AnswerView, drawn_on_paper
 from gapwalk.explorer.diagram_lines import MEASURE, quantity
 from gapwalk.explorer.engine import Engine
-from gapwalk.explorer.model_editor import checks, edit
+from gapwalk.explorer.model_editor import about, checks, edit
 from gapwalk.explorer.motion_panels import (
     GradientWork,
     Quantities,
@@ -317,7 +317,7 @@ class _Api:
     async def about(self, request: Request) -> Response:
         """Return the description of a file."""
         name = _text(request, "file")
-        return _Json(await asyncio.to_thread(self.session.about, name))
+        return _Json(await asyncio.to_thread(about, self.session, name))
 
     async def curve(self, request: Request) -> Response:
         """Return a branch, or a settled motion, as arrays."""

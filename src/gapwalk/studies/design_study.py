@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field
+from statistics import mean
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from annotated_types import Ge, Le
 from pydantic import AfterValidator, Field, ValidationInfo
 
-from gapwalk.answers.design import Change, Design, DesignProblem, LeastChangeOptions, Route, first_orbit, proved
+from gapwalk.answers.design import Change, Design, DesignProblem, LeastChangeOptions, Route, Tried, first_orbit, proved
 from gapwalk.answers.goals import AnyGoal, NoPoint, PeakBelow, Quiet, Resonance, peak_signal
 from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.errors import ModelError
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
 
 
 ROUTE = Part("search", Route, numbered=True)
+TRIED = Part("tried", Tried, numbered=True)
+_USUAL, _PROOF = 8, 3  # designs that a search tries as a rule; as many take as long as the proof
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +173,7 @@ class DesignStudy(RangeStudy):
     """
 
     kind: ClassVar[str] = "design"
-    stored: ClassVar[tuple[Part, ...]] = (ROUTE,)
+    stored: ClassVar[tuple[Part, ...]] = (ROUTE, TRIED)
     answer: ClassVar[Part | None] = Part("design", Design)
     arguments: ClassVar[tuple[str, ...]] = ("changes", "goals", "parameter", "to")
     call_types: ClassVar[Mapping[str, tuple[Any, Any, str]]] = {
@@ -258,8 +262,9 @@ class DesignStudy(RangeStudy):
     def do(self, job: Job) -> Generator[Found]:
         """Do the remaining searches; then prove the best."""
         problem = self._problem(job)
-        for route in problem.routes(job.all(ROUTE)):
-            yield job.keep(ROUTE, route, len(job.known[ROUTE]))
+        for found in problem.routes(job.all(ROUTE), dict(job.known[TRIED])):
+            part, number, value = (ROUTE, len(job.known[ROUTE]), found) if isinstance(found, Route) else (TRIED, *found)
+            yield job.keep(part, value, number)
         yield job.end(proved(problem, job.all(ROUTE), self.search_values, self.search))
 
     def _problem(self, job: Job) -> DesignProblem:
@@ -269,15 +274,31 @@ class DesignStudy(RangeStudy):
             "problem", lambda: DesignProblem(lead, self.parameter, self.end, self.changes, self.goals, self.finding)
         )
 
+    def _steps(self, job: Job) -> list[int]:
+        """Return the designs that each search has tried, those of finished searches first."""
+        ended, begun = job.all(ROUTE), Counter(number // self.finding.steps for number in job.known[TRIED])
+        return [*(route.steps for route in ended), *(begun[k] for k in range(len(ended), max(begun, default=0) + 1))]
+
+    def done(self, job: Job) -> int:
+        """Return the number of designs that were tried."""
+        return sum(self._steps(job))
+
     def total(self, job: Job) -> int:
-        """Return the number of parts."""
-        ways = len(self._problem(job).ways())
-        return ways + min(ways, 2) * self.finding.starts + 1
+        """Return the number of designs to be tried and proved; of a search that goes on, as many as of others."""
+        if self.is_complete(job):
+            return self.done(job) + _PROOF
+        ended, ways = job.all(ROUTE), len(self._problem(job).ways())
+        usual = max(1, round(mean([route.steps for route in ended]))) if ended else _USUAL
+        left = ways + min(ways, 2) * self.finding.starts - len(ended)
+        going = self._steps(job)[len(ended) :]
+        ahead = sum(max(usual, steps + 2) for steps in going) + usual * max(left - len(going), 0)
+        return sum(route.steps for route in ended) + (ahead if left else 0) + _PROOF
 
     def words_so_far(self, parts: Sequence[Any], total: int) -> str:
         """See `StudyKind.words_so_far`."""
         routes = [each for each in parts if isinstance(each, Route)]
-        doing = f"search {len(routes) + 1} of {total - 1}" if len(routes) < total - 1 else "proof of the best design"
+        is_last = total == sum(route.steps for route in routes) + _PROOF
+        doing = "proof of the best design" if is_last else f"search {len(routes) + 1}"
         best = min((each for each in routes if each.is_reached), key=lambda each: each.change, default=None)
         if best is not None:
             return f"{doing}; best so far: norm of the relative changes {best.change:.3g}"

@@ -164,10 +164,15 @@ class LiveResponse(LiveAnswer):
 
     def _walk(self, system: System, until: float) -> Iterator[BranchPoint | Band | str]:
         """Yield the points of the walk, what settles where it gives up, and why it ended before its range did."""
+        # where many gaps rattle, to look for an orbit that is not there takes seconds to minutes
+        curve = SettledCurve.of(system, self.parameter, self.within) if self.start is None else None
+        settled = None if curve is None else curve.at(0)
         try:
-            start, method = self._first(system)
+            if settled is not None and settled.period != self.period:
+                raise ConvergenceError(f"the motion that settles does not have the period {self.period}")
+            start, method = self._first(system, "settle" if settled is None else settled.state)
         except NumericalError:
-            yield from self._settled(system)
+            yield from self._settled(system, first=settled)
             return
         (direction,) = directions(*self.within)
         beginning = start_branch(start, self.parameter, self.within[1], direction, method)
@@ -196,17 +201,19 @@ class LiveResponse(LiveAnswer):
         except GapwalkError:  # what does not settle here either
             yield words
 
-    def _settled(self, system: System, last: BranchPoint | None = None) -> Iterator[Band]:
+    def _settled(self, system: System, last: BranchPoint | None = None, first: Band | None = None) -> Iterator[Band]:
         """Yield what settles at the steps of the range, those beyond the last point of a walk if there is one."""
         curve = SettledCurve(system, self.parameter, self.within)
         place = 0 if last is None else curve.beyond(last.value)
-        bands = [curve.at(place, None if last is None else last.orbit.state)] if place < len(curve.values) else []
+        bands = [] if first is None else [first]
+        if first is None and place < len(curve.values):
+            bands = [curve.at(place, None if last is None else last.orbit.state)]
         while bands:
             yield from bands
             bands = curve.after(bands) if curve.beyond(bands[-1].value) < len(curve.values) else []
 
-    def _first(self, system: System) -> tuple[Orbit, Method]:
-        """Return the first motion and the method that has found it; a NumericalError if what settles has no period."""
+    def _first(self, system: System, near: str | NDArray[np.float64]) -> tuple[Orbit, Method]:
+        """Return the first motion, sought by shooting near a state, and the method that has found it."""
         with suppress(ModelError, NumericalError):
             equation = BALANCE.pose(system, None, self.period)
             if self.start is not None:
@@ -223,10 +230,4 @@ class LiveResponse(LiveAnswer):
                 equation = equation.finer()
         if self.start is not None:
             return find_orbit(system, self.period, self.start, method=SHOOTING), SHOOTING
-        curve, start = SettledCurve.of(system, self.parameter, self.within), "settle"
-        if curve is not None:  # where many gaps rattle, to look for an orbit that is not there takes minutes
-            band = curve.at(0)
-            if band.period != self.period:
-                raise ConvergenceError(f"the motion that settles does not have the period {self.period}")
-            start = band.state
-        return find_orbit(system, self.period, start, method=SHOOTING), SHOOTING
+        return find_orbit(system, self.period, near, method=SHOOTING), SHOOTING

@@ -78,17 +78,6 @@ class Gradient(Shown):
         """Indices of the parameters, from the one that moves the point most, in percent per percent, to the least."""
         return np.argsort(-np.abs(self.elasticities), kind="stable").tolist()
 
-    @property
-    def distinct(self) -> list[int]:
-        """Indices as in `order`, without factors that only repeat the amplitude of their load."""
-        # Where a load acts on one coordinate, ``harmonic1.acts_on.x`` multiplies ``harmonic1.amplitude``.
-        system, repeated = self.special.orbit.system, set[str]()
-        every = system.structure.names
-        for load in system.structure.driving if len(every) <= _MANY else ():
-            factors = [name for name in every if name.startswith(f"{load.shape}.") and system[name]]
-            repeated.update(factors if len(factors) == 1 else ())
-        return [k for k in self.order if self.names[k] not in repeated]
-
     @summarizes
     def summary(self) -> SummaryParts:
         """Return a table of the parameters, those that move the point most first."""

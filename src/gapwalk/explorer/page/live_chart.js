@@ -49,7 +49,7 @@ export class LiveChart {
   /** Take the points of the curve before, moved to new numbers. */
   move(points) {
     this.moved = { ...this.curve, ...points };
-    this.note.textContent = "moving…";
+    this.note.textContent = "moving… Coarse until it rests: it may lack a pair of folds.";
     this.place.dataset.moved = Number(this.place.dataset.moved ?? 0) + 1;
     this.draw();
   }

@@ -142,7 +142,12 @@ async function open(file, where = new URLSearchParams()) {
   const last = about.results.findLast(({ answer, branches, state }) => state === "done" && (answer || branches.length)); // a settled motion lies over it
   if (last?.answer) await showAnswer(last, !where.size);
   if (where.has("at")) chooseAddressed(where.get("at"));
-  if (!about.results.length && !about.problem && file.endsWith(".toml")) quick.show(file);
+  if (!about.results.some(isDrawn) && !about.problem && file.endsWith(".toml")) quick.show(file);
+}
+
+/** A result has something to show: one that was stopped early has nothing. */
+function isDrawn({ branches, answer, settled }) {
+  return branches.length || answer || settled;
 }
 
 /** Open a file; one that cannot be opened leaves an empty page with the reason. */
@@ -206,7 +211,7 @@ function showStatus(job, reached) {
 /** Show the results; fetch the curves that have changed. */
 async function show(results, deleted = page.deleted ?? []) {
   Object.assign(page, { results, deleted });
-  if (results.some(({ branches, answer, settled }) => branches.length || answer || settled)) quick.clear();
+  if (results.some(isDrawn)) quick.clear();
   list.show(results, page.about?.model ?? "");
   showDeleted($("deleted"), deleted, restore, clean);
   const busy = results.filter((r) => ["running", "queued", "paused"].includes(r.state));

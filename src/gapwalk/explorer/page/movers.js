@@ -87,7 +87,7 @@ export class Movers {
     }
     $("movers-knob").hidden = Boolean(found.reason);
     $("movers-text").textContent = found.reason ?? `${found.symbol} = ${short(found.at)} ${found.unit}`.trim();
-    $("movers-set").hidden = !this.turn;
+    $("movers-set").hidden = !this.turn || found.rows?.find(({ name }) => name === this.name)?.value === null;
     $("movers-table").replaceChildren(...(found.reason ? [] : [this.table()]));
     $("movers-all").hidden = Boolean(found.reason) || this.all || found.rows.length <= LISTED;
     this.changed();
@@ -103,7 +103,7 @@ export class Movers {
       line.dataset.name = row.name;
       line.className = row.name === this.name ? "chosen" : "";
       pick.setAttribute("aria-pressed", row.name === this.name);
-      pick.title = `${row.words}: ${short(row.value)} ${row.unit}`.trim();
+      pick.title = row.value === null ? row.words : `${row.words}: ${short(row.value)} ${row.unit}`.trim();
       pick.addEventListener("click", () => this.choose(row.name));
       line.insertCell().append(pick);
       const share = line.insertCell(), bar = Object.assign(document.createElement("i"), { className: row.share < 0 ? "less" : "more" });
@@ -123,7 +123,7 @@ export class Movers {
 
   /** By how much the chosen percentage of a parameter moves the point. */
   shift(row) {
-    return (row.slope * row.value * this.percent) / 100;
+    return ((row.move ?? row.slope * row.value) * this.percent) / 100;
   }
 
   turnKnob() {

@@ -61,7 +61,8 @@ export class Parameters {
 
   /** What is shown for a parameter: what stands in its field. */
   value(name) {
-    const text = this.rows.get(name)?.field.value ?? "", value = Number(text);
+    const { field, size = 1, shown } = this.rows.get(name) ?? {}, text = field?.value ?? "", value = Number(text) * size;
+    if (shown?.text === text) return shown.value; // not converted forth and back
     return text !== "" && Number.isFinite(value) ? value : this.base.get(name);
   }
 
@@ -83,22 +84,23 @@ export class Parameters {
 
   /** Mark a row whose value is not that of the file. */
   mark(name) {
-    const { row, field, words } = this.rows.get(name), other = this.value(name) !== this.file.get(name);
+    const { row, field, words, size } = this.rows.get(name), other = this.value(name) !== this.file.get(name);
     field.title = field.value; // it may have more digits than there is room for
     row.classList.toggle("changed", other);
-    row.title = other ? `${words}; ${this.file.get(name)} in the file` : words;
+    row.title = other ? `${words}; ${inUnit(this.file.get(name), size)} in the file` : words;
   }
 
   set(name, value) {
-    const { field, slider, row } = this.rows.get(name);
-    const reach = Math.abs(value) || 1;
-    Object.assign(slider, { min: value - reach, max: value + reach, step: reach / 200 });
-    slider.value = value;
-    field.value = value;
+    const known = this.rows.get(name), { field, slider } = known, written = inUnit(value, known.size);
+    const reach = Math.abs(written) || 1;
+    Object.assign(slider, { min: written - reach, max: written + reach, step: reach / 200 });
+    slider.value = written;
+    field.value = written;
+    known.shown = { text: field.value, value };
     this.mark(name);
   }
 
-  row({ name, value, words }) {
+  row({ name, value, words: title, written: words = title, size = 1 }) {
     const row = Object.assign(document.createElement("div"), { className: "parameter", title: words });
     row.dataset.name = name;
     const label = document.createElement("span");
@@ -111,8 +113,13 @@ export class Parameters {
     slider.addEventListener("input", () => { field.value = Number(Number(slider.value).toPrecision(6)); this.edited.add(name); changed(); });
     field.addEventListener("input", () => { slider.value = field.value; this.edited.add(name); changed(); });
     row.append(label, field, slider);
-    this.rows.set(name, { field, slider, row, words });
+    this.rows.set(name, { field, slider, row, words, size });
     this.set(name, value);
     return row;
   }
+}
+
+/** A value of results in the unit of the file, one of which is `size` units of results. */
+function inUnit(value, size) {
+  return size === 1 ? value : Number((value / size).toPrecision(12));
 }

@@ -53,7 +53,7 @@ export class ResultList {
       note.title = "The file has been edited since. The Python script and the result file have the model as it was.";
       li.append(note);
     }
-    if (result.message) li.append(text("div", `message ${state}`, result.message));
+    if (result.message) li.append(Object.assign(text("div", `message ${state}`, result.message), { title: result.message }));
     if (state === "running") {
       const bar = document.createElement("progress");
       bar.setAttribute("aria-label", `progress of ${result.title}`);
