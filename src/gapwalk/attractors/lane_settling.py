@@ -532,7 +532,7 @@ class _Settling:
         often = motion.parted[self.staged] / motion.watched
         is_rare = (often > 0.0) & (often < 0.5) & (not motion.period)
         within = np.where(is_rare, _WITHIN, 3.0 * LANE_ERROR) / finer * (high - low)
-        if motion.period < 2 and np.all((apart > within)[self.asked]):
+        if np.all((apart > within)[self.asked]):
             return motion
         orbit = orbit_near(start.system, motion.period, motion.state) if motion.period else None
         if orbit is None:
