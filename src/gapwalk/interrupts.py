@@ -9,14 +9,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-_LLVM = os.path.join("llvmlite", "binding")
+# LLVM would free its memory twice, and pydantic would report the interruption as a wrong schema
+_WHOLE = os.path.join("llvmlite", "binding"), os.path.join("pydantic", "plugin", "_schema_validator")
 
 
 def end_gently(number: int, frame: FrameType | None) -> None:
-    """Raise KeyboardInterrupt for a signal, but let an import and a call of LLVM end first."""
+    """Raise KeyboardInterrupt for a signal, but let an import, a call of LLVM, and a schema that is built end first."""
     while frame is not None:
         name = frame.f_code.co_filename
-        if name.startswith("<frozen importlib") or _LLVM in name:  # it would free its memory twice
+        if name.startswith("<frozen importlib") or any(part in name for part in _WHOLE):
             threading.Timer(0.02, signal.raise_signal, (number,)).start()
             return
         frame = frame.f_back
