@@ -310,7 +310,7 @@ class _Touches:
 
 
 def _sampled(line: ParameterLine, sweep: SettledSweep) -> SettledSweep:
-    """Settle some of the periodic motions that part by half the step, and say by how much their accelerations change."""
+    """Settle some periodic motions that part by half the step, and say by how much their accelerations change."""
     parting = [k for k, motion in enumerate(sweep.lanes) if motion.period and motion.parted.any()]
     chosen = parting[:: -(-len(parting) // _SAMPLE) or 1]
     motions = list(sweep.lanes)
