@@ -56,6 +56,8 @@ bar = 1e5 pascal
 psi = pound_force / inch ** 2
 """
 
+_ROWS = [line.split(" = ") for line in _DEFINITIONS.strip().splitlines()]
+_KNOWN = "known are " + ", ".join((*row, *row[:1])[2] for row in _ROWS if not row[0].endswith("-"))
 _LONGEST = 60
 
 # Spellings of units, and their names in pint.
@@ -67,7 +69,8 @@ _WRITTEN = (
     (r"\b([kMm]?)Nms\b", r"\1N m s"),
     (r"\b([kMm]?)Nm\b", r"\1N m"),
     (r"\bkgm\b", "kg m"),
-    (r"\b([Nn])-m\b", r"\1 m"),
+    (r"(?<=[A-Za-z])-(?=[A-Za-z])", " "),  # N-m, in-lbf
+    (r"^['′]$", "arcmin"),
     (r"\s*/\s*", "/"),
     (r"\s*(\^|\*\*)\s*", "^"),
 )
@@ -99,7 +102,7 @@ def parsed(text: str) -> Any:
         raise ValueError("a product after the slash (/) needs brackets, as in N m/(rad s)")
     for word in re.findall(r"[A-Za-zµμ]+", text):
         if word not in registry_of_units():
-            raise ValueError(f"there is no unit {word!r} here" + (f"; {HINTS[word]}" if word in HINTS else ""))
+            raise ValueError(f"there is no unit {word!r} here; {HINTS.get(word, _KNOWN)}")
     try:
         return registry_of_units().parse_units(text)
     except Exception:  # pint's parser raises errors of a dozen types, of its own and of Python's tokenizer
@@ -325,6 +328,9 @@ def _factor(unit: str, kind: QuantityKind) -> float:
     if kind is QuantityKind.INERTIA and found.dimensionality == (reference / registry.radian).dimensionality:
         reference = reference / registry.radian  # N m s^2/rad
     if found.dimensionality != reference.dimensionality:
+        of_force = re.sub(r"\blb\b", "lbf", text)
+        if of_force != text and parsed(of_force).dimensionality == reference.dimensionality:
+            raise ValueError(f"lb is the unit of a mass, lbf that of a force; write {of_force}")
         raise ValueError(_other_kind(unit, found))
     return float(registry.Quantity(1.0, found).to(reference).magnitude)
 

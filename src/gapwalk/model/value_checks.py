@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import ContactForm
 from gapwalk.model.laws import HYSTERESIS, Elastic, Friction, Hysteretic, Law, Piecewise, Pushing
-from gapwalk.model.problems import WITHIN, did_you_mean
+from gapwalk.model.problems import HALF, WITHIN, did_you_mean
 from gapwalk.model.structure import Structure, Variation
 
 _LARGEST = 1e150  # its square is finite, too
@@ -74,7 +74,9 @@ def _number_problems(structure: Structure, values: NDArray[np.float64]) -> Itera
     for index, side, place in sorted(structure.breakpoints, key=lambda each: (each.contact, -each.side)):
         clearance, inside = float(values[place]), inner.get((index, side), -math.inf)
         if clearance < 0:
-            yield f"{structure.names[place]} is {clearance}; it must be >= 0: {WITHIN}"
+            units, name = structure.units, structure.names[place]
+            shown, hint = (f"{clearance:g} {units.parameter(name)}", HALF) if units else (clearance, WITHIN)
+            yield f"{name} is {shown}; it must be >= 0: {hint}"
         elif clearance <= inside:
             yield f"{structure.names[place]} is {clearance}; it must exceed that of the stage inside it, {inside}"
         if clearance == 0.0 == inner.get((index, -side)) and structure.contacts[index].law.rebounds:
