@@ -397,9 +397,10 @@ def _write_notes(ax: Axes, series: Sequence[Series], shade: Shade | None) -> Non
 _BELOW = 80.0  # dB below the highest level that cuts show
 _DELAY = color_of("tint-late")
 _CUTS: Any = (
-    *((each.color, 1.3, each.dashes) for each in SEVERAL[:3]),
-    (BLACK, 0.8),
-)  # orders; of more, all as the last
+    *((each.color, 1.3, each.dashes) for each in SEVERAL),
+    (BLACK, 1.0),
+)  # the loudest orders
+_OTHERS: Any = (GREY, 0.4)
 _LEVELS: Any = (("#b3b3b3", 3.2), (color_of("tint-one-wild"), 1.6))  # overall, below all others, and rattle
 _FINE_HISTORY = 40_000  # points of a history up to which all are drawn
 
@@ -470,7 +471,9 @@ def _draw_map(found: OrderMap, above: Axes, below: Axes, *, in_hertz: bool = Fal
     places = np.concatenate(([0.0], np.cumsum(np.maximum(np.abs(np.diff(spectra.values)), 1e-12))))
     entries = []
     rms = [(f"order {order:g}" if spectra.turns else f"{order:g} Ω", spectra.cut(order)) for order in found.cuts]
-    looks = [*_CUTS[: len(rms)], *[_CUTS[-1]] * (len(rms) - len(_CUTS))]
+    loudest = sorted(range(len(rms)), key=lambda place: -float(np.nanmax(rms[place][1])))[: len(_CUTS)]
+    named = iter(_CUTS)
+    looks = [next(named) if place in loudest else _OTHERS for place in range(len(rms))]
     levels = [(text, found.levels(sizes)) for text, sizes in rms]
     levels += [(text.partition(", root")[0], found.levels(sizes * np.sqrt(2.0))) for text, sizes in found.lines()]
     top = max(float(np.max(sizes[np.isfinite(sizes)], initial=-np.inf)) for _, sizes in levels)
@@ -478,7 +481,9 @@ def _draw_map(found: OrderMap, above: Axes, below: Axes, *, in_hertz: bool = Fal
         if (sizes > top - _BELOW).any():
             options = stroke(*look)
             below.plot(places, np.where(np.isfinite(sizes), sizes, np.nan), **options, zorder=2 + (look in _CUTS))
-            entries.append((text, options))
+            entries += [(text, options)] * (look is not _OTHERS)
+    if _OTHERS in looks:
+        entries.append((f"{looks.count(_OTHERS)} more", stroke(*_OTHERS)))
     if in_hertz and spectra.units:  # the cuts through the map are lines there
         for order in found.cuts:
             above.plot(places, order * spectra.pitch, **stroke(GREY, 0.6, (0, (1, 2))))
@@ -486,7 +491,8 @@ def _draw_map(found: OrderMap, above: Axes, below: Axes, *, in_hertz: bool = Fal
     below.set_xlim(above.get_xlim())
     if np.isfinite(top):  # what is quieter than the map shows is cut off; above is room for the letter
         below.set_ylim(max(below.get_ylim()[0], top - _BELOW), top + 0.12 * _BELOW)
-    below.set(ylabel=f"level [{found.unit}]", xlabel=above.get_xlabel())
+    room = 72.0 * below.bbox.height / below.figure.dpi
+    below.set(ylabel=style.broken(f"level [{found.unit}]", room), xlabel=above.get_xlabel())
     above.set_xlabel("")
     write_legend(below, entries, "above")
 

@@ -33,7 +33,7 @@ from matplotlib.textpath import TextToPath
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.notebook import Shown
 from gapwalk.picture_parts import described, description_of
-from gapwalk.plot.style import CARD, GREY, SizeName, in_style, points, present, rc, sheet_size, sized, styled
+from gapwalk.plot.style import CARD, GREY, SizeName, broken, in_style, points, present, rc, sheet_size, sized, styled
 from gapwalk.studies.export import write_whole
 from gapwalk.studies.result import Result
 from gapwalk.studies.study_kind import kind_of, kinds
@@ -102,8 +102,9 @@ def lay_out(figure: Figure, *, keep: bool = False) -> None:
             engine.execute(figure)
         elif keep:
             figure.draw_without_rendering()
-    for ax in figure.axes:
-        shorten_label(ax)
+    if any([shorten_label(ax) for ax in figure.axes]) and engine is not None:
+        with in_style():
+            engine.execute(figure)
     if engine is not None and not keep:
         figure.set_layout_engine(None)
 
@@ -195,15 +196,17 @@ def is_narrow(figure: AnyFigure) -> bool:
     return figure.figure.get_figwidth() < NARROW
 
 
-def shorten_label(ax: Axes) -> None:
-    """Leave out what stands in brackets in the label of a vertical axis that does not fit, after the layout."""
+def shorten_label(ax: Axes) -> bool:
+    """Leave out what stands in brackets in the label of a vertical axis that does not fit, or break it into lines."""
     # It is cut off at an edge of the picture, or reaches into the next panel.
-    if not ax.get_ylabel() or ax.name == "3d":
-        return
+    if not (text := ax.get_ylabel()) or ax.name == "3d":
+        return False
     box, figure = ax.yaxis.label.get_window_extent(), ax.figure.figure
     is_high = len(figure.axes) > 1 and box.height > _OVER * ax.get_window_extent().height
     if box.y0 < 0.0 or box.y1 > figure.bbox.height or is_high:
-        ax.set_ylabel(re.sub(r"\s+\([^)]*\)", "", ax.get_ylabel()))
+        shorter = re.sub(r"\s+\([^)]*\)", "", text)
+        ax.set_ylabel(shorter if shorter != text or "\n" in text else broken(text, 0.0))
+    return ax.get_ylabel() != text
 
 
 def sheet_bytes(figure: Figure, form: str) -> bytes:
