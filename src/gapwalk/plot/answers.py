@@ -38,6 +38,7 @@ from gapwalk.plot.picture import (
     Finish,
     Inches,
     draws,
+    show_whole_symbols,
     write_answer,
     write_heading,
     write_legend,
@@ -124,9 +125,7 @@ def _draw_panels(picture: Picture, parts: Parts, figure: AnyFigure, title: str) 
     shares = {*picture.panels} <= {"main", "below"}
     axes = figure.subplots(len(heights), 1, sharex=shares, squeeze=False, height_ratios=heights)[:, 0].tolist()
     write_answer(figure, title, picture.heading)
-    if len(axes) > 1:
-        write_letters(axes)
-    entries, finishes = Entries(), list[Callable[[], None]]()
+    entries, finishes = Entries(), [write_letters(axes)] if len(axes) > 1 else []
     for ax, each in zip(axes, panels, strict=True):
         if each is None:
             finishes.append(_draw_main(picture, parts, ax, entries))
@@ -139,7 +138,7 @@ def _draw_panels(picture: Picture, parts: Parts, figure: AnyFigure, title: str) 
     write_legend(figure if len(axes) > 1 else axes[0], list(entries.items()), note=picture.note)
 
     def write() -> None:
-        for finish in finishes:
+        for finish in reversed(finishes):  # letters last
             finish()
 
     return write
@@ -188,7 +187,12 @@ def _draw_panel(picture: Picture, parts: Parts, ax: Axes, panel: Panel, entries:
         ax.margins(y=0.12)
     else:
         ax.set_ylim(0.0, 1.08 * ax.get_ylim()[1])
-    return partial(_write_notes, ax, panel.series, None)
+
+    def write() -> None:
+        show_whole_symbols(ax)
+        _write_notes(ax, panel.series, None)
+
+    return write
 
 
 def _draw_main(
@@ -225,6 +229,7 @@ def _draw_main(
     def write() -> None:
         if finish is not None:
             finish()
+        show_whole_symbols(ax)
         if has_values:
             _write_values(picture, parts, ax)
         _write_notes(ax, series, next((each for each in parts.shades if each.over == up), None))
@@ -430,15 +435,20 @@ def draw_run_up(
     write_answer(figure, title, [*run.sentences, *(each.words(run.system) for each in delays)])
     heights = [1.0, *[0.95] * (branch is not None), *[0.85, 0.7] * (orders > 0.0)]
     panels = figure.subplots(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0].tolist()
-    if len(panels) > 1:
-        write_letters(panels)
+    finishes = [write_letters(panels)] if len(panels) > 1 else []
     draw_history_over_speed(run, panels[0], signal)
     finish = None if branch is None else _lay_over(run, panels[1], branch, run.coordinate_of(signal), delays)
     if orders > 0.0:
         _draw_map(order_map(run, signal, orders, turns=window), panels[-2], panels[-1])
         for ax in panels[-2:] if run.course.is_invertible else ():
             _match_speeds(run, ax, float(run.waterfall(signal, orders, turns_of(run.system, window)).values[0]))
-    return finish
+
+    def write() -> None:
+        for each in (finish, *finishes):
+            if each is not None:
+                each()
+
+    return write
 
 
 def _match_speeds(run: RunUp, ax: Axes, first: float) -> None:
