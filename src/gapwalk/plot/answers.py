@@ -276,7 +276,7 @@ def _draw_curves(picture: Picture, ax: Axes, entries: Entries, *, is_over_cells:
             entries[each.text] = stroke(*_look(each.look))
             _draw_branch(ax, each, up)
     shaped = [each for each in branches if each.look and each.points is None]
-    if shaped:
+    if not all(point.stable for each in shaped for point in each.curve.points):
         entries["unstable"] = stroke(BLACK, 0.9, _DASHES)
     for kind in style.in_order(special.kind for each in shaped for special in each.marked):
         look = style.symbol_style(kind)
