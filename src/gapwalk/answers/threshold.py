@@ -800,7 +800,10 @@ def _parts_of_picture(found: Threshold) -> Parts:
         return Parts(
             layers=[
                 *(Series(x[own], y[own], mark, look, text, axes=axes) for mark, own, look, text in looks if own.any()),
-                *(Series([found.at], [y], "stars", "worst", "the last that rattles", axes=axes) for y in found.between[:1]),
+                *(
+                    Series([found.at], [y], "stars", "worst", "the last that rattles", axes=axes)
+                    for y in found.between[:1]
+                ),
             ],
             shades=[Shade(found.parameter, low, high, "quiet", "nothing rattles")] if found.between else [],
             lines=[Line(found.parameter, found.value)] if found.between else [],

@@ -48,7 +48,9 @@ class ForceCurve:
     breakpoints: tuple[float, ...] = ()  #: Deflections at which a stage begins, increasing.
 
     is_at_zero: bool = False  #: True if it also depends on the deflection, which is 0.
-    over_slip: bool = False  #: True for a drag of parts at different speeds: `x` is their slip, its breakpoint the mean.
+    over_slip: bool = (
+        False  #: True for a drag of parts at different speeds: `x` is their slip, its breakpoint the mean.
+    )
 
     @property
     def name(self) -> str:

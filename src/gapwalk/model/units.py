@@ -369,6 +369,8 @@ class Units:
     shaft: str = field(default="", compare=False)  #: Name of that shaft's inertia; empty if there is none.
     #: Inertias with a radius, in m, at which their accelerations are given.
     radii: tuple[tuple[str, float], ...] = ()
+    #: Parameters of whose kind the study asks in another unit, which then is theirs.
+    asked: tuple[tuple[str, Unit], ...] = ()
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts are inconsistent."""
@@ -383,8 +385,7 @@ class Units:
 
     def parameter(self, name: str) -> str:
         """Return the unit of a parameter by its name; empty for a plain number."""
-        kind = self.kind(name)
-        return self.unit(name).text if kind is None else self.of(kind).text
+        return self.unit(name).text
 
     def kind(self, name: str) -> QuantityKind | None:
         """Return the kind of a parameter by its name; None for a plain number, and for one of a formula."""
@@ -422,11 +423,6 @@ class Units:
         """
         return np.array([self._factor(name) for name in names])
 
-    def number(self, quantity: Quantity, kind: QuantityKind) -> float:
-        """Convert a quantity to the unit of its kind."""
-        unit = self.of(kind)
-        return quantity.number if quantity.factor == unit.factor else quantity.number * (quantity.factor / unit.factor)
-
     def read(self, parameter: str, value: object) -> float:
         """Convert a text with a unit to a number in the unit of a parameter.
 
@@ -446,7 +442,9 @@ class Units:
             if not found.text or not _same_dimension(unit.text, found.text):
                 raise ValueError(f'is {given(value)}; it has the unit {unit.text}, as in "{number:g} {unit.text}"')
             return number * (found.factor / unit.factor)
-        return self.number(read_quantity(value, kind, self.of(kind).text), kind)
+        unit = self.unit(parameter)
+        found = read_quantity(value, kind, unit.text)
+        return found.number if found.factor == unit.factor else found.number * (found.factor / unit.factor)
 
     def signal(self, name: str) -> tuple[float, str]:
         """Return the factor from consistent units to the unit of a signal of a motion, and that unit.
@@ -491,20 +489,27 @@ class Units:
         return dict(self.radii)
 
     @cached_property
+    def _asked(self) -> dict[str, Unit]:
+        return dict(self.asked)
+
+    @cached_property
     def _own(self) -> dict[str, tuple[QuantityKind | None, Unit]]:
         return {name: (kind, unit) for name, kind, unit in self.own}
 
     def unit(self, name: str) -> Unit:
-        """Return the unit of a parameter without a kind: `PLAIN`, or that of a parameter of a formula."""
-        return self._own[name][1] if name in self._own else PLAIN
+        """Return the unit of a parameter: that of a study, of its kind, or of a formula; `PLAIN` if it has none."""
+        if name in self._asked:
+            return self._asked[name]
+        kind = self.kind(name)
+        return self.of(kind) if kind else self._own[name][1] if name in self._own else PLAIN
 
     def _factor(self, name: str) -> float:
-        kind = self.kind(name)
+        kind, unit = self.kind(name), self.unit(name)
         if kind is None:
-            return self.unit(name).factor
+            return unit.factor
         if kind is QuantityKind.ANGLE:
-            return 1.0
-        return self.frequency if kind is QuantityKind.FREQUENCY else self.of(kind).factor * self.angle**-kind.angle
+            return unit.factor / self.angle
+        return self.frequency if kind is QuantityKind.FREQUENCY else unit.factor * self.angle**-kind.angle
 
 
 def units_of(

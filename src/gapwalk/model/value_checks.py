@@ -71,11 +71,12 @@ def _number_problems(structure: Structure, values: NDArray[np.float64]) -> Itera
         own = {each: float(values[structure.place(name)]) for each, name in names.items()}
         yield from (f"{contact.name}.{problem}" for problem in contact.law.problems(own))
     inner: dict[tuple[int, int], float] = {}
-    for index, side, place in sorted(structure.breakpoints, key=lambda each: (each.contact, -each.side)):
-        clearance, inside = float(values[place]), inner.get((index, side), -math.inf)
+    sizes = zip(structure.breakpoints, structure.clearance_sizes, strict=True)
+    for (index, side, place), size in sorted(sizes, key=lambda each: (each[0].contact, -each[0].side)):
+        clearance, inside = float(values[place]) * size, inner.get((index, side), -math.inf)
         if clearance < 0:
             units, name = structure.units, structure.names[place]
-            shown, hint = (f"{clearance:g} {units.parameter(name)}", HALF) if units else (clearance, WITHIN)
+            shown, hint = (f"{values[place]:g} {units.parameter(name)}", HALF) if units else (clearance, WITHIN)
             yield f"{name} is {shown}; it must be >= 0: {hint}"
         elif clearance <= inside:
             yield f"{structure.names[place]} is {clearance}; it must exceed that of the stage inside it, {inside}"

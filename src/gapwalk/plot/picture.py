@@ -103,7 +103,8 @@ def lay_out(figure: Figure, *, keep: bool = False) -> None:
             engine.execute(figure)
         elif keep:
             figure.draw_without_rendering()
-    if any([shorten_label(ax) for ax in figure.axes]) and engine is not None:
+    changed = [shorten_label(ax) for ax in figure.axes]
+    if any(changed) and engine is not None:
         with in_style():
             engine.execute(figure)
     if engine is not None and not keep:
@@ -122,7 +123,7 @@ def write_answer(figure: AnyFigure, title: str, sentences: Sequence[str]) -> Non
 
 
 def write_letters(panels: Sequence[Axes]) -> Callable[[], None]:
-    """Write a, b, c into the corners of panels; return a function that moves them off what is drawn, after the layout."""
+    """Write a, b, c into the corners of panels; return a function that moves them off what is drawn."""
     letters = [
         panel.text(0.012, 0.975, letter, transform=panel.transAxes, va="top", weight="bold", zorder=7)
         for letter, panel in zip("abcdef", panels, strict=False)
