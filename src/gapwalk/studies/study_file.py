@@ -169,7 +169,7 @@ class Study:
     @property
     def doubts(self) -> list[str]:
         """Doubts about the damping of the system and about the measure that is shown, in sentences."""
-        return [*doubts_of(self.system), *measure_doubts(self.system, self.options)]
+        return [*doubts_of(self.system), *measure_doubts(self.system, self.options), *self.options.doubts(self.system)]
 
     @property
     def unused_words(self) -> list[str]:
