@@ -94,7 +94,7 @@ def test_a_model_file_may_give_a_law(line: str, law) -> None:
     [
         ("damping = { ratios = 0.1, mass = 0.1 }", "damping", "leave one of the two out"),
         ("damping = { ratio = 0.1 }", "damping.ratio", "did you mean ratios?"),
-        ("damping = { ratios = [] }", "damping.ratios", "a list of at least 1"),
+        ("damping = { ratios = [] }", "damping.ratios", "a list of 1 or more"),
         ("damping = { ratios = [0.1, -1] }", "damping.ratios[1]", ">= 0"),
         ('damping = { mass = "little" }', "damping.mass", "must be a number"),
     ],

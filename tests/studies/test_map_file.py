@@ -110,7 +110,7 @@ def test_options_survive_json(text) -> None:
         ("to = 0.4", "to = 0.4, by = 3", "study.second.by", "is not a key here; the keys are parameter, from, to"),
         ("[0.5, 0.6]", "[0.5, 0.95]", "study.sections", "has 0.95, outside the range from 0.4 to 0.9"),
         ("[0.5, 0.6]", "[0.5, 0.5]", "study.sections", "list each value only once"),
-        ("[0.5, 0.6]", "[]", "study.sections", "it must be a list of at least 1"),
+        ("[0.5, 0.6]", "[]", "study.sections", "it must be a list of 1 or more"),
         ("[0.5, 0.6]", "0", "study.sections", "is 0; it must be >= 1"),
         ("[0.5, 0.6]", '"many"', "study.sections", 'is "many"; it must be an integer'),
         ('"fold", ', '"folds", ', "study.kinds[1]", "did you mean fold?"),
@@ -140,7 +140,7 @@ def test_a_wrong_map_has_one_problem(old, new, path, message) -> None:
     [
         ("values = [0.2, 0.5]", "study.search.values", "has 0.5, outside the range from 0.1 to 0.4"),
         ("values = 0", "study.search.values", "is 0; it must be >= 1"),
-        ("values = []", "study.search.values", "it must be a list of at least 1"),
+        ("values = []", "study.search.values", "it must be a list of 1 or more"),
         ("values = [0.2, true]", "study.search.values[1]", "is true; it must be a number"),
         ("values = 2\nbox = [1.0]", "study.search.box", "is a list of 1 numbers; it must have 4"),
         ("values = 2\nbox = [1.0, 0, 1, 1]", "study.search.box[1]", "is 0; it must be > 0"),

@@ -63,6 +63,12 @@ def least_preload(frequency: float) -> float:
     return 0.2 * stiff / math.hypot(stiff - frequency**2, 0.4 * frequency)
 
 
+def test_a_law_with_values_that_its_parameter_cannot_have_is_a_doubt() -> None:
+    whole = check_study(parse_source(MODEL.replace('"mean.x"', '"stop.clearance"')))
+    assert "about 50 % of all parts have a value that is not allowed" in whole.doubts[-1]
+    assert not check_study(parse_source(MODEL)).doubts
+
+
 def test_the_probability_is_that_of_the_closed_form() -> None:
     found = gw.ask.rattle_chance(system(), [spread()], values=[1.2], samples=200, workers=1)
     for value in found.values:

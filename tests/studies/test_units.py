@@ -57,6 +57,18 @@ def test_values_of_studies_have_units() -> None:
     assert (load.walked.begin, load.walked.end, load.system["speed"]) == (60.0, 2.0, 1400.0)
 
 
+def test_a_parameter_has_the_unit_in_which_its_study_asks() -> None:
+    """A gap of 90 arcmin is 1.5 deg in the equations, and is written in arcmin."""
+    name, system = "clutch.stage2.clearance", gw.read_study(EXAMPLE, name="load").system
+    changes = {"study.load.parameter": name, "study.load.from": "90 arcmin", "study.load.to": "1 deg"}
+    load = gw.read_study(EXAMPLE, changes, name="load")
+    assert (load.walked.begin, load.walked.end) == (90.0, pytest.approx(60.0, rel=1e-15))
+    assert load.system.units.parameter(name) == "arcmin"
+    asked, known = load.system.at({name: 90.0, "mean.flywheel": 60.0}), system.at({name: 1.5, "mean.flywheel": 60.0})
+    np.testing.assert_allclose(asked.equations.values, known.equations.values, rtol=1e-15)
+    assert asked.breakpoints == known.breakpoints
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

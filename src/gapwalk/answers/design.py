@@ -843,6 +843,9 @@ def design_picture(found: Design, measure: str = "") -> Picture:
     isolated = [(f"isolated-{k}", each, "after", alike) for k, each in enumerate(found.isolated, start=1)]
     before = "before", found.response_before, "before", "before"
     all_curves = [("after", found.response, "after", "after"), *isolated, before]
+    known = [end for goal in found.goals if goal.band for end in goal.band]
+    known += [value for curve in (found.response, found.response_before) if curve for value in curve.values.tolist()]
+    unknown = "before: without a curve, because gaps rattle and the motion has no period"
     return Picture(
         found.system,
         (found.parameter, full_measure(measure or shown_measure(found.system, found), found.system.coordinates)),
@@ -852,11 +855,11 @@ def design_picture(found: Design, measure: str = "") -> Picture:
             if curve is not None
         ],
         lambda: _parts_of_picture(found),
-        heading=[found.sentence],
+        heading=[found.sentence, *[unknown] * (found.response_before is None)],
         script="tuple(filter(None, (record.response, *record.isolated, record.response_before)))",
         panels=("main", "bars"),
         height=2.6,
-        reach={found.parameter: (min(found.within), max(found.within))},
+        reach={found.parameter: (min(known or found.within), max(known or found.within))},
     )
 
 

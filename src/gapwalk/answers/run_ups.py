@@ -315,14 +315,15 @@ _DRAWN = (
 def run_ups_picture(found: RunUps, contact: str | None = None, *, branch: Branch | None = None) -> Picture:
     """Describe the largest forces over the rate, and quantiles of amplitudes and forces over the speed."""
     system = found.system
-    forces = {name: float(np.nanmax(found.peaks(name), initial=0.0)) for name in found.contacts}
-    contact = contact or max(forces, key=forces.__getitem__, default="")
+    forces = [float(np.nanmax(found.peaks(name), initial=0.0)) for name in found.contacts]
+    loads = zip(np.nansum(found.impacts, axis=(0, 1, 3)).tolist(), forces, found.contacts, strict=True)
+    contact = contact or max(loads, default=(0.0, 0.0, ""))[2]  # by default that with the most impacts
     return Picture(
         system,
         (system.structure.pace, f"half.{system.coordinates[0]}"),
         parts=partial(_parts_of_picture, found, dict.fromkeys((*found.touching, *[contact] * bool(contact))), branch),
         sentences=found.sentences,
-        heading=found.sentences,
+        heading=[each for each in found.sentences if each.startswith(f"{contact}: ")],
         contacts=found.touching,
         of=contact,
         panels=("charts", "below"),

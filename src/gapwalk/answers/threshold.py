@@ -281,9 +281,18 @@ class Threshold(Shown):
         """True: a threshold has one part."""
         return True
 
+    @property
+    def is_of_points(self) -> bool:
+        """True if the motions that were tried are all there is to draw: no border was followed to a limit."""
+        return bool(self.between) or (self.limit is None and not self.loci and len(self.points) > 0)
+
     def tables(self) -> Tables:
-        """Return the table of the loci: both parameters at each of their points."""
-        return {"loci": self._rows}
+        """Return the tables of the loci, both parameters at each of their points, and of the motions tried by steps."""
+        return {"loci": self._rows} if self.loci or not len(self.points) else {"tried": self._tried_rows}
+
+    def _tried_rows(self) -> Rows:
+        yield [self.over, self.parameter, "rattles"]
+        yield from self.points.tolist()
 
     def _rows(self) -> Rows:
         yield ["locus", "kind", self.over, self.parameter]
@@ -770,10 +779,10 @@ def threshold_picture(found: Threshold) -> Picture:
         curves_of_loci(found.loci, "{}: rattle begins or ceases"),
         partial(_parts_of_picture, found),
         sentences=[found.sentence],
-        heading=[found.sentence, *(found.notes if found.between else ())],
+        heading=[found.sentence, *(found.notes if found.is_of_points else ())],
         script="record.loci",
         empty=""
-        if found.loci or found.between
+        if found.loci or found.is_of_points
         else ". ".join((*found.notes, *found.failures)) or "nothing was followed",
     )
 
@@ -781,7 +790,7 @@ def threshold_picture(found: Threshold) -> Picture:
 def _parts_of_picture(found: Threshold) -> Parts:
     """Return the quiet side, the limit, and what moves it."""
     within = {found.over: (found.low, found.high), found.parameter: tuple(sorted((found.begin, found.end)))}
-    if found.between:
+    if found.is_of_points:
         low, high = sorted((found.value, found.end))
         axes, (x, y, rattles) = (found.over, found.parameter), found.points.T
         looks = (
@@ -791,10 +800,13 @@ def _parts_of_picture(found: Threshold) -> Parts:
         return Parts(
             layers=[
                 *(Series(x[own], y[own], mark, look, text, axes=axes) for mark, own, look, text in looks if own.any()),
-                Series([found.at], [found.between[0]], "stars", "worst", "the last that rattles", axes=axes),
+                *(
+                    Series([found.at], [y], "stars", "worst", "the last that rattles", axes=axes)
+                    for y in found.between[:1]
+                ),
             ],
-            shades=[Shade(found.parameter, low, high, "quiet", "nothing rattles")],
-            lines=[Line(found.parameter, found.value)],
+            shades=[Shade(found.parameter, low, high, "quiet", "nothing rattles")] if found.between else [],
+            lines=[Line(found.parameter, found.value)] if found.between else [],
             within=within,
         )
     if found.limit is None:

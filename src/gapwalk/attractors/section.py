@@ -264,7 +264,7 @@ def impact_plane(system: System, contact: str, side: int = 1, *, closes: bool = 
             'moves; write a Plane of your own, as in gw.analysis.Plane({"q1": 1.0}, 0.0), or take strobes'
         )
     vector = system.vector(form.vectors[0]).tolist()
-    level = side * system[f"{form.stage_prefix(stages[0])}.clearance"]
+    level = side * system.equations[f"{form.stage_prefix(stages[0])}.clearance"]
     upwards = (side > 0) is closes
     normal = {name: factor for name, factor in zip(system.coordinates, vector, strict=True) if factor}
     return Plane(normal, level, Crossing.UPWARDS if upwards else Crossing.DOWNWARDS)

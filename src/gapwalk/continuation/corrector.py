@@ -153,12 +153,7 @@ def unknown_scales(equation: OrbitEquation, orbit: Orbit) -> NDArray[np.float64]
 def _length(orbit: Orbit, growth: Callable[[], float] | None = None) -> float:
     """Return the largest clearance within reach of an orbit, or its amplitude if that is larger."""
     # If no gap is within reach, the motion can still grow: by up to `growth`, until it closes the smallest gap.
-    clearances = [
-        orbit.system[f"{contact.stage_prefix(stage)}.clearance"]
-        for contact in orbit.system.structure.contacts
-        for stage in contact.stages
-    ]
-    gaps = [clearance for clearance in clearances if clearance > 0.0]
+    gaps = [clearance for _, _, clearance in orbit.system.breakpoints if clearance > 0.0]
     amplitude = 0.5 * float(np.ptp(orbit.extremes[:, :2], axis=1).max())
     reach = _REACH * float(np.abs(orbit.extremes[:, :2]).max())
     if growth is not None and all(gap > reach for gap in gaps):

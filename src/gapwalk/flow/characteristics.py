@@ -48,6 +48,9 @@ class ForceCurve:
     breakpoints: tuple[float, ...] = ()  #: Deflections at which a stage begins, increasing.
 
     is_at_zero: bool = False  #: True if it also depends on the deflection, which is 0.
+    over_slip: bool = (
+        False  #: True for a drag of parts at different speeds: `x` is their slip, its breakpoint the mean.
+    )
 
     @property
     def name(self) -> str:
@@ -92,7 +95,8 @@ def characteristics_of(system: System) -> Characteristics:
     for slots, linear in zip(layout.contacts, _linear_parts(system), strict=True):
         law = slots.form.law
         is_function = not (law.arguments[1:] or law.is_dry or law.rebounds)
-        curve = _force_curve(system, slots, coefficients, linear, size) if is_function else None
+        curve = _slip_curve(system, slots, coefficients) if is_function else None
+        curve = curve or (_force_curve(system, slots, coefficients, linear, size) if is_function else None)
         if curve is None:
             others.append((slots.form.name, slots.form.law.title))
         else:
@@ -110,6 +114,23 @@ def _linear_parts(system: System) -> list[float]:
         return [0.0] * len(system.structure.contacts)
     stiffness = assembly.numbers(system.values).stiffness
     return [float(stiffness[number]) for number, _ in assembly.form.contacts]
+
+
+def _slip_curve(system: System, slots: ContactSlots, coefficients: Array) -> ForceCurve | None:
+    """Compute the whole torque of a drag over its slip, to twice the mean one; None for all else."""
+    assembly, law = system.structure.assembly, slots.form.law
+    if not (isinstance(assembly, TrainAssembly) and isinstance(law, Expression) and "x" not in law.formula.variables):
+        return None
+    numbers = assembly.numbers(system.values)
+    place = next(place for place, link in enumerate(assembly.form.links) if slots.form in link.parts)
+    mean = float(numbers.mean_slips[place])
+    if not mean or any(each not in (law.arguments[0], f"{law.arguments[0]}'") for each in law.formula.variables):
+        return None
+    slip = mean * np.linspace(0.0, 2.0, _SAMPLES)[:: 1 if mean > 0.0 else -1]
+    angles = Angles(layout_of(system.structure), coefficients, 0.0)
+    torque = np.real(contact_force(slots, angles, [(np.zeros_like(slip), slip - mean)]))
+    torque = torque + np.real(numbers.steady_drags[place] + numbers.damping[place] * (slip - mean))
+    return ForceCurve((slots.form.name,), "drag", False, slip, torque, None, (mean,), over_slip=True)
 
 
 def _force_curve(

@@ -51,7 +51,7 @@ class ContactEvent(NamedTuple):
     """One crossing of a breakpoint."""
 
     theta: float  #: Angle of the event, in radians of the fundamental excitation.
-    switch: int  #: The stage and its side: index into `Equations.switches`.
+    switch: int  #: The stage and its side: index into `System.breakpoints`, whose entries begin with the contact.
     enters: bool  #: True if the contact closes, False if it opens.
     velocity: float  #: Rate of the deflection over time; its absolute value is the approach velocity.
 

@@ -13,6 +13,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any, TypeVar, get_args
 
 from pydantic import ValidationError
@@ -26,7 +27,7 @@ from gapwalk.model.matrix_file import arranged, read_labelled, split_name
 from gapwalk.model.measured.measured_table import path_of, read_named
 from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import SystemBase, system_of, system_part
-from gapwalk.model.problems import WITHIN, Path, Problem, did_you_mean, dotted, given, idea_of
+from gapwalk.model.problems import HALF, WITHIN, Path, Problem, did_you_mean, dotted, given, idea_of, inside
 from gapwalk.model.schema import MAX_COORDINATES, Names, Part, error_path
 from gapwalk.model.system import System
 from gapwalk.model.units import has_unit
@@ -49,8 +50,8 @@ _ALLOWED = {
     "literal_error": "{expected}",
     "dict_type": "a table, such as {{ q1 = 1.0 }}",
     "model_type": "a table",
-    "too_short": "a list of at least {min_length}",
-    "too_long": "a list of at most {max_length}",
+    "too_short": "a list of {min_length} or more entries",
+    "too_long": "a list of {max_length} or fewer entries",
     "less_than": "< {lt:g}",
     "less_than_equal": "<= {le}",
     "greater_than": "> {gt:g}",
@@ -323,11 +324,12 @@ def _problem(model: type[Part], error: Any, source: Source, at: Path, explained:
             message = f"is a table; it must be a list, as in {name} = [1.0]"
     else:
         allowed = _ALLOWED[kind].format(**error.get("ctx", {})) if kind in _ALLOWED else error["msg"]
-        message = f"is {given(value)}; it must be {allowed}"
+        written = reduce(inside, (*at, *path), source.data)  # a quantity has been converted by then
+        message = f"is {given(written if has_unit(written) else value)}; it must be {allowed}"
         if kind == "model_type" and owner and " as in " in (hint := _fields(owner).get(str(path[-1]), "")):
             message += f"; {hint}"
         if kind == "greater_than_equal" and path[-1:] == ("clearance",):
-            message += f": {WITHIN}"
+            message += f": {HALF if describes_train(source.data) else WITHIN}"
         is_quoted_number = kind in ("float_type", "int_type") and isinstance(value, str) and _is_number(value)
         if is_quoted_number or (kind == "bool_type" and value in ("true", "false")):
             message += ", without quotes"

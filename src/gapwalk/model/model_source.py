@@ -40,6 +40,7 @@ _RESULT = b"SQLite format 3\0"  # how a result file begins
 
 # Slips that TOML's own messages do not explain.
 _SLIPS = (
+    (r"^\[\[[^][]*\](?!\])|^\[[^][]*\]\]", "a table in a list has two brackets on either side, as in [[gear]]"),
     (r"[=\[,\s][-+]?(\.\d|\d+\.(?!\d))", "a number needs a digit on both sides of its point, as in 0.5"),
     (r"\b(True|TRUE|False|FALSE)\b", "write true or false in small letters"),
     (r"[=\[]\s*[-+]?\d+,\d", "a number has a point, not a comma, as in 0.5"),

@@ -175,17 +175,17 @@ def named(path: Path, data: object) -> str:
     """Write a path with the names of those tables in lists that have one: ``contact "stop".clearance``."""
     text = ""
     for place, key in enumerate(path):
-        around, data = data, _inside(data, key)
-        name = _inside(data, "name")
+        around, data = data, inside(data, key)
+        name = inside(data, "name")
         if isinstance(key, int) and isinstance(around, Sequence) and isinstance(name, str) and name.isidentifier():
-            twice = sum(_inside(other, "name") == name for other in around) > 1
+            twice = sum(inside(other, "name") == name for other in around) > 1
             text += f"[{key}]" if twice else f' "{name}"'
         else:
             text += dotted((key,)) if isinstance(key, int) or not place else f".{dotted((key,))}"
     return text
 
 
-def _inside(data: Any, key: str | int) -> Any:
+def inside(data: Any, key: str | int) -> Any:
     """Return the value of a key or of a place in a list; None if there is none."""
     if isinstance(data, Mapping):
         return data.get(key)
@@ -215,6 +215,9 @@ WITHIN = (
     "its middle 0.25, and subtract the stiffness matrix times this position from the mean load"
 )
 """The way to write a gap that does not contain the zero position."""
+
+HALF = "write half of the free travel (of the backlash), from the middle of the gap to either side"
+"""What the clearance of a link in a drive train is."""
 
 
 def near_names(word: str, known: Sequence[str]) -> list[str]:

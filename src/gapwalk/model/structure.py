@@ -268,6 +268,12 @@ class Structure:
         )
 
     @cached_property
+    def clearance_sizes(self) -> tuple[float, ...]:
+        """The size of the unit of each clearance in `breakpoints`, in the unit of deflections."""
+        names = [self.names[place] for _, _, place in self.breakpoints]
+        return tuple(self.units.factors(names).tolist() if self.units else [1.0] * len(names))
+
+    @cached_property
     def two_sided(self) -> tuple[tuple[int, bool, tuple[JumpTerm, ...]], ...]:
         """For each switch of the flow the place of its clearance, and True if another switch has the same one.
 

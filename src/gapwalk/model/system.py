@@ -461,7 +461,8 @@ class System(Shown):
     @property
     def breakpoints(self) -> list[tuple[int, int, float]]:
         """Number of the contact, side (1 or -1) and clearance of each switch of the flow (a stage on one side)."""
-        return [(contact, side, self._at(place)) for contact, side, place in self.structure.breakpoints]
+        found = zip(self.structure.breakpoints, self.structure.clearance_sizes, strict=True)
+        return [(contact, side, self._at(place) * size) for (contact, side, place), size in found]
 
     @property
     def gapless(self) -> tuple[bool, ...]:

@@ -56,6 +56,8 @@ bar = 1e5 pascal
 psi = pound_force / inch ** 2
 """
 
+_ROWS = [line.split(" = ") for line in _DEFINITIONS.strip().splitlines()]
+_KNOWN = "known are " + ", ".join((*row, *row[:1])[2] for row in _ROWS if not row[0].endswith("-"))
 _LONGEST = 60
 
 # Spellings of units, and their names in pint.
@@ -67,7 +69,8 @@ _WRITTEN = (
     (r"\b([kMm]?)Nms\b", r"\1N m s"),
     (r"\b([kMm]?)Nm\b", r"\1N m"),
     (r"\bkgm\b", "kg m"),
-    (r"\b([Nn])-m\b", r"\1 m"),
+    (r"(?<=[A-Za-z])-(?=[A-Za-z])", " "),  # N-m, in-lbf
+    (r"^['′]$", "arcmin"),
     (r"\s*/\s*", "/"),
     (r"\s*(\^|\*\*)\s*", "^"),
 )
@@ -99,7 +102,7 @@ def parsed(text: str) -> Any:
         raise ValueError("a product after the slash (/) needs brackets, as in N m/(rad s)")
     for word in re.findall(r"[A-Za-zµμ]+", text):
         if word not in registry_of_units():
-            raise ValueError(f"there is no unit {word!r} here" + (f"; {HINTS[word]}" if word in HINTS else ""))
+            raise ValueError(f"there is no unit {word!r} here; {HINTS.get(word, _KNOWN)}")
     try:
         return registry_of_units().parse_units(text)
     except Exception:  # pint's parser raises errors of a dozen types, of its own and of Python's tokenizer
@@ -325,6 +328,9 @@ def _factor(unit: str, kind: QuantityKind) -> float:
     if kind is QuantityKind.INERTIA and found.dimensionality == (reference / registry.radian).dimensionality:
         reference = reference / registry.radian  # N m s^2/rad
     if found.dimensionality != reference.dimensionality:
+        of_force = re.sub(r"\blb\b", "lbf", text)
+        if of_force != text and parsed(of_force).dimensionality == reference.dimensionality:
+            raise ValueError(f"lb is the unit of a mass, lbf that of a force; write {of_force}")
         raise ValueError(_other_kind(unit, found))
     return float(registry.Quantity(1.0, found).to(reference).magnitude)
 
@@ -363,6 +369,8 @@ class Units:
     shaft: str = field(default="", compare=False)  #: Name of that shaft's inertia; empty if there is none.
     #: Inertias with a radius, in m, at which their accelerations are given.
     radii: tuple[tuple[str, float], ...] = ()
+    #: Parameters of whose kind the study asks in another unit, which then is theirs.
+    asked: tuple[tuple[str, Unit], ...] = ()
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts are inconsistent."""
@@ -377,8 +385,7 @@ class Units:
 
     def parameter(self, name: str) -> str:
         """Return the unit of a parameter by its name; empty for a plain number."""
-        kind = self.kind(name)
-        return self.unit(name).text if kind is None else self.of(kind).text
+        return self.unit(name).text
 
     def kind(self, name: str) -> QuantityKind | None:
         """Return the kind of a parameter by its name; None for a plain number, and for one of a formula."""
@@ -416,11 +423,6 @@ class Units:
         """
         return np.array([self._factor(name) for name in names])
 
-    def number(self, quantity: Quantity, kind: QuantityKind) -> float:
-        """Convert a quantity to the unit of its kind."""
-        unit = self.of(kind)
-        return quantity.number if quantity.factor == unit.factor else quantity.number * (quantity.factor / unit.factor)
-
     def read(self, parameter: str, value: object) -> float:
         """Convert a text with a unit to a number in the unit of a parameter.
 
@@ -440,7 +442,9 @@ class Units:
             if not found.text or not _same_dimension(unit.text, found.text):
                 raise ValueError(f'is {given(value)}; it has the unit {unit.text}, as in "{number:g} {unit.text}"')
             return number * (found.factor / unit.factor)
-        return self.number(read_quantity(value, kind, self.of(kind).text), kind)
+        unit = self.unit(parameter)
+        found = read_quantity(value, kind, unit.text)
+        return found.number if found.factor == unit.factor else found.number * (found.factor / unit.factor)
 
     def signal(self, name: str) -> tuple[float, str]:
         """Return the factor from consistent units to the unit of a signal of a motion, and that unit.
@@ -485,20 +489,27 @@ class Units:
         return dict(self.radii)
 
     @cached_property
+    def _asked(self) -> dict[str, Unit]:
+        return dict(self.asked)
+
+    @cached_property
     def _own(self) -> dict[str, tuple[QuantityKind | None, Unit]]:
         return {name: (kind, unit) for name, kind, unit in self.own}
 
     def unit(self, name: str) -> Unit:
-        """Return the unit of a parameter without a kind: `PLAIN`, or that of a parameter of a formula."""
-        return self._own[name][1] if name in self._own else PLAIN
+        """Return the unit of a parameter: that of a study, of its kind, or of a formula; `PLAIN` if it has none."""
+        if name in self._asked:
+            return self._asked[name]
+        kind = self.kind(name)
+        return self.of(kind) if kind else self._own[name][1] if name in self._own else PLAIN
 
     def _factor(self, name: str) -> float:
-        kind = self.kind(name)
+        kind, unit = self.kind(name), self.unit(name)
         if kind is None:
-            return self.unit(name).factor
+            return unit.factor
         if kind is QuantityKind.ANGLE:
-            return 1.0
-        return self.frequency if kind is QuantityKind.FREQUENCY else self.of(kind).factor * self.angle**-kind.angle
+            return unit.factor / self.angle
+        return self.frequency if kind is QuantityKind.FREQUENCY else unit.factor * self.angle**-kind.angle
 
 
 def units_of(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import ContactForm
 from gapwalk.model.laws import HYSTERESIS, Elastic, Friction, Hysteretic, Law, Piecewise, Pushing
-from gapwalk.model.problems import WITHIN, did_you_mean
+from gapwalk.model.problems import HALF, WITHIN, did_you_mean
 from gapwalk.model.structure import Structure, Variation
 
 _LARGEST = 1e150  # its square is finite, too
@@ -71,10 +71,13 @@ def _number_problems(structure: Structure, values: NDArray[np.float64]) -> Itera
         own = {each: float(values[structure.place(name)]) for each, name in names.items()}
         yield from (f"{contact.name}.{problem}" for problem in contact.law.problems(own))
     inner: dict[tuple[int, int], float] = {}
-    for index, side, place in sorted(structure.breakpoints, key=lambda each: (each.contact, -each.side)):
-        clearance, inside = float(values[place]), inner.get((index, side), -math.inf)
+    sizes = zip(structure.breakpoints, structure.clearance_sizes, strict=True)
+    for (index, side, place), size in sorted(sizes, key=lambda each: (each[0].contact, -each[0].side)):
+        clearance, inside = float(values[place]) * size, inner.get((index, side), -math.inf)
         if clearance < 0:
-            yield f"{structure.names[place]} is {clearance}; it must be >= 0: {WITHIN}"
+            units, name = structure.units, structure.names[place]
+            shown, hint = (f"{values[place]:g} {units.parameter(name)}", HALF) if units else (clearance, WITHIN)
+            yield f"{name} is {shown}; it must be >= 0: {hint}"
         elif clearance <= inside:
             yield f"{structure.names[place]} is {clearance}; it must exceed that of the stage inside it, {inside}"
         if clearance == 0.0 == inner.get((index, -side)) and structure.contacts[index].law.rebounds:

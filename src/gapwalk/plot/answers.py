@@ -38,6 +38,7 @@ from gapwalk.plot.picture import (
     Finish,
     Inches,
     draws,
+    show_whole_symbols,
     write_answer,
     write_heading,
     write_legend,
@@ -124,9 +125,7 @@ def _draw_panels(picture: Picture, parts: Parts, figure: AnyFigure, title: str) 
     shares = {*picture.panels} <= {"main", "below"}
     axes = figure.subplots(len(heights), 1, sharex=shares, squeeze=False, height_ratios=heights)[:, 0].tolist()
     write_answer(figure, title, picture.heading)
-    if len(axes) > 1:
-        write_letters(axes)
-    entries, finishes = Entries(), list[Callable[[], None]]()
+    entries, finishes = Entries(), [write_letters(axes)] if len(axes) > 1 else []
     for ax, each in zip(axes, panels, strict=True):
         if each is None:
             finishes.append(_draw_main(picture, parts, ax, entries))
@@ -139,7 +138,7 @@ def _draw_panels(picture: Picture, parts: Parts, figure: AnyFigure, title: str) 
     write_legend(figure if len(axes) > 1 else axes[0], list(entries.items()), note=picture.note)
 
     def write() -> None:
-        for finish in finishes:
+        for finish in reversed(finishes):  # letters last
             finish()
 
     return write
@@ -188,7 +187,12 @@ def _draw_panel(picture: Picture, parts: Parts, ax: Axes, panel: Panel, entries:
         ax.margins(y=0.12)
     else:
         ax.set_ylim(0.0, 1.08 * ax.get_ylim()[1])
-    return partial(_write_notes, ax, panel.series, None)
+
+    def write() -> None:
+        show_whole_symbols(ax)
+        _write_notes(ax, panel.series, None)
+
+    return write
 
 
 def _draw_main(
@@ -225,6 +229,7 @@ def _draw_main(
     def write() -> None:
         if finish is not None:
             finish()
+        show_whole_symbols(ax)
         if has_values:
             _write_values(picture, parts, ax)
         _write_notes(ax, series, next((each for each in parts.shades if each.over == up), None))
@@ -271,7 +276,7 @@ def _draw_curves(picture: Picture, ax: Axes, entries: Entries, *, is_over_cells:
             entries[each.text] = stroke(*_look(each.look))
             _draw_branch(ax, each, up)
     shaped = [each for each in branches if each.look and each.points is None]
-    if shaped:
+    if not all(point.stable for each in shaped for point in each.curve.points):
         entries["unstable"] = stroke(BLACK, 0.9, _DASHES)
     for kind in style.in_order(special.kind for each in shaped for special in each.marked):
         look = style.symbol_style(kind)
@@ -397,9 +402,10 @@ def _write_notes(ax: Axes, series: Sequence[Series], shade: Shade | None) -> Non
 _BELOW = 80.0  # dB below the highest level that cuts show
 _DELAY = color_of("tint-late")
 _CUTS: Any = (
-    *((each.color, 1.3, each.dashes) for each in SEVERAL[:3]),
-    (BLACK, 0.8),
-)  # orders; of more, all as the last
+    *((each.color, 1.3, each.dashes) for each in SEVERAL),
+    (BLACK, 1.0),
+)  # the loudest orders
+_OTHERS: Any = (GREY, 0.4)
 _LEVELS: Any = (("#b3b3b3", 3.2), (color_of("tint-one-wild"), 1.6))  # overall, below all others, and rattle
 _FINE_HISTORY = 40_000  # points of a history up to which all are drawn
 
@@ -429,15 +435,20 @@ def draw_run_up(
     write_answer(figure, title, [*run.sentences, *(each.words(run.system) for each in delays)])
     heights = [1.0, *[0.95] * (branch is not None), *[0.85, 0.7] * (orders > 0.0)]
     panels = figure.subplots(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0].tolist()
-    if len(panels) > 1:
-        write_letters(panels)
+    finishes = [write_letters(panels)] if len(panels) > 1 else []
     draw_history_over_speed(run, panels[0], signal)
     finish = None if branch is None else _lay_over(run, panels[1], branch, run.coordinate_of(signal), delays)
     if orders > 0.0:
         _draw_map(order_map(run, signal, orders, turns=window), panels[-2], panels[-1])
         for ax in panels[-2:] if run.course.is_invertible else ():
             _match_speeds(run, ax, float(run.waterfall(signal, orders, turns_of(run.system, window)).values[0]))
-    return finish
+
+    def write() -> None:
+        for each in (finish, *finishes):
+            if each is not None:
+                each()
+
+    return write
 
 
 def _match_speeds(run: RunUp, ax: Axes, first: float) -> None:
@@ -470,7 +481,9 @@ def _draw_map(found: OrderMap, above: Axes, below: Axes, *, in_hertz: bool = Fal
     places = np.concatenate(([0.0], np.cumsum(np.maximum(np.abs(np.diff(spectra.values)), 1e-12))))
     entries = []
     rms = [(f"order {order:g}" if spectra.turns else f"{order:g} Ω", spectra.cut(order)) for order in found.cuts]
-    looks = [*_CUTS[: len(rms)], *[_CUTS[-1]] * (len(rms) - len(_CUTS))]
+    loudest = sorted(range(len(rms)), key=lambda place: -float(np.nanmax(rms[place][1])))[: len(_CUTS)]
+    named = iter(_CUTS)
+    looks = [next(named) if place in loudest else _OTHERS for place in range(len(rms))]
     levels = [(text, found.levels(sizes)) for text, sizes in rms]
     levels += [(text.partition(", root")[0], found.levels(sizes * np.sqrt(2.0))) for text, sizes in found.lines()]
     top = max(float(np.max(sizes[np.isfinite(sizes)], initial=-np.inf)) for _, sizes in levels)
@@ -478,7 +491,9 @@ def _draw_map(found: OrderMap, above: Axes, below: Axes, *, in_hertz: bool = Fal
         if (sizes > top - _BELOW).any():
             options = stroke(*look)
             below.plot(places, np.where(np.isfinite(sizes), sizes, np.nan), **options, zorder=2 + (look in _CUTS))
-            entries.append((text, options))
+            entries += [(text, options)] * (look is not _OTHERS)
+    if _OTHERS in looks:
+        entries.append((f"{looks.count(_OTHERS)} more", stroke(*_OTHERS)))
     if in_hertz and spectra.units:  # the cuts through the map are lines there
         for order in found.cuts:
             above.plot(places, order * spectra.pitch, **stroke(GREY, 0.6, (0, (1, 2))))
@@ -486,7 +501,8 @@ def _draw_map(found: OrderMap, above: Axes, below: Axes, *, in_hertz: bool = Fal
     below.set_xlim(above.get_xlim())
     if np.isfinite(top):  # what is quieter than the map shows is cut off; above is room for the letter
         below.set_ylim(max(below.get_ylim()[0], top - _BELOW), top + 0.12 * _BELOW)
-    below.set(ylabel=f"level [{found.unit}]", xlabel=above.get_xlabel())
+    room = 72.0 * below.bbox.height / below.figure.dpi
+    below.set(ylabel=style.broken(f"level [{found.unit}]", room), xlabel=above.get_xlabel())
     above.set_xlabel("")
     write_legend(below, entries, "above")
 

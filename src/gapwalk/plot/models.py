@@ -184,6 +184,8 @@ def _small(color: str = BLACK) -> dict[str, Any]:
 
 def _draw_force(ax: Axes, curve: ForceCurve, system: System, measured: Points, columns: int) -> None:
     units, entries = system.units, []
+    scale, unit = units.signal(".speed") if units and curve.over_slip else (1.0, "")
+    curve = replace(curve, x=scale * curve.x, breakpoints=tuple(scale * each for each in curve.breakpoints))
     own = [measured[name] for name in curve.names if name in measured]
     if own:
         curve = _within(curve, own[0][0])
@@ -205,13 +207,14 @@ def _draw_force(ax: Axes, curve: ForceCurve, system: System, measured: Points, c
             ax.axvline(level, **GUIDE.options(zorder=1))
     ax.axhline(0.0, **AXIS.options(zorder=1))
     ax.set_xlim(float(curve.x[0]), float(curve.x[-1]))
-    ax.xaxis.set_major_locator(MaxNLocator(9 if columns == 1 else 5))
-    what = "rate" if curve.over_rate else "deflection"
+    ax.xaxis.set_major_locator(MaxNLocator((9, 5, 4)[columns - 1]))
+    what = "slip" if curve.over_slip else "rate" if curve.over_rate else "deflection"
     where = " at deflection 0" if curve.over_rate and curve.is_at_zero else ""
-    unit = units and units.state("'" if curve.over_rate else "")
+    unit = unit or (units and units.state("'" if curve.over_rate else ""))
     ax.set_xlabel(f"{what} of {curve.name}{where}" + (f" [{unit}]" if unit else ""))
     ax.set_ylabel("torque [N m]" if units else "force")
-    _title(ax, f"{curve.name}: {curve.law}" + "; shaded: over the angle" * (curve.band is not None), columns)
+    at = f"; o at {pace_words(system)}" * curve.over_slip
+    _title(ax, f"{curve.name}: {curve.law}{at}" + "; shaded: over the angle" * (curve.band is not None), columns)
     if own:
         entries.append(("measured points", symbols("o", 3.0, SECOND, SECOND, 0.0)))
         entries.append(("stages", line))
@@ -262,7 +265,7 @@ def _draw_angle(ax: Axes, curve: AngleCurve, system: System, columns: int) -> No
     if len(entries) > 1:  # room for the legend
         low, high = ax.get_ylim()
         ax.set_ylim(low, high + 0.1 * (1 + len(entries)) * (high - low))
-    again = "" if curve.repeats == 1 else f", {curve.repeats} times per period"
+    again = "" if curve.repeats == 1 else f"; repeats every {angle[-1]:.4g} deg"
     whose = "angle of the excitation" if factor == 1.0 and not (units and units.turns) else "angle of the shaft"
     ax.set_xlabel(f"{whose} [deg]")
     ax.set_ylabel(_number_words(curve, units))

@@ -435,7 +435,7 @@ def draw_modes(modes: Modes, figure: AnyFigure, system: System, *, title: str = 
     kind = "" if system.units else " (angular)"
     quantity = "angles referred to the first inertia" if modes.inertias else "coordinates"
     quantity += " (open circles: a quarter of a period later)" if np.iscomplexobj(modes.shapes) else ""
-    if isinstance(assembly, TrainAssembly) and any(link.contact for link in assembly.form.links):
+    if isinstance(assembly, TrainAssembly) and any(link.contact and not link.loose for link in assembly.form.links):
         quantity += " (grey: through contacts)"
     panels[-1].set_xlabel(f"{quantity}; left: natural frequencies{kind}")
 
@@ -446,7 +446,7 @@ def _draw_mode(system: System, modes: Modes, number: int, ax: Axes, places: int)
         # Angles referred to the first inertia, the largest of them 1, so that the line is continuous across gears.
         heights = modes.angles[:, number] / assembly.numbers(system.values).referring
         heights = np.append(heights / np.abs(heights).max(), 0.0)[:places]
-        for link in (each for each in assembly.form.links if max(each.ends) < places):  # without drags on the casing
+        for link in (each for each in assembly.form.links if not (each.drag or each.loose)):  # those with a stiffness
             ends = list(link.ends)
             ax.plot(ends, heights[ends], **stroke(GREY if link.contact else BLACK, 1.4))
     else:

@@ -28,12 +28,13 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.text import Text
 from matplotlib.textpath import TextToPath
 
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.notebook import Shown
 from gapwalk.picture_parts import described, description_of
-from gapwalk.plot.style import CARD, GREY, SizeName, in_style, points, present, rc, sheet_size, sized, styled
+from gapwalk.plot.style import CARD, GREY, SizeName, broken, in_style, points, present, rc, sheet_size, sized, styled
 from gapwalk.studies.export import write_whole
 from gapwalk.studies.result import Result
 from gapwalk.studies.study_kind import kind_of, kinds
@@ -102,8 +103,10 @@ def lay_out(figure: Figure, *, keep: bool = False) -> None:
             engine.execute(figure)
         elif keep:
             figure.draw_without_rendering()
-    for ax in figure.axes:
-        shorten_label(ax)
+    changed = [shorten_label(ax) for ax in figure.axes]
+    if any(changed) and engine is not None:
+        with in_style():
+            engine.execute(figure)
     if engine is not None and not keep:
         figure.set_layout_engine(None)
 
@@ -119,10 +122,50 @@ def write_answer(figure: AnyFigure, title: str, sentences: Sequence[str]) -> Non
     write_heading(figure, "\n".join(filter(None, (title, *(each.replace("$", r"\$") for each in sentences)))))
 
 
-def write_letters(panels: Sequence[Axes]) -> None:
-    """Write a, b, c into the corners of panels."""
-    for letter, panel in zip("abcdef", panels, strict=False):
+def write_letters(panels: Sequence[Axes]) -> Callable[[], None]:
+    """Write a, b, c into the corners of panels; return a function that moves them off what is drawn."""
+    letters = [
         panel.text(0.012, 0.975, letter, transform=panel.transAxes, va="top", weight="bold", zorder=7)
+        for letter, panel in zip("abcdef", panels, strict=False)
+    ]
+
+    def move() -> None:
+        for letter in letters:
+            for x, y in _CORNERS:
+                letter.set(position=(x, y), ha="left" if x < 0.5 else "right", va="bottom" if y < 0.5 else "top")
+                if not _is_drawn_on(letter):
+                    break
+            else:
+                letter.set(position=_CORNERS[0], ha="left", va="top")
+
+    return move
+
+
+_CORNERS = ((0.012, 0.975), (0.988, 0.975), (0.012, 0.025), (0.988, 0.025))  # of letters, in the order of preference
+
+
+def _is_drawn_on(text: Text) -> bool:
+    """Return True if a line or a symbol of its axes crosses a text."""
+    assert text.axes is not None
+    box = text.get_window_extent().padded(points(2.0) * text.axes.figure.figure.dpi / 72.0)
+    for line in text.axes.lines:
+        path = line.get_transform().transform_path(line.get_path())
+        is_line = line.get_linestyle() != "None"
+        if path.intersects_bbox(box, filled=False) if is_line else box.count_contains(path.vertices):
+            return True
+    return False
+
+
+def show_whole_symbols(ax: Axes) -> None:
+    """Let symbols at the frame reach beyond it, in pictures that are files: in a window, ranges may change."""
+    if ax.figure.figure.canvas.manager is not None:
+        return
+    ranges = [sorted(ax.get_xlim()), sorted(ax.get_ylim())]
+    for line in ax.lines:
+        if line.get_linestyle() == "None" and line.get_transform() == ax.transData:
+            values = np.array(line.get_data(), dtype=float)
+            inside = np.all([(low <= own) & (own <= high) for own, (low, high) in zip(values, ranges, strict=True)], 0)
+            line.set(data=values[:, inside], clip_on=False, in_layout=False)
 
 
 _written: WeakKeyDictionary[Legend, list[Artist]] = WeakKeyDictionary()  # what each legend explains
@@ -195,15 +238,17 @@ def is_narrow(figure: AnyFigure) -> bool:
     return figure.figure.get_figwidth() < NARROW
 
 
-def shorten_label(ax: Axes) -> None:
-    """Leave out what stands in brackets in the label of a vertical axis that does not fit, after the layout."""
+def shorten_label(ax: Axes) -> bool:
+    """Leave out what stands in brackets in the label of a vertical axis that does not fit, or break it into lines."""
     # It is cut off at an edge of the picture, or reaches into the next panel.
-    if not ax.get_ylabel() or ax.name == "3d":
-        return
+    if not (text := ax.get_ylabel()) or ax.name == "3d":
+        return False
     box, figure = ax.yaxis.label.get_window_extent(), ax.figure.figure
     is_high = len(figure.axes) > 1 and box.height > _OVER * ax.get_window_extent().height
     if box.y0 < 0.0 or box.y1 > figure.bbox.height or is_high:
-        ax.set_ylabel(re.sub(r"\s+\([^)]*\)", "", ax.get_ylabel()))
+        shorter = re.sub(r"\s+\([^)]*\)", "", text)
+        ax.set_ylabel(shorter if shorter != text or "\n" in text else broken(text, 0.0))
+    return ax.get_ylabel() != text
 
 
 def sheet_bytes(figure: Figure, form: str) -> bytes:

@@ -175,7 +175,7 @@ def broken(label: str, room: float = inf) -> str:
     is_roomy = size.width is None or size.width / size.scale > _ROOMY
     if is_roomy and points(_LETTER) * len(label) < room:
         return label
-    places = [at for mark in (" (", ", ", " over ", " [") if (at := label.find(mark, 8)) > 0]
+    places = [at for mark in (" (", ", ", " over ", " [") if (at := label.find(mark, 5)) > 0]
     return label if not places else f"{label[: min(places)].rstrip()}\n{label[min(places) :].lstrip(', ')}"
 
 

@@ -35,6 +35,7 @@ from gapwalk.studies.tolerance_study import (
     SPREADS,
     check_spreads,
     read_number,
+    spread_doubts,
     spreads_of_call,
     with_spreads,
 )
@@ -199,10 +200,14 @@ def chance_picture(found: RattleChance) -> Picture:
 def _parts(found: RattleChance) -> Parts:
     pace, units, series = found.system.structure.pace, found.system.units, list[Series]()
     if len(found.values) > 1:
-        for k, name in enumerate(found.names):
-            share = 100.0 * np.array([found.chance(name, value)[2:] for value in found.values]).T
-            series.append(Series(found.values, share[1:], "between", _LOOKS[k % len(_LOOKS)]))
-            series.append(Series(found.values, share[0], "line", _LOOKS[k % len(_LOOKS)], name))
+        alike: dict[Any, list[str]] = {}  # the gaps with equal shares are one curve
+        for name in found.names:
+            alike.setdefault(tuple(found.chance(name, value)[2:] for value in found.values), []).append(name)
+        for k, (share, names) in enumerate(alike.items()):
+            look, (middle, *ends) = _LOOKS[k % len(_LOOKS)], 100.0 * np.array(share).T
+            series.append(Series(found.values, np.array(ends), "between", look))
+            series.append(Series(found.values, middle, "line", look, ", ".join(names)))
+            series.append(Series(found.values, middle, "dots", look))
         return Parts(charts=[Panel("parts that rattle [%]", pace, series, across=parameter_words(pace, units))])
     every = found.rms[np.isfinite(found.rms)]
     ends = (float(every.min()), float(every.max())) if len(every) else (0.0, 1.0)
@@ -277,6 +282,10 @@ class RattleChanceStudy(StudyKind):
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
         return f"probability of rattle at {', '.join(f'{value:g}' for value in self.values)}: {self.samples:,} samples"
+
+    def doubts(self, system: System) -> list[str]:
+        """See `StudyKind.doubts`."""
+        return [*spread_doubts(system, self.spreads)]
 
     def first_system(self, system: System) -> System:
         """Return the system at the first value."""

@@ -9,6 +9,7 @@ import io
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Annotated, Any
@@ -18,6 +19,7 @@ from pydantic import Field, model_validator
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.model.doubts import doubts_of
 from gapwalk.model.drivetrain.nondimensional import NonDimensional, nondimensional
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.drivetrain.train_file import describes_train
 from gapwalk.model.drivetrain.train_sheet import train_of_sheet
 from gapwalk.model.measured.measured_table import read_named
@@ -26,7 +28,7 @@ from gapwalk.model.model_source import Source, parse_source, read_source
 from gapwalk.model.problems import ModelFileError, Path, Problem, did_you_mean, given
 from gapwalk.model.schema import Part, Positive, Text
 from gapwalk.model.system import System
-from gapwalk.model.units import PACES
+from gapwalk.model.units import PACES, Unit, has_unit, read_quantity
 from gapwalk.studies.options import BranchOptions, ParameterRange, measure_doubts
 from gapwalk.studies.set_values import change_source, change_system, study_changes, study_tables, walked_parameters
 from gapwalk.studies.study_kind import StudyKind, kind_of, kinds
@@ -167,7 +169,7 @@ class Study:
     @property
     def doubts(self) -> list[str]:
         """Doubts about the damping of the system and about the measure that is shown, in sentences."""
-        return [*doubts_of(self.system), *measure_doubts(self.system, self.options)]
+        return [*doubts_of(self.system), *measure_doubts(self.system, self.options), *self.options.doubts(self.system)]
 
     @property
     def unused_words(self) -> list[str]:
@@ -329,6 +331,8 @@ def check_whole(
             continue
         study, found = _check_table(source, at, sound, system, rest, asked, reduction, guessed=model is None)
         studies.append(study)
+        if system is None and describes_train(source.data):  # without its units no number of a study can be judged
+            found = [each for each in found if each.message.startswith(("is not a key", "is missing"))]
         problems += found
     if any(each.message.endswith(f"did you mean {pace}?") for each in problems for pace in PACES):
         # it is there, under another name
@@ -357,6 +361,7 @@ def _check_table(
     own = {key: own[key] for key in own if key not in asked}
     system, found = change_system(system, source, own, changes, guessed=guessed)
     problems += found
+    system = system and _in_asked_units(system, study_tables(source)[at])
     reduced = None
     if reduction and model and system and not problems:
         reduced, problems = reduce_for(source, at, reduction, system)
@@ -377,6 +382,25 @@ def _check_table(
     changed = tuple(asked.items())
     name = table.name or ""
     return Study(system, options, title, source.text, changed, name, reduced, table.unused, model.files), []
+
+
+def _in_asked_units(system: System, table: Mapping[str, Any]) -> System:
+    """Return a system with the parameters of which a study asks in the units in which it asks."""
+    assembly, asked = system.structure.assembly, dict[str, Unit]()
+    nested = (each for value in table.values() for each in (value if isinstance(value, list) else [value]))
+    for each in (table, *(each for each in nested if isinstance(each, Mapping))):
+        name, value = each.get("parameter"), each.get("from", each.get("mean"))
+        kind = system.units.kind(name) if system.units and isinstance(name, str) and name not in PACES else None
+        if kind and name in system.structure.names and isinstance(value, str) and has_unit(value):
+            with suppress(ValueError):  # which is refused where it is read
+                found = read_quantity(value, kind)
+                asked[name] = Unit(found.unit, found.factor)
+    if not (isinstance(assembly, TrainAssembly) and assembly.units and asked):
+        return system
+    units = replace(assembly.units, asked=(*asked.items(),))
+    structure = replace(system.structure, assembly=replace(assembly, units=units))
+    sizes = [each.factors(structure.names) for each in (assembly.units, units)]
+    return System.from_values(structure, system.values * (sizes[0] / sizes[1]))
 
 
 def _validated(

@@ -12,6 +12,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
+from gapwalk.flow.characteristics import characteristics_of
 from gapwalk.flow.forces import accelerations
 from gapwalk.model import System
 from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
@@ -62,6 +63,8 @@ def test_the_worked_example_without_separation() -> None:
     numbers = system.structure.assembly.numbers(system.values)
     assert numbers.mean_slips[-3:] == pytest.approx([-40.0, 40.0, 80.0], abs=1e-12)
     assert numbers.drags[-3:] == pytest.approx([-0.4, 0.72, 2.24], abs=1e-13)
+    (final,) = (each for each in characteristics_of(system).forces if each.over_slip)
+    np.testing.assert_allclose(final.force, 0.020 * final.x + 1e-4 * final.x**2, rtol=1e-13, atol=1e-13)
     assert numbers.torques[0][-1] == pytest.approx(-22.2, abs=1e-13)
     assert (numbers.whole, numbers.whole * numbers.decay) == pytest.approx((1.76188, 0.02752), rel=1e-12)
     orbit = gw.find_orbit(system)

@@ -373,8 +373,8 @@ def beside(name: str, between: tuple[str, str] = ("b", "c"), **numbers) -> dict[
         (beside("bc", ("b", "ground"), stiffness=1.0), "c is not connected to the ground"),
         (beside("bc", ("b", "b"), stiffness=1.0), "bc joins b to itself"),
         (beside("bc", ("ground", "c"), stiffness=1.0), "write the ground second"),
-        (beside("ab", stiffness=1.0), "ab has the name of another part"),
-        (beside("a", stiffness=1.0), "a has the name of another part"),
+        (beside("ab", stiffness=1.0), "ab has the name ab of another part"),
+        (beside("a", stiffness=1.0), "a has the name a of another part"),
         (beside("mean", stiffness=1.0), "mean is taken as a name"),
         (beside("b c", stiffness=1.0), "shaft name 'b c': write a word"),
         (beside("bc"), "bc has no stiffness; write stiffness = ..."),
@@ -426,7 +426,7 @@ def beside(name: str, between: tuple[str, str] = ("b", "c"), **numbers) -> dict[
             "reaction is 'c', but the ground alone joins a to another part of the train",
         ),
         ({"frequency": 0.0}, "frequency is 0.0; it must be > 0"),
-        (beside("c", damping=0.1), "c has the name of another part"),
+        (beside("c", damping=0.1), "c has the name c of another part"),
         (
             {
                 "shafts": [

@@ -65,6 +65,7 @@ def test_a_text_is_a_number_and_a_unit(text: str, kind: QuantityKind, number: fl
         ("3 degC", QuantityKind.ANGLE, "a temperature has no place here"),
         ("3 grad", QuantityKind.ANGLE, "there is no unit 'grad' here"),
         ("2 N m/rad s", QuantityKind.DAMPING, "needs brackets, as in N m/(rad s)"),
+        ("2 lb-in", QuantityKind.TORQUE, "lbf that of a force; write lbf in"),
         ("2 m^99", QuantityKind.ANGLE, "this is no unit"),
         ("2 ((m", QuantityKind.ANGLE, "this is no unit"),
         ("2 " + "m " * 100, QuantityKind.ANGLE, "this is no unit"),

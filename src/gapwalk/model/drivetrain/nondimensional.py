@@ -194,7 +194,7 @@ def _factor(units: Units, parameter: str, scales: Scales) -> float:
     kind = units.kind(parameter)
     if kind is None:
         return units.unit(parameter).factor
-    unit = units.frequency if kind is QuantityKind.FREQUENCY else units.of(kind).factor
+    unit = units.frequency if kind is QuantityKind.FREQUENCY else units.unit(parameter).factor
     return unit / scales.of(kind)
 
 

@@ -99,7 +99,7 @@ def name_problems(train: Train) -> Iterator[str]:
         elif part.name in _RESERVED:
             yield f"{part.name} is taken as a name already; choose another one for the {kind}"
         elif counts[part.name] > 1:
-            yield f"{part.name} has the name of another part; give each a name of its own"
+            yield f"{part.name} has the name {part.name} of another part; give each a name of its own"
         elif kind in ("shaft", "gear"):
             rigid = RIGID in (stage.stiffness for stage in part.stages)
             dry = any(OF_FRICTION[0] in each.numbers for each in (part, *part.stages))

@@ -383,7 +383,8 @@ class TrainAssembly:
             elif what == "ratio" and value == 0:
                 yield f"{name} is 0; it must be the speed of the first inertia over that of the second"
             elif (what.endswith("damping") or what in NOT_NEGATIVE) and not value >= 0:
-                yield f"{name} is {value:g}; it must be >= 0"
+                unit = f" {self.units.parameter(name)}" if self.units else ""
+                yield f"{name} is {value:g}{unit}; it must be >= 0"
         numbers = TrainNumbers(self.form, values)
         for link, value in zip(self.form.links, numbers.stiffness.tolist(), strict=True):
             if link.always and not value > 0:

@@ -40,7 +40,7 @@ from gapwalk.model.model_tables import (
     stages_field,
     study_tables,
 )
-from gapwalk.model.problems import Path, Problem, did_you_mean
+from gapwalk.model.problems import Path, Problem, did_you_mean, given
 from gapwalk.model.schema import (
     MAX_COORDINATES,
     Centre,
@@ -60,7 +60,6 @@ from gapwalk.model.schema import (
     measured,
     number_of,
     tagged,
-    without_repeats,
 )
 from gapwalk.model.system import System
 from gapwalk.model.units import Quantity, QuantityKind
@@ -75,7 +74,15 @@ _Radius = Annotated[Positive, measured(QuantityKind.LENGTH)]
 _Stiffness = Annotated[Positive, measured(QuantityKind.STIFFNESS), or_rigid()]
 _Damping = Annotated[NonNegative, measured(QuantityKind.DAMPING), BeforeValidator(is_no_law)]
 _Pace = Annotated[Positive, measured(QuantityKind.FREQUENCY)]
-_Ends = Annotated[list[Name], Field(min_length=2, max_length=2), AfterValidator(without_repeats)]
+
+
+def _are_two(names: list[str]) -> list[str]:
+    if names[0] == names[1]:
+        raise ValueError(f"joins {given(names[0])} to itself; name two different inertias")
+    return names
+
+
+_Ends = Annotated[list[Name], Field(min_length=2, max_length=2), AfterValidator(_are_two)]
 
 
 class PacedPart(Part):

@@ -257,7 +257,7 @@ def _friction_detail(system: System, form: ContactForm) -> str:
 def _stages(system: System, form: ContactForm, name: str, signal: str, varying: str) -> Iterator[Element]:
     sides: dict[int, list[tuple[float, StageForm]]] = {-1: [], 1: []}
     for stage, sign in form.sides:
-        sides[sign].append((system[f"{form.stage_prefix(stage)}.clearance"], stage))
+        sides[sign].append((system.equations[f"{form.stage_prefix(stage)}.clearance"], stage))
     for each in sides.values():
         each.sort(key=lambda found: found[0])
     low, high = sides[-1], sides[1]
@@ -277,16 +277,13 @@ def _stages(system: System, form: ContactForm, name: str, signal: str, varying: 
             words, is_curved = f"{whole}: spring that never opens{varying}", bool(system.parameters.get(cubic))
             yield Element("spring", own, words, form.name, signal, is_curved=is_curved)
             continue
-        detail = _edge_words(system, form, left, right) if any(edges) else "no gap"
+        detail = _edge_words(system, left, right) if any(edges) else "no gap"
         words = f"{whole}: {what} {f'with a gap of {detail}' if any(edges) else 'without a gap'}{varying}"
         yield Element("gap", own, words, form.name, signal, edges, detail, rigid)
 
 
-def _edge_words(
-    system: System, form: ContactForm, left: tuple[float, StageForm] | None, right: tuple[float, StageForm] | None
-) -> str:
-    parts = [each and f"{form.stage_prefix(each[1])}.clearance" for each in (left, right)]
-    unit = system.units.parameter(next(filter(None, parts))) if system.units else ""
+def _edge_words(system: System, left: tuple[float, StageForm] | None, right: tuple[float, StageForm] | None) -> str:
+    unit = system.units.state("") if system.units else ""
     low, high = left and f"{left[0]:.3g}", right and f"{right[0]:.3g}"
     text = f"±{high}" if low == high else " / ".join(filter(None, (high and f"+{high}", low and f"−{low}")))
     return f"{text} {unit}".strip()

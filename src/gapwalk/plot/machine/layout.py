@@ -557,7 +557,7 @@ def _elements(system: System, link: LinkForm, ratio: float, is_displaced: bool) 
         named = named or of_link
     for what, words in (("damping", "damper"), ("linear", "drag"), ("constant", "constant drag")):
         number = f"{link.name}.{what}"
-        if number in system.parameters and system[number]:
+        if number in system.parameters and system[number] and not (named and what == "constant"):
             words = f"{link.name}: {words}{geared}, {_with_unit(system, number)}"
             yield Element("damper", "" if named else label, words, "", signal)
             return
