@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -49,6 +50,7 @@ from gapwalk.studies.result import Result, load_result
 from gapwalk.studies.settle_study import SettleFinding
 from gapwalk.studies.study_file import Study, check_studies
 
+_GROWS, _SPARED = 1.0, 10.0  # seconds between two readings of what grows; and how many times those that one takes
 _NOWHERE = (0.0, 0.0)  # range of an unfinished branch, from which no other can start yet
 
 
@@ -79,11 +81,13 @@ class Entry:
     #: state, message: State of its job, and a remark.
     state: State = State.DONE
     message: str = ""
-    result: Result | None = None  #: Content of the file, after the end of the job.
+    result: Result | None = None  #: Content of the file after the end of the job; of an answer, also before it.
+    reading: int = 0  #: How often the file has been read.
     live: Progress = field(default_factory=Progress)  #: Progress reported so far.
     version: int = 0  #: Counter of changes.
     model: str = ""  #: The mark of the model file that it was computed from; see `gapwalk.explorer.workspace_folder`.
     look: Look = Look()  #: What a user has chosen for it: a name, a colour, and whether it is shown.
+    _drawn: tuple[int, float] = (0, 0.0)  # parts of the answer that are shown, and the time of the next reading
     _viewed: tuple[Result | None, AnswerView | None] = (None, None)
     _answer_lines: list[Line] = field(default_factory=list)
 
@@ -294,8 +298,22 @@ class Exploration:
                 entry.change(message=entry.message or str(error))
             return
         with self.guard:
-            entry.result = result
-            entry.change(message=entry.message or "; ".join(result.failures) or _ends(entry))
+            entry.change(result=result, reading=entry.reading + 1)
+            entry.message = entry.message or "; ".join(result.failures) or _ends(entry)
+
+    def read_growing(self, entry: Entry) -> None:
+        """Read what is stored of an answer that is being computed, if there is more of it and the last time is past."""
+        done, (drawn, due), begun = entry.live.done, entry._drawn, time.monotonic()
+        if done <= drawn or begun < due or entry.live.steps or entry.live.finished:
+            return
+        with suppress(GapwalkError):  # it is read again after the end, which tells of it
+            result = load_result(entry.path)
+            with self.guard:
+                if result.finding is not None and result.finding.can_be_drawn:
+                    entry.change(result=result, reading=entry.reading + 1)
+                    entry.lines()
+        spent = time.monotonic() - begun
+        entry._drawn = done, begun + max(_GROWS, _SPARED * spent)
 
     def refuse_unfinished(self, action: Action) -> None:
         """Raise a ModelError if an action starts from an unfinished result, whose points may be renumbered."""
@@ -453,7 +471,7 @@ def _plain(entry: Entry) -> dict[str, Any]:
         "model": entry.model,
         "kind": entry.action.do if entry.action else "opened",
         "settled": entry.settled() is not None,
-        "answer": None if entry.answer is None else {"axes": entry.answer.axes},
+        "answer": None if entry.answer is None else {"axes": entry.answer.axes, "reading": entry.reading},
         "can_resume": entry.can_resume,
         "saves": entry.saves,
         "done": [entry.live.done, entry.live.total],

@@ -1,6 +1,6 @@
 // The page: the chosen file, axes and point; the server holds everything else.
 
-import { Answer } from "./answer.js";
+import { Answer, GROWING } from "./answer.js";
 import { download, get, post } from "./api.js";
 import { Choice } from "./choice.js";
 import { Curves, takeLoci } from "./curves.js";
@@ -139,7 +139,7 @@ async function open(file, where = new URLSearchParams()) {
   address();
   await show(about.results, about.deleted);
   if (page.about?.file !== file) return;
-  const last = about.results.findLast(({ answer, branches, state }) => state === "done" && (answer || branches.length)); // a settled motion lies over it
+  const last = about.results.findLast(({ answer, branches, state }) => (state === "done" && branches.length) || (answer && ["done", ...GROWING].includes(state))); // a settled motion lies over it
   if (last?.answer) await showAnswer(last, !where.size);
   if (where.has("at")) chooseAddressed(where.get("at"));
   if (!about.results.length && !about.problem && file.endsWith(".toml")) quick.show(file);
@@ -245,16 +245,17 @@ async function update() {
 /** Show the answer that was asked for once it is there, and the shown one again if it has changed. */
 async function showAnswers() {
   if (!page.about) return;
-  const over = page.results.filter((r) => r.answer && ["done", "stopped"].includes(r.state));
+  const over = page.results.filter((r) => r.answer && r.state !== "failed");
   const wanted = over.find(({ key }) => key === page.wanted);
-  const shown = over.find(({ key, version }) => key === answer.key && version !== answer.version);
+  const shown = over.find(({ key, state, answer: { reading } }) => key === answer.key && (reading !== answer.reading || GROWING.includes(state) !== answer.grows));
   const settled = page.results.find(({ key, settled, state }) => key === page.wanted && settled && state === "done");
   if (wanted || settled) page.wanted = null;
   if (settled) {
     if ($("error").classList.contains("hint-only")) hideError(); // that it is computed
     return choice.choose({ settled: settled.key }); // it opens with its motion
   }
-  if (wanted ?? shown) await showResult(wanted ?? shown);
+  if (wanted) await showResult(wanted);
+  else if (shown) await showAnswer(shown, false);
   else if (answer.key !== null && !page.results.some(({ key }) => key === answer.key)) answer.clear();
 }
 
@@ -595,9 +596,9 @@ async function showResult(result) {
   await showAxes(shown.parameter || page.about.x, locus ? locus.second : page.about.y);
 }
 
-/** Show an answer, over its own axes unless those of now are wanted. */
+/** Show an answer over its own axes, or again over those of now, with what is chosen there. */
 async function showAnswer(result, isOverOwn = true) {
-  const { about } = page, content = await answer.show(about.file, result);
+  const { about } = page, content = await answer.show(about.file, result, !isOverOwn && answer.key === result.key);
   if (!content || page.about?.file !== about.file) return; // the same file may have been read again
   const [x, y] = (isOverOwn && content.axes) || [$("x").value, $("y").value];
   const known = new Set([...$("y").options].map(({ value }) => value));
@@ -606,7 +607,7 @@ async function showAnswer(result, isOverOwn = true) {
   await showAxes(x, y);
   answer.turnTo(y);
   markAnswer();
-  diagram.range = null;
+  if (isOverOwn) diagram.range = null;
   drawDiagram();
   showEmpty();
 }
