@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 import time
@@ -84,10 +85,11 @@ class Entry:
     result: Result | None = None  #: Content of the file after the end of the job; of an answer, also before it.
     reading: int = 0  #: How often the file has been read.
     live: Progress = field(default_factory=Progress)  #: Progress reported so far.
+    #: While an answer grows: number of its parts that are read, and the time of the next reading.
+    grown: tuple[int, float] = (0, 0.0)
     version: int = 0  #: Counter of changes.
     model: str = ""  #: The mark of the model file that it was computed from; see `gapwalk.explorer.workspace_folder`.
     look: Look = Look()  #: What a user has chosen for it: a name, a colour, and whether it is shown.
-    _drawn: tuple[int, float] = (0, 0.0)  # parts of the answer that are shown, and the time of the next reading
     _viewed: tuple[Result | None, AnswerView | None] = (None, None)
     _answer_lines: list[Line] = field(default_factory=list)
 
@@ -301,19 +303,25 @@ class Exploration:
             entry.change(result=result, reading=entry.reading + 1)
             entry.message = entry.message or "; ".join(result.failures) or _ends(entry)
 
-    def read_growing(self, entry: Entry) -> None:
-        """Read what is stored of an answer that is being computed, if there is more of it and the last time is past."""
-        done, (drawn, due), begun = entry.live.done, entry._drawn, time.monotonic()
-        if done <= drawn or begun < due or entry.live.steps or entry.live.finished:
-            return
-        with suppress(GapwalkError):  # it is read again after the end, which tells of it
+    def read_growing(self) -> None:
+        """Read what is stored of an answer that is being computed, if there is more of it; from time to time only."""
+        begun = time.monotonic()
+        with self.guard:
+            due = (each for each in self.entries.values() if each.state is State.RUNNING and begun >= each.grown[1])
+            entry = next((each for each in due if each.live.done > each.grown[0] and not each.live.is_drawn), None)
+            if entry is None:
+                return
+            done, reading = entry.live.done, entry.reading
+            entry.grown = done, math.inf  # another page may ask meanwhile
+        result = None
+        with suppress(GapwalkError):  # it is read again after its end, which tells of it
             result = load_result(entry.path)
-            with self.guard:
-                if result.finding is not None and result.finding.can_be_drawn:
-                    entry.change(result=result, reading=entry.reading + 1)
+        with self.guard:
+            if entry.reading == reading and result is not None and result.finding is not None:
+                if result.finding.can_be_drawn:
+                    entry.change(result=result, reading=reading + 1)
                     entry.lines()
-        spent = time.monotonic() - begun
-        entry._drawn = done, begun + max(_GROWS, _SPARED * spent)
+            entry.grown = done, begun + max(_GROWS, _SPARED * (time.monotonic() - begun))
 
     def refuse_unfinished(self, action: Action) -> None:
         """Raise a ModelError if an action starts from an unfinished result, whose points may be renumbered."""
@@ -446,6 +454,7 @@ def _starts(action: Action | None) -> list[str]:
 
 def listed(exploration: Exploration) -> list[dict[str, Any]]:
     """Return the results of an exploration for the page, with their progress; deleted ones are left out."""
+    exploration.read_growing()
     with exploration.guard:
         return [_plain(entry) for entry in exploration.entries.values() if not entry.look.deleted]
 

@@ -103,7 +103,6 @@ class Jobs:
                 with exploration.guard:
                     entry.live.add(news)
                     entry.change()
-                exploration.read_growing(entry)
                 self._changed()
 
             message = ""
