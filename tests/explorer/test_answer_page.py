@@ -488,7 +488,7 @@ def test_bands_are_drawn_before_their_study_ends_and_stay_when_it_is_stopped(tmp
         state, done, total = page.evaluate("(({ state, done }) => [state, ...done])(gapwalk.page.results[0])")
         assert state == "running"
         assert 0 < done < total == 4
-        assert all(each.endswith(" (so far)") for each in page.locator("#answer-text span").all_inner_texts())
+        assert all(each.startswith("So far: ") for each in page.locator("#answer-text span").all_inner_texts())
         until(page, "gapwalk.curves.all.size === 2 && !gapwalk.page.updating")  # both sweeps; the rest does not end
         page.select_option("#y", "max.x")
         page.click("#status-stop")

@@ -317,10 +317,10 @@ class Exploration:
         with suppress(GapwalkError):  # it is read again after its end, which tells of it
             result = load_result(entry.path)
         with self.guard:
-            if entry.reading == reading and result is not None and result.finding is not None:
-                if result.finding.can_be_drawn:
-                    entry.change(result=result, reading=reading + 1)
-                    entry.lines()
+            finding = None if result is None else result.finding
+            if entry.reading == reading and finding is not None and finding.can_be_drawn:
+                entry.change(result=result, reading=reading + 1)
+                entry.lines()
             entry.grown = done, begun + max(_GROWS, _SPARED * (time.monotonic() - begun))
 
     def refuse_unfinished(self, action: Action) -> None:

@@ -45,7 +45,7 @@ export class Answer {
   /** Write its sentences, that of the chosen contact first. */
   tell(first = 0) {
     const { sentences, complete } = this.content, own = sentences.slice(first, first + 1);
-    $("answer-text").replaceChildren(...[...own, ...sentences.filter((text) => text !== own[0])].map((words) => text("span", "", `${words}${complete ? "" : this.grows ? " (so far)" : " (incomplete)"}`)));
+    $("answer-text").replaceChildren(...[...own, ...sentences.filter((text) => text !== own[0])].map((words) => text("span", "", `${this.grows ? "So far: " : ""}${words}${complete || this.grows ? "" : " (incomplete)"}`)));
     $("answer-text").classList.remove("whole");
     this.offerWhole();
   }
