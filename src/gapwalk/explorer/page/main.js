@@ -187,20 +187,24 @@ function forget() {
   choice.clear();
 }
 
-/** Say how far a job is, and for how long it has been computed. */
+/** Say how far a job is, for how long it has been computed, and how long the rest takes at the pace since it is seen. */
 function showStatus(job, reached) {
   const [words, clock] = $("status").children;
-  if (job?.key !== page.job) Object.assign(page, { job: job?.key, since: performance.now() });
+  if (job?.key !== page.job) Object.assign(page, { job: job?.key, since: performance.now(), first: job?.share });
   clearInterval(page.ticking);
   words.textContent = job ? reached : "";
   $("status").title = job?.title ?? "";
   Object.assign($("status-stop"), { hidden: !job, title: `Stop ${job?.title}; what it has found is stored`, onclick: () => actOn("stop", job) });
   const tick = () => {
-    const seconds = Math.floor((performance.now() - page.since) / 1000);
-    clock.textContent = job ? `${Math.floor(seconds / 60)}:${String(seconds % 60).padStart(2, "0")}` : "";
+    const seconds = (performance.now() - page.since) / 1000, left = seconds * (1 - job?.share) / (job?.share - page.first);
+    clock.textContent = job ? `${minutes(seconds)}${Number.isFinite(left) && left > 0 ? `, about ${minutes(left)} left` : ""}` : "";
   };
   tick();
   if (job) page.ticking = setInterval(tick, 1000);
+}
+
+function minutes(seconds) {
+  return `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`;
 }
 
 /** Show the results; fetch the curves that have changed. */
@@ -211,7 +215,7 @@ async function show(results, deleted = page.deleted ?? []) {
   showDeleted($("deleted"), deleted, restore, clean);
   const busy = results.filter((r) => ["running", "queued", "paused"].includes(r.state));
   const [first] = busy, points = first?.branches.reduce((s, b) => s + b.points, 0);
-  showStatus(first, !points && first?.done[1] ? `${Math.floor(100 * first.share)} % of the work` : `${points} points`);
+  showStatus(first, first?.done[1] && (!points || first.answer) ? `${Math.floor(100 * first.share)} % of the work` : `${points} points`);
   page.again = true;
   if (!page.updating) updated = update();
   await updated;
